@@ -1,0 +1,296 @@
+"""The command line: ``run``, ``check``, ``validate``, ``schema``.
+
+Exit codes: 0 all is well, 1 an expectation is missed, 2 the input has a mistake, 3 the numerics failed (what was computed
+until then is kept), 130 interrupted. Results go to stdout, progress to stderr and only where that is a terminal.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pinarm.errors import InputError, NumericsError, PinarmError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from pinarm.input.units import Unit
+    from pinarm.use.check import Finding
+    from pinarm.use.expectation import Expectation
+    from pinarm.use.result import Result
+
+OK, MISSED, BAD_INPUT, NUMERICS_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code."""
+    options = _parser().parse_args(arguments)
+    try:
+        return int(options.command(options))
+    except PinarmError as error:
+        if options.traceback:
+            raise
+        print(f"error: {error}", file=sys.stderr)
+        return _keep_partial(error, options)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of our output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return OK
+
+
+def _parser() -> argparse.ArgumentParser:
+    common = argparse.ArgumentParser(add_help=False)
+    common.add_argument("--traceback", action="store_true", help="show where in the program an error arose")
+    common.add_argument("--json", action="store_true", help="print JSON for machines")
+    overrides = argparse.ArgumentParser(add_help=False)
+    overrides.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
+                           help="replace a value of the scenario, such as problem.time.end='3 s'")  # fmt: skip
+    parser = argparse.ArgumentParser(prog="pinarm", description="Rigid-multibody simulation of mechanisms.")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    run = commands.add_parser("run", parents=[common, overrides], help="solve a scenario and write a result folder")
+    run.add_argument("scenario", type=Path)
+    run.add_argument("-o", "--output", type=Path, help="result folder (default: results/SCENARIO)")
+    run.add_argument("--no-plots", action="store_true", help="write numbers only")
+    run.set_defaults(command=_run)
+
+    check = commands.add_parser("check", parents=[common, overrides], help="compare scenarios with their answer keys")
+    check.add_argument("paths", nargs="+", type=Path, metavar="PATH", help="scenario files, or folders of them")
+    check.set_defaults(command=_check)
+
+    validate = commands.add_parser("validate", parents=[common, overrides], help="read and check input only")
+    validate.add_argument("paths", nargs="+", type=Path, metavar="PATH")
+    validate.set_defaults(command=_validate)
+
+    schema = commands.add_parser("schema", parents=[common], help="print the JSON Schema for editors")
+    schema.add_argument("of", nargs="?", choices=["scenario", "mechanism"], default="scenario")
+    schema.set_defaults(command=_schema)
+    return parser
+
+
+def _run(options: argparse.Namespace) -> int:
+    from pinarm.use.save import save
+    from pinarm.use.scenario import load
+
+    begin = time.perf_counter()
+    scenario = load(options.scenario, options.overrides)
+    folder = options.output or Path("results") / scenario.name
+    options.output = folder
+    result = scenario.run()
+    solved = time.perf_counter()
+    save(result, folder, plots=not options.no_plots, timing={"solve [s]": solved - begin})
+    if options.json:
+        _print_json({**result.summary(), "folder": str(folder)})
+    else:
+        print(report(result))
+        print(f"written to {folder}")
+    return OK
+
+
+def _check(options: argparse.Namespace) -> int:
+    from pinarm.use.check import check, misses
+    from pinarm.use.scenario import load
+
+    findings: list[Finding] = []
+    failures: list[PinarmError] = []
+    for path in _scenario_files(options.paths):
+        _progress(f"check {path}")
+        try:
+            findings += check(load(path, options.overrides))
+        except PinarmError as error:
+            if options.traceback:
+                raise
+            failures.append(error)
+    _progress("")
+    if options.json:
+        _print_json({"findings": [_plain(finding) for finding in findings], "errors": [str(e) for e in failures]})
+    else:
+        _print_findings(findings)
+    for error in failures:
+        print(f"error: {error}", file=sys.stderr)
+    if failures:
+        return max(error.exit_code for error in failures)
+    return MISSED if misses(findings) else OK
+
+
+def _validate(options: argparse.Namespace) -> int:
+    from pinarm.use.scenario import load
+
+    mistakes = []
+    for path in _scenario_files(options.paths):
+        try:
+            load(path, options.overrides).validate()
+        except PinarmError as error:
+            if options.traceback:
+                raise
+            mistakes.append((path, error))
+        else:
+            if not options.json:
+                print(f"{path}: valid")
+    if options.json:
+        _print_json({"mistakes": [{"file": str(path), "error": str(error)} for path, error in mistakes]})
+    for _, error in mistakes:
+        print(f"error: {error}", file=sys.stderr)
+    return BAD_INPUT if mistakes else OK
+
+
+def _schema(options: argparse.Namespace) -> int:
+    from pinarm.mechanics.description import MechanismDescription
+    from pinarm.use.scenario import ScenarioFile
+
+    model = ScenarioFile if options.of == "scenario" else MechanismDescription
+    schema = model.model_json_schema()
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    _print_json(schema)
+    return OK
+
+
+def _scenario_files(paths: Iterable[Path]) -> list[Path]:
+    """Return scenario files, those in folders in the order of their names.
+
+    Raises:
+        InputError: A folder has none.
+    """
+    files: list[Path] = []
+    for path in paths:
+        found = sorted(path.glob("*.yaml")) if path.is_dir() else [path]
+        if not found:
+            raise InputError(f"there are no scenarios in {path}", expected="files ending in .yaml")
+        files += found
+    return files
+
+
+def _keep_partial(error: PinarmError, options: argparse.Namespace) -> int:
+    """Write what was computed before the numerics failed; return the exit code."""
+    from pinarm.use.result import Result
+
+    partial = error.partial if isinstance(error, NumericsError) else None
+    folder = getattr(options, "output", None)
+    if isinstance(partial, Result) and folder is not None:
+        try:
+            partial.save(folder / "partial", plots=False)
+            print(f"  kept: {len(partial)} rows in {folder / 'partial'}", file=sys.stderr)
+        except PinarmError as second:
+            print(f"  not kept: {second}", file=sys.stderr)
+    return error.exit_code
+
+
+def report(result: Result) -> str:
+    """Return the summary of a run as text: ranges of the outputs with units, accuracy, cost."""
+    from pinarm.use.result import MEASURES
+
+    run = result.trajectory
+    lines = [f"{result.content.title or result.name}", _ranges(result)]
+    accuracy = [f"{name} {result.figures[name]:.1e}" for name in MEASURES if name in result.figures]
+    lines.append(f"accuracy: relative residuals: {', '.join(accuracy)}")
+    cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name not in MEASURES]
+    lines.append(f"rows: {len(run)}" + (f"; {', '.join(cost)}" if cost else ""))
+    lines += [f"note: {note}" for note in run.mechanism.notes]
+    return "\n".join(_printable(line) for line in lines)
+
+
+def _ranges(result: Result) -> str:
+    parameter = result.trajectory.parameter
+    head = ["", "unit", "min", f"at {parameter}", "max", f"at {parameter}"]
+    rows = [head]
+    for name, entry in result.summary()["outputs"].items():
+        numbers = (entry["min"], entry["at_min"], entry["max"], entry["at_max"])
+        rows.append([_printable(name)[:48], entry["unit"], *(f"{number:.7g}" for number in numbers)])
+    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
+    return "\n".join(
+        "  ".join([row[0].ljust(widths[0]), row[1].ljust(widths[1]), *(c.rjust(w) for c, w in zip(row[2:], widths[2:], strict=True))])
+        for row in rows
+    )  # fmt: skip
+
+
+def _print_findings(findings: Sequence[Finding]) -> None:
+    from rich.console import Console
+
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 200)
+    console.print(_table(findings))
+    for finding in findings:
+        if not finding.ok:
+            console.print(f"MISS {finding.scenario}: {finding.expectation.quantity}: {finding.reason}", markup=False)
+    counts = {verdict: sum(f.verdict == verdict for f in findings) for verdict in _LOOKS}
+    console.print("; ".join(f"{count} {verdict}" for verdict, count in counts.items() if count) or "nothing to check")
+
+
+_LOOKS = {"agrees": ("= agrees", "green"), "rounding": ("~ rounding", "cyan"),
+          "misprint": ("! misprint", "bold yellow"), "MISS": ("X MISS", "bold red")}  # fmt: skip
+
+
+def _table(findings: Sequence[Finding]) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table("scenario", "quantity", "at", "computed", "independent", "published", "difference", "verdict")
+    previous = ""
+    for finding in findings:
+        look, style = _LOOKS[finding.verdict]
+        entry = finding.expectation
+        cells = [
+            finding.scenario if finding.scenario != previous else "",
+            _clip(entry.quantity), _where(entry.at), _shown(finding.computed, finding.unit, entry),
+            _shown(finding.independent, finding.unit, entry) if entry.value is not None else _clip(entry.formula or ""),
+            entry.published or _clip(entry.published_formula or ""),
+            "" if finding.error is None else f"{finding.error:.1e}",
+        ]  # fmt: skip
+        if finding.scenario != previous and previous:
+            table.add_section()
+        previous = finding.scenario
+        table.add_row(*(Text(_printable(cell)) for cell in cells), Text(look, style=style))
+    return table
+
+
+def _where(at: object) -> str:
+    if isinstance(at, dict):
+        return " ".join(str(value) if key == "side" else f"{key}={value}" for key, value in at.items())
+    return "all rows" if at == "all" else str(at)
+
+
+def _clip(text: str) -> str:
+    return text if len(text) <= 44 else f"{text[:41]}..."
+
+
+def _shown(value: float | None, measured: Unit | None, entry: Expectation) -> str:
+    """Return a number in the unit of the published one, else in SI."""
+    from pinarm.input.units import read_quantity
+
+    if value is None:
+        return ""
+    printed = read_quantity(entry.published)[1] if entry.published else None
+    measured = printed or measured
+    factor = measured.factor if measured else 1.0
+    return f"{value / factor:.9g}" if str(measured or "1") == "1" else f"{value / factor:.9g} {measured}"
+
+
+def _plain(finding: Finding) -> dict[str, Any]:
+    entry = finding.expectation
+    return {
+        "scenario": finding.scenario, "quantity": entry.quantity, "at": entry.at, "unit": str(finding.unit or "?"),
+        "computed": finding.computed, "independent": finding.independent, "published": entry.published,
+        "difference": finding.error, "verdict": finding.verdict, "reason": finding.reason, "source": entry.source,
+        "note": entry.note,
+    }  # fmt: skip
+
+
+def _printable(text: str) -> str:
+    """Return text without characters that steer a terminal."""
+    return "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
+def _progress(text: str) -> None:
+    if sys.stderr.isatty():
+        print(f"\r\x1b[K{_printable(text)}", end="", file=sys.stderr, flush=True)
+
+
+def _print_json(value: object) -> None:
+    print(json.dumps(value, indent=2, default=lambda x: x.item() if hasattr(x, "item") else str(x)))

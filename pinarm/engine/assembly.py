@@ -1,0 +1,296 @@
+"""From the motion of coordinates to that of the joints: positions, velocities and accelerations, exact to rounding.
+
+With n coordinates w imposed on n joints: ``w(q) = w_d(t)`` by Newton's method, then ``J v = w_d'`` and
+``J a = w_d'' - J' v``. Nothing is differentiated numerically.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import AssemblyError, InputError, choices
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.motion import Grid, MotionLaw, Values
+
+Array = NDArray[np.float64]
+
+CLOSED = 1e-12
+"""Largest gap of a solved position [m or rad], relative to ``1 + |w|``; Newton's method ends near 1e-16."""
+
+REACH = 0.3
+"""Largest correction of a predicted position [rad or m]: beyond it the step in time is halved, to stay on the branch."""
+
+SINGULAR = 1e-10
+"""Smallest ratio of singular values of J that still determines velocities: beyond it they would lose ten digits."""
+
+ITERATIONS, HALVINGS = 60, 30
+
+
+@dataclass(frozen=True)
+class Imposed:
+    """Coordinates with the laws that they follow.
+
+    Attributes:
+        names: Names of the coordinates.
+        coordinates: The coordinates, in the same order.
+        laws: Their laws, in the same order.
+    """
+
+    names: tuple[str, ...]
+    coordinates: tuple[Coordinate, ...]
+    laws: tuple[MotionLaw, ...]
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> Imposed:
+        """Return the imposed coordinates of a mechanism all of whose joints are to follow.
+
+        Raises:
+            InputError: A coordinate does not exist, a law has the wrong unit, or there are too few or too many.
+        """
+        for name, law in motion.items():
+            law.check_units(mechanism.coordinate(name).unit)
+        imposed = cls(tuple(motion), tuple(mechanism.coordinate(name) for name in motion), tuple(motion.values()))
+        imposed._check_count(mechanism)
+        return imposed
+
+    def _check_count(self, mechanism: Mechanism) -> None:
+        model = mechanism.model
+        if model.nq != model.nv:
+            raise InputError("a motion can be imposed on joints with one coordinate only; this model has others")
+        if len(self.names) < model.nv:
+            free = [name for name in mechanism.joints if name not in self.names]
+            raise InputError(
+                f"{model.nv} coordinates have to follow a law and {len(self.names)} do",
+                expected=f"laws for {model.nv - len(self.names)} more, such as of the joints {', '.join(free)}",
+            )
+        if len(self.names) > model.nv:
+            raise InputError(
+                f"{len(self.names)} coordinates follow a law, but the mechanism has only {model.nv} degrees of freedom",
+                expected=f"{model.nv} of {', '.join(self.names)}",
+            )
+
+    def on(self, start: float, end: float) -> Callable[[float], tuple[Array, Array, Array]]:
+        """Return ``t -> w, w', w''`` of all coordinates on a stretch without jumps, each of shape (k,)."""
+
+        def target(t: float) -> tuple[Array, Array, Array]:
+            instant = np.array([t])
+            # a law's higher derivatives may still break within the stretch: take the piece on the side of its middle
+            aside = t + (1e-9 * (end - start) if t < 0.5 * (start + end) else -1e-9 * (end - start))
+            values = [law.on(aside, aside)(instant) for law in self.laws]
+            w, dw, ddw = (np.array([value[k][0] for value in values]) for k in range(3))
+            return w, dw, ddw
+
+        return target
+
+
+def follow(
+    mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Mapping[str, float]
+) -> tuple[Array, Array, Array]:
+    """Return the motion of the joints under imposed coordinates.
+
+    Args:
+        mechanism: The mechanism.
+        imposed: As many coordinates as it has degrees of freedom.
+        grid: Instants.
+        start: Rough values of joint coordinates at the first instant [rad or m]: they choose the branch.
+
+    Returns:
+        q of shape (n, nq), v and a of shape (n, nv).
+
+    Raises:
+        AssemblyError: The positions cannot be reached; ``data`` holds the closest configuration and its gap.
+    """
+    q0 = start_configuration(mechanism, start)
+    if all(isinstance(coordinate, LinearCoordinate) for coordinate in imposed.coordinates):
+        return _follow_linear(imposed, grid)
+    return _follow_by_steps(_Solver(mechanism, imposed), imposed, grid, q0)
+
+
+def start_configuration(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
+    """Return the neutral configuration with the given joint coordinates set, shape (nq,).
+
+    Raises:
+        InputError: A joint does not exist.
+    """
+    q: Array = pin.neutral(mechanism.model)
+    for name, value in start.items():
+        if name not in mechanism.joints:
+            expected, hint = choices(name, mechanism.joints)
+            raise InputError(f"the model has no joint '{name}' with one coordinate", expected=expected, hint=hint)
+        q[mechanism.joints[name].q] = value
+    return q
+
+
+def _follow_linear(imposed: Imposed, grid: Grid) -> tuple[Array, Array, Array]:
+    """Solve for all instants at once: the rows are constant and there is no drift."""
+    linear = [c for c in imposed.coordinates if isinstance(c, LinearCoordinate)]
+    rows = np.array([coordinate.weights for coordinate in linear])
+    _check_rank(rows, imposed.names, grid.t[0])
+    values: list[Values] = [grid.evaluate(law) for law in imposed.laws]
+    solved = [np.linalg.solve(rows, np.array([value[k] for value in values])).T for k in range(3)]
+    q = np.empty_like(solved[0])
+    q[:, linear[0].places] = solved[0]
+    return q, np.ascontiguousarray(solved[1]), np.ascontiguousarray(solved[2])
+
+
+def _follow_by_steps(solver: _Solver, imposed: Imposed, grid: Grid, q: Array) -> tuple[Array, Array, Array]:
+    """Continue from instant to instant, each predicted from the one before by its velocity and acceleration."""
+    n, nv = len(grid.t), solver.model.nv
+    motion = np.empty((3, n, nv))
+    t, v, a = grid.t[0], np.zeros(nv), np.zeros(nv)
+    for k in range(len(grid.cuts) - 1):
+        target = imposed.on(grid.cuts[k], grid.cuts[k + 1])
+        for row in range(grid.rows[k], grid.rows[k + 1]):
+            if row == 0:
+                q = solver.assemble(q, target(t)[0], t)
+                v, a = solver.rates(q, *target(t)[1:], t)
+            else:
+                q, v, a = solver.advance(q, v, a, t, grid.t[row], target)
+            t = grid.t[row]
+            motion[:, row] = q, v, a
+    return motion[0], motion[1], motion[2]
+
+
+class _Solver:
+    """Newton's method on the imposed coordinates of one mechanism."""
+
+    def __init__(self, mechanism: Mechanism, imposed: Imposed) -> None:
+        self.model = mechanism.model
+        self.data = mechanism.model.createData()
+        self.names, self.coordinates = imposed.names, imposed.coordinates
+
+    def gap(self, q: Array, w: Array) -> Array:
+        """Return ``w - w(q)``, shape (k,); leaves Jacobians and frames of q in the buffers."""
+        pin.computeJointJacobians(self.model, self.data, q)
+        pin.updateFramePlacements(self.model, self.data)
+        return np.array([wanted - c.value(self.data, q) for wanted, c in zip(w, self.coordinates, strict=True)])
+
+    def rows(self) -> Array:
+        """Return J at the configuration last given to ``gap``, shape (k, nv)."""
+        return np.array([coordinate.row(self.model, self.data) for coordinate in self.coordinates])
+
+    def assemble(self, q: Array, w: Array, t: float) -> Array:
+        """Return the configuration with ``w(q) = w`` that damped least-squares steps reach from q.
+
+        Raises:
+            AssemblyError: They end where the gap can shrink no more.
+        """
+        gap = self.gap(q, w)
+        damping = 0.0
+        for _ in range(ITERATIONS):
+            if self._closed(gap, w):
+                return self._polish(q, w)
+            rows = self.rows()
+            step = np.linalg.lstsq(
+                np.vstack([rows, damping * np.eye(len(q))]), np.concatenate([gap, np.zeros(len(q))]), rcond=1e-12
+            )[0]
+            step *= min(1.0, 0.5 / np.abs(step).max(initial=1e-300))
+            trial = pin.integrate(self.model, q, step)
+            trial_gap = self.gap(trial, w)
+            if np.linalg.norm(trial_gap) < np.linalg.norm(gap):
+                q, gap, damping = trial, trial_gap, damping / 10
+            else:
+                damping = max(1e-3, damping * 10)
+                self.gap(q, w)
+        raise self._unreachable(q, gap, t)
+
+    def _polish(self, q: Array, w: Array) -> Array:
+        """Take two more Newton steps: from 1e-12 they end at rounding."""
+        for _ in range(2):
+            gap = self.gap(q, w)
+            if np.linalg.cond(rows := self.rows()) < 1 / SINGULAR:
+                q = pin.integrate(self.model, q, np.linalg.solve(rows, gap))
+        return q
+
+    def advance(
+        self, q: Array, v: Array, a: Array, t: float, to: float, target: Callable[[float], tuple[Array, Array, Array]]
+    ) -> tuple[Array, Array, Array]:
+        """Return q, v, a at the instant ``to``, from those at t; the step is cut where the prediction is poor.
+
+        Raises:
+            AssemblyError: The branch cannot be continued.
+        """
+        pending, halvings = [to], 0
+        while pending:
+            h = pending[-1] - t
+            w, dw, ddw = target(pending[-1])
+            found = self._newton(pin.integrate(self.model, q, h * v + 0.5 * h * h * a), w)
+            if found is not None:
+                q, t = found, pending.pop()
+                v, a = self.rates(q, dw, ddw, t)
+                halvings = max(0, halvings - 1)
+            elif halvings < HALVINGS:
+                pending.append(t + 0.5 * h)
+                halvings += 1
+            else:
+                q = self.assemble(q, w, pending[-1])
+                raise self._unreachable(q, self.gap(q, w), pending[-1])
+        return q, v, a
+
+    def _newton(self, q: Array, w: Array) -> Array | None:
+        """Return the solution near a prediction, ``None`` where it is not near or does not come."""
+        moved = 0.0
+        for _ in range(12):
+            gap = self.gap(q, w)
+            rows = self.rows()
+            try:
+                step = np.linalg.solve(rows, gap)
+            except np.linalg.LinAlgError:
+                return None
+            size = float(np.abs(step).max())
+            moved += size
+            if not moved < REACH:
+                return None
+            q = pin.integrate(self.model, q, step)
+            if size < 1e-9:  # Newton doubles the digits: the next step would be below rounding
+                return q if self._closed(gap, w) else None
+        return None
+
+    def rates(self, q: Array, dw: Array, ddw: Array, t: float) -> tuple[Array, Array]:
+        """Return v and a, each of shape (nv,).
+
+        Raises:
+            AssemblyError: The position is singular: the coordinates do not determine the velocities.
+        """
+        self.gap(q, np.zeros(len(dw)))
+        rows = self.rows()
+        _check_rank(rows, self.names, t)
+        v = np.linalg.solve(rows, dw)
+        pin.forwardKinematics(self.model, self.data, q, v, np.zeros(self.model.nv))
+        drift = np.array([coordinate.drift(self.model, self.data) for coordinate in self.coordinates])
+        return v, np.linalg.solve(rows, ddw - drift)
+
+    def _closed(self, gap: Array, w: Array) -> bool:
+        return bool((np.abs(gap) <= CLOSED * (1.0 + np.abs(w))).all())
+
+    def _unreachable(self, q: Array, gap: Array, t: float) -> AssemblyError:
+        worst = int(np.abs(gap).argmax())
+        configuration = ", ".join(
+            f"{self.model.names[i]} = {q[self.model.joints[i].idx_q]:.6g}" for i in range(1, self.model.njoints)
+        )
+        return AssemblyError(
+            f"the motion is out of reach at {t:.9g}: {self.names[worst]} misses its value by {abs(gap[worst]):.3g} "
+            f"{self.coordinates[worst].unit}",
+            expected=f"a motion that the mechanism can follow; the closest it comes is {configuration}",
+            hint="other values of the law, or another start that chooses the branch",
+            t=t, q=q, gap=gap,
+        )  # fmt: skip
+
+
+def _check_rank(rows: Array, names: Sequence[str], t: float) -> None:
+    singular = np.linalg.svd(rows, compute_uv=False)
+    if singular[-1] < SINGULAR * singular[0]:
+        weak = np.linalg.svd(rows)[0][:, -1]
+        tied = [name for name, weight in zip(names, weak, strict=True) if abs(weight) > 0.1]
+        raise AssemblyError(
+            f"the position is singular at {t:.9g}: the coordinates {', '.join(tied)} do not move independently there",
+            expected="imposed coordinates that determine the velocity of every joint",
+            hint="a motion that keeps clear of the straight or folded position, or other coordinates",
+            t=t,
+        )

@@ -1,0 +1,94 @@
+"""What a run is worth, measured in the run itself: balances by routes that the solver did not use."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.integrators import Solution
+from pinarm.engine.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+SAMPLE = 200
+"""Largest number of rows that are checked: a fixed, even choice, so that the cost of large tables stays bounded."""
+
+GAUSS_NODES = 6
+"""Nodes of the quadrature of dissipated power over a step: degree 11, above the order of the dense output."""
+
+
+def power_balance(trajectory: Trajectory) -> dict[str, float]:
+    """Return the largest violation of d'Alembert's principle, and of the balance of power, relative to their terms.
+
+    For every unit velocity e_k the virtual power of the efforts and loads must equal that of the bodies' momentum
+    rates less their weights: ``sum_i J_i^T (I_i A_i + V_i x* I_i V_i)``, with the Jacobians J_i of the bodies and
+    their twists from forward kinematics. Neither appears in the recursions that solved the motion.
+
+    Returns:
+        ``equilibrium``: largest residual, and ``power``: largest residual of power along the motion, each relative to
+        the largest sum of the absolute terms over the rows.
+    """
+    rows = np.unique(np.linspace(0, len(trajectory) - 1, min(len(trajectory), SAMPLE)).astype(int))
+    model, data = trajectory.mechanism.model, trajectory.mechanism.model.createData()
+    loads = trajectory.gather(lambda dynamics, part: dynamics.loads(
+        trajectory.grid.t[part], trajectory.q[part], trajectory.v[part]))  # fmt: skip
+    residuals, terms = np.zeros((len(rows), model.nv)), np.zeros((len(rows), model.nv))
+    for k, row in enumerate(rows):
+        q, v, a = trajectory.q[row], trajectory.v[row], trajectory.a[row]
+        pin.computeJointJacobians(model, data, q)
+        pin.forwardKinematics(model, data, q, v, a)
+        supplied = trajectory.tau[row] + loads[row] - model.armature * a
+        residuals[k], terms[k] = supplied, np.abs(supplied)
+        for joint in range(1, model.njoints):
+            jacobian = pin.getJointJacobian(model, data, joint, pin.LOCAL).reshape(6, -1)
+            inertia, twist, acceleration = model.inertias[joint], data.v[joint], data.a[joint]
+            fall = data.oMi[joint].actInv(model.gravity)
+            for demand in (inertia * acceleration, twist.cross(inertia * twist), -(inertia * fall)):
+                part = jacobian.T @ demand.vector
+                residuals[k] -= part
+                terms[k] += np.abs(part)
+    v = trajectory.v[rows]
+    powers, scale = (residuals * v).sum(axis=1), (terms * np.abs(v)).sum(axis=1)
+    return {"equilibrium": _relative(residuals, terms), "power": _relative(powers, scale)}
+
+
+def energy_balance(solution: Solution, dynamics: list[Dynamics]) -> dict[str, float]:
+    """Return the largest change of energy that nothing accounts for, at the ends of the steps.
+
+    ``E(t) - E(0) + integral of the dissipated power``, relative to the largest energy exchanged: between kinetic and
+    potential, and through dampers and drives. For a motion without loads it is the drift of the energy.
+
+    Args:
+        solution: The integrated motion.
+        dynamics: The equation of motion on each of its stretches.
+    """
+    steps = solution.steps
+    if not steps:
+        return {}
+    ends = np.array([*(step.t for step in steps), solution.end])
+    q, v = solution.states(ends)
+    kinetic, potential = dynamics[0].energy(q, v)
+    lost = np.concatenate([[0.0], np.cumsum(_losses(solution, dynamics))])
+    drift = kinetic + potential + lost - kinetic[0] - potential[0]
+    exchanged = max(np.ptp(kinetic), np.ptp(potential), np.ptp(lost), np.abs(kinetic).max())
+    return {"energy": float(np.abs(drift).max() / exchanged) if exchanged else 0.0}
+
+
+def _losses(solution: Solution, dynamics: list[Dynamics]) -> Array:
+    """Return the energy dissipated in every step [J], shape (steps,)."""
+    if not any(part.forces for part in dynamics):
+        return np.zeros(len(solution.steps))
+    nodes, weights = np.polynomial.legendre.leggauss(GAUSS_NODES)
+    losses = []
+    for step in solution.steps:
+        t = step.t + 0.5 * step.h * (nodes + 1.0)
+        q, v = solution.states(t)
+        losses.append(0.5 * step.h * float(weights @ dynamics[step.stretch].dissipated_power(t, q, v)))
+    return np.array(losses)
+
+
+def _relative(residuals: Array, terms: Array) -> float:
+    largest = float(terms.max(initial=0.0))
+    return float(np.abs(residuals).max(initial=0.0) / largest) if largest else 0.0

@@ -1,0 +1,168 @@
+"""The one equation of motion, ``M(q) a + nle(q, v) = tau + loads``, and the routes to its two unknowns.
+
+``tau`` are the efforts of the drives, ``loads`` those of springs, dampers and applied forces. Inverse dynamics asks for
+tau, forward dynamics for a. On a tree both have recursive routes of linear cost: ``rnea`` and ``aba``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from pinarm.engine.integrators import Acceleration, Flat, Manifold
+from pinarm.errors import InputError
+from pinarm.mechanics.forces import ForceElement
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class JointSpace:
+    """Configurations with quaternions or (cos, sin) pairs in them.
+
+    Attributes:
+        model: Pinocchio's model.
+        nq: Numbers in q.
+        nv: Numbers in v.
+    """
+
+    model: pin.Model
+    nq: int
+    nv: int
+
+    def velocity(self, q: Array, v: Array) -> Array:
+        """Return q' = T(q) v."""
+        return np.asarray(pin.tangentMap(self.model, q) @ v)
+
+    def project(self, q: Array) -> Array:
+        """Return q with its quaternions and pairs at unit length."""
+        if q.ndim == 1:
+            return np.asarray(pin.normalize(self.model, q))
+        return np.array([pin.normalize(self.model, row) for row in q])
+
+
+@dataclass(frozen=True, eq=False)
+class Dynamics:
+    """The equation of motion of one mechanism, with the buffers to evaluate it.
+
+    Attributes:
+        model: Pinocchio's model; gravity and the rotors' armature are in it.
+        forces: Force elements.
+        data: Pinocchio's buffers; every call overwrites them.
+    """
+
+    model: pin.Model
+    forces: tuple[ForceElement, ...]
+    data: pin.Data = field(repr=False)
+
+    @classmethod
+    def of(cls, model: pin.Model, forces: Sequence[ForceElement]) -> Dynamics:
+        """Return the dynamics of a model under the given forces."""
+        return cls(model, tuple(forces), model.createData())
+
+    @cached_property
+    def manifold(self) -> Manifold:
+        """Return the space of configurations."""
+        nq, nv = self.model.nq, self.model.nv
+        return Flat(nq, nv) if nq == nv else JointSpace(self.model, nq, nv)
+
+    @cached_property
+    def _pool(self) -> pin.ModelPool:
+        return pin.ModelPool(self.model, 1)
+
+    def loads(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the generalised loads of the force elements [N*m or N], shape (..., nv)."""
+        tau = np.zeros((*q.shape[:-1], self.model.nv))
+        for force in self.forces:
+            force.add_load(t, q, v, tau)
+        return tau
+
+    def on(self, start: float, end: float) -> Dynamics:
+        """Return the dynamics as it is on a stretch of time in which no load jumps; buffers are shared."""
+        if not any(force.laws() for force in self.forces):
+            return self
+        return Dynamics(self.model, tuple(force.on(start, end) for force in self.forces), self.data)
+
+    def inverse(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
+        """Return the efforts that the drives must give for a motion: ``rnea(q, v, a) - loads``.
+
+        Args:
+            t: Instants [s], shape (n,), or one for all.
+            q: Configurations, shape (n, nq).
+            v: Velocities, shape (n, nv).
+            a: Accelerations, shape (n, nv).
+
+        Returns:
+            Efforts [N*m or N], shape (n, nv).
+
+        Raises:
+            InputError: The shapes do not fit the model.
+        """
+        q, v, a = self._rows(q, self.model.nq, "q"), self._rows(v, self.model.nv, "v"), self._rows(a, self.model.nv, "a")
+        tau: Array = pin.rneaInParallel(1, self._pool, q.T, v.T, a.T).reshape(self.model.nv, -1).T
+        return tau - self.loads(t, q, v) if self.forces else tau
+
+    def forward(self, t: Array | float, q: Array, v: Array, tau: Array | None = None) -> Array:
+        """Return the accelerations under given efforts: ``aba(q, v, tau + loads)``.
+
+        Args:
+            t: Instants [s], shape (n,), or one for all.
+            q: Configurations, shape (n, nq).
+            v: Velocities, shape (n, nv).
+            tau: Efforts of the drives [N*m or N], shape (n, nv); none where it is left out.
+
+        Returns:
+            Accelerations, shape (n, nv).
+
+        Raises:
+            InputError: The shapes do not fit the model.
+        """
+        q, v = self._rows(q, self.model.nq, "q"), self._rows(v, self.model.nv, "v")
+        total = self.loads(t, q, v)
+        if tau is not None:
+            total += self._rows(tau, self.model.nv, "tau")
+        a: Array = pin.abaInParallel(1, self._pool, q.T, v.T, total.T).reshape(self.model.nv, -1).T
+        return a
+
+    def acceleration(self) -> Acceleration:
+        """Return the free motion's ``(t, q, v) -> a`` for one state at a time, with as few calls as there can be."""
+        model, data, aba, forces = self.model, self.data, pin.aba, self.forces
+        tau = np.zeros(model.nv)
+        if not forces:
+
+            def free(t: float, q: Array, v: Array) -> Array:
+                return aba(model, data, q, v, tau)  # type: ignore[no-any-return]
+
+            return free
+
+        def loaded(t: float, q: Array, v: Array) -> Array:
+            tau[:] = 0.0
+            for force in forces:
+                force.add_load(t, q, v, tau)
+            return aba(model, data, q, v, tau)  # type: ignore[no-any-return]
+
+        return loaded
+
+    def energy(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return kinetic and potential energy [J], each of shape (n,); rotors and springs included."""
+        model, data = self.model, self.data
+        kinetic = np.array([pin.computeKineticEnergy(model, data, q[i], v[i]) for i in range(len(q))])
+        potential = np.array([pin.computePotentialEnergy(model, data, q[i]) for i in range(len(q))])
+        for force in self.forces:
+            potential = potential + force.potential_energy(q)
+        return kinetic, potential
+
+    def dissipated_power(self, t: Array, q: Array, v: Array) -> Array:
+        """Return the power that leaves through force elements [W], shape (n,); negative where they drive."""
+        return np.asarray(sum((force.dissipated_power(t, q, v) for force in self.forces), np.zeros(len(q))))
+
+    def _rows(self, x: Array, width: int, name: str) -> Array:
+        rows = np.atleast_2d(np.asarray(x, dtype=np.float64))
+        if rows.ndim != 2 or rows.shape[1] != width:
+            raise InputError(f"{name} has the shape {np.shape(x)}", expected=f"(n, {width}) or ({width},)")
+        return rows

@@ -1,0 +1,227 @@
+"""A mechanism: what there is and how it is called. It never changes; what moves is a state (q, v)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from pinarm.engine.dynamics import Dynamics
+from pinarm.errors import InputError, ModelError, choices
+from pinarm.input.documents import Document
+from pinarm.input.expansion import expand
+from pinarm.input.expressions import Expression
+from pinarm.input.robots import robot as robot_file
+from pinarm.input.roots import inside, root_of
+from pinarm.input.schema import Measured
+from pinarm.input.units import Unit, read_quantity, unit
+from pinarm.mechanics.coordinates import Coordinate, Joint, coordinates_of, joints_of
+from pinarm.mechanics.description import Gravity, MechanismDescription
+from pinarm.mechanics.drives import Drive
+from pinarm.mechanics.forces import ForceElement, SpringDamper
+from pinarm.mechanics.model import build_model
+
+Array = NDArray[np.float64]
+Locate = Callable[..., AbstractContextManager[None]]
+"""``with locate("forces", "spring"):`` gives errors of the block that place of a file."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """A mechanism with its names.
+
+    Attributes:
+        title: For headings.
+        model: Pinocchio's model, gravity and armatures set.
+        xml: The URDF text behind it.
+        joints: Joints with one coordinate, by name.
+        coordinates: Coordinates of the joints and those defined beside them, by name.
+        drives: Motors and gears, by name.
+        forces: Force elements, by name.
+        symbols: Published symbols and the formulas they stand for.
+        arguments: Values of the model's arguments [SI].
+        argument_units: Their units, as far as the mechanism file says them.
+        notes: What is not modelled as the files have it.
+    """
+
+    title: str
+    model: pin.Model
+    xml: str = field(repr=False)
+    joints: Mapping[str, Joint]
+    coordinates: Mapping[str, Coordinate]
+    drives: Mapping[str, Drive]
+    forces: Mapping[str, ForceElement]
+    symbols: Mapping[str, Expression]
+    arguments: Mapping[str, float]
+    argument_units: Mapping[str, Unit]
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def load(
+        cls,
+        path: str | Path,
+        arguments: Mapping[str, float | str] | None = None,
+        *,
+        gravity: Gravity | Literal["none"] | None = None,
+        locate: Locate = lambda *path: nullcontext(),
+    ) -> Mechanism:
+        """Load a mechanism file, a URDF or xacro file, or a robot of example-robot-data by its name.
+
+        Args:
+            path: ``models/arm/mechanism.yaml``, ``arm.urdf``, ``arm.urdf.xacro``, or a name such as ``panda``.
+            arguments: Values for the model's arguments: numbers in SI, or text with units.
+            gravity: Replaces that of the file.
+            locate: Gives errors in ``("arguments", name)`` their place in the caller's file.
+
+        Raises:
+            InputError: The mechanism file has a mistake.
+            ModelError: The model has one.
+        """
+        file, folder = Path(path), Path()
+        if file.suffix in (".yaml", ".yml"):
+            document, folder = Document.read(file), file.parent
+        else:
+            document = Document(str(path), None, {"pinarm": 1, "robot": str(path)}, {})
+        description = document.validate(MechanismDescription)
+        if gravity is not None:
+            description = description.model_copy(update={"gravity": gravity})
+        return _build(cls, description, folder, arguments or {}, document.locating, locate)
+
+    @cached_property
+    def dynamics(self) -> Dynamics:
+        """Return the equation of motion with the mechanism's own forces."""
+        return Dynamics.of(self.model, list(self.forces.values()))
+
+    def inverse(self, q: Array, v: Array, a: Array, *, t: float = 0.0) -> Array:
+        """Return the efforts that the drives must give; see ``Dynamics.inverse``."""
+        return self.dynamics.on(t, np.nextafter(t, np.inf)).inverse(t, q, v, a)
+
+    def forward(self, q: Array, v: Array, tau: Array | None = None, *, t: float = 0.0) -> Array:
+        """Return the accelerations under given efforts; see ``Dynamics.forward``."""
+        return self.dynamics.on(t, np.nextafter(t, np.inf)).forward(t, q, v, tau)
+
+    @property
+    def gravity(self) -> float:
+        """Magnitude of gravity [m/s^2]."""
+        return float(np.linalg.norm(self.model.gravity.linear))
+
+    def coordinate(self, name: str) -> Coordinate:
+        """Return a coordinate by name.
+
+        Raises:
+            InputError: There is none of that name; the message lists those there are.
+        """
+        if name not in self.coordinates:
+            expected, hint = choices(name, self.coordinates)
+            raise InputError(f"the mechanism has no coordinate '{name}'", expected=expected, hint=hint)
+        return self.coordinates[name]
+
+
+def _build(
+    cls: type[Mechanism], description: MechanismDescription, folder: Path, arguments: Mapping[str, float | str],
+    here: Locate, caller: Locate,
+) -> Mechanism:  # fmt: skip
+    """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` those of the arguments."""
+    units, given = _arguments(description, arguments, here, caller)
+    with here("robot"):
+        xml, resolved = _robot_text(description.robot, folder, given)
+        robot = build_model(xml)
+    model, joints = robot.model, joints_of(robot.model)
+    model.gravity.linear = np.zeros(3) if isinstance(description.gravity, str) else description.gravity.vector()
+    with here("coordinates"):
+        coordinates = coordinates_of(model, joints, description.coordinates)
+    forces: dict[str, ForceElement] = {}
+    for name, force in description.forces.items():
+        with here("forces", name):
+            forces[name] = force.bind(joints)
+    if robot.damping.any():
+        forces["joint damping"] = _damping(model, robot.damping)
+    symbols = {}
+    for name, text in description.symbols.items():
+        with here("symbols", name):
+            symbols[name] = Expression.parse(text)
+    for name, drive in description.drives.items():
+        with here("drives", name):
+            _mount(model, joints, drive)
+    return cls(
+        description.title or model.name, model, xml, joints, coordinates, dict(description.drives), forces, symbols,
+        resolved, {name: units[name] for name in resolved if name in units}, robot.notes,
+    )  # fmt: skip
+
+
+def _arguments(
+    description: MechanismDescription, arguments: Mapping[str, float | str], here: Locate, caller: Locate
+) -> tuple[dict[str, Unit], dict[str, float]]:
+    """Return the units of the model's arguments and the given values in SI."""
+    units, given = {}, {}
+    for name, text in description.arguments.items():
+        with here("arguments", name):
+            units[name] = unit(text)
+    for name, value in arguments.items():
+        with caller("arguments", name):
+            if units and name not in units:
+                expected, hint = choices(name, units, most=40)
+                raise InputError(f"the model has no argument '{name}'", expected=expected, hint=hint)
+            given[name] = _argument(name, value, units)
+    return units, given
+
+
+def _argument(name: str, value: float | str, units: Mapping[str, Unit]) -> float:
+    """Return an argument in SI, its dimension checked where the mechanism file gives its unit."""
+    if isinstance(value, str):
+        number, written = read_quantity(value)
+    else:
+        number, written = float(value), None
+    measured = Measured(number)
+    measured.unit = written
+    if name in units:
+        measured.check(units[name])
+    if not np.isfinite(measured):
+        raise InputError(f"the argument {name} is '{value}'", expected="a finite number")
+    return number
+
+
+def _robot_text(robot: str, folder: Path, arguments: Mapping[str, float]) -> tuple[str, dict[str, float]]:
+    """Return the URDF text of a model and the values of its arguments."""
+    if robot.endswith((".urdf", ".xacro")):
+        root = root_of(folder / "mechanism.yaml")
+        path = inside((folder / robot).absolute(), root, {})
+    else:
+        path = robot_file(robot)
+        root = path.parent
+    expansion = expand(path, arguments, root=root)
+    return expansion.xml, {name: _number(name, text) for name, text in expansion.arguments.items()}
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ModelError(f"the argument {name} has the value '{text}'", expected="a number") from None
+
+
+def _damping(model: pin.Model, damping: Array) -> SpringDamper:
+    """Return the joints' viscous damping, which Pinocchio stores and does not apply."""
+    joints = [joint for joint in model.joints[1:] if joint.nv == 1 and damping[joint.idx_v]]
+    v = np.array([joint.idx_v for joint in joints])
+    return SpringDamper(np.array([joint.idx_q for joint in joints]), v, np.zeros(len(v)), damping[v], np.zeros(len(v)))
+
+
+def _mount(model: pin.Model, joints: Mapping[str, Joint], drive: Drive) -> None:
+    """Give the rotor's inertia to the joint of a drive.
+
+    Raises:
+        InputError: The joint does not exist.
+    """
+    if drive.joint not in joints:
+        expected, hint = choices(drive.joint, joints)
+        raise InputError(f"the model has no joint '{drive.joint}' with one coordinate", expected=expected, hint=hint)
+    armature: Any = model.armature
+    armature[joints[drive.joint].v] += drive.armature

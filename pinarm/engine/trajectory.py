@@ -1,0 +1,106 @@
+"""What the engine gives back: states and efforts at instants, and the same motion at any other instant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.mechanism import Mechanism
+from pinarm.input.units import Unit
+from pinarm.mechanics.motion import Grid
+
+Array = NDArray[np.float64]
+
+STANDSTILL = 1e-12
+"""Velocity, relative to the largest of the run, that rounding leaves where a motion begins or ends."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """A named array with its unit.
+
+    Attributes:
+        name: As it was asked for.
+        unit: SI unit of the values; ``None`` where an argument of unknown unit takes part.
+        values: One per row of the trajectory, shape (n,).
+    """
+
+    name: str
+    unit: Unit | None
+    values: Array
+
+    @property
+    def label(self) -> str:
+        """Name and unit, for headings."""
+        text = str(self.unit) if self.unit else "?"
+        return self.name if text == "1" else f"{self.name} [{text}]"
+
+    def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> Array:  # type: ignore[type-arg]
+        """Let numpy take the values."""
+        return np.array(self.values, dtype=dtype, copy=copy)
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A motion, or a sequence of positions at rest.
+
+    Attributes:
+        mechanism: What moves.
+        parameter: Name of what runs along the rows: ``t``, or the coordinate that is swept.
+        unit: Unit of the parameter.
+        grid: Its values, with the stretches between jumps.
+        q: Configurations, shape (n, nq).
+        v: Velocities, shape (n, nv).
+        a: Accelerations, shape (n, nv).
+        tau: Efforts of the drives, rotors included [N*m or N], shape (n, nv).
+        dynamics: The equation of motion with all the forces of the run.
+        again: The same run at other instants.
+        figures: What was measured of its accuracy and cost, by name.
+    """
+
+    mechanism: Mechanism
+    parameter: str
+    unit: Unit
+    grid: Grid
+    q: Array = field(repr=False)
+    v: Array = field(repr=False)
+    a: Array = field(repr=False)
+    tau: Array = field(repr=False)
+    dynamics: Dynamics = field(repr=False)
+    again: Callable[[Grid], Trajectory] = field(repr=False)
+    figures: Mapping[str, float] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.grid.t)
+
+    def stretches(self) -> list[tuple[slice, Dynamics]]:
+        """Return the rows between jumps, each with the dynamics that holds there."""
+        cuts, rows = self.grid.cuts, self.grid.rows
+        return [
+            (slice(rows[k], rows[k + 1]), self.dynamics.on(cuts[k], cuts[k + 1])) for k in range(len(cuts) - 1)
+        ]
+
+    def gather(self, value: Callable[[Dynamics, slice], Array]) -> Array:
+        """Return an array over all rows from a function of the dynamics on each stretch and its rows."""
+        return np.concatenate([value(dynamics, rows) for rows, dynamics in self.stretches()])
+
+    def direction(self, index: int) -> Array:
+        """Return the sign of a joint's motion at every row, shape (n,).
+
+        At standstill it is that of the motion about to begin, at the end of a stretch that of the motion just ended,
+        and 0 at rest.
+        """
+        v, a = self.v[:, index], self.a[:, index]
+        standstill = np.abs(v) <= STANDSTILL * np.abs(v).max(initial=0.0)
+        beside = np.sign(a)
+        beside[np.array(self.grid.rows[1:]) - 1] *= -1.0
+        return np.where(standstill, beside, np.sign(v))
+
+    def within(self, stretch: int, t: Array) -> Trajectory:
+        """Return the same motion at other instants of one stretch; its ends are this side's values."""
+        start, end = self.grid.cuts[stretch], self.grid.cuts[stretch + 1]
+        return self.again(Grid(t, (start, end), (0, len(t))))

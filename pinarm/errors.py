@@ -1,0 +1,142 @@
+"""The errors of pinarm: one small hierarchy whose members carry data.
+
+Every message says where, what was found, what was expected and what to try. The command line prints it without a
+traceback and exits with ``exit_code``: 2 for input that has to be mended, 3 where the numerics failed.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+
+@dataclass(frozen=True)
+class Location:
+    """A place in a file that the user wrote.
+
+    Attributes:
+        source: File name, or the command-line option that gave the text.
+        line: Line, counted from 1; 0 where the place is the file as a whole.
+        column: Column, counted from 1.
+        text: The line itself, for the excerpt.
+        width: Number of characters to underline.
+    """
+
+    source: str
+    line: int = 0
+    column: int = 0
+    text: str = ""
+    width: int = 1
+
+    def __str__(self) -> str:
+        return f"{self.source}:{self.line}:{self.column}" if self.line else self.source
+
+    def excerpt(self) -> str:
+        """Return the line with the place underlined; empty where there is no line to show."""
+        if not self.line or not self.text.strip():
+            return ""
+        margin = f"{self.line:5d} | "
+        shown = self.text.expandtabs(1)[:160]
+        width = max(1, min(self.width, len(shown) - self.column + 1))
+        return f"{margin}{shown}\n{'':5s} | {' ' * (self.column - 1)}{'^' * width}"
+
+
+class PinarmError(Exception):
+    """Base of all errors that a user can meet.
+
+    Args:
+        message: What was found.
+        expected: What was expected, or what there is to choose from.
+        hint: What to try.
+        location: Where; added later by whoever knows the file (see ``at``).
+    """
+
+    exit_code: ClassVar[int] = 2
+
+    def __init__(self, message: str, *, expected: str = "", hint: str = "", location: Location | None = None) -> None:
+        super().__init__(message)
+        self.message = message
+        self.expected = expected
+        self.hint = hint
+        self.location = location
+
+    def at(self, location: Location) -> PinarmError:
+        """Return this error with a place; a place that is already known is more exact and stays."""
+        if self.location is None:
+            self.location = location
+        return self
+
+    def __str__(self) -> str:
+        lines = [f"{self.location}: {self.message}" if self.location else self.message]
+        if self.location and (excerpt := self.location.excerpt()):
+            lines.append(excerpt)
+        if self.expected:
+            lines.append(f"  expected: {self.expected}")
+        if self.hint:
+            lines.append(f"  try: {self.hint}")
+        return "\n".join(lines)
+
+
+class InputError(PinarmError, ValueError):
+    """A scenario, mechanism or table that is malformed, or says something impossible."""
+
+
+class ModelError(PinarmError):
+    """A URDF, xacro or MJCF model that cannot be used as it is."""
+
+
+class UnitError(InputError):
+    """A quantity without a unit, with an unknown one, or with one of the wrong dimension."""
+
+
+class ExpressionError(InputError):
+    """A formula that cannot be read, or that names something unknown."""
+
+
+class NumericsError(PinarmError):
+    """The numerics failed; what was computed until then is kept in ``partial``.
+
+    Args:
+        message: What happened.
+        partial: What had been computed; ``None`` where there is nothing.
+        data: Figures that tell more, e.g. ``{"t": 0.3, "gap": 2e-3}``.
+        expected: As in ``PinarmError``.
+        hint: As in ``PinarmError``.
+    """
+
+    exit_code: ClassVar[int] = 3
+
+    def __init__(self, message: str, *, partial: Any = None, expected: str = "", hint: str = "", **data: Any) -> None:
+        super().__init__(message, expected=expected, hint=hint)
+        self.partial = partial
+        self.data = data
+
+
+class AssemblyError(NumericsError):
+    """No configuration takes the wanted positions; ``data`` holds the closest one and its gap."""
+
+    exit_code: ClassVar[int] = 2
+
+
+class DynamicsError(NumericsError):
+    """The accelerations are not determined: a massless body is free, or a value is not finite."""
+
+
+class IntegrationError(NumericsError):
+    """The time integration could not go on."""
+
+
+def choices(found: str, available: Iterable[str], *, most: int = 12) -> tuple[str, str]:
+    """Return the ``expected`` and ``hint`` texts for a name that is not among those available.
+
+    Args:
+        found: The unknown name.
+        available: The names that exist.
+        most: How many of them to list.
+    """
+    names = sorted(set(available))
+    close = difflib.get_close_matches(found, names, n=1, cutoff=0.6)
+    shown = ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
+    return f"one of {shown}" if names else "nothing: there is none", close[0] if close else ""

@@ -1,0 +1,130 @@
+"""Which files a file may refer to: those under its root, and those of the packages it was given.
+
+A root is the nearest folder above that holds ``pyproject.toml`` or ``.pinarm-root``. Symbolic links are followed before
+a path is compared with it, and nothing is opened here.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import sys
+from collections.abc import Iterator, Mapping
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+
+from pinarm.errors import InputError, ModelError, choices
+
+MARKERS = ("pyproject.toml", ".pinarm-root")
+NO_PACKAGES: Mapping[str, Path] = MappingProxyType({})
+
+
+def root_of(path: Path) -> Path:
+    """Return the nearest folder above a file, or above and including a folder, that holds a marker; else its own."""
+    resolved = path.resolve()
+    own = resolved if resolved.is_dir() else resolved.parent
+    for folder in (own, *own.parents):
+        if any((folder / marker).is_file() for marker in MARKERS):
+            return folder
+    return own
+
+
+def inside(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKAGES) -> Path:
+    """Return the regular file that a path leads to.
+
+    Args:
+        path: Absolute, relative to ``root``, ``file://...`` or ``package://NAME/...``.
+        root: Folder under which files may lie.
+        packages: Names of packages -> their folders, under which files may lie too.
+
+    Raises:
+        InputError: The path leads elsewhere, or to no regular file.
+    """
+    resolved = contained(path, root, packages)
+    if not resolved.is_file():
+        problem = "is not a regular file" if resolved.exists() else "does not exist"
+        raise InputError(f"the file {str(path)!r} {problem}")
+    return resolved
+
+
+def contained(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKAGES) -> Path:
+    """Return what a path leads to, which need not exist; see ``inside``.
+
+    Raises:
+        InputError: It leads out of the root and of the packages, or is no path.
+    """
+    allowed = [folder.resolve() for folder in (root, *packages.values())]
+    try:
+        resolved = (allowed[0] / _local(str(path), packages)).resolve()
+        resolved.is_file()  # raises for names too long to be asked for
+    except (OSError, ValueError, RuntimeError) as error:
+        raise InputError(f"{_short(path)} is no path ({error.__class__.__name__})") from None
+    if not any(resolved.is_relative_to(folder) for folder in allowed):
+        raise InputError(
+            f"the path {_short(path)} leads out of the root folder",
+            expected=f"a path under {' or '.join(str(folder) for folder in allowed)}",
+            hint="copy the file there, name another root (--root), or put an empty .pinarm-root in a folder above both",
+        )
+    return resolved
+
+
+def _local(text: str, packages: Mapping[str, Path]) -> Path:
+    """Turn what URDF calls a URI into a path."""
+    scheme, separator, rest = text.partition("://")
+    if not separator:
+        return Path(text)
+    if scheme == "file":
+        return Path(rest)
+    if scheme != "package":
+        raise InputError(f"{_short(text)} is not a file here", expected="a path, file://... or package://NAME/...")
+    name, _, inner = rest.partition("/")
+    if name not in packages:
+        expected, hint = choices(name, packages)
+        raise InputError(f"unknown package {_short(name)}", expected=expected, hint=hint)
+    return packages[name] / inner.lstrip("/")
+
+
+def _short(path: str | Path) -> str:
+    text = repr(str(path))
+    return text if len(text) <= 200 else f"{text[:190]}...'"
+
+
+@cache
+def example_robot_data() -> Path:
+    """Return the folder of the robots of ``example-robot-data``, without importing its loaders.
+
+    Raises:
+        ModelError: It is not installed.
+    """
+    for prefix in _prefixes():
+        folder = prefix / "share" / "example-robot-data"
+        if (folder / "robots").is_dir():
+            return folder
+    raise ModelError("example-robot-data is not installed", hint="pip install example-robot-data")
+
+
+def example_robot(name: str) -> Path:
+    """Return the URDF file of a robot of ``example-robot-data``: ``panda``, ``double_pendulum``, ...
+
+    Raises:
+        ModelError: There is no such robot, or the package is not installed.
+    """
+    robots = {path.stem: path for path in sorted(example_robot_data().glob("robots/*/*/*.urdf"), reverse=True)}
+    if name not in robots:
+        expected, hint = choices(name, robots, most=80)
+        raise ModelError(f"example-robot-data has no robot {_short(name)}", expected=expected, hint=hint)
+    return robots[name]
+
+
+def _prefixes() -> Iterator[Path]:
+    """Yield where it may be installed: beside its metadata, beside Pinocchio, under the interpreter."""
+    try:
+        distribution = importlib.metadata.distribution("example-robot-data")
+        yield Path(str(distribution.locate_file("cmeel.prefix")))
+    except importlib.metadata.PackageNotFoundError:
+        pass
+    pinocchio = importlib.util.find_spec("pinocchio")
+    if pinocchio and pinocchio.origin:
+        yield from Path(pinocchio.origin).parents[3:6]  # prefix/lib/pythonX/site-packages/pinocchio/__init__.py
+    yield Path(sys.prefix)

@@ -1,0 +1,140 @@
+"""Units: text in, SI out, and the dimension checked on the way.
+
+Angles count as dimensionless, so that ``N*m/rad`` is ``N*m`` and ``rad/s`` is ``1/s``. Hertz is left out on purpose: it
+would read as rad/s and be wrong by 2 pi; write ``rpm`` or ``rev/s``.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import lru_cache
+
+from pinarm.errors import UnitError, choices
+
+Dimension = tuple[Fraction | int, Fraction | int, Fraction | int]
+"""Exponents of metre, kilogram and second."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit of measurement.
+
+    Attributes:
+        factor: SI value of one of it.
+        dimension: Exponents of (m, kg, s).
+        text: As it is written; only for display.
+    """
+
+    factor: float
+    dimension: Dimension
+    text: str = field(default="", compare=False)
+
+    def __mul__(self, other: Unit) -> Unit:
+        return Unit(self.factor * other.factor, _combine(self.dimension, other.dimension, 1))
+
+    def __truediv__(self, other: Unit) -> Unit:
+        return Unit(self.factor / other.factor, _combine(self.dimension, other.dimension, -1))
+
+    def __pow__(self, exponent: Fraction | int) -> Unit:
+        m, kg, s = self.dimension
+        return Unit(self.factor ** float(exponent), (m * exponent, kg * exponent, s * exponent))
+
+    def __str__(self) -> str:
+        return self.text or _SI_NAMES.get(self.dimension) or _composed(self.dimension)
+
+
+def _combine(a: Dimension, b: Dimension, sign: int) -> Dimension:
+    return (a[0] + sign * b[0], a[1] + sign * b[1], a[2] + sign * b[2])
+
+
+def _composed(dimension: Dimension) -> str:
+    powers = [(name, n) for name, n in zip(("kg", "m", "s"), (dimension[1], dimension[0], dimension[2]), strict=True)]
+    above = [name if n == 1 else f"{name}^{n}" for name, n in powers if n > 0]
+    below = [name if n == -1 else f"{name}^{-n}" for name, n in powers if n < 0]
+    return "/".join(["*".join(above) or "1", *below])
+
+
+DIMENSIONLESS = Unit(1.0, (0, 0, 0), "1")
+_LENGTH, _MASS, _TIME = (1, 0, 0), (0, 1, 0), (0, 0, 1)
+_FORCE, _PRESSURE, _ENERGY, _POWER = (1, 1, -2), (-1, 1, -2), (2, 1, -2), (2, 1, -3)
+
+_TABLE: dict[str, tuple[float, Dimension]] = {
+    "m": (1.0, _LENGTH), "mm": (1e-3, _LENGTH), "cm": (1e-2, _LENGTH), "km": (1e3, _LENGTH), "um": (1e-6, _LENGTH),
+    "kg": (1.0, _MASS), "g": (1e-3, _MASS), "mg": (1e-6, _MASS), "t": (1e3, _MASS),
+    "s": (1.0, _TIME), "ms": (1e-3, _TIME), "us": (1e-6, _TIME), "min": (60.0, _TIME), "h": (3600.0, _TIME),
+    "N": (1.0, _FORCE), "mN": (1e-3, _FORCE), "kN": (1e3, _FORCE), "MN": (1e6, _FORCE),
+    "Pa": (1.0, _PRESSURE), "kPa": (1e3, _PRESSURE), "MPa": (1e6, _PRESSURE), "bar": (1e5, _PRESSURE),
+    "J": (1.0, _ENERGY), "mJ": (1e-3, _ENERGY), "kJ": (1e3, _ENERGY), "MJ": (1e6, _ENERGY),
+    "W": (1.0, _POWER), "mW": (1e-3, _POWER), "kW": (1e3, _POWER),
+    "rad": (1.0, (0, 0, 0)), "mrad": (1e-3, (0, 0, 0)), "deg": (math.pi / 180, (0, 0, 0)),
+    "°": (math.pi / 180, (0, 0, 0)), "rev": (2 * math.pi, (0, 0, 0)), "rpm": (2 * math.pi / 60, (0, 0, -1)),
+    "1": (1.0, (0, 0, 0)), "%": (1e-2, (0, 0, 0)),
+}  # fmt: skip
+
+_SI_NAMES: dict[Dimension, str] = {
+    (0, 0, 0): "1", _FORCE: "N", _ENERGY: "N*m", _PRESSURE: "Pa", _POWER: "W", (0, 1, -2): "N/m", (0, 1, -1): "N*s/m",
+    (2, 1, -1): "kg*m^2/s", (1, 1, -1): "kg*m/s", (1, 0, -1): "m/s", (1, 0, -2): "m/s^2", (2, 1, 0): "kg*m^2",
+}  # fmt: skip
+
+_FACTOR = re.compile(r"\s*([*/·]?)\s*([A-Za-z°%]+|1)\s*(?:(?:\^|\*\*)\s*(-?\d{1,2}))?([²³]?)")
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+
+
+@lru_cache(maxsize=256)
+def unit(text: str) -> Unit:
+    """Read a unit such as ``N*m``, ``kg*m^2`` or ``rad/s^2``.
+
+    Args:
+        text: Names of the table joined by ``*`` and ``/``, each with an integer power.
+
+    Raises:
+        UnitError: A name is unknown, or the text is no product of names.
+    """
+    result, position = DIMENSIONLESS, 0
+    while position < len(text.rstrip()):
+        match = _FACTOR.match(text, position)
+        if not match or bool(match[1]) != (position > 0):
+            raise UnitError(f"'{text}' is not a unit", expected="names joined by * and /, such as kg*m^2 or rad/s")
+        if match[2] not in _TABLE:
+            raise _unknown(match[2])
+        power = int(match[3] or {"²": 2, "³": 3}.get(match[4], 1))
+        named = Unit(*_TABLE[match[2]]) ** power
+        result = result / named if match[1] == "/" else result * named
+        position = match.end()
+    return Unit(result.factor, result.dimension, text.strip())
+
+
+def _unknown(name: str) -> UnitError:
+    if name == "Hz":
+        return UnitError("Hz is ambiguous between turns and radians", hint="rpm, rev/s or rad/s")
+    expected, hint = choices(name, _TABLE, most=60)
+    return UnitError(f"unknown unit '{name}'", expected=expected, hint=hint)
+
+
+def read_quantity(text: str) -> tuple[float, Unit | None]:
+    """Split ``"30 deg"`` into its SI value and its unit; the unit is ``None`` where only a number stands.
+
+    Raises:
+        UnitError: There is no number, or the unit is unknown.
+    """
+    match = _QUANTITY.fullmatch(text)
+    if not match:
+        raise UnitError(f"'{text}' is not a quantity", expected="a number and a unit, such as 30 deg or 1.5 N*m")
+    if not match[2]:
+        return float(match[1]), None
+    read = unit(match[2])
+    return float(match[1]) * read.factor, read
+
+
+def half_last_digit(text: str) -> float:
+    """Return half a unit of the last printed digit of ``"2168.5 rpm"``, in SI: 0.05 rpm as rad/s."""
+    match = _QUANTITY.fullmatch(text)
+    if not match:
+        raise UnitError(f"'{text}' is not a printed number", expected="digits and a unit, such as 192.2 N*m")
+    mantissa, _, exponent = match[1].lower().partition("e")
+    decimals = len(mantissa.partition(".")[2])
+    factor = unit(match[2]).factor if match[2] else 1.0
+    return float(0.5 * 10.0 ** (int(exponent or 0) - decimals) * factor)

@@ -1,0 +1,1 @@
+"""Layer 1: the vocabulary of mechanics: models, coordinates, motions, forces, drives."""

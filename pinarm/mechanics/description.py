@@ -1,0 +1,59 @@
+"""The mechanism file: what is said beside the URDF, because URDF cannot say it."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from pinarm.input.schema import Model, quantity
+from pinarm.mechanics.coordinates import AXES, Axis, CoordinateDefinition
+from pinarm.mechanics.drives import Drive
+from pinarm.mechanics.forces import Force
+
+STANDARD_GRAVITY = 9.81
+"""Magnitude used where a file gives only a direction [m/s^2]."""
+
+
+class Gravity(Model):
+    """A uniform field.
+
+    Attributes:
+        direction: Where things fall, an axis of the world.
+        magnitude: [m/s^2].
+    """
+
+    direction: Axis = "-z"
+    magnitude: quantity("m/s^2") = Field(default=STANDARD_GRAVITY, ge=0)  # type: ignore[valid-type]
+
+    def vector(self) -> NDArray[np.float64]:
+        """Return the field [m/s^2], world axes, shape (3,)."""
+        return self.magnitude * np.array(AXES[self.direction], float)
+
+
+class MechanismDescription(Model):
+    """Content of a mechanism file.
+
+    Attributes:
+        pinarm: Version of the format.
+        title: For headings.
+        robot: A URDF or xacro file, relative to this one, or the name of a robot of example-robot-data.
+        arguments: Unit of every xacro argument of the model, so that a scenario can give them with units.
+        gravity: ``none`` for none.
+        coordinates: Coordinates beside those of the joints.
+        drives: Motors and gears.
+        forces: Springs, dampers and loads that belong to the mechanism.
+        symbols: Published symbols and what they stand for: a quantity, or a formula of quantities.
+    """
+
+    pinarm: Literal[1]
+    title: str = ""
+    robot: str
+    arguments: dict[str, str] = {}
+    gravity: Gravity | Literal["none"] = Gravity()
+    coordinates: dict[str, CoordinateDefinition] = {}
+    drives: dict[str, Drive] = {}
+    forces: dict[str, Force] = {}
+    symbols: dict[str, str] = {}

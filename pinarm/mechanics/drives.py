@@ -1,0 +1,53 @@
+"""Drives: what a motor must give behind its gear so that the joint gets its effort."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from pinarm.input.schema import Model, quantity
+
+Array = NDArray[np.float64]
+
+
+class Drive(Model):
+    """A motor that turns ``ratio`` times as fast as its joint, through a gear of constant efficiency.
+
+    With tau the effort at the joint, v its velocity and N the ratio: the motor turns at ``N v`` and gives
+    ``tau / (N eta)`` while it drives (tau v > 0), ``eta tau / N`` while the load drives it, plus ``J N a`` for its rotor.
+    At rest friction in the gear helps to hold, and the torque given is that which would set the load in motion,
+    ``tau / (N eta)``: the safe side for sizing.
+
+    Attributes:
+        joint: Joint that it drives.
+        ratio: N, motor turns per turn of the joint; negative where they turn against each other.
+        efficiency: eta, between 0 (excluded) and 1.
+        rotor_inertia: J of everything that turns with the motor, about its axis [kg*m^2].
+    """
+
+    joint: str
+    ratio: float = 1.0
+    efficiency: float = Field(default=1.0, gt=0, le=1)
+    rotor_inertia: quantity("kg*m^2") = Field(default=0.0, ge=0)  # type: ignore[valid-type]
+
+    @property
+    def armature(self) -> float:
+        """Inertia of the rotor as the joint feels it, N^2 J [kg*m^2]."""
+        return self.ratio**2 * self.rotor_inertia
+
+    def torque(self, effort: Array, direction: Array, a: Array) -> Array:
+        """Return the motor's torque [N*m], shape (n,).
+
+        Args:
+            effort: Effort at the joint, without the rotor's share [N*m], shape (n,).
+            direction: Sign of the joint's motion: of its velocity, at standstill of the motion about to begin or just
+                ended, 0 at rest; shape (n,).
+            a: Joint acceleration [rad/s^2], shape (n,).
+        """
+        gear = np.where(effort * direction < 0.0, self.efficiency, 1.0 / self.efficiency)
+        return np.asarray(gear * effort / self.ratio + self.rotor_inertia * self.ratio * a)
+
+    def speed(self, v: Array) -> Array:
+        """Return the motor's speed [rad/s], shape (n,)."""
+        return self.ratio * v

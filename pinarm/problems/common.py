@@ -1,0 +1,98 @@
+"""What the problems share: instants, accuracy, loads, and checks of names and units against a mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError, choices
+from pinarm.input.schema import Measured, Model, Time
+from pinarm.input.units import Unit
+from pinarm.mechanics.forces import Force, ForceElement
+from pinarm.mechanics.motion import MotionLaw
+
+Array = NDArray[np.float64]
+Place = Callable[..., AbstractContextManager[None]]
+"""``with place("motion", "theta"):`` gives errors of the block that place of the problem in its file."""
+
+
+class TimeGrid(Model):
+    """Evenly spaced instants; those at which a law or load jumps are added, twice each: just before and just after.
+
+    Attributes:
+        start: First instant [s].
+        end: Last instant [s].
+        samples: Number of instants.
+    """
+
+    start: Time = 0.0
+    end: Time
+    samples: int = Field(default=201, ge=2, le=10_000_000)
+
+    @model_validator(mode="after")
+    def _forward(self) -> TimeGrid:
+        if not self.end > self.start:
+            raise ValueError(f"the time ends at {self.end:g} s, not after its start at {self.start:g} s")
+        return self
+
+    def instants(self) -> Array:
+        """Return the instants [s], shape (samples,)."""
+        return np.linspace(self.start, self.end, self.samples)
+
+
+class Accuracy(Model):
+    """How accurate the result is wanted.
+
+    Attributes:
+        tolerance: Local error of a step of the time integration, relative to ``1 + |y|`` in SI. The global error is
+            reported by the balances and is usually ten to a hundred times larger.
+    """
+
+    tolerance: float = Field(default=1e-9, ge=1e-14, le=1e-2)
+
+
+def check_motion(mechanism: Mechanism, motion: Mapping[str, MotionLaw], place: Place) -> None:
+    """Check that every law belongs to a coordinate and is written in its units.
+
+    Raises:
+        InputError: The coordinate does not exist.
+        UnitError: A field of the law has another dimension.
+    """
+    for name, law in motion.items():
+        with place("motion", name):
+            law.check_units(mechanism.coordinate(name).unit)
+
+
+def check_levels(mechanism: Mechanism, levels: Mapping[str, float], place: Place, *at: str, per: Unit | None = None) -> None:
+    """Check names and units of values given for joint coordinates, or for their rates ``per`` a unit.
+
+    Raises:
+        InputError: The joint does not exist.
+        UnitError: The value has another dimension.
+    """
+    for name, value in levels.items():
+        with place(*at, name):
+            if name not in mechanism.joints:
+                expected, hint = choices(name, mechanism.joints)
+                raise InputError(f"the model has no joint '{name}' with one coordinate", expected=expected, hint=hint)
+            measured = mechanism.joints[name].unit
+            if isinstance(value, Measured):
+                value.check(measured / per if per else measured)
+
+
+def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -> list[ForceElement]:
+    """Return the force elements of a run: the mechanism's own and those of the problem.
+
+    Raises:
+        InputError: A load names something that does not exist.
+    """
+    forces = list(mechanism.forces.values())
+    for name, load in loads.items():
+        with place("loads", name):
+            forces.append(load.bind(mechanism.joints))
+    return forces

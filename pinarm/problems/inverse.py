@@ -1,0 +1,78 @@
+"""Inverse dynamics: the motion is known, the efforts of the drives are wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+from pydantic import Field
+
+from pinarm.engine.assembly import Imposed, follow
+from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.trajectory import Trajectory
+from pinarm.input.schema import Level, Model
+from pinarm.input.units import Unit, unit
+from pinarm.mechanics.forces import Force, ForceElement
+from pinarm.mechanics.motion import Grid, Law
+from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_motion
+
+class Inverse(Model):
+    """Efforts for a motion that laws impose on as many coordinates as the mechanism has degrees of freedom.
+
+    Attributes:
+        time: Instants of the table.
+        motion: Coordinate -> law over time.
+        start: Rough joint coordinates at the first instant: they choose the branch where there are several.
+        loads: Applied forces, springs and dampers of this run.
+    """
+
+    kind: Literal["inverse"]
+    time: TimeGrid
+    motion: dict[str, Law] = Field(min_length=1)
+    start: dict[str, Level] = {}
+    loads: dict[str, Force] = {}
+
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
+        """Return the motion of the joints and the efforts of the drives."""
+        check_motion(mechanism, self.motion, place)
+        check_levels(mechanism, self.start, place, "start")
+        forces = bind_loads(mechanism, self.loads, place)
+        with place("motion"):
+            imposed = Imposed.of(mechanism, self.motion)
+        laws = [*self.motion.values(), *(law for force in forces for law in force.laws())]
+        grid = Grid.cover(self.time.instants(), laws)
+        with place("motion"):
+            return driven(mechanism, imposed, grid, self.start, forces, "t", unit("s"))
+
+def driven(
+    mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Mapping[str, float], forces: Sequence[ForceElement],
+    parameter: str, measured: Unit, *, speed: float = 1.0,
+) -> Trajectory:  # fmt: skip
+    """Return an imposed motion with the efforts that it takes.
+
+    Args:
+        mechanism: The mechanism.
+        imposed: Coordinates and their laws.
+        grid: Instants.
+        start: Rough joint coordinates at the first of them.
+        forces: All force elements of the run.
+        parameter: Name of what runs along the grid.
+        measured: Its unit.
+        speed: 1 for a motion; 0 for a sequence of positions at rest.
+    """
+    dynamics = Dynamics.of(mechanism.model, forces)
+    joints = {name: joint.q for name, joint in mechanism.joints.items()}
+
+    def on(part: Grid, near: Mapping[str, float]) -> Trajectory:
+        q, v, a = follow(mechanism, imposed, part, near)
+        v, a = speed * v, speed * a
+        # at another instant the branch is that of the nearest row, which the first pass has found
+        draft = Trajectory(mechanism, parameter, measured, part, q, v, a, v, dynamics, lambda other: on(
+            other, {name: q[abs(part.t - other.t[0]).argmin(), index] for name, index in joints.items()}))  # fmt: skip
+        tau = draft.gather(lambda local, rows: local.inverse(part.t[rows], q[rows], v[rows], a[rows]))
+        return Trajectory(mechanism, parameter, measured, part, q, v, a, tau, dynamics, draft.again)
+
+    return on(grid, start)
+
+__all__ = ["Inverse", "MotionLaw", "driven"]

@@ -1,0 +1,178 @@
+"""Comparing a run with its answer key, and telling agreements, roundings and misprints apart.
+
+A misprint is confirmed only when the computed number equals the independent value and differs from the published one
+beyond its printed digits. A rounding is confirmed when the printed number is one unit off in its last digit, or when it
+comes out of the rounded figures that its authors used. Anything else that differs is a miss.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinarm.engine.quantities import Quantities
+from pinarm.errors import InputError
+from pinarm.input.schema import Measured
+from pinarm.input.units import Unit, half_last_digit, read_quantity
+from pinarm.use import instants
+from pinarm.use.expectation import Expectation
+from pinarm.use.result import Result
+from pinarm.use.scenario import Scenario
+
+Array = NDArray[np.float64]
+
+FORMULA = 1e-10
+"""Relative tolerance of formulas where the entry gives none."""
+
+FLOOR = 1e-13
+"""What is added to it, relative to the largest value of the formula over the rows: sums of large terms cancel."""
+
+ONE_UNIT = 1.0 + 1e-9
+"""One unit of the last printed digit is two half units; the rest is rounding of the comparison itself."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What came out of one expectation.
+
+    Attributes:
+        scenario: Name of the scenario.
+        expectation: The entry of the answer key.
+        unit: Unit of the numbers; ``None`` where unknown.
+        computed: The computed number; of many rows, the one that is farthest off.
+        independent: The independent value, ``None`` where none is given.
+        published: The published number, ``None`` where none is given.
+        error: Largest difference to the independent value, relative to it.
+        verdict: ``agrees``, ``rounding``, ``misprint`` or ``MISS``.
+        reason: Why it is a miss.
+    """
+
+    scenario: str
+    expectation: Expectation
+    unit: Unit | None
+    computed: float
+    independent: float | None
+    published: float | None
+    error: float | None
+    verdict: str
+    reason: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether the answer key is met."""
+        return self.verdict != "MISS"
+
+
+def check(scenario: Scenario, result: Result | None = None) -> list[Finding]:
+    """Run a scenario and compare it with its answer key.
+
+    Raises:
+        InputError: An expectation asks for something that does not exist; the message says where.
+    """
+    result = result or scenario.run()
+    findings = []
+    for index, expectation in enumerate(scenario.content.expect):
+        with scenario.document.locating("expect", index):
+            findings.append(compare(result, expectation))
+    return findings
+
+
+def compare(result: Result, expectation: Expectation) -> Finding:
+    """Compare a result with one expectation."""
+    quantities = result.quantities
+    if expectation.at != "all":
+        quantities = instants.at(quantities, expectation.at, expectation.quantity)
+    series = quantities[expectation.quantity]
+    wanted, tolerance = _wanted(quantities, expectation, series.unit)
+    difference = np.abs(series.values - wanted) if wanted is not None else np.zeros(1)
+    worst = int((difference - (tolerance if tolerance is not None else 0.0)).argmax())
+    met = wanted is not None and bool((difference <= tolerance).all())
+    error = None
+    if wanted is not None:
+        scale = np.abs(wanted).max()
+        error = float(difference.max() / scale) if scale else float(difference.max())
+    printed, off, explained = _published(quantities, expectation, series.values, series.unit)
+    verdict, reason = _verdict(expectation, wanted is not None, met, off, explained)
+    return Finding(
+        result.name, expectation, series.unit, float(series.values[worst]),
+        float(np.broadcast_to(wanted, series.values.shape)[worst]) if wanted is not None else None,
+        printed, error, verdict, reason,
+    )  # fmt: skip
+
+
+def _wanted(quantities: Quantities, expectation: Expectation, measured: Unit | None) -> tuple[Array | None, Array]:
+    """Return the independent value at every row, and how far from it the computed one may be."""
+    if expectation.value is None and expectation.formula is None:
+        return None, np.zeros(1)
+    absolute = _number(expectation.atol, measured) if expectation.atol is not None else 0.0
+    if expectation.formula is not None:
+        formula = quantities[expectation.formula]
+        _same(formula.unit, measured, expectation.formula)
+        wanted = formula.values
+        relative = FORMULA if expectation.rtol is None and expectation.atol is None else expectation.rtol or 0.0
+        floor = FLOOR * float(np.abs(wanted).max())
+        return wanted, absolute + floor + relative * np.abs(wanted)
+    wanted = np.full(1, _number(expectation.value, measured))
+    if expectation.rtol is None and expectation.atol is None:
+        absolute = half_last_digit(str(expectation.value)) * ONE_UNIT
+    return wanted, absolute + (expectation.rtol or 0.0) * np.abs(wanted)
+
+
+def _published(
+    quantities: Quantities, expectation: Expectation, values: Array, measured: Unit | None
+) -> tuple[float | None, bool, bool]:
+    """Return the published number, whether the computed one differs from it, and whether rounding explains that."""
+    if expectation.published_formula is not None:
+        formula = np.broadcast_to(quantities.figure(expectation.published_formula), values.shape)
+        difference = np.abs(values - formula)
+        worst = int(difference.argmax())
+        return float(formula[worst]), bool(difference[worst] > FORMULA * max(1e-300, np.abs(formula).max())), False
+    if expectation.published is None:
+        return None, False, False
+    printed, half = _number(expectation.published, measured), half_last_digit(expectation.published) * ONE_UNIT
+    distance = float(np.abs(values - printed).max())
+    explained = distance <= 2 * half
+    if expectation.because is not None:
+        explained = bool(np.abs(quantities.figure(expectation.because) - printed).max() <= half)
+    return printed, distance > half, explained
+
+
+def _verdict(expectation: Expectation, independent: bool, met: bool, off: bool, explained: bool) -> tuple[str, str]:
+    """Return the verdict and, for a miss, its reason."""
+    claim = expectation.verdict
+    if independent and not met:
+        return "MISS", "the computed number is not the independent value"
+    if not off:
+        return ("agrees", "") if claim == "agrees" else ("MISS", f"claimed as {claim}, but the published figure agrees")
+    if not independent:
+        return "MISS", "it differs from the published figure, and there is no independent value to decide"
+    if claim == "agrees":
+        return "MISS", "it differs from the published figure beyond its printed digits"
+    if claim == "rounding" and not explained:
+        return "MISS", "claimed as rounding, but that does not lead to the printed digits"
+    return claim, ""
+
+
+def _number(text: str | float | None, measured: Unit | None) -> float:
+    """Return a value in SI after a check of its dimension."""
+    number, written = read_quantity(str(text))
+    value = Measured(number)
+    value.unit = written
+    if measured is not None:
+        if written is None and number and measured.dimension != (0, 0, 0):
+            raise InputError(f"'{text}' has no unit", expected=f"a value such as {text} {measured}")
+        value.check(measured)
+    return number
+
+
+def _same(a: Unit | None, b: Unit | None, formula: str) -> None:
+    if a is not None and b is not None and a.dimension != b.dimension:
+        raise InputError(f"the formula '{formula}' is in {a}, the quantity in {b}", expected="the same dimension")
+
+
+def misses(findings: Iterable[Finding]) -> int:
+    """Return how many expectations are not met."""
+    return sum(not finding.ok for finding in findings)

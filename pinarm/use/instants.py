@@ -1,0 +1,158 @@
+"""Where on a run a quantity is asked: at an instant, at a coordinate's value, at an extreme; solved there, not interpolated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinarm.engine.quantities import Quantities
+from pinarm.engine.trajectory import Trajectory
+from pinarm.errors import InputError
+from pinarm.input.schema import Measured
+from pinarm.input.units import read_quantity
+
+Array = NDArray[np.float64]
+
+POINTS, ROUNDS = 17, 14
+"""A bracket is cut in 16 parts 14 times: 16^14 is beyond the digits of a double, so it ends at rounding."""
+
+SAME = 1e-9
+"""Relative difference between two sides of an instant below which there is no jump to be asked about."""
+
+
+def at(quantities: Quantities, where: str | dict[str, str | int | float], name: str) -> Quantities:
+    """Return the quantities of one row: the place that ``where`` names.
+
+    Args:
+        quantities: Those of the run.
+        where: As in ``Expectation.at``, without ``all``.
+        name: The quantity that is asked, of which an extreme or a jump is meant.
+
+    Raises:
+        InputError: The place does not exist, or it is ambiguous.
+    """
+    run = quantities.trajectory
+    if where == "start":
+        return _at_row(quantities, 0, float(run.grid.t[0]))
+    if where == "end":
+        return _at_row(quantities, len(run.grid.cuts) - 2, float(run.grid.t[-1]))
+    if isinstance(where, str):
+        return _extreme(quantities, where, name)
+    keys = {key: value for key, value in where.items() if key not in ("side", "occurrence")}
+    if len(keys) != 1:
+        raise InputError("an instant names one coordinate", expected="such as {t: 1.5 s, side: left}")
+    (along, text), *_ = keys.items()
+    value = _value(quantities, along, text)
+    places = _on_parameter(run, value) if along == run.parameter else _crossings(quantities, along, value)
+    return _choose(quantities, places, where, name, f"{along} = {text}")
+
+
+def _value(quantities: Quantities, along: str, text: str | int | float) -> float:
+    """Return the wanted value of the coordinate in SI, its dimension checked."""
+    number, written = read_quantity(text) if isinstance(text, str) else (float(text), None)
+    measured = Measured(number)
+    measured.unit = written
+    expected = quantities[along].unit
+    if expected is not None:
+        if written is None and number and expected.dimension != (0, 0, 0):
+            raise InputError(f"'{text}' has no unit", expected=f"a value such as {text} {expected}")
+        measured.check(expected)
+    return number
+
+
+Spot = tuple[int, float]
+"""A stretch of the run and a value of its parameter within it."""
+
+
+def _on_parameter(run: Trajectory, value: float) -> list[Spot]:
+    spots = []
+    for k, (start, end) in enumerate(zip(run.grid.cuts, run.grid.cuts[1:], strict=False)):
+        slack = 1e-12 * abs(end - start)
+        if min(start, end) - slack <= value <= max(start, end) + slack:
+            spots.append((k, float(np.clip(value, min(start, end), max(start, end)))))
+    return spots
+
+
+def _crossings(quantities: Quantities, along: str, value: float) -> list[Spot]:
+    """Return where a quantity takes a value, in order."""
+    run, spots = quantities.trajectory, []
+    difference = quantities[along].values - value
+    for k in range(len(run.grid.cuts) - 1):
+        for row in range(run.grid.rows[k], run.grid.rows[k + 1] - 1):
+            low, high = difference[row], difference[row + 1]
+            if low == 0.0 or low * high < 0.0:
+                spots.append((k, _root(quantities, k, along, value, run.grid.t[row], run.grid.t[row + 1])))
+        last = run.grid.rows[k + 1] - 1
+        if difference[last] == 0.0:
+            spots.append((k, float(run.grid.t[last])))
+    return spots
+
+
+def _choose(
+    quantities: Quantities, spots: list[Spot], where: dict[str, str | int | float], name: str, text: str
+) -> Quantities:
+    """Return the row that is meant among those found: by occurrence, then by side."""
+    instants = sorted({round(t, 14) for _, t in spots}, key=lambda t: [round(s, 14) for _, s in spots].index(t))
+    if not instants:
+        raise InputError(f"{text} is not reached in this run")
+    occurrence = int(where.get("occurrence", 0))
+    if len(instants) > 1 and not occurrence:
+        raise InputError(f"{text} is reached {len(instants)} times", expected=f"occurrence: 1 to {len(instants)}")
+    if occurrence > len(instants):
+        raise InputError(f"{text} is reached {len(instants)} times only", expected=f"at most {len(instants)}")
+    chosen = [spot for spot in spots if round(spot[1], 14) == instants[max(occurrence, 1) - 1]]
+    sides = [_at_row(quantities, *chosen[0]), _at_row(quantities, *chosen[-1])]
+    side = where.get("side")
+    if side not in (None, "left", "right"):
+        raise InputError(f"there is no side '{side}'", expected="left or right")
+    if side is None and len(chosen) > 1:
+        left, right = (float(rows[name].values[0]) for rows in sides)
+        if abs(left - right) > SAME * max(abs(left), abs(right)):
+            raise InputError(
+                f"{name} jumps at {text}: {left:.9g} before, {right:.9g} after", expected="side: left or side: right"
+            )
+    return sides[0 if side == "left" else 1]
+
+
+def _extreme(quantities: Quantities, which: str, name: str) -> Quantities:
+    """Return the row at which a quantity is largest, smallest, or largest in size, refined between the samples."""
+    run = quantities.trajectory
+    height: Callable[[Array], Array] = {"max": lambda x: x, "min": lambda x: -x, "largest": np.abs}[which]
+    values = height(quantities[name].values)
+    best = int(np.nanargmax(values))
+    stretch = next(k for k in range(len(run.grid.cuts) - 1) if best < run.grid.rows[k + 1])
+    first, last = run.grid.rows[stretch], run.grid.rows[stretch + 1] - 1
+    low, high = run.grid.t[max(best - 1, first)], run.grid.t[min(best + 1, last)]
+    spot, top = float(run.grid.t[best]), float(values[best])
+    for _ in range(ROUNDS // 2):  # near a maximum only half of the digits of its place matter
+        t = np.linspace(low, high, POINTS)
+        heights = height(_asked(quantities, stretch, t)[name].values)
+        peak = int(heights.argmax())
+        if heights[peak] > top:
+            spot, top = float(t[peak]), float(heights[peak])
+        low, high = t[max(peak - 1, 0)], t[min(peak + 1, POINTS - 1)]
+    return _at_row(quantities, stretch, spot)
+
+
+def _root(quantities: Quantities, stretch: int, along: str, value: float, low: float, high: float) -> float:
+    """Return where a quantity takes a value between two neighbouring samples."""
+    for _ in range(ROUNDS):
+        t = np.linspace(low, high, POINTS)
+        difference = _asked(quantities, stretch, t)[along].values - value
+        change = np.flatnonzero((difference[:-1] == 0.0) | (difference[:-1] * difference[1:] < 0.0))
+        if not len(change):
+            break
+        low, high = t[change[0]], t[change[0] + 1]
+        if difference[change[0]] == 0.0:
+            return float(low)
+    return 0.5 * float(low + high)
+
+
+def _asked(quantities: Quantities, stretch: int, t: Array) -> Quantities:
+    return Quantities(quantities.trajectory.within(stretch, t), quantities.symbols)
+
+
+def _at_row(quantities: Quantities, stretch: int, t: float) -> Quantities:
+    return _asked(quantities, stretch, np.array([t]))

@@ -1,0 +1,97 @@
+"""Plots of named quantities: one axis each, over time or a coordinate; for print, safe for colour-blind readers."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import matplotlib
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from pinarm.engine.trajectory import Series
+from pinarm.input.units import Unit
+from pinarm.use.result import Result
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Okabe and Ito's palette."""
+
+STYLE = {
+    "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False,
+    "axes.grid": True, "grid.alpha": 0.3, "grid.linewidth": 0.5, "lines.linewidth": 1.5,
+    "text.usetex": False, "axes.formatter.useoffset": False, "svg.fonttype": "none",
+    "svg.hashsalt": "pinarm", "savefig.dpi": 150, "figure.constrained_layout.use": True,
+}  # fmt: skip
+
+WIDTH, HEIGHT, HEAD = 7.0, 1.7, 0.9
+"""Inches: of a figure, of an axis, and for heading and horizontal labels."""
+
+FLAT = 1e-9
+"""Range below which a curve is drawn as constant: rounding must not be blown up to the height of the axis."""
+
+
+def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) -> Figure:
+    """Return a figure with the named quantities on stacked axes.
+
+    Args:
+        result: The run.
+        names: Quantities, symbols or formulas.
+        against: The quantity along the horizontal axis; the run's parameter where it is left out.
+    """
+    run = result.trajectory
+    along = result[against or run.parameter]
+    scale, measured = _shown(along)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(WIDTH, HEAD + HEIGHT * len(names)))
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+        for index, (name, axis) in enumerate(zip(names, axes, strict=True)):
+            _draw(axis, result[name], along.values / scale, COLOURS[index % len(COLOURS)])
+        axes[-1].set_xlabel(_label(along.name, measured).replace("\n", " "))
+        axes[-1].margins(x=0.01)
+        figure.suptitle(plain(result.content.title or result.name))
+    return figure
+
+
+def _draw(axis: matplotlib.axes.Axes, series: Series, x: object, colour: str) -> None:
+    scale, measured = _shown(series)
+    values = series.values / scale
+    axis.plot(x, values, color=colour)
+    axis.set_ylabel(_label(series.name, measured))
+    low, high = float(values.min()), float(values.max())
+    size = max(abs(low), abs(high))
+    if high - low < FLAT * size or size < FLAT:
+        centre, half = (low + high) / 2 if size >= FLAT else 0.0, 0.1 * size if size >= FLAT else 1.0
+        axis.set_ylim(centre - half, centre + half)
+
+
+def _shown(series: Series) -> tuple[float, Unit | None]:
+    """Return the factor and unit to draw in: angles in degrees, all else in SI."""
+    if series.unit is not None and series.unit.text == "rad":
+        return 0.017453292519943295, Unit(0.017453292519943295, (0, 0, 0), "°")
+    return 1.0, series.unit
+
+
+def _label(name: str, measured: Unit | None) -> str:
+    text = str(measured or "?").replace("*", "·").replace("^2", "²").replace("^3", "³")
+    shown = name if len(name) <= 34 else f"{name[:31]}..."
+    return plain(shown) if text == "1" else f"{plain(shown)}\n[{plain(text)}]"
+
+
+def plain(text: str) -> str:
+    """Return text that matplotlib draws as it stands: a dollar sign would begin a formula."""
+    return text.replace("\\", "\\\\").replace("$", r"\$") if "$" in text else text
+
+
+def save_plots(result: Result, folder: Path) -> list[Path]:
+    """Write all outputs on one page, ``plots.png``, and one picture each in ``plots/``; return the files."""
+    folder = folder / "plots"
+    folder.mkdir(exist_ok=True)
+    outputs = list(dict.fromkeys(result.content.outputs))
+    files = []
+    for number, group in enumerate(outputs[i : i + 6] for i in range(0, len(outputs), 6)):
+        name = re.sub(r"[^A-Za-z0-9_.-]+", "_", group[0])[:40] if len(group) == 1 else f"outputs_{number + 1}"
+        path = folder / f"{name}.png"
+        result.plot(*group).savefig(path, metadata={"Software": None})
+        files.append(path)
+    return files

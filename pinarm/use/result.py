@@ -1,0 +1,154 @@
+"""What a run gives back: named arrays with units, a table, plots, and what they are worth."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pinarm.engine.quantities import Quantities
+from pinarm.engine.trajectory import Series, Trajectory
+from pinarm.errors import DynamicsError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+    from pinarm.use.scenario import ScenarioFile
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """The answer to a scenario.
+
+    Attributes:
+        name: Name of the scenario.
+        content: The scenario, validated.
+        data: The scenario as plain data.
+        quantities: Everything that can be asked of the run, by name.
+        figures: Measured accuracy and cost, by name.
+        folder: Folder of the scenario file; paths in it are relative to that.
+    """
+
+    name: str
+    content: ScenarioFile = field(repr=False)
+    data: Mapping[str, Any] = field(repr=False)
+    quantities: Quantities = field(repr=False)
+    figures: Mapping[str, float]
+    folder: Path = Path()
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The motion itself: arrays of q, v, a and tau."""
+        return self.quantities.trajectory
+
+    def __getitem__(self, name: str) -> Series:
+        """Return a quantity by name, symbol or formula, as an array with its unit.
+
+        Raises:
+            InputError: There is no such quantity; the message lists what there is.
+        """
+        return self.quantities[name]
+
+    def __len__(self) -> int:
+        return len(self.trajectory)
+
+    def columns(self) -> list[Series]:
+        """Return the parameter and the outputs of the scenario."""
+        names = dict.fromkeys([self.trajectory.parameter, *self.content.outputs])
+        return [self[name] for name in names]
+
+    def to_dataframe(self) -> DataFrame:
+        """Return the outputs as a pandas table, one row per instant, units in the headings."""
+        import pandas
+
+        return pandas.DataFrame({series.label: series.values for series in self.columns()})
+
+    def plot(self, *names: str, against: str | None = None) -> Figure:
+        """Return a figure with one axis per quantity.
+
+        Args:
+            names: Quantities, symbols or formulas; the outputs of the scenario where none is given.
+            against: What runs along the horizontal axis; the run's parameter where it is left out.
+        """
+        from pinarm.use.plot import plot
+
+        return plot(self, names or tuple(self.content.outputs), against=against)
+
+    def save(self, folder: str | Path, *, plots: bool = True) -> Path:
+        """Write the result as a folder: scenario, summary, CSV, npz, plots; return the folder."""
+        from pinarm.use.save import save
+
+        return save(self, Path(folder), plots=plots)
+
+    def require_finite(self, name: str) -> None:
+        """Raise where a quantity is not a number somewhere.
+
+        Raises:
+            DynamicsError: Says where; ``partial`` holds the result.
+        """
+        bad = np.flatnonzero(~np.isfinite(self[name].values))
+        if len(bad):
+            run = self.trajectory
+            where = f"{run.parameter} = {run.grid.t[bad[0]]:.9g} {run.unit}"
+            raise DynamicsError(
+                f"{name} is not finite at {where} (q = {np.array2string(run.q[bad[0]])}), and at {len(bad) - 1} more rows",
+                hint="a body without mass that is free to move, or a formula that divides by zero there",
+                partial=self, t=float(run.grid.t[bad[0]]), q=run.q[bad[0]],
+            )  # fmt: skip
+
+    def summary(self) -> dict[str, Any]:
+        """Return the headline numbers with units, the measured accuracy, versions and the hash of the input."""
+        import pinocchio
+
+        import pinarm
+
+        run, mechanism = self.trajectory, self.trajectory.mechanism
+        return {
+            "scenario": self.name,
+            "title": self.content.title,
+            "mechanism": mechanism.title,
+            "problem": self.content.problem.kind,
+            "rows": len(run),
+            "range": {"of": run.parameter, "unit": str(run.unit), "from": run.grid.t[0], "to": run.grid.t[-1]},
+            "arguments": {
+                name: {"value": value, "unit": str(mechanism.argument_units.get(name, "?"))}
+                for name, value in mechanism.arguments.items()
+            },
+            "outputs": {series.name: self._headline(series) for series in self.columns()[1:]},
+            "accuracy": {name: self.figures[name] for name in self.figures if name in MEASURES},
+            "cost": {name: int(self.figures[name]) for name in self.figures if name not in MEASURES},
+            "notes": list(mechanism.notes),
+            "versions": {"pinarm": pinarm.__version__, "pinocchio": pinocchio.__version__, "numpy": np.__version__},
+            "input": self.digest(),
+        }
+
+    def _headline(self, series: Series) -> dict[str, Any]:
+        """Return a quantity's smallest and largest value among the rows, and where they stand."""
+        t, values = self.trajectory.grid.t, series.values
+        low, high = int(values.argmin()), int(values.argmax())
+        return {
+            "unit": str(series.unit or "?"), "min": values[low], "at_min": t[low], "max": values[high],
+            "at_max": t[high], "start": values[0], "end": values[-1],
+        }  # fmt: skip
+
+    def digest(self) -> str:
+        """Return a hash of what determines the numbers: the scenario and the model's text."""
+        relevant = {key: value for key, value in self.data.items() if key not in ("expect", "title")}
+        mechanism = self.trajectory.mechanism
+        text = json.dumps([relevant, mechanism.xml, {k: v.text for k, v in mechanism.symbols.items()}], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+MEASURES = {
+    "equilibrium": "virtual power for every unit velocity, relative to its terms",
+    "power": "balance of power along the motion, relative to its terms",
+    "energy": "energy that nothing accounts for, relative to the energy exchanged",
+}
+"""Figures that tell the accuracy of a run, and what they mean."""
+

@@ -1,0 +1,101 @@
+"""A result as a folder of files. The same input gives the same bytes; only ``timing.json`` differs from run to run."""
+
+from __future__ import annotations
+
+import json
+import os
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinarm.engine.trajectory import Series
+from pinarm.errors import InputError
+from pinarm.use.result import Result
+
+
+def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, float] | None = None) -> Path:
+    """Write a result.
+
+    The folder gets ``scenario.yaml`` (as resolved: it can be run again), ``model.urdf``, ``summary.json``,
+    ``trajectory.csv``, ``trajectory.npz``, and with ``plots`` a picture per output.
+
+    Raises:
+        InputError: The folder cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        _write(folder / "scenario.yaml", _resolved(result, folder))
+        _write(folder / "model.urdf", result.trajectory.mechanism.xml)
+        _write(folder / "summary.json", json.dumps(result.summary(), indent=2, default=_plain) + "\n")
+        columns = result.columns()
+        _write(folder / "trajectory.csv", csv(columns))
+        np.savez(folder / "trajectory.npz", allow_pickle=False, **_arrays(result, columns))
+        if timing:
+            _write(folder / "timing.json", json.dumps(timing, indent=2) + "\n")
+    except OSError as error:
+        raise InputError(f"the result cannot be written to {folder}: {error.strerror}") from None
+    if plots:
+        from pinarm.use.plot import save_plots
+
+        save_plots(result, folder)
+    return folder
+
+
+def csv(columns: list[Series]) -> str:
+    """Return columns as CSV with names and units in the first line and every digit of the numbers.
+
+    A name that a spreadsheet would take for a formula is written with an apostrophe before it.
+    """
+    text = StringIO()
+    text.write(",".join(_cell(series.label) for series in columns) + "\n")
+    np.savetxt(text, np.column_stack([series.values for series in columns]), fmt="%.17g", delimiter=",")
+    return text.getvalue()
+
+
+def _cell(label: str) -> str:
+    safe = f"'{label}" if label[:1] in "=+-@\t\r" else label
+    return '"' + safe.replace('"', '""') + '"' if any(mark in safe for mark in ',"\n\r') else safe
+
+
+def _arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
+    """Return the outputs by name with their units beside them, and the state behind them."""
+    run = result.trajectory
+    arrays: dict[str, Any] = {series.name: series.values for series in columns}
+    units = np.array([[series.name, str(series.unit or "?")] for series in columns])
+    return {**arrays, "units": units, "q": run.q, "v": run.v, "a": run.a, "tau": run.tau}
+
+
+def _resolved(result: Result, folder: Path) -> str:
+    """Return the scenario with every argument of the model and every default written out."""
+    from ruamel.yaml import YAML
+
+    content = result.content.model_dump(mode="json", by_alias=True, exclude_none=True)
+    written = dict(result.data)
+    units = result.trajectory.mechanism.argument_units
+    written["arguments"] = {
+        name: f"{value!r} {units[name]}" if name in units else value
+        for name, value in result.trajectory.mechanism.arguments.items()
+    }
+    written["accuracy"] = content["accuracy"]
+    source = Path(str(written["mechanism"]))
+    if source.suffix:
+        written["mechanism"] = os.path.relpath(result.folder / source, folder)
+    text = StringIO()
+    writer = YAML(typ="safe", pure=True)
+    writer.default_flow_style = False
+    writer.sort_base_mapping_type_on_output = False
+    writer.dump(written, text)
+    return text.getvalue()
+
+
+def _write(path: Path, text: str) -> None:
+    """Write through a file beside it, so that an interruption leaves the old file whole."""
+    draft = path.with_name(f".{path.name}.part")
+    draft.write_text(text, encoding="utf-8")
+    draft.replace(path)
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if hasattr(value, "item") else str(value)

@@ -1,0 +1,151 @@
+"""A scenario: one question about one mechanism, in a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field
+
+from pinarm.engine.balance import power_balance
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.quantities import Quantities
+from pinarm.errors import InputError, NumericsError
+from pinarm.input.documents import Document
+from pinarm.input.expressions import Expression
+from pinarm.input.roots import inside, root_of
+from pinarm.input.schema import Model
+from pinarm.mechanics.description import Gravity
+from pinarm.problems import Problem
+from pinarm.problems.common import Accuracy
+from pinarm.use.expectation import Expectation
+from pinarm.use.result import Result
+
+
+class ScenarioFile(Model):
+    """Content of a scenario file.
+
+    Attributes:
+        pinarm: Version of the format.
+        title: For headings.
+        mechanism: A mechanism file, a URDF or xacro file, relative to this one, or the name of a robot of
+            example-robot-data.
+        arguments: Values for the model's arguments, with units.
+        gravity: Replaces that of the mechanism; ``none`` for none.
+        problem: The question.
+        symbols: Names for quantities or formulas, beside those of the mechanism.
+        outputs: Quantities of the table and the plots.
+        accuracy: How accurate the answer is wanted.
+        expect: The answer key: what the answer must be, and what was published.
+    """
+
+    pinarm: Literal[1]
+    title: str = ""
+    mechanism: str
+    arguments: dict[str, float | str] = {}
+    gravity: Gravity | Literal["none"] | None = None
+    problem: Problem
+    symbols: dict[str, str] = {}
+    outputs: list[str] = Field(min_length=1)
+    accuracy: Accuracy = Accuracy()
+    expect: list[Expectation] = []
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """A scenario, read and checked; nothing is computed before ``run``.
+
+    Attributes:
+        document: The file with the places of its lines.
+        content: The same, validated.
+        folder: Folder that paths in it are relative to.
+    """
+
+    document: Document = field(repr=False)
+    content: ScenarioFile
+    folder: Path
+
+    @classmethod
+    def load(cls, path: str | Path, overrides: list[str] | None = None) -> Scenario:
+        """Read a scenario file.
+
+        Args:
+            path: The file.
+            overrides: Assignments such as ``problem.time.end=3 s`` that replace values of the file.
+
+        Raises:
+            InputError: The file cannot be read or has a mistake; the message says where.
+        """
+        document = Document.read(Path(path), source=str(path))
+        for assignment in overrides or []:
+            document = document.override(assignment)
+        return cls(document, document.validate(ScenarioFile), Path(path).parent)
+
+    @property
+    def name(self) -> str:
+        """Name of the file without its ending."""
+        return self.document.path.stem if self.document.path else "scenario"
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """The mechanism, with the scenario's arguments and gravity."""
+        wanted, gravity = self.content.mechanism, self.content.gravity
+        with self.document.locating("mechanism"):
+            source: str | Path = wanted
+            if Path(wanted).suffix:
+                source = inside((self.folder / wanted).absolute(), root_of(self.folder), {})
+            return Mechanism.load(source, self.content.arguments, gravity=gravity, locate=self.document.locating)
+
+    @cached_property
+    def symbols(self) -> Mapping[str, Expression]:
+        """The scenario's own symbols, parsed."""
+        parsed = {}
+        for name, text in self.content.symbols.items():
+            with self.document.locating("symbols", name):
+                parsed[name] = Expression.parse(text)
+        return parsed
+
+    def run(self) -> Result:
+        """Solve the problem.
+
+        Raises:
+            PinarmError: The input is impossible, or the numerics failed; then ``partial`` holds the result until there.
+        """
+
+        def place(*path: str | int) -> Any:
+            return self.document.locating("problem", *path)
+
+        try:
+            trajectory = self.content.problem.solve(self.mechanism, self.content.accuracy, place)
+        except NumericsError as error:
+            if error.partial is not None:
+                quantities = Quantities(error.partial, self.symbols)
+                error.partial = Result(self.name, self.content, self.document.data, quantities, {}, self.folder)
+            raise
+        result = Result(
+            self.name, self.content, self.document.data, Quantities(trajectory, self.symbols),
+            {**trajectory.figures, **power_balance(trajectory)}, self.folder,
+        )  # fmt: skip
+        for index, name in enumerate(self.content.outputs):
+            with self.document.locating("outputs", index):
+                result.require_finite(name)
+        return result
+
+    def validate(self) -> None:
+        """Check everything that can be checked without solving: the model, all names, all units.
+
+        Raises:
+            InputError: Something is wrong; the message says where.
+        """
+        self.mechanism  # noqa: B018 (building it is the check)
+        self.symbols  # noqa: B018
+        if not self.content.outputs:
+            raise InputError("no outputs are asked for")
+
+
+def load(path: str | Path, overrides: list[str] | None = None) -> Scenario:
+    """Read a scenario file; see ``Scenario.load``."""
+    return Scenario.load(path, overrides)
