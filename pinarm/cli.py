@@ -1,7 +1,7 @@
 """The command line: ``run``, ``check``, ``validate``, ``schema``.
 
-Exit codes: 0 all is well, 1 an expectation is missed, 2 the input has a mistake, 3 the numerics failed (what was computed
-until then is kept), 130 interrupted. Results go to stdout, progress to stderr and only where that is a terminal.
+Exit codes: 0 all is well, 1 an expectation is missed, 2 the input has a mistake, 3 the numerics failed (what was
+computed until then is kept), 130 interrupted. Results go to stdout; progress to stderr, where that is a terminal.
 """
 
 from __future__ import annotations
@@ -114,10 +114,10 @@ def _check(options: argparse.Namespace) -> int:
         _print_json({"findings": [_plain(finding) for finding in findings], "errors": [str(e) for e in failures]})
     else:
         _print_findings(findings)
-    for error in failures:
-        print(f"error: {error}", file=sys.stderr)
+    for failure in failures:
+        print(f"error: {failure}", file=sys.stderr)
     if failures:
-        return max(error.exit_code for error in failures)
+        return max(failure.exit_code for failure in failures)
     return MISSED if misses(findings) else OK
 
 
@@ -137,8 +137,8 @@ def _validate(options: argparse.Namespace) -> int:
                 print(f"{path}: valid")
     if options.json:
         _print_json({"mistakes": [{"file": str(path), "error": str(error)} for path, error in mistakes]})
-    for _, error in mistakes:
-        print(f"error: {error}", file=sys.stderr)
+    for _, mistake in mistakes:
+        print(f"error: {mistake}", file=sys.stderr)
     return BAD_INPUT if mistakes else OK
 
 
@@ -205,10 +205,12 @@ def _ranges(result: Result) -> str:
         numbers = (entry["min"], entry["at_min"], entry["max"], entry["at_max"])
         rows.append([_printable(name)[:48], entry["unit"], *(f"{number:.7g}" for number in numbers)])
     widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
-    return "\n".join(
-        "  ".join([row[0].ljust(widths[0]), row[1].ljust(widths[1]), *(c.rjust(w) for c, w in zip(row[2:], widths[2:], strict=True))])
-        for row in rows
-    )  # fmt: skip
+    return "\n".join("  ".join(_justified(row, widths)).rstrip() for row in rows)
+
+
+def _justified(row: Sequence[str], widths: Sequence[int]) -> list[str]:
+    """Return cells of equal width: name and unit to the left, numbers to the right."""
+    return [cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))]
 
 
 def _print_findings(findings: Sequence[Finding]) -> None:

@@ -8,23 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError, InputError, choices
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.motion import Grid, MotionLaw, Values
 
-Array = NDArray[np.float64]
-
 CLOSED = 1e-12
 """Largest gap of a solved position [m or rad], relative to ``1 + |w|``; Newton's method ends near 1e-16."""
 
 REACH = 0.3
-"""Largest correction of a predicted position [rad or m]: beyond it the step in time is halved, to stay on the branch."""
+"""Largest correction of a predicted position [rad or m]: beyond it the step in time is halved."""
 
 SINGULAR = 1e-10
 """Smallest ratio of singular values of J that still determines velocities: beyond it they would lose ten digits."""
@@ -252,7 +251,7 @@ class _Solver:
                 return q if self._closed(gap, w) else None
         return None
 
-    def rates(self, q: Array, dw: Array, ddw: Array, t: float) -> tuple[Array, Array]:
+    def rates(self, q: Array, dw: Array, ddw: Array, t: float) -> tuple[Any, Any]:
         """Return v and a, each of shape (nv,).
 
         Raises:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from pinarm.arrays import Array
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Solution
 from pinarm.engine.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 SAMPLE = 200
 """Largest number of rows that are checked: a fixed, even choice, so that the cost of large tables stays bounded."""

@@ -12,13 +12,11 @@ from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from pinarm.arrays import Array
 from pinarm.engine.integrators import Acceleration, Flat, Manifold
 from pinarm.errors import InputError
 from pinarm.mechanics.forces import ForceElement
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -103,8 +101,9 @@ class Dynamics:
         Raises:
             InputError: The shapes do not fit the model.
         """
-        q, v, a = self._rows(q, self.model.nq, "q"), self._rows(v, self.model.nv, "v"), self._rows(a, self.model.nv, "a")
-        tau: Array = pin.rneaInParallel(1, self._pool, q.T, v.T, a.T).reshape(self.model.nv, -1).T
+        nq, nv = self.model.nq, self.model.nv
+        q, v, a = self._rows(q, nq, "q"), self._rows(v, nv, "v"), self._rows(a, nv, "a")
+        tau: Array = pin.rneaInParallel(1, self._pool, q.T, v.T, a.T).reshape(nv, -1).T
         return tau - self.loads(t, q, v) if self.forces else tau
 
     def forward(self, t: Array | float, q: Array, v: Array, tau: Array | None = None) -> Array:

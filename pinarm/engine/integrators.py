@@ -12,7 +12,8 @@ from typing import Protocol
 
 import numpy as np
 
-from pinarm.engine.tableaus import DOP853, Array, Tableau
+from pinarm.arrays import Array
+from pinarm.engine.tableaus import DOP853, Tableau
 from pinarm.errors import IntegrationError
 
 Acceleration = Callable[[float, Array, Array], Array]
@@ -26,15 +27,17 @@ SHORTEST = 16.0
 
 
 class Manifold(Protocol):
-    """The space of configurations.
+    """The space of configurations."""
 
-    Attributes:
-        nq: Numbers in q.
-        nv: Numbers in v.
-    """
+    @property
+    def nq(self) -> int:
+        """Numbers in q."""
+        ...
 
-    nq: int
-    nv: int
+    @property
+    def nv(self) -> int:
+        """Numbers in v."""
+        ...
 
     def velocity(self, q: Array, v: Array) -> Array:
         """Return the time derivative of q, shape (nq,)."""

@@ -11,8 +11,8 @@ from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from pinarm.arrays import Array
 from pinarm.engine.dynamics import Dynamics
 from pinarm.errors import InputError, ModelError, choices
 from pinarm.input.documents import Document
@@ -28,7 +28,6 @@ from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import ForceElement, SpringDamper
 from pinarm.mechanics.model import build_model
 
-Array = NDArray[np.float64]
 Locate = Callable[..., AbstractContextManager[None]]
 """``with locate("forces", "spring"):`` gives errors of the block that place of a file."""
 

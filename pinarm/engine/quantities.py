@@ -22,8 +22,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from pinarm.arrays import Array
 from pinarm.engine.trajectory import Series, Trajectory
 from pinarm.errors import InputError, choices
 from pinarm.input.expressions import CONSTANTS, Expression
@@ -31,7 +31,6 @@ from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import METRE, LinearCoordinate, frame_of
 from pinarm.mechanics.forces import effort_unit
 
-Array = NDArray[np.float64]
 COMPONENTS = {"x": 0, "y": 1, "z": 2}
 SECOND, JOULE, WATT, NEWTON, NEWTON_METRE = unit("s"), unit("J"), unit("W"), unit("N"), unit("N*m")
 RATES = ("position", "velocity", "acceleration")
@@ -220,7 +219,11 @@ class Quantities:
                 pin.forwardKinematics(model, data, run.q[i], run.v[i], still)
                 pin.updateFramePlacements(model, data)
                 row = coordinate.row(model, data)
-                rows[i] = coordinate.value(data, run.q[i]), row @ run.v[i], row @ run.a[i] + coordinate.drift(model, data)
+                rows[i] = (
+                    coordinate.value(data, run.q[i]),
+                    row @ run.v[i],
+                    row @ run.a[i] + coordinate.drift(model, data),
+                )
             self._passes[key] = rows
         return self._passes[key]
 
@@ -284,5 +287,3 @@ def _is_constant(name: str, quantities: Quantities) -> bool:
         return False
     mechanism = quantities.trajectory.mechanism
     return not any(name in names for names in (quantities.symbols, mechanism.symbols, mechanism.arguments))
-
-

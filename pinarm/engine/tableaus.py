@@ -5,17 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pinarm.arrays import Array
 
 
 @dataclass(frozen=True)
 class Tableau:
     """An explicit Runge-Kutta pair with dense output.
 
-    Stage i is ``k_i = f(t + c_i h, y + h sum_j a_ij k_j)``; the step is ``y + h sum_i b_i k_i``, and ``k_s``, behind the
-    stages, is the slope at its end, which is also the first slope of the next step.
+    Stage i is ``k_i = f(t + c_i h, y + h sum_j a_ij k_j)``; the step is ``y + h sum_i b_i k_i``, and ``k_s``, behind
+    the stages, is the slope at its end, which is also the first slope of the next step.
 
     Attributes:
         name: Name for summaries.

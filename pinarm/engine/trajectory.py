@@ -6,14 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pinarm.arrays import Array
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
 from pinarm.input.units import Unit
 from pinarm.mechanics.motion import Grid
-
-Array = NDArray[np.float64]
 
 STANDSTILL = 1e-12
 """Velocity, relative to the largest of the run, that rounding leaves where a motion begins or ends."""
@@ -39,7 +37,7 @@ class Series:
         text = str(self.unit) if self.unit else "?"
         return self.name if text == "1" else f"{self.name} [{text}]"
 
-    def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> Array:  # type: ignore[type-arg]
+    def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> Array:
         """Let numpy take the values."""
         return np.array(self.values, dtype=dtype, copy=copy)
 
@@ -80,9 +78,7 @@ class Trajectory:
     def stretches(self) -> list[tuple[slice, Dynamics]]:
         """Return the rows between jumps, each with the dynamics that holds there."""
         cuts, rows = self.grid.cuts, self.grid.rows
-        return [
-            (slice(rows[k], rows[k + 1]), self.dynamics.on(cuts[k], cuts[k + 1])) for k in range(len(cuts) - 1)
-        ]
+        return [(slice(rows[k], rows[k + 1]), self.dynamics.on(cuts[k], cuts[k + 1])) for k in range(len(cuts) - 1)]
 
     def gather(self, value: Callable[[Dynamics, slice], Array]) -> Array:
         """Return an array over all rows from a function of the dynamics on each stretch and its rows."""

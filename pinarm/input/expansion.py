@@ -1,7 +1,7 @@
 """From a URDF or xacro file to plain URDF text, for files from strangers.
 
-xacro evaluates Python, reads any file and can be made to run for ever. So a private copy of it is loaded, beside the one
-a user may import, and while a file is expanded the functions of that copy that evaluate, read or recurse are ours:
+xacro evaluates Python, reads any file and can be made to run for ever. So a private copy of it is loaded, beside the
+one a user may import, and while a file is expanded the functions of that copy that evaluate, read or recurse are ours:
 expressions are the checked arithmetic of ``expressions``, only ``$(arg NAME)`` and ``$(find PACKAGE)`` are substituted,
 included files lie under the root, and every step counts against a budget. Honest files come out as xacro gives them.
 """
@@ -31,7 +31,7 @@ from pinarm.input.expressions import MANY, MAX_INTEGER, Grammar, interpret, look
 from pinarm.input.roots import NO_PACKAGES, contained, inside
 
 if TYPE_CHECKING:
-    from xml.dom.minidom import Document, Element
+    from xml.dom.minidom import Document, Element, Node
 
 MAX_BYTES = 2_000_000
 """Of all files of a model together, and of its expansion; the largest robot of example-robot-data has 0.2 MB."""
@@ -104,7 +104,7 @@ def _argument(name: str, value: float | str) -> str:
 
 
 def _check_declared(given: Mapping[str, str], declared: Mapping[str, None], source: str) -> None:
-    for name in given.keys() - declared.keys():
+    for name in sorted(given.keys() - declared.keys()):
         expected, hint = choices(name, declared, most=40)
         problem = ModelError(f"the model has no argument '{name}'", expected=expected, hint=hint)
         raise problem.at(Location(source))
@@ -330,8 +330,7 @@ class _Expander:
         path, source = Path(filename), self.sources.setdefault(filename, filename)
         if not path.exists():
             self.xacro.filestack.pop()  # as xacro does: where an include is optional, it goes on from here
-            error = FileNotFoundError(filename)
-            raise self.xacro.XacroException(f"there is no file {filename}", exc=error)
+            raise self.xacro.XacroException(f"there is no file {filename}", exc=FileNotFoundError())
         text = _read(inside(path, self.root, self.packages), source, MAX_BYTES - self.size)
         self.size += len(text)
         self.texts[filename] = text
@@ -358,9 +357,11 @@ class _Expander:
         self._spend()
         self._descend()
         outer, self.element = self.element, node
-        self.plain["eval_all"](node, macros, symbols)
-        self.element = outer
-        self.depth -= 1
+        try:
+            self.plain["eval_all"](node, macros, symbols)
+        finally:
+            self.depth -= 1
+        self.element = outer  # only now: where it fails, the place is that of the failure
 
     def check_attrs(self, tag: Element, required: list[str], optional: list[str]) -> list[Any]:
         """Fetch attributes; this is where xacro begins with each element of its own."""
@@ -386,7 +387,8 @@ class _Expander:
         except Exception:
             self.snippet = self.snippet or text.strip()
             raise
-        self.depth -= 1
+        finally:
+            self.depth -= 1
         result = parts[0] if len(parts) == 1 else "".join(map(str, parts))
         if isinstance(result, str):
             _bound("characters in one evaluated text", len(result), MAX_TEXT)
@@ -451,9 +453,9 @@ class _Expander:
 class _Keep:
     """Hands the place of an element on to its copies."""
 
-    def handle(self, _: int, key: str, place: tuple[str, int], __: Element, copy: Element) -> None:
+    def handle(self, operation: int, key: str, data: Any, src: Node, dst: Node) -> None:
         """Be called by the DOM for each copy."""
-        copy.setUserData(key, place, self)
+        dst.setUserData(key, data, self)
 
 
 _KEEP = _Keep()
@@ -522,22 +524,21 @@ class _Names(Mapping[str, Any]):
     def __init__(self, symbols: Any, namespace: type) -> None:
         self.symbols, self.namespace = symbols, namespace
 
-    def __getitem__(self, name: str) -> Any:
+    def _home(self, name: str) -> tuple[Mapping[str, Any], str]:
         *spaces, last = name.split(".")
         table = self.symbols
         for space in spaces:
+            if space not in table or not isinstance(table[space], self.namespace):
+                return {}, last
             table = table[space]
-            if not isinstance(table, self.namespace):
-                raise KeyError(name)
+        return table, last
+
+    def __getitem__(self, name: str) -> Any:
+        table, last = self._home(name)
         return table[last]
 
     def __contains__(self, name: object) -> bool:
-        table = self.symbols
-        *spaces, last = str(name).split(".")
-        for space in spaces:
-            table = table[space] if space in table else None
-            if not isinstance(table, self.namespace):
-                return False
+        table, last = self._home(str(name))
         return last in table
 
     def __iter__(self) -> Iterator[str]:
@@ -563,7 +564,7 @@ class _Scalars:
         return _bounded(look_up(name, self.names, _CONSTANTS))
 
     def unary(self, symbol: str, operand: Any) -> Any:
-        return _applied({"+": operator.pos, "-": operator.neg, "not": operator.not_}[symbol], operand)
+        return _applied(_UNARY[symbol], operand)
 
     def binary(self, symbol: str, left: Any, right: Any) -> Any:
         if isinstance(left, str) != isinstance(right, str) or (isinstance(left, str) and symbol != "+"):
@@ -593,9 +594,10 @@ class _Scalars:
 
 def _applied(function: Callable[..., Any], *operands: Any) -> Any:
     try:
-        return _bounded(function(*operands))
+        value = function(*operands)
     except (ArithmeticError, TypeError, ValueError) as error:
         raise ExpressionError(f"this cannot be computed ({error})") from None
+    return _bounded(value)
 
 
 def _bounded(value: Any) -> Any:
@@ -612,6 +614,7 @@ def _round(value: float, digits: int = 0) -> float:
     return round(value, max(-20, min(20, digits))) if digits else round(value)
 
 
+_UNARY: Mapping[str, Callable[[Any], Any]] = {"+": operator.pos, "-": operator.neg, "not": operator.not_}
 _OPERATIONS: Mapping[str, Callable[[Any, Any], Any]] = {
     "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "//": operator.floordiv,
     "%": operator.mod, "**": operator.pow, "==": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le,
@@ -619,12 +622,13 @@ _OPERATIONS: Mapping[str, Callable[[Any, Any], Any]] = {
 }  # fmt: skip
 
 _ONE_ARGUMENT = (
-    "sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh sqrt exp log2 log10 fabs floor ceil trunc radians degrees "
-    "isnan isinf isfinite"
-).split()
+    math.sin, math.cos, math.tan, math.asin, math.acos, math.atan, math.sinh, math.cosh, math.tanh, math.asinh,
+    math.acosh, math.atanh, math.sqrt, math.exp, math.log2, math.log10, math.fabs, math.floor, math.ceil, math.trunc,
+    math.radians, math.degrees, math.isnan, math.isinf, math.isfinite,
+)  # fmt: skip
 _MATH: dict[str, tuple[Callable[..., Any], int, int]] = {
-    **{name: (getattr(math, name), 1, 1) for name in _ONE_ARGUMENT},
-    **{name: (getattr(math, name), 2, 2) for name in ("atan2", "copysign", "fmod", "pow")},
+    **{function.__name__: (function, 1, 1) for function in _ONE_ARGUMENT},
+    "atan2": (math.atan2, 2, 2), "copysign": (math.copysign, 2, 2), "fmod": (math.fmod, 2, 2), "pow": (math.pow, 2, 2),
     "log": (math.log, 1, 2), "hypot": (math.hypot, 2, MANY),
 }  # fmt: skip
 _PYTHON: dict[str, tuple[Callable[..., Any], int, int]] = {

@@ -55,8 +55,9 @@ def contained(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PA
         InputError: It leads out of the root and of the packages, or is no path.
     """
     allowed = [folder.resolve() for folder in (root, *packages.values())]
+    local = _local(str(path), packages)
     try:
-        resolved = (allowed[0] / _local(str(path), packages)).resolve()
+        resolved = (allowed[0] / local).resolve()
         resolved.is_file()  # raises for names too long to be asked for
     except (OSError, ValueError, RuntimeError) as error:
         raise InputError(f"{_short(path)} is no path ({error.__class__.__name__})") from None

@@ -11,14 +11,13 @@ from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 from pydantic import Field
 
+from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError, choices
 from pinarm.input.schema import Model
 from pinarm.input.units import Unit, unit
 
-Array = NDArray[np.float64]
 METRE, RADIAN = unit("m"), unit("rad")
 AXES: dict[str, tuple[float, float, float]] = {
     "x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1),
@@ -71,13 +70,12 @@ def frame_of(model: pin.Model, name: str) -> int:
 
 
 class Coordinate(Protocol):
-    """A coordinate of one mechanism, ready for evaluation.
+    """A coordinate of one mechanism, ready for evaluation."""
 
-    Attributes:
-        unit: Unit of its value.
-    """
-
-    unit: Unit
+    @property
+    def unit(self) -> Unit:
+        """Unit of its value."""
+        ...
 
     def value(self, data: pin.Data, q: Array) -> float:
         """Return w(q); the placements of frames in ``data`` are those of q."""
@@ -104,7 +102,7 @@ class LinearCoordinate:
 
     unit: Unit
     weights: Array
-    places: NDArray[np.intp]
+    places: Indices
 
     def value(self, data: pin.Data, q: Array) -> float:
         """Return the weighted sum."""

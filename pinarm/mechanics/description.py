@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from pinarm.arrays import Array
 from pinarm.input.schema import Model, quantity
 from pinarm.mechanics.coordinates import AXES, Axis, CoordinateDefinition
 from pinarm.mechanics.drives import Drive
@@ -28,9 +28,9 @@ class Gravity(Model):
     direction: Axis = "-z"
     magnitude: quantity("m/s^2") = Field(default=STANDARD_GRAVITY, ge=0)  # type: ignore[valid-type]
 
-    def vector(self) -> NDArray[np.float64]:
+    def vector(self) -> Array:
         """Return the field [m/s^2], world axes, shape (3,)."""
-        return self.magnitude * np.array(AXES[self.direction], float)
+        return np.array(AXES[self.direction], float) * float(self.magnitude)
 
 
 class MechanismDescription(Model):

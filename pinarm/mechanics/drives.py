@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from pinarm.arrays import Array
 from pinarm.input.schema import Model, quantity
-
-Array = NDArray[np.float64]
 
 
 class Drive(Model):
     """A motor that turns ``ratio`` times as fast as its joint, through a gear of constant efficiency.
 
     With tau the effort at the joint, v its velocity and N the ratio: the motor turns at ``N v`` and gives
-    ``tau / (N eta)`` while it drives (tau v > 0), ``eta tau / N`` while the load drives it, plus ``J N a`` for its rotor.
+    ``tau / (N eta)`` while it drives (tau v > 0), ``eta tau / N`` while the load drives it, plus ``J N a`` for its
+    rotor.
     At rest friction in the gear helps to hold, and the torque given is that which would set the load in motion,
     ``tau / (N eta)``: the safe side for sizing.
 
@@ -34,7 +33,7 @@ class Drive(Model):
     @property
     def armature(self) -> float:
         """Inertia of the rotor as the joint feels it, N^2 J [kg*m^2]."""
-        return self.ratio**2 * self.rotor_inertia
+        return float(self.ratio**2 * self.rotor_inertia)
 
     def torque(self, effort: Array, direction: Array, a: Array) -> Array:
         """Return the motor's torque [N*m], shape (n,).

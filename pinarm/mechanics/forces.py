@@ -11,16 +11,14 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError, choices
 from pinarm.input.schema import AnyQuantity, Measured, Model
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import METRE, Joint
 from pinarm.mechanics.motion import Law, MotionLaw, Values
-
-Array = NDArray[np.float64]
 
 
 class ForceElement(Protocol):
@@ -61,8 +59,8 @@ class SpringDamper:
         rest: Coordinate at which the spring is free [rad or m], shape (k,).
     """
 
-    q: NDArray[np.intp]
-    v: NDArray[np.intp]
+    q: Indices
+    v: Indices
     stiffness: Array
     damping: Array
     rest: Array

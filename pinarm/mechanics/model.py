@@ -1,16 +1,16 @@
-"""From a model's text to Pinocchio's model, checked first: Pinocchio takes a NaN mass for 0 and a zero axis for an axis."""
+"""From a model's text to Pinocchio's model. The text is checked first: Pinocchio takes a NaN mass for 0 kg."""
 
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from dataclasses import dataclass
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from pinarm.arrays import Array
 from pinarm.errors import ModelError, choices
 
 TURNS_WITHOUT_LIMIT = 1e15
@@ -33,7 +33,7 @@ class RobotModel:
 
     model: pin.Model
     xml: str
-    damping: NDArray[np.float64]
+    damping: Array
     notes: tuple[str, ...]
 
 
@@ -96,7 +96,7 @@ def _check_inertia(element: ElementTree.Element, where: str) -> None:
         raise ModelError(f"{where}: a principal moment of inertia is negative ({moments[0]:g} kg*m^2)")
     if moments[0] + moments[1] < moments[2] - slack:
         raise ModelError(
-            f"{where}: no body has the principal moments of inertia {moments[0]:g}, {moments[1]:g}, {moments[2]:g} kg*m^2",
+            f"{where}: no body has principal moments of inertia {', '.join(f'{m:g}' for m in moments)} kg*m^2",
             expected="each at most the sum of the other two",
         )
 
@@ -148,6 +148,8 @@ def _make_revolute(joint: ElementTree.Element) -> None:
     joint.set("type", "revolute")
     limit = joint.find("limit")
     if limit is None:
-        limit = ElementTree.SubElement(joint, "limit", effort=f"{TURNS_WITHOUT_LIMIT}", velocity=f"{TURNS_WITHOUT_LIMIT}")
+        limit = ElementTree.SubElement(
+            joint, "limit", effort=f"{TURNS_WITHOUT_LIMIT}", velocity=f"{TURNS_WITHOUT_LIMIT}"
+        )
     limit.set("lower", f"{-TURNS_WITHOUT_LIMIT}")
     limit.set("upper", f"{TURNS_WITHOUT_LIMIT}")

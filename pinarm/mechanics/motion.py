@@ -10,17 +10,17 @@ import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.schema import Derivative, Level, Measured, Model, Rate, SecondRate, Time, quantity
 from pinarm.input.units import Unit, unit
 
-Array = NDArray[np.float64]
 Values = tuple[Array, Array, Array]
 """s, s' and s'' at the same instants, each of shape (n,)."""
 
@@ -46,8 +46,8 @@ class Piece:
 def polynomial(origin: float, *coefficients: float) -> Callable[[Array], Values]:
     """Return ``s(t) = sum_k c_k (t - origin)^k`` with its derivatives."""
     c = np.array(coefficients)
-    dc = c[1:] * np.arange(1, len(c))
-    ddc = dc[1:] * np.arange(1, len(dc))
+    dc = c[1:] * np.arange(1.0, len(c))
+    ddc = dc[1:] * np.arange(1.0, len(dc))
 
     def function(t: Array) -> Values:
         x = np.asarray(t, float) - origin
@@ -93,7 +93,7 @@ class MotionLaw(Model):
         """Return the breakpoints at which s, s' or s'' itself jumps, not only a higher derivative."""
         pieces = self.pieces()
         found = []
-        for before, after in zip(pieces, pieces[1:], strict=False):
+        for before, after in pairwise(pieces):
             instant = np.array([after.start])
             sides = np.array([before.function(instant), after.function(instant)])[:, :, 0]
             if (abs(sides[0] - sides[1]) > ROUNDING * abs(sides).max()).any():
@@ -291,7 +291,7 @@ class Grid:
         inner = sorted({x for law in laws for x in law.jumps() if first < x < last})
         cuts = [first, *inner, last]
         parts = []
-        for start, end in zip(cuts, cuts[1:], strict=False):
+        for start, end in pairwise(cuts):
             inside = t[(t > start + ROUNDING * (last - first)) & (t < end - ROUNDING * (last - first))]
             parts.append(np.concatenate([[start], inside, [end]] if end > start else [[start]]))
         rows = np.cumsum([0, *(len(part) for part in parts)])
@@ -299,9 +299,7 @@ class Grid:
 
     def evaluate(self, law: MotionLaw) -> Values:
         """Return s, s', s'' of a law at every row, each side of a jump by its own piece."""
-        parts = [
-            self._on(law, stretch) for stretch in range(len(self.cuts) - 1)
-        ]
+        parts = [self._on(law, stretch) for stretch in range(len(self.cuts) - 1)]
         s, ds, dds = (np.concatenate([part[k] for part in parts]) for k in range(3))
         return s, ds, dds
 
@@ -311,7 +309,7 @@ class Grid:
         t = self.t[self.rows[stretch] : self.rows[stretch + 1]]
         bounds = [start, *(x for x in law.breakpoints() if start < x < end), end]
         values = np.empty((3, len(t)))
-        for low, high in zip(bounds, bounds[1:], strict=False):
+        for low, high in pairwise(bounds):
             inside = (t >= low) & (t <= high)
             values[:, inside] = law.on(low, high)(t[inside])
         return values[0], values[1], values[2]

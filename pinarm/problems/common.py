@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, choices
 from pinarm.input.schema import Measured, Model, Time
@@ -16,7 +16,6 @@ from pinarm.input.units import Unit
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.motion import MotionLaw
 
-Array = NDArray[np.float64]
 Place = Callable[..., AbstractContextManager[None]]
 """``with place("motion", "theta"):`` gives errors of the block that place of the problem in its file."""
 
@@ -68,7 +67,9 @@ def check_motion(mechanism: Mechanism, motion: Mapping[str, MotionLaw], place: P
             law.check_units(mechanism.coordinate(name).unit)
 
 
-def check_levels(mechanism: Mechanism, levels: Mapping[str, float], place: Place, *at: str, per: Unit | None = None) -> None:
+def check_levels(
+    mechanism: Mechanism, levels: Mapping[str, float], place: Place, *at: str, per: Unit | None = None
+) -> None:
     """Check names and units of values given for joint coordinates, or for their rates ``per`` a unit.
 
     Raises:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -63,10 +64,9 @@ class Forward(Model):
         start, end = self.time.start, self.time.end
         inner = sorted({x for law in laws for x in law.breakpoints() if start < x < end})
         bounds = [start, *inner, end]
-        parts = [dynamics.on(low, high) for low, high in zip(bounds, bounds[1:], strict=False)]
-        stretches = [
-            Stretch(low, high, part.acceleration()) for low, high, part in zip(bounds, bounds[1:], parts, strict=False)
-        ]
+        parts = [dynamics.on(low, high) for low, high in pairwise(bounds)]
+        spans = zip(pairwise(bounds), parts, strict=True)
+        stretches = [Stretch(low, high, part.acceleration()) for (low, high), part in spans]
         grid = Grid.cover(self.time.instants(), laws)
         try:
             solution = integrate(stretches, dynamics.manifold, q, v, tolerance=accuracy.tolerance)

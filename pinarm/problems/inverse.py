@@ -17,6 +17,7 @@ from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.motion import Grid, Law
 from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_motion
 
+
 class Inverse(Model):
     """Efforts for a motion that laws impose on as many coordinates as the mechanism has degrees of freedom.
 
@@ -44,6 +45,7 @@ class Inverse(Model):
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"):
             return driven(mechanism, imposed, grid, self.start, forces, "t", unit("s"))
+
 
 def driven(
     mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Mapping[str, float], forces: Sequence[ForceElement],
@@ -74,5 +76,3 @@ def driven(
         return Trajectory(mechanism, parameter, measured, part, q, v, a, tau, dynamics, draft.again)
 
     return on(grid, start)
-
-__all__ = ["Inverse", "MotionLaw", "driven"]

@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pinarm.arrays import Array
 from pinarm.engine.quantities import Quantities
 from pinarm.errors import InputError
 from pinarm.input.schema import Measured
@@ -21,8 +21,6 @@ from pinarm.use import instants
 from pinarm.use.expectation import Expectation
 from pinarm.use.result import Result
 from pinarm.use.scenario import Scenario
-
-Array = NDArray[np.float64]
 
 FORMULA = 1e-10
 """Relative tolerance of formulas where the entry gives none."""

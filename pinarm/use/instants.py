@@ -1,22 +1,26 @@
-"""Where on a run a quantity is asked: at an instant, at a coordinate's value, at an extreme; solved there, not interpolated."""
+"""Where on a run a quantity is asked: an instant, a coordinate's value, an extreme; solved there, not interpolated."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pinarm.arrays import Array
 from pinarm.engine.quantities import Quantities
 from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import InputError
 from pinarm.input.schema import Measured
 from pinarm.input.units import read_quantity
 
-Array = NDArray[np.float64]
-
 POINTS, ROUNDS = 17, 14
 """A bracket is cut in 16 parts 14 times: 16^14 is beyond the digits of a double, so it ends at rounding."""
+
+_HEIGHTS: dict[str, Callable[[Array], Array]] = {
+    "max": lambda x: x,
+    "min": lambda x: -x,
+    "largest": lambda x: np.abs(x),
+}
 
 SAME = 1e-9
 """Relative difference between two sides of an instant below which there is no jump to be asked about."""
@@ -119,7 +123,7 @@ def _choose(
 def _extreme(quantities: Quantities, which: str, name: str) -> Quantities:
     """Return the row at which a quantity is largest, smallest, or largest in size, refined between the samples."""
     run = quantities.trajectory
-    height: Callable[[Array], Array] = {"max": lambda x: x, "min": lambda x: -x, "largest": np.abs}[which]
+    height = _HEIGHTS[which]
     values = height(quantities[name].values)
     best = int(np.nanargmax(values))
     stretch = next(k for k in range(len(run.grid.cuts) - 1) if best < run.grid.rows[k + 1])

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import matplotlib
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from pinarm.arrays import Array
 from pinarm.engine.trajectory import Series
 from pinarm.input.units import Unit
 from pinarm.use.result import Result
@@ -16,7 +19,7 @@ from pinarm.use.result import Result
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's palette."""
 
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False,
     "axes.grid": True, "grid.alpha": 0.3, "grid.linewidth": 0.5, "lines.linewidth": 1.5,
     "text.usetex": False, "axes.formatter.useoffset": False, "svg.fonttype": "none",
@@ -53,7 +56,7 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
     return figure
 
 
-def _draw(axis: matplotlib.axes.Axes, series: Series, x: object, colour: str) -> None:
+def _draw(axis: Axes, series: Series, x: Array, colour: str) -> None:
     scale, measured = _shown(series)
     values = series.values / scale
     axis.plot(x, values, color=colour)

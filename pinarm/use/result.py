@@ -97,7 +97,7 @@ class Result:
             run = self.trajectory
             where = f"{run.parameter} = {run.grid.t[bad[0]]:.9g} {run.unit}"
             raise DynamicsError(
-                f"{name} is not finite at {where} (q = {np.array2string(run.q[bad[0]])}), and at {len(bad) - 1} more rows",
+                f"{name} is not finite at {where}, q = {np.array2string(run.q[bad[0]])}, and {len(bad) - 1} more rows",
                 hint="a body without mass that is free to move, or a formula that divides by zero there",
                 partial=self, t=float(run.grid.t[bad[0]]), q=run.q[bad[0]],
             )  # fmt: skip
@@ -130,8 +130,9 @@ class Result:
 
     def _headline(self, series: Series) -> dict[str, Any]:
         """Return a quantity's smallest and largest value among the rows, and where they stand."""
-        t, values = self.trajectory.grid.t, series.values
-        low, high = int(values.argmin()), int(values.argmax())
+        t, values = self.trajectory.grid.t, series.values + 0.0  # -0 becomes 0
+        slack = PLATEAU * float(np.abs(values).max())
+        low, high = int((values <= values.min() + slack).argmax()), int((values >= values.max() - slack).argmax())
         return {
             "unit": str(series.unit or "?"), "min": values[low], "at_min": t[low], "max": values[high],
             "at_max": t[high], "start": values[0], "end": values[-1],
@@ -145,10 +146,12 @@ class Result:
         return hashlib.sha256(text.encode()).hexdigest()
 
 
+PLATEAU = 1e-12
+"""Relative difference below which neighbouring rows share an extreme: the first of them is named."""
+
 MEASURES = {
     "equilibrium": "virtual power for every unit velocity, relative to its terms",
     "power": "balance of power along the motion, relative to its terms",
     "energy": "energy that nothing accounts for, relative to the energy exchanged",
 }
 """Figures that tell the accuracy of a run, and what they mean."""
-

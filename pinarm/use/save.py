@@ -31,7 +31,7 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
         _write(folder / "summary.json", json.dumps(result.summary(), indent=2, default=_plain) + "\n")
         columns = result.columns()
         _write(folder / "trajectory.csv", csv(columns))
-        np.savez(folder / "trajectory.npz", allow_pickle=False, **_arrays(result, columns))
+        np.savez(folder / "trajectory.npz", **_arrays(result, columns))
         if timing:
             _write(folder / "timing.json", json.dumps(timing, indent=2) + "\n")
     except OSError as error:
@@ -83,7 +83,7 @@ def _resolved(result: Result, folder: Path) -> str:
     if source.suffix:
         written["mechanism"] = os.path.relpath(result.folder / source, folder)
     text = StringIO()
-    writer = YAML(typ="safe", pure=True)
+    writer: Any = YAML(typ="safe", pure=True)
     writer.default_flow_style = False
     writer.sort_base_mapping_type_on_output = False
     writer.dump(written, text)
