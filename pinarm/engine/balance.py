@@ -43,10 +43,10 @@ def power_balance(trajectory: Trajectory) -> dict[str, float]:
             jacobian = pin.getJointJacobian(model, data, joint, pin.LOCAL).reshape(6, -1)
             inertia, twist, acceleration = model.inertias[joint], data.v[joint], data.a[joint]
             fall = data.oMi[joint].actInv(model.gravity)
-            for demand in (inertia * acceleration, twist.cross(inertia * twist), -(inertia * fall)):
-                part = jacobian.T @ demand.vector
-                residuals[k] -= part
-                terms[k] += np.abs(part)
+            demands = (inertia * acceleration, twist.cross(inertia * twist), inertia * -fall)
+            parts = jacobian.T @ np.array([demand.vector for demand in demands]).T
+            residuals[k] -= parts.sum(axis=1)
+            terms[k] += np.abs(parts).sum(axis=1)
     v = trajectory.v[rows]
     powers, scale = (residuals * v).sum(axis=1), (terms * np.abs(v)).sum(axis=1)
     return {"equilibrium": _relative(residuals, terms), "power": _relative(powers, scale)}

@@ -37,6 +37,8 @@ MAX_BYTES = 2_000_000
 """Of all files of a model together, and of its expansion; the largest robot of example-robot-data has 0.2 MB."""
 MAX_ELEMENTS = 50_000
 """Largest robot of example-robot-data: 3900."""
+MAX_COMMENTS = 5000
+"""Largest robot of example-robot-data: 237; xacro takes time quadratic in their number."""
 MAX_LINKS = 2000
 """Links, and joints as well; Pinocchio's parser recurses along chains and crashes at 10,000."""
 MAX_DEPTH = 100
@@ -46,7 +48,7 @@ MAX_TEXT = 10_000
 MAX_STEPS = 200_000
 """Evaluations and nodes copied."""
 MAX_SECONDS = 5.0
-"""A backstop: xacro takes time quadratic in the number of siblings."""
+"""A backstop: the tree takes time quadratic in the number of siblings."""
 
 _LOCK = threading.Lock()
 
@@ -132,6 +134,7 @@ class Survey:
         lines: Line of every element, in the order of the document.
         links: Number of links below the root element.
         joints: Number of joints below the root element.
+        comments: Number of comments.
         is_xacro: Whether there is anything of xacro in it.
     """
 
@@ -139,6 +142,7 @@ class Survey:
     lines: list[int] = field(default_factory=list)
     links: int = 0
     joints: int = 0
+    comments: int = 0
     is_xacro: bool = False
     _depth: int = 0
 
@@ -152,6 +156,7 @@ class Survey:
         survey, parser = cls(source), expat.ParserCreate()
         parser.StartElementHandler = lambda name, attributes: survey._start(name, attributes, parser)
         parser.EndElementHandler = survey._end
+        parser.CommentHandler = survey._count_comment
         parser.StartDoctypeDeclHandler = survey._refuse_doctype
         try:
             parser.Parse(text, True)
@@ -178,6 +183,10 @@ class Survey:
 
     def _end(self, name: str) -> None:
         self._depth -= 1
+
+    def _count_comment(self, _: str) -> None:
+        self.comments += 1
+        _bound("comments", self.comments, MAX_COMMENTS)
 
     def _refuse_doctype(self, *_: object) -> None:
         raise ModelError("a model has no DOCTYPE and no entities", hint="remove the line that begins with <!DOCTYPE")
@@ -206,19 +215,19 @@ _MACRO_PARAMETER = re.compile(
 _DISARMED = ("open", "eval", "compile", "os", "glob", "load_yaml", "safe_eval", "eval_extension", "process_file")
 """Names of xacro that nothing should reach once ours are in place; should anything, it fails."""
 _OURS = (
-    "check_attrs", "eval_all", "eval_text", "get_include_files", "is_valid_name", "parse", "print_location",
-    "reqd_attrs", "warning",
+    "check_attrs", "eval_all", "eval_text", "get_include_files", "handle_macro_call", "is_valid_name", "parse",
+    "print_location", "replace_node", "reqd_attrs", "warning",
 )  # fmt: skip
 _NEEDED = (
     *_OURS, "LEXER", "NameSpace", "Table", "XacroException", "_global_symbols", "all_includes", "filestack",
-    "handle_macro_call", "init_stacks", "macrostack", "process_doc", "process_include", "re_macro_arg", "root_dir",
+    "init_stacks", "macrostack", "process_doc", "process_include", "re_macro_arg", "root_dir",
     "substitution_args_context",
 )  # fmt: skip
 
 
 @cache
-def _xacro() -> ModuleType:
-    """Load a copy of xacro for ourselves.
+def _xacro() -> tuple[ModuleType, dict[str, Any]]:
+    """Load a copy of xacro for ourselves; return it with its functions that ours will stand in for.
 
     Raises:
         ModelError: It is missing, or not the version whose inside we know.
@@ -244,7 +253,7 @@ def _xacro() -> ModuleType:
     if missing := [name for name in _NEEDED if not hasattr(module, name)]:
         raise ModelError(f"this xacro {version} has no {missing[0]}: it is not known to be contained", hint=hint)
     vars(module).update(dict.fromkeys(_DISARMED), re_macro_arg=_MACRO_PARAMETER, _global_symbols={})
-    return module
+    return module, {name: getattr(module, name) for name in _OURS}
 
 
 class _Expander:
@@ -261,8 +270,8 @@ class _Expander:
         self, root: Path, packages: Mapping[str, Path], arguments: dict[str, str], sources: dict[str, str]
     ) -> None:
         self.root, self.packages, self.arguments, self.sources = root, packages, arguments, sources
-        self.xacro = _xacro()
-        self.plain: dict[str, Any] = {name: getattr(self.xacro, name) for name in _OURS}
+        with _LOCK:  # loading it is not for two at once either
+            self.xacro, self.plain = _xacro()
         self.declared: dict[str, None] = {}
         self.warnings: list[str] = []
         self.texts: dict[str, str] = {}
@@ -283,8 +292,6 @@ class _Expander:
                 return _Writer().document(document)
             except PinarmError as error:
                 raise error.at(self._here()) from None
-            except RecursionError:
-                raise ModelError("the model is nested too deeply, or a macro calls itself").at(self._here()) from None
             except Exception as error:  # xacro raises whatever Python does where a file surprises it
                 raise ModelError(_one_line(error) + self._macros()).at(self._here()) from None
             finally:
@@ -362,6 +369,22 @@ class _Expander:
         finally:
             self.depth -= 1
         self.element = outer  # only now: where it fails, the place is that of the failure
+
+    def handle_macro_call(self, node: Element, macros: Any, symbols: Any) -> bool:
+        """Expand an element if it is a macro's, and tell whether it is."""
+        if not node.tagName.startswith("xacro:"):
+            return False
+        self.element = node
+        return bool(self.plain["handle_macro_call"](node, macros, symbols))
+
+    def replace_node(self, node: Element, by: Any, content_only: bool = False) -> None:
+        """Put trees, or what is in them, in the place of an element; it takes xacro time quadratic in their number."""
+        parent: Any = node.parentNode
+        for tree in by if isinstance(by, list) else [by] if by is not None else []:
+            for child in list(tree.childNodes) if content_only else [tree]:
+                self._spend()
+                parent.insertBefore(child, node)
+        parent.removeChild(node)
 
     def check_attrs(self, tag: Element, required: list[str], optional: list[str]) -> list[Any]:
         """Fetch attributes; this is where xacro begins with each element of its own."""
@@ -496,7 +519,7 @@ class _Writer:
         children = element.childNodes
         self.write(f"{indent}<{element.tagName}")
         for name, value in sorted(element.attributes.items()):
-            self.write(f' {name}="{escape(value, _ATTRIBUTE)}"')
+            self.write(f' {name}="{escape(str(value), _ATTRIBUTE)}"')
         if not children:
             self.write("/>\n")
         elif len(children) == 1 and children[0].nodeType == element.TEXT_NODE:

@@ -23,6 +23,21 @@ AXES: dict[str, tuple[float, float, float]] = {
     "x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1),
 }  # fmt: skip
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+Direction = Axis | tuple[float, float, float]
+"""An axis of the world, or the components of a direction."""
+
+
+def unit_vector(direction: Direction) -> Array:
+    """Return a direction as a unit vector, shape (3,).
+
+    Raises:
+        InputError: It has no length.
+    """
+    vector = np.array(AXES[direction] if isinstance(direction, str) else direction, float)
+    length = float(np.linalg.norm(vector))
+    if not 0.0 < length < np.inf:
+        raise InputError(f"{direction} is no direction", expected="three numbers, not all zero")
+    return vector / length
 
 
 @dataclass(frozen=True)
@@ -146,6 +161,100 @@ class FrameCoordinate:
         return float(self.axis @ acceleration.linear)
 
 
+@dataclass(frozen=True)
+class DistanceCoordinate:
+    """Distance between the origins of two links: ``w = |d|``, ``d = p_2 - p_1``, ``w' = u . d'`` with ``u = d / w``.
+
+    The drift is ``u . d'' + (|d'|^2 - (u . d')^2) / w`` with d'' for a = 0. Undefined where the points meet.
+
+    Attributes:
+        first: Index of the first frame.
+        second: Index of the second one.
+        unit: Metre.
+    """
+
+    first: int
+    second: int
+    unit: Unit = METRE
+
+    def value(self, data: pin.Data, q: Array) -> float:
+        """Return the distance."""
+        return float(np.linalg.norm(self._apart(data)))
+
+    def row(self, model: pin.Model, data: pin.Data) -> Array:
+        """Return u . (J_2 - J_1)."""
+        one, two = (
+            pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)[:3]
+            for frame in (self.first, self.second)
+        )
+        return np.asarray(self._apart(data) @ (two - one) / self.value(data, np.empty(0)))
+
+    def drift(self, model: pin.Model, data: pin.Data) -> float:
+        """Return the drift."""
+        world, frames = pin.LOCAL_WORLD_ALIGNED, (self.first, self.second)
+        v1, v2 = (pin.getFrameVelocity(model, data, frame, world).linear for frame in frames)
+        a1, a2 = (pin.getFrameClassicalAcceleration(model, data, frame, world).linear for frame in frames)
+        length = self.value(data, np.empty(0))
+        along, rate = self._apart(data) / length, v2 - v1
+        return float(along @ (a2 - a1) + (rate @ rate - (along @ rate) ** 2) / length)
+
+    def _apart(self, data: pin.Data) -> Array:
+        return np.asarray(data.oMf[self.second].translation - data.oMf[self.first].translation)
+
+
+@dataclass(frozen=True)
+class RotationCoordinate:
+    """Component k of the rotation vector w of a link, ``R = exp([w])``: ``w' = B(w) omega``.
+
+    With theta = |w|, W = [w] and omega in the link's axes, ``B = 1 + W/2 + c(theta) W^2`` and
+    ``c = 1/theta^2 - (1 + cos theta) / (2 theta sin theta)``; the drift is ``B' omega`` plus B times the angular
+    acceleration for a = 0. (Sola, Deray, Atchuthan, A micro Lie theory, eq. (144).)
+
+    Attributes:
+        frame: Index of the frame.
+        component: k.
+        unit: Radian.
+    """
+
+    frame: int
+    component: int
+    unit: Unit = RADIAN
+
+    def value(self, data: pin.Data, q: Array) -> float:
+        """Return the component."""
+        return float(pin.log3(data.oMf[self.frame].rotation)[self.component])
+
+    def row(self, model: pin.Model, data: pin.Data) -> Array:
+        """Return row k of B J_omega."""
+        jacobian = pin.getFrameJacobian(model, data, self.frame, pin.LOCAL).reshape(6, -1)[3:]
+        return np.asarray(pin.Jlog3(data.oMf[self.frame].rotation)[self.component] @ jacobian)
+
+    def drift(self, model: pin.Model, data: pin.Data) -> float:
+        """Return the drift."""
+        turn = data.oMf[self.frame].rotation
+        omega = pin.getFrameVelocity(model, data, self.frame, pin.LOCAL).angular
+        alpha = pin.getFrameAcceleration(model, data, self.frame, pin.LOCAL).angular
+        b = pin.Jlog3(turn)
+        w = pin.log3(turn)
+        rate = b @ omega
+        return float((b @ alpha + _rate_of_b(w, rate) @ omega)[self.component])
+
+
+def _rate_of_b(w: Array, rate: Array) -> Array:
+    """Return B' for a rotation vector and its rate; near 0 by the series ``c = 1/12 + theta^2/720``."""
+    theta2 = float(w @ w)
+    theta = theta2**0.5
+    if theta < 1e-2:  # the series' next term is theta^4 / 30240: below rounding here
+        c, slope = 1 / 12 + theta2 / 720, 1 / 360 + theta2 / 7560
+    else:
+        sine, cosine = np.sin(theta), np.cos(theta)
+        c = 1 / theta2 - (1 + cosine) / (2 * theta * sine)
+        slope = ((1 + cosine) * (sine + theta) / (2 * theta2 * sine**2) - 2 / theta**3) / theta
+    skew, turned = pin.skew(w), pin.skew(rate)
+    growth = slope * float(w @ rate)
+    return np.asarray(0.5 * turned + growth * (skew @ skew) + c * (turned @ skew + skew @ turned))
+
+
 class AngleSum(Model):
     """Sum of joint coordinates about parallel axes: the absolute angle of a link, turns counted."""
 
@@ -158,18 +267,50 @@ class AngleSum(Model):
 
 
 class PointCoordinate(Model):
-    """Position of a link's origin along an axis of the world, e.g. a height."""
+    """Position of a link's origin along a direction of the world, e.g. a height, or the place on a line.
+
+    Attributes:
+        point: The link.
+        along: An axis, or the three components of a direction of any length.
+    """
 
     kind: Literal["point"]
     point: str
-    along: Axis
+    along: Direction
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
         """Return the coordinate of one model."""
-        return FrameCoordinate(frame_of(model, self.point), np.array(AXES[self.along], float))
+        return FrameCoordinate(frame_of(model, self.point), unit_vector(self.along))
 
 
-CoordinateDefinition = Annotated[AngleSum | PointCoordinate, Field(discriminator="kind")]
+class Distance(Model):
+    """Distance between the origins of two links."""
+
+    kind: Literal["distance"]
+    between: tuple[str, str]
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
+        """Return the coordinate of one model."""
+        return DistanceCoordinate(frame_of(model, self.between[0]), frame_of(model, self.between[1]))
+
+
+class Rotation(Model):
+    """Component of a link's rotation vector, along an axis of the world.
+
+    The rotation vector has the direction of the axis about which the link is turned from the world's axes, and the
+    length of the angle. Three of them give an orientation; they are singular at half a turn.
+    """
+
+    kind: Literal["rotation"]
+    body: str
+    about: Literal["x", "y", "z"]
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
+        """Return the coordinate of one model."""
+        return RotationCoordinate(frame_of(model, self.body), "xyz".index(self.about))
+
+
+CoordinateDefinition = Annotated[AngleSum | PointCoordinate | Distance | Rotation, Field(discriminator="kind")]
 """Any coordinate that a mechanism file may define. A new kind is one class above and one entry here."""
 
 

@@ -1,0 +1,79 @@
+"""Tables of motion in CSV files: a heading with names and units, then numbers."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pinarm.errors import InputError, Location
+from pinarm.input.roots import inside, root_of
+from pinarm.input.units import Unit, unit
+
+MAX_BYTES = 100_000_000
+_HEADING = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*")
+
+
+def read_table(file: str, context: Mapping[str, Any] | None) -> tuple[tuple[float, ...], tuple[float, ...], Unit | None]:
+    """Read instants and values from the first two columns of a CSV file.
+
+    Args:
+        file: Its name, relative to the folder of the document that names it.
+        context: Validation context with that ``folder``; the current folder where there is none.
+
+    Returns:
+        Instants [s], values in SI, and the unit of the values.
+
+    Raises:
+        InputError: The file cannot be read, has no heading, a cell is no finite number, or the instants do not ascend;
+            says in which line.
+    """
+    folder = Path((context or {}).get("folder", "."))
+    path = inside((folder / file).absolute(), root_of(folder), {})
+    if path.stat().st_size > MAX_BYTES:
+        raise InputError(f"the table {file} is too large", expected=f"at most {MAX_BYTES} bytes")
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as stream:
+            rows = list(csv.reader(stream))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"the table {file} is not CSV text ({error})") from None
+    if len(rows) < 3 or len(rows[0]) < 2:
+        raise InputError(f"the table {file} is too short", expected="a heading and at least two rows of two columns")
+    (time_unit, measured), numbers = (_unit(cell, file) for cell in rows[0][:2]), []
+    for line, row in enumerate(rows[1:], start=2):
+        if row:
+            numbers.append((_number(row, 0, file, line) * time_unit.factor, _number(row, 1, file, line) * measured.factor))
+            if len(numbers) > 1 and not numbers[-1][0] > numbers[-2][0]:
+                raise InputError("the instants do not ascend", expected="each later than the one before").at(
+                    Location(file, line, 1, ",".join(row))
+                )
+    if time_unit.dimension != unit("s").dimension:
+        raise InputError(f"the first column of {file} is in {time_unit}", expected="instants, such as t [s]")
+    return tuple(t for t, _ in numbers), tuple(value for _, value in numbers), measured
+
+
+def _unit(cell: str, file: str) -> Unit:
+    match = _HEADING.fullmatch(cell)
+    try:
+        float(cell)
+    except ValueError:
+        if match and match["unit"] is not None:
+            return unit(match["unit"])
+    raise InputError(f"the heading '{cell}' has no unit", expected="such as t [s] and theta [deg]").at(
+        Location(file, 1, 1, cell)
+    )
+
+
+def _number(row: list[str], column: int, file: str, line: int) -> float:
+    try:
+        number = float(row[column])
+    except (ValueError, IndexError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise InputError("a finite number is missing", expected="an instant and a value").at(
+            Location(file, line, 1, ",".join(row))
+        )
+    return number
