@@ -7,7 +7,9 @@ computed until then is kept), 130 interrupted. Results go to stdout; progress to
 from __future__ import annotations
 
 import argparse
+import io
 import json
+import math
 import os
 import sys
 import time
@@ -31,12 +33,15 @@ OK, MISSED, BAD_INPUT, NUMERICS_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     options = _parser().parse_args(arguments)
+    for stream in (sys.stdout, sys.stderr):  # a terminal without Unicode shows question marks instead of failing
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     try:
         return int(options.command(options))
     except PinarmError as error:
         if options.traceback:
             raise
-        print(f"error: {error}", file=sys.stderr)
+        _tell(error)
         return _keep_partial(error, options)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
@@ -115,7 +120,7 @@ def _check(options: argparse.Namespace) -> int:
     else:
         _print_findings(findings)
     for failure in failures:
-        print(f"error: {failure}", file=sys.stderr)
+        _tell(failure)
     if failures:
         return max(failure.exit_code for failure in failures)
     return MISSED if misses(findings) else OK
@@ -138,7 +143,7 @@ def _validate(options: argparse.Namespace) -> int:
     if options.json:
         _print_json({"mistakes": [{"file": str(path), "error": str(error)} for path, error in mistakes]})
     for _, mistake in mistakes:
-        print(f"error: {mistake}", file=sys.stderr)
+        _tell(mistake)
     return BAD_INPUT if mistakes else OK
 
 
@@ -216,13 +221,17 @@ def _justified(row: Sequence[str], widths: Sequence[int]) -> list[str]:
 def _print_findings(findings: Sequence[Finding]) -> None:
     from rich.console import Console
 
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 200)
-    console.print(_table(findings))
+    terminal = sys.stdout.isatty()
+    text = io.StringIO()
+    width = None if terminal else 200
+    Console(file=text, width=width, force_terminal=terminal, highlight=False).print(_table(findings))
     for finding in findings:
         if not finding.ok:
-            console.print(f"MISS {finding.scenario}: {finding.expectation.quantity}: {finding.reason}", markup=False)
+            reason = f"MISS {finding.scenario}: {finding.expectation.quantity}: {finding.reason}"
+            text.write(_printable(reason) + "\n")
     counts = {verdict: sum(f.verdict == verdict for f in findings) for verdict in _LOOKS}
-    console.print("; ".join(f"{count} {verdict}" for verdict, count in counts.items() if count) or "nothing to check")
+    text.write("; ".join(f"{count} {verdict}" for verdict, count in counts.items() if count) or "nothing to check")
+    print(text.getvalue())
 
 
 _LOOKS = {"agrees": ("= agrees", "green"), "rounding": ("~ rounding", "cyan"),
@@ -289,10 +298,26 @@ def _printable(text: str) -> str:
     return "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
+def _tell(error: PinarmError) -> None:
+    print(_printable(f"error: {error}"), file=sys.stderr)
+
+
 def _progress(text: str) -> None:
     if sys.stderr.isatty():
         print(f"\r\x1b[K{_printable(text)}", end="", file=sys.stderr, flush=True)
 
 
 def _print_json(value: object) -> None:
-    print(json.dumps(value, indent=2, default=lambda x: x.item() if hasattr(x, "item") else str(x)))
+    print(json.dumps(_finite(value), indent=2, allow_nan=False))
+
+
+def _finite(value: Any) -> Any:
+    """Return plain data that JSON can say: what is not finite becomes null."""
+    if isinstance(value, dict):
+        return {str(key): _finite(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(inner) for inner in value]
+    value = value.item() if hasattr(value, "item") else value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, str | int) else str(value)

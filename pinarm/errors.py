@@ -128,6 +128,12 @@ class IntegrationError(NumericsError):
     """The time integration could not go on."""
 
 
+class Interrupted(NumericsError):
+    """The user interrupted the computation; ``partial`` holds what there was."""
+
+    exit_code: ClassVar[int] = 130
+
+
 def choices(found: str, available: Iterable[str], *, most: int = 12) -> tuple[str, str]:
     """Return the ``expected`` and ``hint`` texts for a name that is not among those available.
 

@@ -15,8 +15,8 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
-from pinarm.errors import AssemblyError, InputError, choices
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.errors import AssemblyError, InputError
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, joint_of
 from pinarm.mechanics.motion import Grid, MotionLaw, Values
 
 CLOSED = 1e-12
@@ -25,10 +25,14 @@ CLOSED = 1e-12
 REACH = 0.3
 """Largest correction of a predicted position [rad or m]: beyond it the step in time is halved."""
 
-SINGULAR = 1e-10
-"""Smallest ratio of singular values of J that still determines velocities: beyond it they would lose ten digits."""
+SINGULAR = 1e-6
+"""Smallest ratio of singular values of J that still determines velocities. Near a stretched position Newton's method
+leaves an angle of the square root of ``CLOSED``, so a smaller ratio is not told from 0."""
 
-ITERATIONS, HALVINGS = 60, 30
+ITERATIONS = 60
+
+SMALLEST = 1e-9
+"""Smallest part of a sample interval that the continuation takes at once: what lies beyond is out of reach."""
 
 
 @dataclass(frozen=True)
@@ -50,13 +54,30 @@ class Imposed:
         """Return the imposed coordinates of a mechanism all of whose joints are to follow.
 
         Raises:
-            InputError: A coordinate does not exist, a law has the wrong unit, or there are too few or too many.
+            InputError: A coordinate does not exist, or there are too few or too many.
         """
-        for name, law in motion.items():
-            law.check_units(mechanism.coordinate(name).unit)
-        imposed = cls(tuple(motion), tuple(mechanism.coordinate(name) for name in motion), tuple(motion.values()))
+        coordinates = tuple(mechanism.coordinate(name) for name in motion)
+        imposed = cls(tuple(motion), coordinates, tuple(motion.values()))
         imposed._check_count(mechanism)
         return imposed
+
+    @classmethod
+    def some(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> Imposed:
+        """Return imposed coordinates that leave others free.
+
+        Raises:
+            InputError: A coordinate does not exist, or is not a joint's or a sum of joint coordinates.
+        """
+        coordinates = tuple(mechanism.coordinate(name) for name in motion)
+        for name, coordinate in zip(motion, coordinates, strict=True):
+            if not isinstance(coordinate, LinearCoordinate):
+                raise InputError(
+                    f"'{name}' cannot be prescribed while other coordinates are free",
+                    expected="coordinates of joints, or sums of them",
+                )
+        if len(coordinates) >= mechanism.model.nv:
+            raise InputError("every coordinate follows a law: nothing is left to integrate", hint="kind: inverse")
+        return cls(tuple(motion), coordinates, tuple(motion.values()))
 
     def _check_count(self, mechanism: Mechanism) -> None:
         model = mechanism.model
@@ -119,9 +140,7 @@ def start_configuration(mechanism: Mechanism, start: Mapping[str, float]) -> Arr
     """
     q: Array = pin.neutral(mechanism.model)
     for name, value in start.items():
-        if name not in mechanism.joints:
-            expected, hint = choices(name, mechanism.joints)
-            raise InputError(f"the model has no joint '{name}' with one coordinate", expected=expected, hint=hint)
+        joint_of(mechanism.joints, name)
         q[mechanism.joints[name].q] = value
     return q
 
@@ -180,11 +199,18 @@ class _Solver:
         Raises:
             AssemblyError: They end where the gap can shrink no more.
         """
+        closest, gap = self._closest(q, w)
+        if self._closed(gap, w):
+            return self._polish(closest, w)
+        raise self._unreachable(closest, gap, t)
+
+    def _closest(self, q: Array, w: Array) -> tuple[Array, Array]:
+        """Return the configuration with the smallest gap that damped steps from q reach, and that gap."""
         gap = self.gap(q, w)
         damping = 0.0
         for _ in range(ITERATIONS):
             if self._closed(gap, w):
-                return self._polish(q, w)
+                break
             rows = self.rows()
             step = np.linalg.lstsq(
                 np.vstack([rows, damping * np.eye(len(q))]), np.concatenate([gap, np.zeros(len(q))]), rcond=1e-12
@@ -197,7 +223,7 @@ class _Solver:
             else:
                 damping = max(1e-3, damping * 10)
                 self.gap(q, w)
-        raise self._unreachable(q, gap, t)
+        return q, gap
 
     def _polish(self, q: Array, w: Array) -> Array:
         """Take two more Newton steps: from 1e-12 they end at rounding."""
@@ -215,7 +241,7 @@ class _Solver:
         Raises:
             AssemblyError: The branch cannot be continued.
         """
-        pending, halvings = [to], 0
+        pending, smallest = [to], SMALLEST * abs(to - t)
         while pending:
             h = pending[-1] - t
             w, dw, ddw = target(pending[-1])
@@ -223,13 +249,10 @@ class _Solver:
             if found is not None:
                 q, t = found, pending.pop()
                 v, a = self.rates(q, dw, ddw, t)
-                halvings = max(0, halvings - 1)
-            elif halvings < HALVINGS:
+            elif abs(h) > smallest:
                 pending.append(t + 0.5 * h)
-                halvings += 1
             else:
-                q = self.assemble(q, w, pending[-1])
-                raise self._unreachable(q, self.gap(q, w), pending[-1])
+                raise self._unreachable(*self._closest(q, target(to)[0]), to)
         return q, v, a
 
     def _newton(self, q: Array, w: Array) -> Array | None:

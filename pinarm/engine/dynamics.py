@@ -103,6 +103,7 @@ class Dynamics:
         """
         nq, nv = self.model.nq, self.model.nv
         q, v, a = self._rows(q, nq, "q"), self._rows(v, nv, "v"), self._rows(a, nv, "a")
+        self._same_rows(q, v, a)
         tau: Array = pin.rneaInParallel(1, self._pool, q.T, v.T, a.T).reshape(nv, -1).T
         return tau - self.loads(t, q, v) if self.forces else tau
 
@@ -122,9 +123,12 @@ class Dynamics:
             InputError: The shapes do not fit the model.
         """
         q, v = self._rows(q, self.model.nq, "q"), self._rows(v, self.model.nv, "v")
+        self._same_rows(q, v)
         total = self.loads(t, q, v)
         if tau is not None:
-            total += self._rows(tau, self.model.nv, "tau")
+            efforts = self._rows(tau, self.model.nv, "tau")
+            self._same_rows(q, efforts)
+            total += efforts
         a: Array = pin.abaInParallel(1, self._pool, q.T, v.T, total.T).reshape(self.model.nv, -1).T
         return a
 
@@ -159,6 +163,11 @@ class Dynamics:
     def dissipated_power(self, t: Array, q: Array, v: Array) -> Array:
         """Return the power that leaves through force elements [W], shape (n,); negative where they drive."""
         return np.asarray(sum((force.dissipated_power(t, q, v) for force in self.forces), np.zeros(len(q))))
+
+    def _same_rows(self, *arrays: Array) -> None:
+        if len({len(array) for array in arrays}) > 1:
+            rows = ", ".join(str(len(array)) for array in arrays)
+            raise InputError(f"the arrays have {rows} rows", expected="as many in each")
 
     def _rows(self, x: Array, width: int, name: str) -> Array:
         rows = np.atleast_2d(np.asarray(x, dtype=np.float64))

@@ -14,13 +14,16 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.tableaus import DOP853, Tableau
-from pinarm.errors import IntegrationError
+from pinarm.errors import IntegrationError, Interrupted
 
 Acceleration = Callable[[float, Array, Array], Array]
 """``(t, q, v) -> a``; q and v are buffers that the next call overwrites."""
 
 SAFETY, SLOWEST, FASTEST = 0.9, 1 / 3, 6.0
 """Step control of Hairer, Norsett and Wanner, section II.4: aim below the tolerance, change the step in bounds."""
+
+TINY = 1e-300
+"""Keeps quotients of squares that underflow finite."""
 
 SHORTEST = 16.0
 """Smallest step in units in the last place of t: below it, adding a stage's fraction of h no longer changes t."""
@@ -182,6 +185,7 @@ class _Stepper:
     def __init__(self, tableau: Tableau, manifold: Manifold, tolerance: float) -> None:
         s, n, nq = tableau.stages, manifold.nq + manifold.nv, manifold.nq
         self.tableau, self.manifold, self.tolerance = tableau, manifold, tolerance
+        self.max_steps = 0
         self.z = np.zeros((s + 2, n))
         self.y, self.slopes = self.z[0], self.z[1:]
         self.unit_weights = np.zeros((s + 1, s + 2))
@@ -232,7 +236,7 @@ class _Stepper:
         if not squares[0]:
             return 0.0 if not any(squares) else abs(h) * (squares[-1] / errors.shape[1]) ** 0.5
         denominator = squares[0] + sum(0.01 * square for square in squares[1:])
-        return float(abs(h) * squares[0] / (denominator * errors.shape[1]) ** 0.5)
+        return float(abs(h) * squares[0] / max((denominator * errors.shape[1]) ** 0.5, TINY))
 
     def accept(self) -> None:
         """Move on to the end of the step, whose slope is already known."""
@@ -262,8 +266,9 @@ def first_step(
 
 
 def integrate(
-    stretches: Sequence[Stretch], manifold: Manifold, q: Array, v: Array, *, tolerance: float, tableau: Tableau = DOP853
-) -> Solution:
+    stretches: Sequence[Stretch], manifold: Manifold, q: Array, v: Array, *, tolerance: float,
+    max_steps: int = 1_000_000, tableau: Tableau = DOP853,
+) -> Solution:  # fmt: skip
     """Integrate with adaptive steps that end exactly where one stretch meets the next.
 
     Order 8 with DOP853. The right choice for smooth motion at errors below 1e-4. It breaks on stiff problems (joint
@@ -275,6 +280,7 @@ def integrate(
         q: Initial configuration, shape (nq,).
         v: Initial velocity, shape (nv,).
         tolerance: Local error per step, relative to ``1 + |y|`` in SI; good values 1e-6 to 1e-12.
+        max_steps: Number of steps, rejected ones included, after which to give up.
         tableau: The method.
 
     Returns:
@@ -286,6 +292,7 @@ def integrate(
     """
     solution = Solution(tableau, manifold, stretches)
     stepper = _Stepper(tableau, manifold, tolerance)
+    stepper.max_steps = max_steps
     y = np.concatenate([manifold.project(np.asarray(q, float)), np.asarray(v, float)])
     h = 0.0
     for index, stretch in enumerate(stretches):
@@ -296,7 +303,10 @@ def integrate(
                 raise _not_finite(solution, stretch.start, stepper.y, manifold)
             h = first_step(tableau, stretch, manifold, stepper.y, stepper.slopes[0], tolerance)
             solution.evaluations += 1
-        h = _advance(solution, stepper, stretch, index, h)
+        try:
+            h = _advance(solution, stepper, stretch, index, h)
+        except KeyboardInterrupt:
+            raise Interrupted(f"interrupted at t = {solution.end:.9g} s", partial=solution) from None
         y = stepper.y.copy()
     return solution
 
@@ -308,6 +318,8 @@ def _advance(solution: Solution, stepper: _Stepper, stretch: Stretch, index: int
     while t < end:
         if h < SHORTEST * np.spacing(max(abs(t), end - stretch.start)):
             raise _stuck(solution, t, h, stepper)
+        if len(solution.steps) + solution.rejected >= stepper.max_steps:
+            raise _too_many(solution, t, h, stepper)
         last = t + 1.01 * h >= end
         taken = end - t if last else h
         error = stepper.attempt(t, taken, stretch.acceleration)
@@ -331,6 +343,14 @@ def _not_finite(solution: Solution, t: float, y: Array, manifold: Manifold) -> I
         f"the acceleration is not finite at the start, t = {t:.9g} s, q = {np.array2string(y[: manifold.nq])}",
         hint="a body without mass that is free to move, or a load that is infinite here",
         partial=solution, t=t, q=y[: manifold.nq].copy(), v=y[manifold.nq :].copy(),
+    )  # fmt: skip
+
+
+def _too_many(solution: Solution, t: float, h: float, stepper: _Stepper) -> IntegrationError:
+    return IntegrationError(
+        f"the integration has taken {stepper.max_steps} steps and is at t = {t:.9g} s; its steps are {h:.2g} s long",
+        hint="a wider tolerance, a shorter time, softer springs, or accuracy.max_steps",
+        partial=solution, t=t,
     )  # fmt: skip
 
 

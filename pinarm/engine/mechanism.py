@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.dynamics import Dynamics
-from pinarm.errors import InputError, ModelError, choices
+from pinarm.errors import InputError, ModelError, UnitError, choices
 from pinarm.input.documents import Document
 from pinarm.input.expansion import expand
 from pinarm.input.expressions import Expression
@@ -22,10 +22,11 @@ from pinarm.input.robots import robot as robot_file
 from pinarm.input.roots import inside, root_of
 from pinarm.input.schema import Measured
 from pinarm.input.units import Unit, read_quantity, unit
-from pinarm.mechanics.coordinates import Coordinate, Joint, coordinates_of, joints_of
+from pinarm.mechanics.coordinates import Coordinate, Joint, coordinates_of, joint_of, joints_of
 from pinarm.mechanics.description import Gravity, MechanismDescription
 from pinarm.mechanics.drives import Drive
-from pinarm.mechanics.forces import ForceElement, SpringDamper
+from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.forces.joint import SpringDamper
 from pinarm.mechanics.model import build_model
 
 Locate = Callable[..., AbstractContextManager[None]]
@@ -47,6 +48,7 @@ class Mechanism:
         symbols: Published symbols and the formulas they stand for.
         arguments: Values of the model's arguments [SI].
         argument_units: Their units, as far as the mechanism file says them.
+        description: What the mechanism file says.
         notes: What is not modelled as the files have it.
     """
 
@@ -60,6 +62,7 @@ class Mechanism:
     symbols: Mapping[str, Expression]
     arguments: Mapping[str, float]
     argument_units: Mapping[str, Unit]
+    description: MechanismDescription = field(repr=False)
     notes: tuple[str, ...] = ()
 
     @classmethod
@@ -83,15 +86,15 @@ class Mechanism:
             InputError: The mechanism file has a mistake.
             ModelError: The model has one.
         """
-        file, folder = Path(path), Path()
+        file, folder, here = Path(path), Path(), locate
         if file.suffix in (".yaml", ".yml"):
             document, folder = Document.read(file), file.parent
+            description, here = document.validate(MechanismDescription), document.locating
         else:
-            document = Document(str(path), None, {"pinarm": 1, "robot": str(path)}, {})
-        description = document.validate(MechanismDescription)
+            description = MechanismDescription(pinarm=1, robot=str(path))
         if gravity is not None:
             description = description.model_copy(update={"gravity": gravity})
-        return _build(cls, description, folder, arguments or {}, document.locating, locate)
+        return _build(cls, description, folder, arguments or {}, here, locate)
 
     @cached_property
     def dynamics(self) -> Dynamics:
@@ -139,7 +142,7 @@ def _build(
     forces: dict[str, ForceElement] = {}
     for name, force in description.forces.items():
         with here("forces", name):
-            forces[name] = force.bind(joints)
+            forces[name] = force.bind(model, joints)
     if robot.damping.any():
         forces["joint damping"] = _damping(model, robot.damping)
     symbols = {}
@@ -151,7 +154,7 @@ def _build(
             _mount(model, joints, drive)
     return cls(
         description.title or model.name, model, xml, joints, coordinates, dict(description.drives), forces, symbols,
-        resolved, {name: units[name] for name in resolved if name in units}, robot.notes,
+        resolved, {name: units[name] for name in resolved if name in units}, description, robot.notes,
     )  # fmt: skip
 
 
@@ -174,17 +177,21 @@ def _arguments(
 
 def _argument(name: str, value: float | str, units: Mapping[str, Unit]) -> float:
     """Return an argument in SI, its dimension checked where the mechanism file gives its unit."""
+    if not isinstance(value, str | int | float) or isinstance(value, bool):
+        raise InputError(f"the argument {name} is '{value}'", expected="a number, with a unit where it has one")
+    measured = value if isinstance(value, Measured) else Measured(0.0 if isinstance(value, str) else value)
     if isinstance(value, str):
         number, written = read_quantity(value)
-    else:
-        number, written = float(value), None
-    measured = Measured(number)
-    measured.unit = written
+        measured = Measured(number)
+        measured.unit = written
     if name in units:
         measured.check(units[name])
+        if not measured.unit and isinstance(value, str | Measured) and measured and str(units[name]) != "1":
+            raise UnitError(f"the argument {name} has no unit", expected="a number with its unit",
+                            hint=f"{float(measured):g} {units[name]}")  # fmt: skip
     if not np.isfinite(measured):
         raise InputError(f"the argument {name} is '{value}'", expected="a finite number")
-    return number
+    return float(measured)
 
 
 def _robot_text(robot: str, folder: Path, arguments: Mapping[str, float]) -> tuple[str, dict[str, float]]:
@@ -219,8 +226,6 @@ def _mount(model: pin.Model, joints: Mapping[str, Joint], drive: Drive) -> None:
     Raises:
         InputError: The joint does not exist.
     """
-    if drive.joint not in joints:
-        expected, hint = choices(drive.joint, joints)
-        raise InputError(f"the model has no joint '{drive.joint}' with one coordinate", expected=expected, hint=hint)
+    joint_of(joints, drive.joint)
     armature: Any = model.armature
     armature[joints[drive.joint].v] += drive.armature

@@ -29,10 +29,12 @@ from pinarm.errors import InputError, choices
 from pinarm.input.expressions import CONSTANTS, Expression
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import METRE, LinearCoordinate, frame_of
-from pinarm.mechanics.forces import effort_unit
+from pinarm.mechanics.forces.joint import effort_unit
 
 COMPONENTS = {"x": 0, "y": 1, "z": 2}
 SECOND, JOULE, WATT, NEWTON, NEWTON_METRE = unit("s"), unit("J"), unit("W"), unit("N"), unit("N*m")
+MAX_DEPTH = 50
+"""Symbols may stand for symbols; deeper nesting would exhaust the interpreter's stack."""
 RATES = ("position", "velocity", "acceleration")
 ENERGIES = ("kinetic", "potential", "total")
 
@@ -101,6 +103,8 @@ class Quantities:
         """Evaluate a symbol, or a formula that a user wrote where a name could stand."""
         if name in self._open:
             raise InputError(f"the symbol '{name}' is defined by itself: {' -> '.join([*self._open, name])}")
+        if len(self._open) >= MAX_DEPTH:
+            raise InputError(f"the symbol '{self._open[0]}' stands for symbols nested more than {MAX_DEPTH} deep")
         if formula and expression.names == {name}:
             raise self._unknown(name)
         self._open.append(name)

@@ -10,6 +10,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.systems import parts
 from pinarm.input.units import Unit
 from pinarm.mechanics.motion import Grid
 
@@ -77,8 +78,7 @@ class Trajectory:
 
     def stretches(self) -> list[tuple[slice, Dynamics]]:
         """Return the rows between jumps, each with the dynamics that holds there."""
-        cuts, rows = self.grid.cuts, self.grid.rows
-        return [(slice(rows[k], rows[k + 1]), self.dynamics.on(cuts[k], cuts[k + 1])) for k in range(len(cuts) - 1)]
+        return parts(self.dynamics, self.grid)
 
     def gather(self, value: Callable[[Dynamics, slice], Array]) -> Array:
         """Return an array over all rows from a function of the dynamics on each stretch and its rows."""

@@ -6,6 +6,7 @@ digits are bounded, so that a file from a stranger can neither run anything nor 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pinarm.errors import InputError, Location, PinarmError, choices
+from pinarm.input.roots import similar_file
 from pinarm.input.schema import FROM_FILE, Model
 
 if TYPE_CHECKING:
@@ -23,6 +25,15 @@ MAX_BYTES = 1_000_000
 MAX_DEPTH = 50
 MAX_DIGITS = 400
 """Python refuses to convert integers beyond 4300 digits; no float needs more than this."""
+
+_WORDS: dict[str, Any] = {
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+    **dict.fromkeys(("null", "Null", "NULL", "~", "")),
+}
+_NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_INTEGER = re.compile(r"0o[0-7]{1,300}|0x[0-9a-fA-F]{1,300}")
+_SPECIAL = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 
 Path_ = tuple[str | int, ...]
 ModelT = TypeVar("ModelT", bound=Model)
@@ -55,7 +66,7 @@ class Document:
         try:
             with open(path, "rb") as stream:
                 raw = stream.read(MAX_BYTES + 1)
-        except OSError as error:
+        except (OSError, ValueError) as error:
             raise _unreadable(path, error).at(Location(name)) from None
         if len(raw) > MAX_BYTES:
             raise InputError("the file is too large", expected=f"at most {MAX_BYTES} bytes").at(Location(name))
@@ -119,11 +130,13 @@ class Document:
         data = self.data
         for key in at:
             data = data[key]
+        context = {**FROM_FILE, "folder": self.path.parent if self.path else Path()}
         try:
-            return model.model_validate(data, context=FROM_FILE)
+            return model.model_validate(data, context=context)
         except ValidationError as error:
             details = error.errors(include_url=False)
-            raise self._mistake(details[0], len(details), model, at) from None
+            first = next((detail for detail in details if detail["type"] == "extra_forbidden"), details[0])
+            raise self._mistake(first, len(details), model, at) from None
 
     def _mistake(self, detail: ErrorDetails, count: int, model: type[Model], at: Path_) -> PinarmError:
         path, data = list(at), self.data
@@ -191,13 +204,10 @@ def _resolve(node: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
     return node
 
 
-def _unreadable(path: Path, error: OSError) -> InputError:
+def _unreadable(path: Path, error: OSError | ValueError) -> InputError:
     if isinstance(error, FileNotFoundError):
-        folder = path.parent
-        names = [entry.name for entry in folder.iterdir()] if folder.is_dir() else []
-        _, hint = choices(path.name, names)
-        return InputError(f"there is no file {path}", hint=str(folder / hint) if hint else "")
-    return InputError(f"the file cannot be read ({error.strerror})")
+        return InputError(f"there is no file {path}", hint=similar_file(path))
+    return InputError(f"the file cannot be read ({getattr(error, 'strerror', None) or error})")
 
 
 def _copy(data: Any) -> Any:
@@ -209,7 +219,7 @@ def _copy(data: Any) -> Any:
 def _step(data: Any, key: str, option: Location, *, create: bool) -> str | int:
     """Return the key or index by which to step into ``data``; with ``create`` a missing key becomes an empty map."""
     if isinstance(data, list):
-        if key.lstrip("-").isdigit() and -len(data) <= int(key) < len(data):
+        if re.fullmatch(r"-?[0-9]{1,9}", key) and -len(data) <= int(key) < len(data):
             return int(key) % len(data)
         raise InputError(f"'{key}' is no index of this list", expected=f"0 to {len(data) - 1}").at(option)
     if not isinstance(data, dict):
@@ -231,6 +241,7 @@ class _Builder:
         self.places: dict[Path_, Location] = {}
         self.stack: list[tuple[Any, Path_, list[str]]] = []
         self.root: Any = None
+        self.documents = 0
 
     def build(self) -> tuple[Any, dict[Path_, Location]]:
         from ruamel.yaml.error import MarkedYAMLError, YAMLError
@@ -242,7 +253,7 @@ class _Builder:
             mark = error.problem_mark or error.context_mark
             problem = f"this is not YAML: {error.problem or error.context}"
             raise InputError(problem, hint=_yaml_hint(str(error.problem))).at(self._location(mark)) from None
-        except (YAMLError, ValueError, RecursionError) as error:
+        except (YAMLError, ValueError, RecursionError, AttributeError) as error:
             if isinstance(error, PinarmError):
                 raise
             raise InputError(f"this is not YAML: {str(error).splitlines()[0]}").at(Location(self.source)) from None
@@ -250,6 +261,10 @@ class _Builder:
 
     def _take(self, event: Any) -> None:
         name = type(event).__name__
+        if name == "DocumentStartEvent":
+            self.documents += 1
+            if self.documents > 1 or event.version or event.tags:
+                raise self._refuse(event, "this begins another document, or is a directive", "one document")
         if name == "AliasEvent" or getattr(event, "anchor", None):
             raise self._refuse(event, "anchors and aliases are not read", "write the value out")
         if name in ("ScalarEvent", "MappingStartEvent", "SequenceStartEvent") and getattr(event, "tag", None):
@@ -300,20 +315,22 @@ class _Builder:
 
     def _value(self, event: Any) -> Any:
         """Resolve a scalar by the YAML 1.2 core schema."""
-        from ruamel.yaml.nodes import ScalarNode
-
         text: str = event.value
+        if any("\ud800" <= c <= "\udfff" for c in text):
+            raise self._refuse(event, "this holds half of a surrogate pair", "characters of Unicode")
         if not event.implicit[0]:
             return text
-        tag = str(self.yaml.resolver.resolve(ScalarNode, text, event.implicit)).rpartition(":")[2]
-        if tag in ("int", "float") and len(text) > MAX_DIGITS:
-            raise self._refuse(event, "this number has too many digits", f"at most {MAX_DIGITS}")
-        plain = text.replace("_", "").lower()
-        if tag == "float":
-            return float(plain.replace(".inf", "inf").replace(".nan", "nan"))
-        if tag == "int":
-            return int(plain, 0) if plain.lstrip("+-")[:2] in ("0x", "0o") else int(plain)
-        return {"bool": plain == "true", "null": None}.get(tag, text)
+        if text in _WORDS:
+            return _WORDS[text]
+        if _NUMBER.fullmatch(text):
+            if len(text) > MAX_DIGITS:
+                raise self._refuse(event, "this number has too many digits", f"at most {MAX_DIGITS}")
+            return float(text) if set(text) & set(".eE") else int(text)
+        if _INTEGER.fullmatch(text):
+            return int(text, 0)
+        if _SPECIAL.fullmatch(text):
+            return float(text.replace(".", "").lower())
+        return text
 
     def _location(self, mark: Any, width: int = 1) -> Location:
         if mark is None:

@@ -42,7 +42,7 @@ MAX_COMMENTS = 5000
 MAX_LINKS = 2000
 """Links, and joints as well; Pinocchio's parser recurses along chains and crashes at 10,000."""
 MAX_DEPTH = 100
-"""Of XML, of macros in macros, of properties that use properties."""
+"""Of XML and of macros in macros; of properties that use properties half as many."""
 MAX_TEXT = 10_000
 """Characters of one attribute or one evaluated text."""
 MAX_STEPS = 200_000
@@ -322,8 +322,8 @@ class _Expander:
         if self.steps > MAX_STEPS or time.monotonic() > self.deadline:
             raise ModelError("the expansion does not come to an end", hint="fewer macros, properties and elements")
 
-    def _descend(self) -> None:
-        self.depth += 1
+    def _descend(self, levels: int = 1) -> None:
+        self.depth += levels
         if self.depth > MAX_DEPTH:
             hint = "a macro, an include or a property that does not use itself"
             raise ModelError(f"the model is nested more than {MAX_DEPTH} levels deep{self._macros()}", hint=hint)
@@ -404,14 +404,16 @@ class _Expander:
         """Evaluate text; one that is a single expression gives its value, all others text."""
         if "$" not in text:
             return text
-        self._descend()
+        self._descend(2)  # a property in a property takes the frames of two macros
         try:
             parts = list(self._evaluated(text, symbols))
-        except Exception:
+        except Exception as error:
             self.snippet = self.snippet or text.strip()
+            if isinstance(error, PinarmError):
+                error.at(self._here())  # at once: what uses this text is not where the mistake is
             raise
         finally:
-            self.depth -= 1
+            self.depth -= 2
         result = parts[0] if len(parts) == 1 else "".join(map(str, parts))
         if isinstance(result, str):
             _bound("characters in one evaluated text", len(result), MAX_TEXT)

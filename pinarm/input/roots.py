@@ -43,9 +43,19 @@ def inside(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKA
     """
     resolved = contained(path, root, packages)
     if not resolved.is_file():
-        problem = "is not a regular file" if resolved.exists() else "does not exist"
-        raise InputError(f"the file {str(path)!r} {problem}")
+        if resolved.exists():
+            raise InputError(f"the file {str(path)!r} is not a regular file")
+        raise InputError(f"the file {str(path)!r} does not exist", hint=similar_file(resolved))
     return resolved
+
+
+def similar_file(path: Path) -> str:
+    """Return the name of a file beside a missing one that is spelled nearly like it; empty where there is none."""
+    try:
+        names = [entry.name for entry in path.parent.iterdir()]
+    except OSError:
+        return ""
+    return choices(path.name, names)[1]
 
 
 def contained(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKAGES) -> Path:

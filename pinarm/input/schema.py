@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, PlainValidator, ValidationInfo, WithJsonSchema
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationInfo, WithJsonSchema
 
 from pinarm.errors import UnitError
 from pinarm.input.units import Unit, read_quantity, unit
@@ -26,17 +26,21 @@ class Measured(float):
     unit: Unit | None = None
 
     @classmethod
-    def read(cls, value: Any, info: ValidationInfo) -> Measured:
-        """Read ``"30 deg"``, or a number: SI from Python, in a file only zero."""
+    def read(cls, value: Any, info: ValidationInfo, *, example: str = "") -> Measured:
+        """Read ``"30 deg"``, or a number: SI from Python, in a file only zero; ``example`` is a unit that would fit."""
         if isinstance(value, Measured):
             return value
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             raise ValueError("a number with a unit, such as '30 deg', is expected")
-        number, read = read_quantity(value) if isinstance(value, str) else (float(value), None)
+        try:
+            number, read = read_quantity(value) if isinstance(value, str) else (float(value), None)
+        except OverflowError:
+            raise ValueError("a finite number is expected") from None
         if number - number != 0.0:
             raise ValueError("a finite number is expected")
-        if read is None and number != 0.0 and info.context is FROM_FILE:
-            raise ValueError(f"'{value}' has no unit: write for instance '{value} {_example(info)}'")
+        if read is None and number != 0.0 and (info.context or {}).get("units") == "required":
+            hint = f"{value} {example}" if example else ""
+            raise UnitError(f"'{value}' has no unit", expected="a number with its unit, such as 30 deg", hint=hint)
         measured = cls(number)
         measured.unit = read
         return measured
@@ -51,10 +55,6 @@ class Measured(float):
             raise UnitError(f"'{self.unit}' is not a unit of this quantity", expected=f"a unit such as {expected}")
 
 
-def _example(info: ValidationInfo) -> str:
-    return {"time": "s", "begin": "s", "end": "s", "start": "s"}.get(str(info.field_name), "N*m, deg, m/s, ...")
-
-
 @dataclass(frozen=True)
 class Derivative:
     """Marks a field of a motion law as the ``order``-th time derivative of the quantity that the law is about."""
@@ -67,23 +67,28 @@ def quantity(text: str) -> Any:
     expected = unit(text)
 
     def read(value: Any, info: ValidationInfo) -> Measured:
-        try:
-            measured = Measured.read(value, info)
-        except ValueError as error:
-            raise ValueError(str(error).replace("N*m, deg, m/s, ...", text)) from None
+        measured = Measured.read(value, info, example=text)
         measured.check(expected)
         return measured
 
-    return Annotated[float, PlainValidator(read), _json(f"in {text}")]
+    return Annotated[float, PlainValidator(read), described(f"in {text}")]
 
 
-def _json(description: str) -> WithJsonSchema:
+def described(description: str) -> WithJsonSchema:
+    """Return the JSON Schema of a number or text."""
     return WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}], "description": description})
 
 
-AnyQuantity = Annotated[float, PlainValidator(Measured.read), _json("a number with its unit")]
+def _any(value: Any, info: ValidationInfo) -> Measured:
+    return Measured.read(value, info)
+
+
+AnyQuantity = Annotated[float, PlainValidator(_any), described("a number with its unit")]
 Level = Annotated[AnyQuantity, Derivative(0)]
 Rate = Annotated[AnyQuantity, Derivative(1)]
 SecondRate = Annotated[AnyQuantity, Derivative(2)]
 Time = quantity("s")
-Torque = quantity("N*m")
+Duration: Any = Annotated[Time, Field(gt=0)]
+Angle, Pulsation, Length = quantity("rad"), quantity("rad/s"), quantity("m")
+Force, Moment, Acceleration, Inertia = quantity("N"), quantity("N*m"), quantity("m/s^2"), quantity("kg*m^2")
+Stiffness, Damping = quantity("N/m"), quantity("N*s/m")

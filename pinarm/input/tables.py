@@ -17,7 +17,10 @@ MAX_BYTES = 100_000_000
 _HEADING = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*")
 
 
-def read_table(file: str, context: Mapping[str, Any] | None) -> tuple[tuple[float, ...], tuple[float, ...], Unit | None]:
+Column = tuple[float, ...]
+
+
+def read_table(file: str, context: Mapping[str, Any] | None) -> tuple[Column, Column, Unit]:
     """Read instants and values from the first two columns of a CSV file.
 
     Args:
@@ -45,7 +48,8 @@ def read_table(file: str, context: Mapping[str, Any] | None) -> tuple[tuple[floa
     (time_unit, measured), numbers = (_unit(cell, file) for cell in rows[0][:2]), []
     for line, row in enumerate(rows[1:], start=2):
         if row:
-            numbers.append((_number(row, 0, file, line) * time_unit.factor, _number(row, 1, file, line) * measured.factor))
+            t, value = (_number(row, column, file, line) for column in (0, 1))
+            numbers.append((t * time_unit.factor, value * measured.factor))
             if len(numbers) > 1 and not numbers[-1][0] > numbers[-2][0]:
                 raise InputError("the instants do not ascend", expected="each later than the one before").at(
                     Location(file, line, 1, ",".join(row))

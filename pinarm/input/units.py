@@ -40,7 +40,7 @@ class Unit:
 
     def __pow__(self, exponent: Fraction | int) -> Unit:
         m, kg, s = self.dimension
-        return Unit(self.factor ** float(exponent), (m * exponent, kg * exponent, s * exponent))
+        return Unit(math.pow(self.factor, exponent), (m * exponent, kg * exponent, s * exponent))
 
     def __str__(self) -> str:
         return self.text or _SI_NAMES.get(self.dimension) or _composed(self.dimension)
@@ -93,6 +93,17 @@ def unit(text: str) -> Unit:
     Raises:
         UnitError: A name is unknown, or the text is no product of names.
     """
+    try:
+        read = _product(text)
+    except (OverflowError, ZeroDivisionError):
+        raise UnitError(f"the unit '{text}' is beyond all numbers") from None
+    if not 0.0 < read.factor < math.inf:
+        raise UnitError(f"the unit '{text}' is beyond all numbers")
+    return read
+
+
+def _product(text: str) -> Unit:
+    """Read names joined by ``*`` and ``/``."""
     result, position = DIMENSIONLESS, 0
     while position < len(text.rstrip()):
         match = _FACTOR.match(text, position)
@@ -123,10 +134,11 @@ def read_quantity(text: str) -> tuple[float, Unit | None]:
     match = _QUANTITY.fullmatch(text)
     if not match:
         raise UnitError(f"'{text}' is not a quantity", expected="a number and a unit, such as 30 deg or 1.5 N*m")
-    if not match[2]:
-        return float(match[1]), None
-    read = unit(match[2])
-    return float(match[1]) * read.factor, read
+    read = unit(match[2]) if match[2] else None
+    number = float(match[1]) * (read.factor if read else 1.0)
+    if not math.isfinite(number):
+        raise UnitError(f"'{text}' is beyond all numbers")
+    return number, read
 
 
 def half_last_digit(text: str) -> float:
@@ -137,4 +149,7 @@ def half_last_digit(text: str) -> float:
     mantissa, _, exponent = match[1].lower().partition("e")
     decimals = len(mantissa.partition(".")[2])
     factor = unit(match[2]).factor if match[2] else 1.0
-    return float(0.5 * 10.0 ** (int(exponent or 0) - decimals) * factor)
+    half = 0.5 * float(f"1e{int(exponent or 0) - decimals}") * factor
+    if not 0.0 < half < math.inf:
+        raise UnitError(f"the last digit of '{text}' is beyond all numbers")
+    return half

@@ -84,6 +84,18 @@ def frame_of(model: pin.Model, name: str) -> int:
     raise InputError(f"the model has no link '{name}'", expected=expected, hint=hint)
 
 
+def joint_of(joints: Mapping[str, Joint], name: str) -> Joint:
+    """Return a joint by name.
+
+    Raises:
+        InputError: There is none of that name with one coordinate.
+    """
+    if name not in joints:
+        expected, hint = choices(name, joints)
+        raise InputError(f"the model has no joint '{name}' with one coordinate", expected=expected, hint=hint)
+    return joints[name]
+
+
 class Coordinate(Protocol):
     """A coordinate of one mechanism, ready for evaluation."""
 
@@ -320,11 +332,7 @@ def sum_of(model: pin.Model, joints: Mapping[str, Joint], names: Sequence[str]) 
     Raises:
         InputError: A joint is unknown, or angles and lengths are mixed.
     """
-    for name in names:
-        if name not in joints:
-            expected, hint = choices(name, joints)
-            raise InputError(f"the model has no joint '{name}' with one coordinate", expected=expected, hint=hint)
-    units = {joints[name].unit for name in names}
+    units = {joint_of(joints, name).unit for name in names}
     if len(units) > 1:
         raise InputError("a sum of joint coordinates cannot mix angles and lengths", expected="joints of one kind")
     weights = np.zeros(model.nv)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from pinarm.arrays import Array
-from pinarm.input.schema import Model, quantity
+from pinarm.input.schema import Acceleration, Model
 from pinarm.mechanics.coordinates import AXES, Axis, CoordinateDefinition
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import Force
@@ -26,7 +26,7 @@ class Gravity(Model):
     """
 
     direction: Axis = "-z"
-    magnitude: quantity("m/s^2") = Field(default=STANDARD_GRAVITY, ge=0)  # type: ignore[valid-type]
+    magnitude: Annotated[Acceleration, Field(ge=0)] = STANDARD_GRAVITY
 
     def vector(self) -> Array:
         """Return the field [m/s^2], world axes, shape (3,)."""

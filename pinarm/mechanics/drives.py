@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from pinarm.arrays import Array
-from pinarm.input.schema import Model, quantity
+from pinarm.input.schema import Inertia, Model
 
 
 class Drive(Model):
@@ -26,14 +28,21 @@ class Drive(Model):
     """
 
     joint: str
-    ratio: float = 1.0
+    ratio: Annotated[float, Field(allow_inf_nan=False)] = 1.0
     efficiency: float = Field(default=1.0, gt=0, le=1)
-    rotor_inertia: quantity("kg*m^2") = Field(default=0.0, ge=0)  # type: ignore[valid-type]
+    rotor_inertia: Annotated[Inertia, Field(ge=0)] = 0.0
+
+    @field_validator("ratio")
+    @classmethod
+    def _turns(cls, ratio: float) -> float:
+        if ratio == 0.0:
+            raise ValueError("a gear of ratio 0 turns nothing")
+        return ratio
 
     @property
     def armature(self) -> float:
         """Inertia of the rotor as the joint feels it, N^2 J [kg*m^2]."""
-        return float(self.ratio**2 * self.rotor_inertia)
+        return float(self.ratio * self.ratio * self.rotor_inertia)
 
     def torque(self, effort: Array, direction: Array, a: Array) -> Array:
         """Return the motor's torque [N*m], shape (n,).

@@ -84,6 +84,9 @@ def _check_links(robot: ElementTree.Element) -> None:
                 raise ModelError(f"{where}: the mass is negative ({mass:g} kg)")
             if inertia_element is not None:
                 _check_inertia(inertia_element, where)
+            origin = inertial.find("origin")
+            for key in ("xyz", "rpy") if origin is not None else ():
+                _vector(origin, key, f"{where}: origin of the inertia", default=(0.0, 0.0, 0.0))
 
 
 def _check_inertia(element: ElementTree.Element, where: str) -> None:
@@ -112,14 +115,29 @@ def _check_joints(robot: ElementTree.Element) -> None:
                 expected, hint = choices(name, links)
                 raise ModelError(f"{where}: its {end} link '{name}' does not exist", expected=expected, hint=hint)
         axis = joint.find("axis")
-        if axis is not None and joint.get("type") != "fixed":
-            text = axis.get("xyz", "")
-            try:
-                vector = [float(part) for part in text.split()]
-            except ValueError:
-                vector = []
-            if len(vector) != 3 or not 0.0 < math.hypot(*vector) < math.inf:
-                raise ModelError(f"{where}: '{text}' is not an axis", expected="three numbers, not all zero")
+        if axis is not None and joint.get("type") != "fixed" and not any(_vector(axis, "xyz", f"{where}: axis")):
+            raise ModelError(f"{where}: its axis is 0 0 0", expected="three numbers, not all zero")
+        dynamics = joint.find("dynamics")
+        for key in ("damping", "friction") if dynamics is not None else ():
+            if _number(dynamics, key, f"{where}: {key}", default=0.0) < 0.0:
+                raise ModelError(f"{where}: its {key} is negative")
+
+
+Vector = tuple[float, float, float]
+
+
+def _vector(element: ElementTree.Element | None, key: str, where: str, default: Vector | None = None) -> Vector:
+    """Return three finite numbers, which the parser would otherwise drop with the whole element around them."""
+    text = element.get(key) if element is not None else None
+    if text is None and default is not None:
+        return default
+    try:
+        x, y, z = (float(part) for part in (text or "").split())
+    except ValueError:
+        x = y = z = math.nan
+    if not math.isfinite(x) or not math.isfinite(y) or not math.isfinite(z):
+        raise ModelError(f"{where}: {key}='{text or ''}' is not a vector", expected="three finite numbers")
+    return x, y, z
 
 
 def _number(element: ElementTree.Element | None, key: str, where: str, default: float | None = None) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 
@@ -10,9 +11,9 @@ from pydantic import Field, model_validator
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
-from pinarm.errors import InputError, choices
 from pinarm.input.schema import Measured, Model, Time
 from pinarm.input.units import Unit
+from pinarm.mechanics.coordinates import joint_of
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.motion import MotionLaw
 
@@ -35,6 +36,8 @@ class TimeGrid(Model):
 
     @model_validator(mode="after")
     def _forward(self) -> TimeGrid:
+        if not self.end - self.start < math.inf:
+            raise ValueError("the time has no finite length")
         if not self.end > self.start:
             raise ValueError(f"the time ends at {self.end:g} s, not after its start at {self.start:g} s")
         return self
@@ -50,9 +53,11 @@ class Accuracy(Model):
     Attributes:
         tolerance: Local error of a step of the time integration, relative to ``1 + |y|`` in SI. The global error is
             reported by the balances and is usually ten to a hundred times larger.
+        max_steps: Number of steps after which the time integration gives up, rejected ones included.
     """
 
     tolerance: float = Field(default=1e-9, ge=1e-14, le=1e-2)
+    max_steps: int = Field(default=200_000, ge=1)
 
 
 def check_motion(mechanism: Mechanism, motion: Mapping[str, MotionLaw], place: Place) -> None:
@@ -78,9 +83,7 @@ def check_levels(
     """
     for name, value in levels.items():
         with place(*at, name):
-            if name not in mechanism.joints:
-                expected, hint = choices(name, mechanism.joints)
-                raise InputError(f"the model has no joint '{name}' with one coordinate", expected=expected, hint=hint)
+            joint_of(mechanism.joints, name)
             measured = mechanism.joints[name].unit
             if isinstance(value, Measured):
                 value.check(measured / per if per else measured)
@@ -95,5 +98,5 @@ def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -
     forces = list(mechanism.forces.values())
     for name, load in loads.items():
         with place("loads", name):
-            forces.append(load.bind(mechanism.joints))
+            forces.append(load.bind(mechanism.model, mechanism.joints))
     return forces

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
-from pinarm.engine.assembly import start_configuration
+from pinarm.arrays import Array
+from pinarm.engine.assembly import Imposed, start_configuration
 from pinarm.engine.balance import energy_balance
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Solution, Stretch, integrate
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.systems import System, system_of
 from pinarm.engine.trajectory import Trajectory
-from pinarm.errors import IntegrationError
+from pinarm.errors import InputError, IntegrationError, Interrupted
 from pinarm.input.schema import Level, Model, Rate
 from pinarm.input.units import unit
 from pinarm.mechanics.forces import Force
+from pinarm.mechanics.laws import Law
 from pinarm.mechanics.motion import Grid
-from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels
+from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_motion
 
 
 class InitialState(Model):
@@ -34,17 +38,19 @@ class InitialState(Model):
 
 
 class Forward(Model):
-    """Free motion from an initial state under the mechanism's forces and the given loads.
+    """Motion from an initial state under the mechanism's forces and the given loads; some coordinates may follow laws.
 
     Attributes:
         time: Instants of the table.
         initial: State at the first of them.
+        motion: Coordinate -> law over time, for those that are prescribed; the efforts that this takes come out.
         loads: Applied forces, springs and dampers of this run.
     """
 
     kind: Literal["forward"]
     time: TimeGrid
     initial: InitialState = InitialState()
+    motion: dict[str, Law] = {}
     loads: dict[str, Force] = {}
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
@@ -53,49 +59,71 @@ class Forward(Model):
         Raises:
             IntegrationError: The motion could not be followed to its end; ``partial`` holds it until then.
         """
+        check_motion(mechanism, self.motion, place)
+        dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, place))
+        with place("motion"):
+            system = system_of(dynamics, Imposed.some(mechanism, self.motion))
+        laws = [*self.motion.values(), *(law for force in dynamics.forces for law in force.laws())]
+        start, end = self.time.start, self.time.end
+        inner = sorted({x for law in laws for x in law.breakpoints() if start < x < end})
+        spans = list(pairwise([start, *inner, end]))
+        stretches = [Stretch(low, high, system.acceleration(dynamics, low, high)) for low, high in spans]
+        run = _Run(mechanism, dynamics, system)
+        grid = Grid.cover(self.time.instants(), laws)
+        try:
+            solution = integrate(
+                stretches, system.manifold, *system.begin(*self._start(mechanism, place)),
+                tolerance=accuracy.tolerance, max_steps=accuracy.max_steps,
+            )
+        except (IntegrationError, Interrupted) as error:
+            error.partial = run.until(error.partial, grid) if error.partial.steps else None
+            raise
+        return run.trajectory(solution, grid, self._figures(solution, dynamics, spans))
+
+    def _start(self, mechanism: Mechanism, place: Place) -> tuple[Array, Array]:
+        """Return the initial state of the mechanism."""
         check_levels(mechanism, self.initial.position, place, "initial", "position")
         check_levels(mechanism, self.initial.velocity, place, "initial", "velocity", per=unit("s"))
-        dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, place))
+        for part, values in (("position", self.initial.position), ("velocity", self.initial.velocity)):
+            for name in values:
+                if name in self.motion:
+                    with place("initial", part, name):
+                        raise InputError(f"'{name}' follows a law", expected="initial values of free joints only")
         q = start_configuration(mechanism, self.initial.position)
         v = np.zeros(mechanism.model.nv)
         for name, value in self.initial.velocity.items():
             v[mechanism.joints[name].v] = value
-        laws = [law for force in dynamics.forces for law in force.laws()]
-        start, end = self.time.start, self.time.end
-        inner = sorted({x for law in laws for x in law.breakpoints() if start < x < end})
-        bounds = [start, *inner, end]
-        parts = [dynamics.on(low, high) for low, high in pairwise(bounds)]
-        spans = zip(pairwise(bounds), parts, strict=True)
-        stretches = [Stretch(low, high, part.acceleration()) for (low, high), part in spans]
-        grid = Grid.cover(self.time.instants(), laws)
-        try:
-            solution = integrate(stretches, dynamics.manifold, q, v, tolerance=accuracy.tolerance)
-        except IntegrationError as error:
-            error.partial = _until(error.partial, mechanism, dynamics, grid) if error.partial.steps else None
-            raise
-        return _trajectory(solution, mechanism, dynamics, grid, energy_balance(solution, parts))
+        return q, v
+
+    def _figures(self, solution: Solution, dynamics: Dynamics, spans: list[tuple[float, float]]) -> dict[str, float]:
+        """Return the cost of a run and, where no drive works, the balance of its energy."""
+        cost = {
+            "steps": float(len(solution.steps)),
+            "evaluations": float(solution.evaluations),
+            "rejected steps": float(solution.rejected),
+        }
+        if self.motion:
+            return cost
+        return {**cost, **energy_balance(solution, [dynamics.on(low, high) for low, high in spans])}
 
 
-def _trajectory(
-    solution: Solution, mechanism: Mechanism, dynamics: Dynamics, grid: Grid, figures: dict[str, float]
-) -> Trajectory:
-    """Return the solution at the instants of a grid; accelerations are those of the equation of motion there."""
-    q, v = solution.states(grid.t)
-    idle = np.zeros_like(v)
-    figures = {
-        "steps": float(len(solution.steps)), "evaluations": float(solution.evaluations),
-        "rejected steps": float(solution.rejected), **figures,
-    }  # fmt: skip
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """What turns an integrated solution into a trajectory of the mechanism."""
 
-    def again(other: Grid) -> Trajectory:
-        return _trajectory(solution, mechanism, dynamics, other, {})
+    mechanism: Mechanism
+    dynamics: Dynamics
+    system: System
 
-    draft = Trajectory(mechanism, "t", unit("s"), grid, q, v, idle, idle, dynamics, again)
-    a = draft.gather(lambda local, rows: local.forward(grid.t[rows], q[rows], v[rows]))
-    return Trajectory(mechanism, "t", unit("s"), grid, q, v, a, idle, dynamics, again, figures)
+    def trajectory(self, solution: Solution, grid: Grid, figures: dict[str, float]) -> Trajectory:
+        """Return the solution at the instants of a grid; accelerations are those of the equation of motion there."""
+        q, v, a, tau = self.system.complete(self.dynamics, grid, *solution.states(grid.t))
+        return Trajectory(
+            self.mechanism, "t", unit("s"), grid, q, v, a, tau, self.dynamics,
+            lambda other: self.trajectory(solution, other, {}), figures,
+        )  # fmt: skip
 
-
-def _until(solution: Solution, mechanism: Mechanism, dynamics: Dynamics, grid: Grid) -> Trajectory:
-    """Return what was computed before an integration failed."""
-    t = grid.t[grid.t <= solution.end]
-    return _trajectory(solution, mechanism, dynamics, Grid(t, (float(t[0]), solution.end), (0, len(t))), {})
+    def until(self, solution: Solution, grid: Grid) -> Trajectory:
+        """Return what was computed before an integration failed."""
+        t = grid.t[grid.t <= solution.end]
+        return self.trajectory(solution, Grid(t, (float(t[0]), solution.end), (0, len(t))), {})

@@ -14,7 +14,8 @@ from pinarm.engine.trajectory import Trajectory
 from pinarm.input.schema import Level, Model
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.forces import Force, ForceElement
-from pinarm.mechanics.motion import Grid, Law
+from pinarm.mechanics.laws import Law
+from pinarm.mechanics.motion import Grid
 from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_motion
 
 

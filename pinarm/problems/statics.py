@@ -10,9 +10,11 @@ from pydantic import Field, model_validator
 from pinarm.engine.assembly import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.trajectory import Trajectory
+from pinarm.errors import InputError
 from pinarm.input.schema import Level, Model
 from pinarm.mechanics.forces import Force
-from pinarm.mechanics.motion import Constant, ConstantSpeed, Grid, MotionLaw
+from pinarm.mechanics.laws import Constant, ConstantSpeed
+from pinarm.mechanics.motion import Grid, MotionLaw
 from pinarm.problems.common import Accuracy, Place, bind_loads, check_levels, check_motion
 from pinarm.problems.inverse import driven
 
@@ -65,6 +67,9 @@ class Statics(Model):
             check_motion(mechanism, held, lambda _, name: place("hold", name))
         check_levels(mechanism, self.start, place, "start")
         forces = bind_loads(mechanism, self.loads, place)
+        for law in (law for force in forces for law in force.laws()):
+            if not isinstance(law, Constant):
+                raise InputError("a load that follows a law over time has no value at rest", expected="law: constant")
         motion: dict[str, MotionLaw] = {swept: ConstantSpeed(speed=1.0), **held}
         with place():
             imposed = Imposed.of(mechanism, motion)

@@ -86,7 +86,7 @@ def compare(result: Result, expectation: Expectation) -> Finding:
     series = quantities[expectation.quantity]
     wanted, tolerance = _wanted(quantities, expectation, series.unit)
     difference = np.abs(series.values - wanted) if wanted is not None else np.zeros(1)
-    worst = int((difference - (tolerance if tolerance is not None else 0.0)).argmax())
+    worst = int(np.nan_to_num(difference - tolerance, nan=np.inf).argmax())
     met = wanted is not None and bool((difference <= tolerance).all())
     error = None
     if wanted is not None:
@@ -94,6 +94,8 @@ def compare(result: Result, expectation: Expectation) -> Finding:
         error = float(difference.max() / scale) if scale else float(difference.max())
     printed, off, explained = _published(quantities, expectation, series.values, series.unit)
     verdict, reason = _verdict(expectation, wanted is not None, met, off, explained)
+    if not np.isfinite(series.values).all():
+        verdict, reason = "MISS", "the computed number is not finite"
     return Finding(
         result.name, expectation, series.unit, float(series.values[worst]),
         float(np.broadcast_to(wanted, series.values.shape)[worst]) if wanted is not None else None,
@@ -106,6 +108,8 @@ def _wanted(quantities: Quantities, expectation: Expectation, measured: Unit | N
     if expectation.value is None and expectation.formula is None:
         return None, np.zeros(1)
     absolute = _number(expectation.atol, measured) if expectation.atol is not None else 0.0
+    if absolute < 0.0:
+        raise InputError(f"the tolerance {expectation.atol} is negative")
     if expectation.formula is not None:
         formula = quantities[expectation.formula]
         _same(formula.unit, measured, expectation.formula)
@@ -127,7 +131,8 @@ def _published(
         formula = np.broadcast_to(quantities.figure(expectation.published_formula), values.shape)
         difference = np.abs(values - formula)
         worst = int(difference.argmax())
-        return float(formula[worst]), bool(difference[worst] > FORMULA * max(1e-300, np.abs(formula).max())), False
+        agree = bool((difference <= FORMULA * np.abs(formula).max()).all())
+        return float(formula[worst]), not agree, False
     if expectation.published is None:
         return None, False, False
     printed, half = _number(expectation.published, measured), half_last_digit(expectation.published) * ONE_UNIT
@@ -135,7 +140,7 @@ def _published(
     explained = distance <= 2 * half
     if expectation.because is not None:
         explained = bool(np.abs(quantities.figure(expectation.because) - printed).max() <= half)
-    return printed, distance > half, explained
+    return printed, not distance <= half, explained
 
 
 def _verdict(expectation: Expectation, independent: bool, met: bool, off: bool, explained: bool) -> tuple[str, str]:

@@ -125,7 +125,9 @@ def _extreme(quantities: Quantities, which: str, name: str) -> Quantities:
     run = quantities.trajectory
     height = _HEIGHTS[which]
     values = height(quantities[name].values)
-    best = int(np.nanargmax(values))
+    if not np.isfinite(values).all():
+        raise InputError(f"{name} is not finite everywhere: it has no extreme")
+    best = int(values.argmax())
     stretch = next(k for k in range(len(run.grid.cuts) - 1) if best < run.grid.rows[k + 1])
     first, last = run.grid.rows[stretch], run.grid.rows[stretch + 1] - 1
     low, high = run.grid.t[max(best - 1, first)], run.grid.t[min(best + 1, last)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,8 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
     run = result.trajectory
     along = result[against or run.parameter]
     scale, measured = _shown(along)
-    with matplotlib.rc_context(STYLE):
+    with matplotlib.rc_context(STYLE), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph")  # titles may hold characters that the font has not
         figure = Figure(figsize=(WIDTH, HEAD + HEIGHT * len(names)))
         FigureCanvasAgg(figure)
         axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
@@ -95,6 +97,8 @@ def save_plots(result: Result, folder: Path) -> list[Path]:
     for number, group in enumerate(outputs[i : i + 6] for i in range(0, len(outputs), 6)):
         name = re.sub(r"[^A-Za-z0-9_.-]+", "_", group[0])[:40] if len(group) == 1 else f"outputs_{number + 1}"
         path = folder / f"{name}.png"
-        result.plot(*group).savefig(path, metadata={"Software": None})
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Glyph")
+            result.plot(*group).savefig(path, metadata={"Software": None})
         files.append(path)
     return files

@@ -142,7 +142,8 @@ class Result:
         """Return a hash of what determines the numbers: the scenario and the model's text."""
         relevant = {key: value for key, value in self.data.items() if key not in ("expect", "title")}
         mechanism = self.trajectory.mechanism
-        text = json.dumps([relevant, mechanism.xml, {k: v.text for k, v in mechanism.symbols.items()}], sort_keys=True)
+        described = mechanism.description.model_dump(mode="json")
+        text = json.dumps([relevant, described, mechanism.xml], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
+import zipfile
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -26,12 +28,13 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        _clear(result, folder)
         _write(folder / "scenario.yaml", _resolved(result, folder))
         _write(folder / "model.urdf", result.trajectory.mechanism.xml)
         _write(folder / "summary.json", json.dumps(result.summary(), indent=2, default=_plain) + "\n")
         columns = result.columns()
         _write(folder / "trajectory.csv", csv(columns))
-        np.savez(folder / "trajectory.npz", **_arrays(result, columns))
+        _write_arrays(folder / "trajectory.npz", _arrays(result, columns))
         if timing:
             _write(folder / "timing.json", json.dumps(timing, indent=2) + "\n")
     except OSError as error:
@@ -41,6 +44,29 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
 
         save_plots(result, folder)
     return folder
+
+
+def _clear(result: Result, folder: Path) -> None:
+    """Remove what an earlier run left in the folder, and nothing else.
+
+    Raises:
+        InputError: The folder holds a scenario or a model that is not a result's, such as the input itself.
+    """
+    scenario = folder / "scenario.yaml"
+    if any((folder / name).exists() for name in OWN) and not (folder / "summary.json").exists():
+        raise InputError(f"{folder} holds files of the same names that are no result", hint="another folder: -o DIR")
+    if scenario.exists() and scenario.resolve() == (result.folder / f"{result.name}.yaml").resolve():
+        raise InputError(f"the result would overwrite its own input {scenario}", hint="another folder: -o DIR")
+    for name in (*OWN, "summary.json", "timing.json"):
+        (folder / name).unlink(missing_ok=True)
+    for plot in (folder / "plots").glob("*.png"):
+        plot.unlink()
+    if (folder / "partial").is_dir():
+        shutil.rmtree(folder / "partial")
+
+
+OWN = ("scenario.yaml", "model.urdf", "trajectory.csv", "trajectory.npz")
+"""Files of a result, beside the summary that marks the folder as one."""
 
 
 def csv(columns: list[Series]) -> str:
@@ -60,11 +86,21 @@ def _cell(label: str) -> str:
 
 
 def _arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
-    """Return the outputs by name with their units beside them, and the state behind them."""
+    """Return the outputs by name, their units, and the state behind them as ``state.q`` and so on."""
     run = result.trajectory
-    arrays: dict[str, Any] = {series.name: series.values for series in columns}
     units = np.array([[series.name, str(series.unit or "?")] for series in columns])
-    return {**arrays, "units": units, "q": run.q, "v": run.v, "a": run.a, "tau": run.tau}
+    state = {"state.q": run.q, "state.v": run.v, "state.a": run.a, "state.tau": run.tau, "state.units": units}
+    return {**state, **{series.name: np.asarray(series.values) for series in columns}}
+
+
+def _write_arrays(path: Path, arrays: dict[str, Any]) -> None:
+    """Write an npz file whose bytes depend on the arrays only; any name will do."""
+    draft = path.with_name(f".{path.name}.part")
+    with zipfile.ZipFile(draft, "w") as archive:
+        for name, array in arrays.items():
+            with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as stream:
+                np.lib.format.write_array(stream, array, allow_pickle=False)
+    draft.replace(path)
 
 
 def _resolved(result: Result, folder: Path) -> str:

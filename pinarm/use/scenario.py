@@ -2,27 +2,44 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, PlainValidator
 
 from pinarm.engine.balance import power_balance
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities import Quantities
-from pinarm.errors import InputError, NumericsError
+from pinarm.engine.trajectory import Trajectory
+from pinarm.errors import DynamicsError, InputError, NumericsError
 from pinarm.input.documents import Document
 from pinarm.input.expressions import Expression
 from pinarm.input.roots import inside, root_of
-from pinarm.input.schema import Model
+from pinarm.input.schema import Measured, Model, described
+from pinarm.input.units import read_quantity
 from pinarm.mechanics.description import Gravity
 from pinarm.problems import Problem
-from pinarm.problems.common import Accuracy
+from pinarm.problems.common import Accuracy, Place
 from pinarm.use.expectation import Expectation
 from pinarm.use.result import Result
+
+
+def _argument(value: Any) -> Measured:
+    """Read a number with or without a unit; the mechanism decides whether it needs one."""
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        raise InputError("an argument is a number, with a unit where it has one")
+    number, written = read_quantity(str(value))
+    measured = Measured(number)
+    measured.unit = written
+    return measured
+
+
+Argument = Annotated[float, PlainValidator(_argument), described("a number, with its unit where it has one")]
 
 
 class ScenarioFile(Model):
@@ -45,7 +62,7 @@ class ScenarioFile(Model):
     pinarm: Literal[1]
     title: str = ""
     mechanism: str
-    arguments: dict[str, float | str] = {}
+    arguments: dict[str, Argument] = {}
     gravity: Gravity | Literal["none"] | None = None
     problem: Problem
     symbols: dict[str, str] = {}
@@ -119,20 +136,27 @@ class Scenario:
             return self.document.locating("problem", *path)
 
         try:
-            trajectory = self.content.problem.solve(self.mechanism, self.content.accuracy, place)
+            with np.errstate(all="ignore"):  # what is not finite is found in the results, and said in words
+                return self._solved(place)
         except NumericsError as error:
-            if error.partial is not None:
-                quantities = Quantities(error.partial, self.symbols)
-                error.partial = Result(self.name, self.content, self.document.data, quantities, {}, self.folder)
+            if isinstance(error.partial, Trajectory):
+                error.partial = self._result(error.partial, {})
             raise
-        result = Result(
-            self.name, self.content, self.document.data, Quantities(trajectory, self.symbols),
-            {**trajectory.figures, **power_balance(trajectory)}, self.folder,
-        )  # fmt: skip
+
+    def _solved(self, place: Place) -> Result:
+        """Solve, measure the accuracy, and refuse what is not finite."""
+        trajectory = self.content.problem.solve(self.mechanism, self.content.accuracy, place)
+        result = self._result(trajectory, {**trajectory.figures, **power_balance(trajectory)})
         for index, name in enumerate(self.content.outputs):
             with self.document.locating("outputs", index):
                 result.require_finite(name)
+        if not all(math.isfinite(figure) for figure in result.figures.values()):
+            raise DynamicsError("the numbers of this run are beyond what can be checked", partial=trajectory)
         return result
+
+    def _result(self, trajectory: Trajectory, figures: Mapping[str, float]) -> Result:
+        quantities = Quantities(trajectory, self.symbols)
+        return Result(self.name, self.content, self.document.data, quantities, figures, self.folder)
 
     def validate(self) -> None:
         """Check everything that can be checked without solving: the model, all names, all units.

@@ -1,0 +1,240 @@
+"""Forces between the two links of a joint: springs, dampers, friction, torque laws and motor curves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Annotated, Literal
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field, field_validator
+
+from pinarm.arrays import Array, Indices
+from pinarm.errors import InputError
+from pinarm.input.schema import AnyQuantity, Measured, Model
+from pinarm.input.units import Unit, unit
+from pinarm.mechanics.coordinates import METRE, Joint, joint_of
+from pinarm.mechanics.forces.contract import ForceElement
+from pinarm.mechanics.laws import Law
+from pinarm.mechanics.motion import MotionLaw, Values
+
+CREEP = 1e-3
+"""Velocity below which regularised friction gives way [rad/s or m/s], where a file gives none."""
+
+
+def effort_unit(joint: Joint) -> Unit:
+    """Return N for a joint that slides and N*m for one that turns."""
+    return unit("N") if joint.unit == METRE else unit("N*m")
+
+
+@dataclass(frozen=True)
+class SpringDamper(ForceElement):
+    """Linear springs and dampers at joints: ``load = -stiffness (q - rest) - damping v``.
+
+    Potential energy ``stiffness (q - rest)^2 / 2``, dissipated power ``damping v^2``, summed over the joints.
+
+    Attributes:
+        q: Indices in q, shape (k,).
+        v: Indices in v, shape (k,).
+        stiffness: [N*m/rad or N/m], shape (k,).
+        damping: [N*m*s/rad or N*s/m], shape (k,).
+        rest: Coordinate at which the spring is free [rad or m], shape (k,).
+    """
+
+    q: Indices
+    v: Indices
+    stiffness: Array
+    damping: Array
+    rest: Array
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the load to ``tau``."""
+        tau[..., self.v] -= self.stiffness * (q[..., self.q] - self.rest) + self.damping * v[..., self.v]
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return the energy of the springs."""
+        return np.asarray((0.5 * self.stiffness * (q[..., self.q] - self.rest) ** 2).sum(axis=-1))
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the power of the dampers."""
+        return np.asarray((self.damping * v[..., self.v] ** 2).sum(axis=-1))
+
+
+@dataclass(frozen=True)
+class DryFriction(ForceElement):
+    """Coulomb friction at joints, regularised: ``load = -friction tanh(v / creep)``.
+
+    Right within 1e-4 of its bound where ``|v| > 5 creep``. A joint that ought to stick creeps with
+    ``v = creep atanh(load / friction)`` instead. Small values of creep make forward problems stiff.
+
+    Attributes:
+        v: Indices in v, shape (k,).
+        friction: Largest load [N*m or N], shape (k,).
+        creep: [rad/s or m/s], shape (k,).
+    """
+
+    v: Indices
+    friction: Array
+    creep: Array
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the load to ``tau``."""
+        tau[..., self.v] -= self.friction * np.tanh(v[..., self.v] / self.creep)
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return 0."""
+        return np.zeros(q.shape[:-1])
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the heat."""
+        rates = v[..., self.v]
+        return np.asarray((self.friction * np.tanh(rates / self.creep) * rates).sum(axis=-1))
+
+
+@dataclass(frozen=True)
+class AppliedEffort(ForceElement):
+    """A torque or force at a joint that follows a law of time; all of its power is supplied.
+
+    Attributes:
+        v: Index in v.
+        law: The effort [N*m or N] over time.
+        function: The smooth piece of the law on the present stretch.
+    """
+
+    v: int
+    law: MotionLaw
+    function: Callable[[Array], Values] | None = None
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the load to ``tau``."""
+        tau[..., self.v] += self._effort(t)
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return 0."""
+        return np.zeros(q.shape[:-1])
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the power supplied, with a minus."""
+        return np.asarray(-self._effort(t) * v[..., self.v])
+
+    def laws(self) -> list[MotionLaw]:
+        """Return the law."""
+        return [self.law]
+
+    def on(self, start: float, end: float) -> AppliedEffort:
+        """Return the element with the piece of its law on the stretch."""
+        return replace(self, function=self.law.on(start, end))
+
+    def _effort(self, t: Array | float) -> Array:
+        if self.function is None:
+            raise ValueError("a law is evaluated on a stretch of time: take the element's on(start, end)")
+        return self.function(np.asarray(t, float))[0]
+
+
+@dataclass(frozen=True)
+class MotorCurve(ForceElement):
+    """A motor at full power: its effort is a function of its velocity, linear between points, constant beyond them.
+
+    Attributes:
+        v: Index in v.
+        speeds: Velocities of the points, ascending [rad/s or m/s], shape (k,).
+        efforts: Efforts there [N*m or N], shape (k,).
+    """
+
+    v: int
+    speeds: Array
+    efforts: Array
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the load to ``tau``."""
+        tau[..., self.v] += np.interp(v[..., self.v], self.speeds, self.efforts)
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return 0."""
+        return np.zeros(q.shape[:-1])
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the power supplied, with a minus."""
+        rate = v[..., self.v]
+        return np.asarray(-np.interp(rate, self.speeds, self.efforts) * rate)
+
+
+class JointSpring(Model):
+    """Spring and damper between a joint's two links."""
+
+    kind: Literal["joint_spring"]
+    joint: str
+    stiffness: Annotated[AnyQuantity, Field(ge=0)] = 0.0
+    damping: Annotated[AnyQuantity, Field(ge=0)] = 0.0
+    rest: AnyQuantity = 0.0
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
+        """Return the element of one model."""
+        joint = joint_of(joints, self.joint)
+        effort = effort_unit(joint)
+        _check((self.stiffness, effort / joint.unit), (self.rest, joint.unit),
+               (self.damping, effort / joint.unit * unit("s")))  # fmt: skip
+        one = np.array([1.0])
+        return SpringDamper(np.array([joint.q]), np.array([joint.v]), self.stiffness * one, self.damping * one,
+                            self.rest * one)  # fmt: skip
+
+
+class JointFriction(Model):
+    """Dry friction between a joint's two links, regularised: see ``DryFriction``."""
+
+    kind: Literal["joint_friction"]
+    joint: str
+    friction: Annotated[AnyQuantity, Field(ge=0)]
+    creep: Annotated[AnyQuantity, Field(gt=0)] = CREEP
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
+        """Return the element of one model."""
+        joint = joint_of(joints, self.joint)
+        _check((self.friction, effort_unit(joint)), (self.creep, joint.unit / unit("s")))
+        return DryFriction(np.array([joint.v]), np.array([float(self.friction)]), np.array([float(self.creep)]))
+
+
+class JointEffort(Model):
+    """Torque or force at a joint over time."""
+
+    kind: Literal["joint_effort"]
+    joint: str
+    effort: Law
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
+        """Return the element of one model."""
+        joint = joint_of(joints, self.joint)
+        self.effort.check_units(effort_unit(joint))
+        return AppliedEffort(joint.v, self.effort)
+
+
+class TorqueSpeed(Model):
+    """A motor's curve at its joint: pairs of velocity and effort."""
+
+    kind: Literal["torque_speed"]
+    joint: str
+    curve: list[tuple[AnyQuantity, AnyQuantity]] = Field(min_length=2)
+
+    @field_validator("curve")
+    @classmethod
+    def _ascending(cls, curve: list[tuple[float, float]]) -> list[tuple[float, float]]:
+        speeds = [speed for speed, _ in curve]
+        if any(b <= a for a, b in pairwise(speeds)):
+            raise InputError("the velocities of the curve do not ascend", expected="each larger than the one before")
+        return curve
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
+        """Return the element of one model."""
+        joint = joint_of(joints, self.joint)
+        for speed, effort in self.curve:
+            _check((speed, joint.unit / unit("s")), (effort, effort_unit(joint)))
+        points = np.array(self.curve, float)
+        return MotorCurve(joint.v, points[:, 0].copy(), points[:, 1].copy())
+
+
+def _check(*pairs: tuple[float, Unit]) -> None:
+    for value, expected in pairs:
+        if isinstance(value, Measured):
+            value.check(expected)

@@ -1,0 +1,214 @@
+"""Forces at points of links: wrenches, and springs, dampers and rods between two points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field
+
+from pinarm.arrays import Array
+from pinarm.errors import DynamicsError
+from pinarm.input.schema import Damping, Force, Length, Model, Moment, Stiffness
+from pinarm.mechanics.coordinates import Joint, frame_of
+from pinarm.mechanics.forces.contract import ForceElement
+from pinarm.mechanics.laws import Constant, Law
+from pinarm.mechanics.motion import MotionLaw, Values
+
+
+@dataclass(frozen=True)
+class AppliedWrench(ForceElement):
+    """A force and moment at a link's origin, constant in the axes of a frame, times a law of time.
+
+    All of its power is supplied; the potential of a constant force is not counted as energy of the mechanism.
+
+    Attributes:
+        model: Pinocchio's model.
+        frame: Index of the frame at whose origin it acts.
+        axes: Index of the frame in whose axes it is given.
+        wrench: [force; moment] [N, N*m], shape (6,).
+        law: Factor over time.
+        function: The smooth piece of the law on the present stretch.
+        data: Buffers of its own.
+    """
+
+    model: pin.Model
+    frame: int
+    axes: int
+    wrench: Array
+    law: MotionLaw
+    data: pin.Data = field(repr=False)
+    function: Callable[[Array], Values] | None = None
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the load ``J^T w`` to ``tau``."""
+        for instant, state, load in _rows(t, q, tau):
+            pin.computeJointJacobians(self.model, self.data, state)
+            pin.updateFramePlacements(self.model, self.data)
+            jacobian = pin.getFrameJacobian(self.model, self.data, self.frame, pin.LOCAL_WORLD_ALIGNED)
+            load += jacobian.reshape(6, -1).T @ self._in_world(instant)
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return 0."""
+        return np.zeros(q.shape[:-1])
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the power supplied, with a minus."""
+        tau = np.zeros_like(v)
+        self.add_load(t, q, v, tau)
+        return np.asarray(-(tau * v).sum(axis=-1))
+
+    def laws(self) -> list[MotionLaw]:
+        """Return the law."""
+        return [self.law]
+
+    def on(self, start: float, end: float) -> AppliedWrench:
+        """Return the element with the piece of its law on the stretch."""
+        return replace(self, function=self.law.on(start, end))
+
+    def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
+        """Return the wrench on the link, moved to the world's origin."""
+        pin.framesForwardKinematics(self.model, self.data, q)
+        wrench = self._in_world(t)
+        point = self.data.oMf[self.frame].translation
+        moment = wrench[3:] + np.cross(point, wrench[:3])
+        return {self.model.frames[self.frame].parentJoint: np.concatenate([wrench[:3], moment])}
+
+    def _in_world(self, t: float) -> Array:
+        """Return the wrench at its point, world axes; the placements in the buffers are those of the state."""
+        if self.function is None:
+            raise ValueError("a law is evaluated on a stretch of time: take the element's on(start, end)")
+        turn = self.data.oMf[self.axes].rotation
+        factor = self.function(np.asarray(t, float))[0]
+        return np.asarray(factor * np.concatenate([turn @ self.wrench[:3], turn @ self.wrench[3:]]))
+
+
+@dataclass(frozen=True)
+class TwoPointSpring(ForceElement):
+    """Spring, damper and constant pull between the origins of two links, along their line.
+
+    ``tension = stiffness (l - free_length) + damping l' + force``, positive where it pulls the points together.
+    Potential energy ``stiffness (l - free_length)^2 / 2 + force (l - free_length)``, dissipated power
+    ``damping l'^2``. Where the points meet the line has no direction.
+
+    Attributes:
+        model: Pinocchio's model.
+        frames: Indices of the two frames.
+        stiffness: [N/m].
+        damping: [N*s/m].
+        free_length: [m].
+        force: Constant pull, negative for a push [N].
+        data: Buffers of its own.
+    """
+
+    model: pin.Model
+    frames: tuple[int, int]
+    stiffness: float
+    damping: float
+    free_length: float
+    force: float
+    data: pin.Data = field(repr=False)
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the load ``-tension dl/dq`` to ``tau``."""
+        for state, rate, load in zip(np.atleast_2d(q), np.atleast_2d(v), _loads(tau), strict=True):
+            length, _, row = self._line(state)
+            load -= self._tension(length, float(row @ rate)) * row
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return the energy of the spring and of the constant pull."""
+        stretched = np.array([self._line(state)[0] for state in np.atleast_2d(q)]) - self.free_length
+        return np.asarray((0.5 * self.stiffness * stretched**2 + self.force * stretched).reshape(q.shape[:-1]))
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the power of the damper."""
+        pairs = zip(np.atleast_2d(q), np.atleast_2d(v), strict=True)
+        rates = np.array([self._line(state)[2] @ rate for state, rate in pairs])
+        return np.asarray((self.damping * rates**2).reshape(q.shape[:-1]))
+
+    def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
+        """Return the pull on both links, moved to the world's origin."""
+        length, direction, row = self._line(q)
+        pull = self._tension(length, float(row @ v)) * direction
+        found: dict[int, Array] = {}
+        for frame, force in zip(self.frames, (pull, -pull), strict=True):
+            joint, point = self.model.frames[frame].parentJoint, self.data.oMf[frame].translation
+            found[joint] = found.get(joint, np.zeros(6)) + np.concatenate([force, np.cross(point, force)])
+        return found
+
+    def _tension(self, length: float, rate: float) -> float:
+        return self.stiffness * (length - self.free_length) + self.damping * rate + self.force
+
+    def _line(self, q: Array) -> tuple[float, Array, Array]:
+        """Return length [m], direction from the first to the second point, and dl/dq, shape (nv,)."""
+        pin.computeJointJacobians(self.model, self.data, q)
+        pin.updateFramePlacements(self.model, self.data)
+        one, two = (
+            pin.getFrameJacobian(self.model, self.data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)[:3]
+            for frame in self.frames
+        )
+        apart = self.data.oMf[self.frames[1]].translation - self.data.oMf[self.frames[0]].translation
+        length = float(np.linalg.norm(apart))
+        if length == 0.0:
+            names = " and ".join(self.model.frames[frame].name for frame in self.frames)
+            raise DynamicsError(f"the points {names} of a two-point spring meet: its direction is undetermined", q=q)
+        direction = apart / length
+        return length, direction, direction @ (two - one)
+
+
+class Wrench(Model):
+    """Force and moment at the origin of a link.
+
+    Attributes:
+        point: The link at whose origin it acts.
+        force: Components [N].
+        moment: Components [N*m].
+        axes: ``world``, or the link in whose axes the components are given.
+        factor: Law over time that multiplies them.
+    """
+
+    kind: Literal["wrench"]
+    point: str
+    force: tuple[Force, Force, Force] = (0.0, 0.0, 0.0)
+    moment: tuple[Moment, Moment, Moment] = (0.0, 0.0, 0.0)
+    axes: str = "world"
+    factor: Law = Constant(value=1.0)
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
+        """Return the element of one model."""
+        axes = 0 if self.axes == "world" else frame_of(model, self.axes)
+        wrench = np.array([*self.force, *self.moment], float)
+        return AppliedWrench(model, frame_of(model, self.point), axes, wrench, self.factor, model.createData())
+
+
+class PointSpring(Model):
+    """Spring, damper and constant pull between the origins of two links."""
+
+    kind: Literal["point_spring"]
+    between: tuple[str, str]
+    stiffness: Annotated[Stiffness, Field(ge=0)] = 0.0
+    damping: Annotated[Damping, Field(ge=0)] = 0.0
+    free_length: Annotated[Length, Field(ge=0)] = 0.0
+    force: Force = 0.0
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
+        """Return the element of one model."""
+        frames = frame_of(model, self.between[0]), frame_of(model, self.between[1])
+        return TwoPointSpring(
+            model, frames, self.stiffness, self.damping, self.free_length, self.force, model.createData()
+        )
+
+
+def _loads(tau: Array) -> Array:
+    """Return tau as rows, a view into it."""
+    return tau.reshape(-1, tau.shape[-1])
+
+
+def _rows(t: Array | float, q: Array, tau: Array) -> Iterator[tuple[float, Array, Array]]:
+    """Yield instant, configuration and load (a view) of every row."""
+    rows = np.atleast_2d(q)
+    instants = np.broadcast_to(np.asarray(t, float), (len(rows),))
+    return zip((float(x) for x in instants), rows, _loads(tau), strict=True)

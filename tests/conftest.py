@@ -1,0 +1,81 @@
+"""Small models that the tests of mechanics and engine are made of."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
+
+import pytest
+
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.trajectory import Trajectory
+from pinarm.mechanics.laws import Harmonic
+from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.inverse import Inverse
+
+
+def body(name, parent, *, kind="continuous", axis="0 0 1", at="0 0 0", mass=1.0, com="0 0 0",
+         inertia=(0.1, 0.1, 0.1), damping=0.0):  # fmt: skip
+    """Return a link and the joint of the same name that carries it."""
+    ixx, iyy, izz = inertia
+    return f"""
+  <link name="{name}_link"><inertial><origin xyz="{com}"/><mass value="{mass!r}"/>
+    <inertia ixx="{ixx!r}" iyy="{iyy!r}" izz="{izz!r}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{name}_link"/><origin xyz="{at}"/>
+    <axis xyz="{axis}"/><limit lower="-1000" upper="1000" effort="1000" velocity="1000"/>
+    <dynamics damping="{damping!r}"/></joint>"""
+
+
+def chain(*bodies: dict) -> str:
+    """Return the URDF of bodies that hang one from the other; the first from ``base``."""
+    parent, parts = "base", []
+    for given in bodies:
+        parts.append(body(parent=parent, **given))
+        parent = f"{given['name']}_link"
+    return f'<robot name="test"><link name="base"/>{"".join(parts)}\n</robot>'
+
+
+@pytest.fixture(name="chain")
+def _chain() -> Callable[..., str]:
+    return chain
+
+
+@pytest.fixture
+def mechanism(tmp_path: Path) -> Callable[..., Mechanism]:
+    """Return a function that builds a mechanism from a URDF text and the content of its mechanism file."""
+
+    def build(xml: str, **description) -> Mechanism:
+        (tmp_path / "model.urdf").write_text(xml)
+        content = {"pinarm": 1, "robot": "model.urdf", **description}
+        (tmp_path / "mechanism.yaml").write_text(json.dumps(content))
+        return Mechanism.load(tmp_path / "mechanism.yaml")
+
+    return build
+
+
+@pytest.fixture
+def differentiate() -> Callable[..., object]:
+    """Return the derivative of a function by central differences, extrapolated to order 8."""
+
+    def derivative(function, t, h=0.02):
+        rows = [(function(t + h / 2**k) - function(t - h / 2**k)) / (2 * h / 2**k) for k in range(4)]
+        for order in (4.0, 16.0, 64.0):
+            rows = [(order * fine - coarse) / (order - 1.0) for coarse, fine in itertools.pairwise(rows)]
+        return rows[0]
+
+    return derivative
+
+
+@pytest.fixture
+def swing() -> Callable[[Mechanism], Trajectory]:
+    """Return a function that moves the joint ``arm`` of a mechanism to and fro."""
+
+    def run(mechanism):
+        law = Harmonic(mean=0.4, amplitude=0.9, pulsation=2.0)
+        problem = Inverse(kind="inverse", time=TimeGrid(end=3.0, samples=61), motion={"arm": law})
+        return problem.solve(mechanism, Accuracy(), lambda *path: nullcontext())
+
+    return run

@@ -1,0 +1,327 @@
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.special import ellipj, ellipk
+
+from pinarm.engine.dynamics import Dynamics, JointSpace
+from pinarm.engine.integrators import Flat, Solution, Step, Stretch, _Stepper, integrate
+from pinarm.engine.tableaus import DOP853
+from pinarm.errors import IntegrationError
+
+PLANE = Flat(2, 2)
+ECCENTRICITY = 0.1
+MOMENTS = np.array([0.5, 1.0, 1.7])
+SPIN = np.array([0.6, -1.1, 0.4])
+ATTITUDE = np.array([0.1, 0.5, -0.3, 0.8]) / np.linalg.norm([0.1, 0.5, -0.3, 0.8])
+
+
+def attraction(t, q, v):
+    return -q / np.linalg.norm(q) ** 3
+
+
+def orbit(t):
+    """Position and velocity on the orbit of unit attraction and semi-axis, from its pericentre."""
+    mean = anomaly = np.asarray(t, float)
+    for _ in range(30):
+        change = (anomaly - ECCENTRICITY * np.sin(anomaly) - mean) / (1 - ECCENTRICITY * np.cos(anomaly))
+        anomaly = anomaly - change
+    minor, rate = np.sqrt(1 - ECCENTRICITY**2), 1 / (1 - ECCENTRICITY * np.cos(anomaly))
+    q = np.stack([np.cos(anomaly) - ECCENTRICITY, minor * np.sin(anomaly)], axis=-1)
+    return q, np.stack([-np.sin(anomaly) * rate, minor * np.cos(anomaly) * rate], axis=-1)
+
+
+def deviation(solution, t):
+    """Largest error of a solution on the orbit."""
+    return max(np.abs(found - exact).max() for found, exact in zip(solution.states(t), orbit(t), strict=True))
+
+
+@pytest.fixture(scope="module")
+def top():
+    """A body free to turn about its mass centre: dynamics and manifold."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
+    model.addJointFrame(joint)
+    model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.diag(MOMENTS)), pin.SE3.Identity())
+    return Dynamics.of(model, [])
+
+
+@pytest.fixture(scope="module")
+def turned():
+    """Attitude (x, y, z, w) and angular velocity of the same body by Euler's equations alone."""
+
+    def rate(t, y):
+        (x, y_, z, s), w = y[:4], y[4:]
+        rows = np.array([[s, -z, y_], [z, s, -x], [-y_, x, s], [-x, -y_, -z]])
+        return np.concatenate([0.5 * rows @ w, -np.cross(w, MOMENTS * w) / MOMENTS])
+
+    found = solve_ivp(
+        rate, (0, 4), np.concatenate([ATTITUDE, SPIN]), "DOP853", rtol=1e-13, atol=1e-14, dense_output=True
+    )
+    return found.sol
+
+
+def fixed_steps(acceleration, manifold, q, v, end, n):
+    """Return the solution of n equal steps."""
+    stretch = Stretch(0.0, end, acceleration)
+    solution, stepper = Solution(DOP853, manifold, [stretch]), _Stepper(DOP853, manifold, 1.0)
+    stepper.begin(0.0, np.concatenate([q, v]), acceleration)
+    h = end / n
+    for k in range(n):
+        stepper.attempt(k * h, h, acceleration)
+        solution.steps.append(Step(k * h, h, stepper.y.copy(), stepper.slopes.copy(), 0))
+        stepper.accept()
+    return solution, stepper.y.copy()
+
+
+def slope(steps, errors):
+    return -np.polyfit(np.log(steps), np.log(errors), 1)[0]
+
+
+class TestOrder:
+    """The slope of log error over log h, between the first digits and rounding."""
+
+    def test_in_the_plane(self):
+        counts, errors = [20, 26, 34, 44, 54], []
+        for n in counts:
+            solution, _ = fixed_steps(attraction, PLANE, *orbit(0.0), 6.0, n)
+            errors.append(deviation(solution, np.array([step.t for step in solution.steps])))
+        assert errors[0] < 1e-5
+        assert errors[-1] > 1e-12  # rounding of 6 s is 1e-14
+        assert slope(counts, errors) > 7.5
+
+    def test_on_rotations(self, top, turned):
+        counts, errors = [6, 8, 11, 15, 20], []
+        for n in counts:
+            _, y = fixed_steps(top.acceleration(), top.manifold, ATTITUDE, SPIN, 4.0, n)
+            errors.append(np.abs(y - turned(4.0)).max())
+        assert errors[0] < 1e-2
+        assert errors[-1] > 1e-11  # the reference is right to 1e-12
+        assert slope(counts, errors) > 7.5
+
+    def test_of_the_dense_output_in_the_plane(self):
+        counts, errors, t = [20, 26, 34, 44, 54], [], np.linspace(0.0, 6.0, 997)
+        for n in counts:
+            solution, _ = fixed_steps(attraction, PLANE, *orbit(0.0), 6.0, n)
+            errors.append(deviation(solution, t))
+        assert errors[-1] > 1e-12
+        assert slope(counts, errors) > 7.0
+
+    def test_of_the_dense_output_on_rotations(self, top, turned):
+        counts, errors, t = [6, 8, 11, 15, 20], [], np.linspace(0.0, 4.0, 997)
+        for n in counts:
+            solution, _ = fixed_steps(top.acceleration(), top.manifold, ATTITUDE, SPIN, 4.0, n)
+            errors.append(np.abs(np.hstack(solution.states(t)) - turned(t).T).max())
+        assert errors[-1] > 1e-11
+        assert slope(counts, errors) > 7.0
+
+
+class TestDenseOutput:
+    def test_meets_the_steps_at_their_ends(self):
+        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-9)
+        t = np.array([step.t for step in solution.steps])
+        assert np.array_equal(np.hstack(solution.states(t)), np.array([step.y for step in solution.steps]))
+
+    def test_is_smooth_across_the_steps(self):
+        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-9)
+        ends = np.array([step.t for step in solution.steps[1:]])
+        before, after = solution.states(np.nextafter(ends, -1.0)), solution.states(ends)
+        assert np.hstack(before) == pytest.approx(np.hstack(after), abs=1e-14)
+
+    def test_is_as_accurate_as_the_steps(self):
+        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-10)
+        ends = np.array([step.t for step in solution.steps])
+        between = np.linspace(0.0, 6.0, 2001)
+        assert deviation(solution, between) < 10 * deviation(solution, ends) + 1e-12
+
+    def test_takes_times_in_any_order(self):
+        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-9)
+        t = np.array([5.0, 0.0, 6.0, 2.5, 2.5])
+        together = solution.states(t)
+        for k, instant in enumerate(t):
+            assert np.array_equal(solution.states(np.array([instant]))[0][0], together[0][k])
+
+    def test_quaternions_have_unit_length(self, top):
+        solution = integrate([Stretch(0.0, 4.0, top.acceleration())], top.manifold, ATTITUDE, SPIN, tolerance=1e-4)
+        q, _ = solution.states(np.linspace(0.0, 4.0, 101))
+        assert np.linalg.norm(q, axis=1) == pytest.approx(1.0, abs=1e-15)
+        assert all(abs(np.linalg.norm(step.y[:4]) - 1.0) < 1e-15 for step in solution.steps)
+
+
+class TestTolerance:
+    tolerances = 10.0 ** -np.arange(4, 13)
+
+    def errors(self, acceleration, manifold, q, v, t, exact):
+        found = []
+        for tolerance in self.tolerances:
+            solution = integrate([Stretch(0.0, t[-1], acceleration)], manifold, q, v, tolerance=tolerance)
+            found.append(np.abs(np.hstack(solution.states(t)) - exact).max())
+        return np.array(found)
+
+    def check(self, errors):
+        # the step follows tolerance^(1/8) and the error its eighth power; the motions amplify it less than 300 times
+        assert np.polyfit(np.log(self.tolerances), np.log(errors), 1)[0] == pytest.approx(1.0, abs=0.15)
+        assert (errors < 300 * self.tolerances).all()
+
+    def test_error_shrinks_with_it_in_the_plane(self):
+        t = np.linspace(0.0, 20.0, 501)
+        self.check(self.errors(attraction, PLANE, *orbit(0.0), t, np.hstack(orbit(t))))
+
+    def test_error_shrinks_with_it_on_rotations(self, top, turned):
+        t = np.linspace(0.0, 4.0, 301)
+        self.check(self.errors(top.acceleration(), top.manifold, ATTITUDE, SPIN, t, turned(t).T))
+
+
+def test_free_rotation_follows_the_elliptic_functions(top):
+    """Landau and Lifshitz, Mechanics, section 37, for M^2 > 2 E I2: rotation near the axis of the largest moment."""
+    i1, i2, i3 = MOMENTS
+    w = np.array([0.3, 0.0, 1.2])
+    energy2, momentum2 = float(MOMENTS @ w**2), float(MOMENTS**2 @ w**2)
+    assert momentum2 > energy2 * i2
+    rate = np.sqrt((i3 - i2) * (momentum2 - energy2 * i1) / (i1 * i2 * i3))
+    m = (i2 - i1) * (energy2 * i3 - momentum2) / ((i3 - i2) * (momentum2 - energy2 * i1))
+    t = np.linspace(0.0, 1.3 * 4 * ellipk(m) / rate, 301)
+    sn, cn, dn, _ = ellipj(rate * t, m)
+    expected = np.array([
+        np.sqrt((energy2 * i3 - momentum2) / (i1 * (i3 - i1))) * cn,
+        np.sqrt((energy2 * i3 - momentum2) / (i2 * (i3 - i2))) * sn,
+        np.sqrt((momentum2 - energy2 * i1) / (i3 * (i3 - i1))) * dn,
+    ])  # fmt: skip
+    stretch = Stretch(0.0, t[-1], top.acceleration())
+    _, v = integrate([stretch], top.manifold, ATTITUDE, w, tolerance=1e-13).states(t)
+    assert pytest.approx(expected, abs=1e-11) == v.T
+
+
+def oscillator_with(load):
+    return lambda t, q, v: load(t) - q
+
+
+def kicked(t):
+    """The unit oscillator from rest, under a load of 1 from t = 1/3 to t = 2: closed form."""
+    t = np.asarray(t)[:, None]
+    on, off = np.where(t > 1 / 3, t - 1 / 3, 0.0), np.where(t > 2, t - 2, 0.0)
+    return np.cos(off) - np.cos(on), np.sin(on) - np.sin(off)
+
+
+class TestStretches:
+    flat = Flat(1, 1)
+    rest = (np.zeros(1), np.zeros(1))
+    bounds = (0.0, 1 / 3, 2.0, 5.0)
+    levels = (0.0, 1.0, 0.0)
+
+    def stretches(self):
+        return [
+            Stretch(low, high, oscillator_with(lambda t, level=level: level))
+            for low, high, level in zip(self.bounds, self.bounds[1:], self.levels, strict=False)
+        ]
+
+    def test_a_load_that_jumps_between_them_costs_no_accuracy(self):
+        solution = integrate(self.stretches(), self.flat, *self.rest, tolerance=1e-12)
+        t = np.linspace(0.0, 5.0, 301)
+        for found, exact in zip(solution.states(t), kicked(t), strict=True):
+            assert found == pytest.approx(exact, abs=1e-10)
+
+    def test_steps_end_exactly_on_their_bounds(self):
+        solution = integrate(self.stretches(), self.flat, *self.rest, tolerance=1e-9)
+        first = {k: next(step for step in solution.steps if step.stretch == k) for k in range(3)}
+        assert [step.t for step in first.values()] == list(self.bounds[:-1])
+        assert solution.end == pytest.approx(5.0, abs=1e-15)
+        for step, after in zip(solution.steps, solution.steps[1:], strict=False):
+            assert step.t + step.h == pytest.approx(after.t, abs=1e-15)
+
+    def test_without_them_the_same_load_is_refused_again_and_again(self):
+        def load(t):
+            return 1.0 if 1 / 3 < t < 2.0 else 0.0
+
+        split = integrate(self.stretches(), self.flat, *self.rest, tolerance=1e-12)
+        whole = integrate([Stretch(0.0, 5.0, oscillator_with(load))], self.flat, *self.rest, tolerance=1e-12)
+        assert split.rejected <= 2
+        assert whole.rejected > 10 * max(1, split.rejected)
+
+    def test_a_stretch_that_starts_late_is_on_its_own_clock(self):
+        late = [Stretch(s.start + 1e3, s.end + 1e3, s.acceleration) for s in self.stretches()]
+        t = np.linspace(0.0, 5.0, 31)
+        q, _ = integrate(late, self.flat, *self.rest, tolerance=1e-12).states(1e3 + t)
+        assert q == pytest.approx(kicked(t)[0], abs=1e-10)  # times near 1000 s are known to 1e-13 s
+
+    def test_rest_is_crossed_in_few_steps(self):
+        solution = integrate([Stretch(0.0, 1e3, lambda t, q, v: 0.0 * q)], self.flat, *self.rest, tolerance=1e-12)
+        assert len(solution.steps) < 20
+        assert np.hstack(solution.states(np.array([1e3]))).tolist() == [[0.0, 0.0]]
+
+
+def test_evaluations_are_counted():
+    calls = []
+
+    def counted(t, q, v):
+        calls.append(t)
+        return attraction(t, q, v)
+
+    solution = integrate([Stretch(0.0, 6.0, counted)], PLANE, *orbit(0.0), tolerance=1e-9)
+    assert solution.evaluations == len(calls)
+    assert len(calls) == 2 + 12 * (len(solution.steps) + solution.rejected)
+
+
+def test_equal_input_gives_equal_bits():
+    runs = [integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-9) for _ in range(2)]
+    assert all(np.array_equal(one.y, other.y) for one, other in zip(runs[0].steps, runs[1].steps, strict=True))
+
+
+class TestFailures:
+    flat = Flat(1, 1)
+
+    def fails(self, acceleration, q=0.0, v=1.0, end=2.0):
+        with pytest.raises(IntegrationError) as caught:
+            integrate([Stretch(0.0, end, acceleration)], self.flat, np.array([q]), np.array([v]), tolerance=1e-9)
+        return caught.value
+
+    @pytest.mark.parametrize("value", [np.nan, np.inf])
+    def test_no_finite_acceleration_at_the_start(self, value):
+        error = self.fails(lambda t, q, v: v * value)
+        assert "not finite at the start, t = 0 s" in error.message
+        assert error.partial.steps == []
+        assert error.data["v"].tolist() == [1.0]
+
+    def test_blow_up_in_finite_time(self):
+        error = self.fails(lambda t, q, v: v**2)
+        assert "grows without bound" in error.message
+        # v = 1/(1 - t)
+        assert error.partial.end == pytest.approx(1.0, abs=1e-6)
+        t = np.linspace(0.0, 0.9, 10)
+        assert error.partial.states(t)[1][:, 0] == pytest.approx(1 / (1 - t), rel=1e-7)
+
+    def test_acceleration_that_ceases_to_be_a_number(self):
+        error = self.fails(lambda t, q, v: -q if t < 0.7 else np.nan * q)
+        assert "not finite" in error.message
+        assert error.partial.end == pytest.approx(0.7, abs=1e-6)
+        assert error.data["t"] == error.partial.end
+        t = np.linspace(0.0, 0.69, 10)
+        assert error.partial.states(t)[0][:, 0] == pytest.approx(np.sin(t), abs=1e-8)
+
+    def test_the_error_ends_a_command_with_3(self):
+        assert self.fails(lambda t, q, v: v**2).exit_code == 3
+
+
+class TestJointSpace:
+    @pytest.fixture
+    def space(self):
+        model = pin.Model()
+        ball = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "free")
+        model.addJoint(ball, pin.JointModelRUBX(), pin.SE3.Identity(), "wheel")
+        return JointSpace(model, model.nq, model.nv)
+
+    def test_velocity_is_the_derivative_along_the_manifold(self, space, differentiate):
+        rng = np.random.default_rng(1)
+        q, v = pin.normalize(space.model, rng.normal(size=space.nq)), rng.normal(size=space.nv)
+        change = differentiate(lambda t: pin.integrate(space.model, q, t * v), 0.0)
+        assert space.velocity(q, v) == pytest.approx(change, abs=1e-11)
+
+    def test_projection_keeps_what_is_on_it_and_takes_rows(self, space):
+        rng = np.random.default_rng(2)
+        rows = rng.normal(size=(4, space.nq))
+        found = space.project(rows)
+        assert np.linalg.norm(found[:, 3:7], axis=1) == pytest.approx(1.0, abs=1e-15)
+        assert np.linalg.norm(found[:, 7:], axis=1) == pytest.approx(1.0, abs=1e-15)
+        assert np.array_equal(found[:, :3], rows[:, :3])
+        assert np.array_equal(found[2], space.project(rows[2]))
+        assert space.project(found) == pytest.approx(found, abs=1e-15)

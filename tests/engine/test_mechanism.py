@@ -1,0 +1,99 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError, ModelError, PinarmError
+
+MODELS = Path(__file__).parents[2] / "models"
+ARM = MODELS / "gen411_arm" / "mechanism.yaml"
+
+
+def test_names_and_places_of_the_joints():
+    arm = Mechanism.load(ARM)
+    assert arm.title == "Two-rod arm"
+    assert {name: (joint.q, joint.v, str(joint.unit)) for name, joint in arm.joints.items()} == {
+        "O": (0, 0, "rad"), "B": (1, 1, "rad"),
+    }  # fmt: skip
+    assert list(arm.coordinates) == ["O", "B", "phi"]
+    assert arm.notes == ()
+
+
+def test_a_robot_is_found_by_its_name():
+    panda = Mechanism.load("panda")
+    assert panda.model.nv == len(panda.joints) == 9
+    assert str(panda.joints["panda_finger_joint1"].unit) == "m"
+    assert panda.gravity == 9.81
+
+
+@pytest.mark.parametrize("value", [2.0, "2 kg", "2000 g"])
+def test_arguments_change_the_model(value):
+    heavy, light = Mechanism.load(ARM, {"m_A": value}), Mechanism.load(ARM)
+    assert heavy.arguments["m_A"] == pytest.approx(2.0, rel=1e-15)
+    assert light.arguments["m_A"] == 0.1
+    masses = [sum(body.mass for body in mechanism.model.inertias) for mechanism in (heavy, light)]
+    assert masses[0] - masses[1] == pytest.approx(1.9, rel=1e-14)
+    lever = heavy.inverse(*np.zeros((3, 2))) - light.inverse(*np.zeros((3, 2)))
+    assert lever[0] == pytest.approx([1.9 * 9.81 * 0.5, 1.9 * 9.81 * 0.25], rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"m_C": 1.0}, "no argument 'm_C'"),
+        ({"m_A": "2 m"}, "'m' is not a unit of this quantity"),
+        ({"m_A": float("nan")}, "m_A is 'nan'"),
+        ({"m_A": "-2 kg"}, "mass is negative"),
+    ],
+)
+def test_impossible_arguments_are_refused(arguments, message):
+    with pytest.raises(PinarmError, match=message):
+        Mechanism.load(ARM, arguments)
+
+
+def test_an_unknown_argument_comes_with_a_suggestion():
+    with pytest.raises(InputError) as caught:
+        Mechanism.load(ARM, {"m_BC": 1.0})
+    assert "m_BA" in caught.value.expected
+    assert caught.value.hint in ("m_BA", "m_B")
+
+
+def test_an_unknown_robot_is_refused():
+    with pytest.raises(ModelError, match="no robot 'pandaa'") as caught:
+        Mechanism.load("pandaa")
+    assert caught.value.hint == "panda"
+
+
+def test_an_unknown_coordinate_comes_with_a_suggestion():
+    with pytest.raises(InputError, match="no coordinate 'phy'") as caught:
+        Mechanism.load(ARM).coordinate("phy")
+    assert caught.value.hint == "phi"
+
+
+def test_forces_of_the_file_act(mechanism, chain):
+    spring = {"kind": "joint_spring", "joint": "arm", "stiffness": "8 N*m/rad", "rest": "90 deg"}
+    sprung = mechanism(chain({"name": "arm"}), gravity="none", forces={"spring": spring})
+    held = sprung.inverse(np.array([0.5]), np.zeros(1), np.zeros(1))[0, 0]
+    assert held == pytest.approx(8.0 * (0.5 - np.pi / 2), rel=1e-15)
+
+
+def test_a_law_of_the_file_is_that_of_the_instant(mechanism, chain):
+    push = {"kind": "joint_effort", "joint": "arm",
+            "effort": {"law": "trapezoid", "from": "0 N*m", "to": "4 N*m", "acceleration": "16 N*m/s^2"}}  # fmt: skip
+    pushed = mechanism(chain({"name": "arm"}), gravity="none", forces={"push": push})
+    zero = np.zeros(1)
+    for t, expected in ((-1.0, 0.0), (0.25, 0.5), (0.75, 3.5), (2.0, 4.0)):
+        assert pushed.inverse(zero, zero, zero, t=t)[0, 0] == pytest.approx(-expected)
+
+
+def test_two_drives_of_one_joint_add_their_rotors(mechanism, chain):
+    drives = {name: {"joint": "arm", "ratio": 10, "rotor_inertia": "0.01 kg*m^2"} for name in ("left", "right")}
+    twin = mechanism(chain({"name": "arm", "inertia": (0.1, 0.1, 0.1)}), gravity="none", drives=drives)
+    assert twin.inverse(np.zeros(1), np.zeros(1), np.ones(1))[0, 0] == pytest.approx(0.1 + 2.0, rel=1e-15)
+
+
+def test_loading_twice_gives_mechanisms_of_their_own():
+    one, other = Mechanism.load(ARM), Mechanism.load(ARM, gravity="none")
+    assert one.gravity == 9.81
+    assert other.gravity == 0.0

@@ -1,0 +1,365 @@
+"""Models that attack: each ends in a ``PinarmError`` within seconds, runs nothing and tells nothing."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pytest
+
+from pinarm.errors import PinarmError
+from pinarm.input import expansion
+from pinarm.input.expansion import MAX_BYTES, MAX_COMMENTS, MAX_DEPTH, MAX_ELEMENTS, MAX_LINKS, MAX_TEXT, expand
+
+SECRET = "canary-in-a-coal-mine"
+SECONDS = 8.0  # MAX_SECONDS and a slow machine
+
+HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
+SUBCLASSES = (
+    "[c for c in ().__class__.__base__.__subclasses__() if c.__name__ == 'Popen'][0]('touch {canary}', shell=1)"
+)
+
+PYTHON = {
+    "subclasses": "${" + SUBCLASSES + "}",
+    "lambda": "${(lambda: " + SUBCLASSES + ")()}",
+    "class": "${().__class__}",
+    "text class": "${''.__class__.__mro__}",
+    "format": "${'{0.__class__}'.format(1)}",
+    "f-string": "${f'{canary}'}",
+    "open": "${open('{canary}', 'w').write('x')}",
+    "builtins": "${__builtins__['open']('{canary}', 'w')}",
+    "import": "${__import__('os').system('touch {canary}')}",
+    "globals": "${xacro.load_yaml.__globals__['os'].system('touch {canary}')}",
+    "globals of warning": "${xacro.warning.__globals__}",
+    "load_yaml": "${load_yaml('{secret}')}",
+    "xacro.load_yaml": "${xacro.load_yaml('{secret}')}",
+    "abs_filename": "${xacro.abs_filename('x')}",
+    "print_location": "${xacro.print_location()}",
+    "xacro.arg": "${xacro.arg('x')}",
+    "fatal": "${xacro.fatal('x')}",
+    "type": "${python.type(1)}",
+    "vars": "${python.vars(math)}",
+    "map": "${list(map(str, range(10**9)))}",
+    "comprehension": "${[i for i in range(10**9)]}",
+    "dict": "${dict(a=1)}",
+    "assignment": "${(a := 1)}",
+    "module": "${math}",
+    "function": "${sin}",
+    "power": "${9**9**9}",
+    "power of a property": "${nine**nine**nine}",
+    "shift": "${1 &lt;&lt; 10**10}",
+    "text times number": "${'a'*10**9}",
+    "factorial": "${factorial(10**9)}",
+    "comb": "${math.comb(10**9, 10**8)}",
+    "round": "${round(5, -10**10) + 1/0}",
+    "digits": "${" + "9" * 4500 + "}",
+    "parentheses": "${" + "(" * 1900 + "}",
+    "minuses": "${" + "-" * 1900 + "1}",
+    "long": "${" + "1+" * 4000 + "1}",
+    "pow": "${pow(10, 400)}",
+    "int": "${int(1e300)}",
+    "namespace": "${__class__}",
+    "table": "${symbols}",
+}
+SUBSTITUTIONS = {
+    "env": "$(env SECRET)",
+    "optenv": "$(optenv SECRET x)",
+    "cwd": "$(cwd)",
+    "dirname": "$(dirname)",
+    "anon": "$(anon x)",
+    "eval": "$(eval open('{canary}', 'w'))",
+    "eval 1": "$(eval 1)",
+    "find": "$(find x)",
+    "find nothing": "$(find)",
+    "arg nothing": "$(arg)",
+    "arg unknown": "$(arg unknown)",
+    "nested": "${$(env SECRET)}",
+    "built": "$(${'env'} SECRET)",
+    "open bracket": "$(arg ",
+    "empty": "$()",
+}
+INCLUDES = {
+    "absolute": "{outside}/secret.xacro",
+    "upwards": "../secret.xacro",
+    "link": "link.xacro",
+    "link to a folder": "folder/secret.xacro",
+    "computed": "${'..'}/secret.xacro",
+    "wildcard": "../*.xacro",
+    "file": "file://{outside}/secret.xacro",
+    "http": "http://127.0.0.1:9/secret.xacro",
+    "package": "package://../secret.xacro",
+    "passwd": "/etc/passwd",
+    "device": "/dev/zero",
+    "stdin": "/dev/stdin",
+    "folder": ".",
+    "itself": "model.urdf.xacro",
+    "one another": "ping.xacro",
+    "pipe": "pipe.xacro",
+    "too long": "x" * 5000,
+    "loop of links": "loop.xacro",
+}
+DOUBLING = "".join(f'<xacro:property name="p{n + 1}" value="${{p{n}}}${{p{n}}}"/>' for n in range(20))
+CHAIN = "".join(f'<xacro:property name="c{n}" value="${{c{n + 1}}}"/>' for n in range(2000))
+MACRO = '<xacro:macro name="{name}" params="{params}">{body}</xacro:macro>'
+
+
+def macro(name: str, body: str, params: str = "") -> str:
+    return MACRO.format(name=name, body=body, params=params)
+
+
+TWICE = "<xacro:insert_block name='b'/>" * 2
+
+BODIES = {
+    "property, then eval": "<xacro:property name='p' value='open(\"{canary}\",\"w\").write(\"x\")'/>"
+    "<x v='$(eval ${p})'/>",
+    "property, then expression": "<xacro:property name=\"p\" value=\"${open('{canary}','w')}\"/><x v=\"${p}\"/>",
+    "expression in an argument": '<xacro:arg name="a" default="${open(1)}"/>',
+    "expression in a condition": '<xacro:if value="${open(1)}"/>',
+    "expression in a name": '<xacro:property name="${open(1)}" value="1"/>',
+    "expression in a comment": "<!-- xacro:eval-comments --><!-- ${open('{canary}', 'w')} -->",
+    "expression in a default": macro("m", "<x/>", "a:=${open(1)}") + "<xacro:m/>",
+    "expression in a call": '<xacro:call macro="${open(1)}"/>',
+    "expression in a namespace": '<xacro:include filename="good.xacro" ns="${open(1)}"/>',
+    "namespace as a value": '<xacro:include filename="good.xacro" ns="n"/><x v="${n}"/>',
+    "attribute of a namespace": '<xacro:include filename="good.xacro" ns="n"/><x v="${n.__class__}"/>',
+    "parent of a namespace": '<xacro:include filename="good.xacro" ns="n"/><x v="${n.parent}"/>',
+    "doubling properties": '<xacro:property name="p0" value="aaaa"/>' + DOUBLING + '<x v="${p20}"/>',
+    "doubling sums": "<xacro:property name='a' value='" + "a" * 9000 + "'/><x v='${a + a}'/>",
+    "chained properties": CHAIN + '<x v="${c0}"/>',
+    "property of itself": '<xacro:property name="p" value="${p}"/><x v="${p}"/>',
+    "recursive macro": macro("m", "<xacro:m/>") + "<xacro:m/>",
+    "macros of one another": macro("a", "<xacro:b/>") + macro("b", "<xacro:a/>") + "<xacro:a/>",
+    "recursion through a call": macro("m", '<xacro:call macro="m"/>') + "<xacro:m/>",
+    "recursive block": macro("m", f"<xacro:m>{TWICE}</xacro:m>", "*b") + "<xacro:m><x/></xacro:m>",
+    "doubling macro": "".join(macro(f"m{n}", f"<xacro:m{n + 1}/>" * 2) for n in range(40))
+    + macro("m40", "<x/>") + "<xacro:m0/>",
+    "doubling recursion": macro("m", "<xacro:m n='${n+1}'/>" * 2, "n") + "<xacro:m n='0'/>",
+    "doubling block": "".join(macro(f"m{n}", f"<xacro:m{n + 1}><a>{TWICE}</a></xacro:m{n+1}>", "*b") for n in range(30))
+    + macro("m30", "<xacro:insert_block name='b'/>", "*b") + "<xacro:m0><x/></xacro:m0>",
+    "bodies that are dropped": macro("m", "<xacro:if value='0'>" + "<a/>" * 20_000 + "</xacro:if>")
+    + "<xacro:m/>" * 1000,
+    "comments that are copied": macro("m", "<!---->" * 4900) + "<xacro:m/>" * 1000,
+    "comments that are removed": "<a/>" * 20_000 + "<!---->" * 100_000 + "<xacro:property name='a' value='1'/>",
+    "siblings that are moved": macro("m", "<a/>" * 45_000) + "<xacro:m/>" * 1000,
+    "instructions that are moved": macro("m", "<?a?>" * 100_000) + "<xacro:m/>" * 1000,
+    "many siblings": "<xacro:if value='1'><a/></xacro:if>" * (MAX_ELEMENTS // 2 - 10),
+    "quotes in parameters": macro("m", "<x/>", "a:=" + "x" * 5000 + "&quot;") + "<xacro:n/>",
+    "many quotes in parameters": macro("m", "<x/>", "a:=" + "'x'" * 3000 + "&quot;") + "<xacro:n/>",
+    "many parameters": macro("m", "<x/>", "a " * (MAX_TEXT // 2)) * 190 + "<xacro:n/>",
+    "many expressions": "<x>" + "${1}" * 400_000 + "</x>",
+    "long text again and again": "<xacro:property name='a' value='" + "a" * 9999 + "'/>"
+    + macro("m", "<x v='${a}'/>" * 1000) + "<xacro:m/>" * 1000,
+    "long attributes copied": macro("m", ("<x v='" + "a" * 9000 + "'/>") * 20) + "<xacro:m/>" * 1000,
+    "links from macros": macro("m", "<link name='a'/>" * 100) + "<xacro:m/>" * 100,
+    "element of a forged name": "<xacro:element xacro:name=\"x/></robot><!DOCTYPE a><robot\"/>",
+    "element of a forged DOCTYPE": "<xacro:element xacro:name=\"x a='\"/>",
+    "depth from macros": "".join(macro(f"d{n}", "<a>" * 40 + f"<xacro:d{n + 1}/>" + "</a>" * 40) for n in range(9))
+    + macro("d9", "<x/>") + "<xacro:d0/>",
+    "property name": '<xacro:property name="' + "(" * 5000 + '" value="1"/>',
+    "digits in a property": "<xacro:property name='a' value='" + "9" * 4000 + "'/><x v='${a*a}'/>",
+    "call": '<xacro:macro name="call"/>',
+    "unknown": "<xacro:unknown/>",
+    "dollar": "<x v='$${${'/>",
+}  # fmt: skip
+
+FILES: dict[str, Callable[[], str | bytes]] = {
+    "doctype": lambda: "<!DOCTYPE robot><robot/>",
+    "external entity": lambda: '<!DOCTYPE r [<!ENTITY e SYSTEM "file:///etc/passwd">]><robot>&e;</robot>',
+    "billion laughs": lambda: (
+        '<!DOCTYPE r [<!ENTITY a0 "ha">'
+        + "".join(f'<!ENTITY a{n + 1} "{f"&a{n};" * 10}">' for n in range(9))
+        + "]><robot>&a9;</robot>"
+    ),
+    "undefined entity": lambda: "<robot>&e;</robot>",
+    "100,000 nested elements": lambda: "<robot>" + "<a>" * 100_000 + "</a>" * 100_000 + "</robot>",
+    "10,000 links": lambda: (
+        "<robot>" + "".join(f"<link name='l{n}'/><joint name='j{n}'/>" for n in range(10_000)) + "</robot>"
+    ),
+    "10,000 joints": lambda: "<robot>" + "<joint name='j'/>" * 10_000 + "</robot>",
+    "many elements": lambda: "<robot>" + "<a/>" * 400_000 + "</robot>",
+    "long attribute": lambda: f"<robot name='{'a' * 1_000_000}'/>",
+    "many attributes": lambda: "<robot " + " ".join(f"a{n}='{n:0200}'" for n in range(9000)) + f"><a b='{SECRET}'>",
+    "huge": lambda: "<robot>" + " " * MAX_BYTES + "</robot>",
+    "null bytes": lambda: "<robot name='a\0b'/>",
+    "only null bytes": lambda: b"\0" * 1000,
+    "empty": lambda: "",
+    "text": lambda: SECRET[:4],
+    "not UTF-8": lambda: b"<robot name='\xff\xfe'/>",
+    "UTF-16": lambda: "<robot name='r'/>".encode("utf-16"),
+    "two roots": lambda: "<robot/><robot/>",
+    "undeclared prefix": lambda: "<robot><xacro:macro name='m'/></robot>",
+    "twice an attribute": lambda: "<robot a='1' a='2'/>",
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A root, with a secret beside it and ways that lead there."""
+    import os
+
+    root = tmp_path / "root"
+    root.mkdir()
+    (tmp_path / "secret.xacro").write_text(f'<robot><x v="{SECRET}"/></robot>')
+    (tmp_path / "secret.yaml").write_text(f"key: {SECRET}")
+    (root / "link.xacro").symlink_to(tmp_path / "secret.xacro")
+    (root / "folder").symlink_to(tmp_path)
+    (root / "loop.xacro").symlink_to(root / "loop.xacro")
+    (root / "good.xacro").write_text(HEAD + '<xacro:property name="a" value="1"/></robot>')
+    (root / "ping.xacro").write_text(HEAD + '<xacro:include filename="pong.xacro"/></robot>')
+    (root / "pong.xacro").write_text(HEAD + '<xacro:include filename="ping.xacro"/></robot>')
+    os.mkfifo(root / "pipe.xacro")
+    monkeypatch.setenv("SECRET", SECRET)
+    return root
+
+
+def attack(folder: Path, text: str | bytes, name: str = "model.urdf.xacro") -> None:
+    """Expand a file and look whether it did any harm."""
+    canary, path = folder.parent / "canary", folder / name
+    if isinstance(text, str):
+        named = {"canary": canary, "secret": folder.parent / "secret.yaml", "outside": folder.parent}
+        for key, value in named.items():
+            text = text.replace(f"{{{key}}}", str(value))
+        text = text.encode("utf-8", "surrogatepass")
+    path.write_bytes(text)
+    start = time.perf_counter()
+    with pytest.raises(PinarmError) as caught:
+        expand(path, {}, root=folder)
+    assert time.perf_counter() - start < SECONDS
+    assert not canary.exists()
+    assert SECRET not in str(caught.value)
+    assert "environ" not in str(caught.value)
+
+
+def by_name(attacks: Mapping[str, object]) -> pytest.MarkDecorator:
+    return pytest.mark.parametrize("name", attacks)
+
+
+@by_name(PYTHON)
+def test_expressions(folder: Path, name: str) -> None:
+    attack(folder, f'{HEAD}<xacro:property name="nine" value="9"/><x v="{PYTHON[name]}"/></robot>')
+
+
+@by_name(PYTHON)
+def test_expressions_hidden_in_a_property(folder: Path, name: str) -> None:
+    body = f'<xacro:property name="nine" value="9"/><xacro:property name="p" value="{PYTHON[name]}"/><x v="${{p}}"/>'
+    attack(folder, f"{HEAD}{body}</robot>")
+
+
+@by_name(SUBSTITUTIONS)
+def test_substitutions(folder: Path, name: str) -> None:
+    attack(folder, f'{HEAD}<x v="{SUBSTITUTIONS[name]}"/></robot>')
+
+
+@by_name(INCLUDES)
+def test_includes(folder: Path, name: str) -> None:
+    attack(folder, f'{HEAD}<xacro:include filename="{INCLUDES[name]}"/></robot>')
+
+
+@pytest.mark.parametrize("name", [name for name in INCLUDES if name not in ("loop of links",)])
+def test_optional_includes_are_no_way_out(folder: Path, name: str) -> None:
+    attack(folder, f'{HEAD}<xacro:include filename="{INCLUDES[name]}" optional="true"/></robot>')
+
+
+@by_name(BODIES)
+def test_bodies(folder: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(expansion, "MAX_SECONDS", 0.2)  # what the other bounds do not stop should not keep the tests
+    attack(folder, f"{HEAD}{BODIES[name]}</robot>")
+
+
+@pytest.mark.parametrize("ending", ["urdf", "urdf.xacro"])
+@by_name(FILES)
+def test_files(folder: Path, name: str, ending: str) -> None:
+    if (name, ending) == ("undeclared prefix", "urdf"):
+        ending = "xacro"
+    attack(folder, FILES[name](), f"model.{ending}")
+
+
+@by_name(FILES)
+def test_files_that_are_included(folder: Path, name: str) -> None:
+    content = FILES[name]()
+    (folder / "part.xacro").write_bytes(content.encode() if isinstance(content, str) else content)
+    attack(folder, HEAD + '<xacro:include filename="part.xacro"/></robot>')
+
+
+DEEP = MAX_DEPTH
+BOUNDS = {
+    "levels of XML": "<a>" * DEEP + "</a>" * DEEP,
+    "too many links": "<link/>" * (MAX_LINKS + 1),
+    "too many joints": "<joint/>" * (MAX_LINKS + 1),
+    "too many comments": "<!---->" * (MAX_COMMENTS + 1),
+    "too many elements": "<a/>" * MAX_ELEMENTS,
+    "characters in one attribute": f'<a b="{"c" * (MAX_TEXT + 1)}"/>',
+    "nested more than 100 levels": macro("m", "<xacro:m/>") + "<xacro:m/>",
+    "nested more than 100 levels deep": CHAIN + '<x v="${c0}"/>',
+    "characters in one evaluated text": BODIES["doubling properties"],
+    "text is too long": BODIES["doubling sums"],
+    "does not go with text": "<x v=\"${3*'a'}\"/>",
+    "power is too large": "<x v='${9**9**9}'/>",
+    "too many characters": macro("m", f"<x v='{'a' * 9000}'/>" * 20) + "<xacro:m/>" * 20,
+    "includes itself": "<xacro:include filename='model.urdf.xacro'/>",
+    "Property names must be": f"<xacro:property name='{'-' * 9000}a' value='1'/>",
+    "unknown name 'a.b'": "<xacro:property name='a' value='bbb'/><x v='${a.b}'/>",
+    "leads out of the root": "<xacro:include filename='../secret.xacro'/>",
+    "is not a regular file": "<xacro:include filename='pipe.xacro'/>",
+}
+
+
+@by_name(BOUNDS)
+def test_each_bound_by_itself(folder: Path, name: str) -> None:
+    path = folder / "model.urdf.xacro"
+    path.write_text(f"{HEAD}{BOUNDS[name]}</robot>")
+    with pytest.raises(PinarmError, match=name.replace(".", r"\.")):
+        expand(path, {}, root=folder)
+
+
+def test_copies_and_moves_count_as_steps(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(expansion, "MAX_STEPS", 100)
+    (folder / "part.xacro").write_text("<robot>" + "<!---->" * 200 + "</robot>")
+    copied = macro("m", "<xacro:if value='0'>" + "<a/>" * 200 + "</xacro:if>") + "<xacro:m/>"
+    for body in (copied, "<xacro:include filename='part.xacro'/>"):
+        (folder / "model.xacro").write_text(f"{HEAD}{body}</robot>")
+        with pytest.raises(PinarmError, match="does not come to an end"):
+            expand(folder / "model.xacro", {}, root=folder)
+
+
+def test_bytes_are_counted_over_all_files(folder: Path) -> None:
+    (folder / "big.xacro").write_text("<robot>" + " " * (MAX_BYTES // 3) + "</robot>")
+    attack(folder, HEAD + '<xacro:include filename="big.xacro"/>' * 4 + "</robot>")
+
+
+def test_the_model_itself_lies_under_the_root(folder: Path) -> None:
+    for name in ("../secret.xacro", "link.xacro", "pipe.xacro", "loop.xacro", "/dev/zero", "none.xacro", "a\0b"):
+        with pytest.raises(PinarmError) as caught:
+            expand(folder / name, {}, root=folder)
+        assert SECRET not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text", ["${open('{canary}', 'w')}", "$(env SECRET)", "$(eval 1)", "${9**9**9}", "a" * 100_000]
+)
+def test_arguments(folder: Path, text: str) -> None:
+    path = folder / "model.xacro"
+    body = '<xacro:arg name="a" default="1"/><xacro:property name="p" value="$(arg a)"/>'
+    path.write_text(f'{HEAD}{body}<x v="$(arg a)" w="${{p}}" y="${{$(arg a)}}"/></robot>')
+    with pytest.raises(PinarmError, match="short text" if text[0] == "a" else None):
+        expand(path, {"a": text.replace("{canary}", str(folder.parent / "canary"))}, root=folder)
+    assert not (folder.parent / "canary").exists()
+
+
+def test_bounds_let_honest_sizes_pass(folder: Path) -> None:
+    links = "".join(f"<link name='l{n}'/><joint name='j{n}'/>" for n in range(MAX_LINKS))
+    (folder / "a.urdf").write_text(f"<robot>{links}{'<a>' * (MAX_DEPTH - 1)}{'</a>' * (MAX_DEPTH - 1)}</robot>")
+    assert expand(folder / "a.urdf", {}, root=folder).arguments == {}
+
+
+def test_a_model_after_an_attack_is_expanded_as_before(folder: Path) -> None:
+    good = folder / "good.xacro"
+    before = expand(good, {}, root=folder)
+    attack(folder, HEAD + "<xacro:macro name='m'><xacro:m/></xacro:macro><xacro:m/></robot>")
+    assert expand(good, {}, root=folder) == before
+
+
+def test_the_deadline_is_a_backstop(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(expansion, "MAX_SECONDS", -1.0)
+    attack(folder, HEAD + "<xacro:property name='a' value='1'/></robot>")

@@ -1,0 +1,304 @@
+"""Expansion: honest files come out as xacro gives them, and mistakes are told with their place."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.metadata
+import io
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from xml.dom import minidom
+
+import pytest
+
+from pinarm.errors import InputError, ModelError, PinarmError
+from pinarm.input import expansion, roots
+from pinarm.input.expansion import Expansion, expand
+from pinarm.input.roots import contained, example_robot, example_robot_data, inside, root_of
+
+HEAD = '<?xml version="1.0"?>\n<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
+
+
+def write(folder: Path, body: str, name: str = "model.urdf.xacro") -> Path:
+    path = folder / name
+    path.write_text(f"{HEAD}{body}\n</robot>\n")
+    return path
+
+
+def expanded(folder: Path, body: str, **arguments: float | str) -> Expansion:
+    return expand(write(folder, body), arguments, root=folder)
+
+
+def value(folder: Path, expression: str) -> str:
+    xml = expanded(folder, f'<x v="{expression}"/>').xml
+    return str(minidom.parseString(xml).getElementsByTagName("x")[0].getAttribute("v"))
+
+
+def plainly(path: Path, **arguments: str) -> str:
+    """Expand with xacro itself."""
+    import xacro
+
+    with contextlib.redirect_stderr(io.StringIO()):
+        xacro.init_stacks(str(path))
+        document = xacro.parse(None, str(path))
+        xacro.process_doc(document, mappings=arguments)
+    return str(document.toprettyxml(indent="  "))
+
+
+HONEST = """
+  <!-- a comment that stays -->
+  <xacro:arg name="length" default="0.5"/>
+  <xacro:arg name="side" default="left"/>
+  <xacro:arg name="mass" default="${2*3}"/>
+  <xacro:property name="L" value="$(arg length)"/>
+  <xacro:property name="pi" value="3.1415926535897931"/>
+  <xacro:property name="half" value="${L/2}"/>
+  <xacro:property name="colour" value="0.1 0.2 0.3 1"/>
+  <xacro:property name="count" value="3"/>
+  <xacro:property name="flag" value="true"/>
+  <xacro:property name="box"><origin xyz="0 0 ${half}"/><geometry><box size="1 1 ${L}"/></geometry></xacro:property>
+  <xacro:macro name="cylinder_inertia" params="m r h">
+    <inertia ixx="${m*(3*r*r + h*h)/12}" ixy="0" ixz="0" iyy="${m*(3*r**2 + h**2)/12}" iyz="0" izz="${m*r*r/2}"/>
+  </xacro:macro>
+  <xacro:macro name="link" params="name m:=1.5 r:='0.1 + 0' suffix:=^|_x **shape *more">
+    <link name="${name}${suffix}">
+      <inertial><mass value="${m}"/><xacro:cylinder_inertia m="${m}" r="0.1" h="${L}"/></inertial>
+      <visual><xacro:insert_block name="shape"/></visual>
+      <xacro:insert_block name="more"/>
+    </link>
+  </xacro:macro>
+  <xacro:if value="${'$(arg side)' == 'left' and flag}"><xacro:property name="sign" value="1"/></xacro:if>
+  <xacro:unless value="${'$(arg side)' == 'left'}"><xacro:property name="sign" value="-1"/></xacro:unless>
+  <xacro:link name="a" m="$(arg mass)"><shape><xacro:insert_block name="box"/></shape><q b="${L}"/></xacro:link>
+  <xacro:link name="b" suffix="_${count}"><shape/><q b="&lt;&amp;&quot;"/></xacro:link>
+  <xacro:if value="${count > 2}"><kept a="${sin(pi/6)} ${math.cos(0)} ${atan2(1, sign)}"/></xacro:if>
+  <xacro:if value="${count // 2 == 0}"><dropped/></xacro:if>
+  <xacro:call macro="cylinder_inertia" m="1" r="${0.5 if L > 1 else 0.25}" h="2"/>
+  <xacro:include filename="part.xacro"/>
+  <xacro:include filename="${'named'}.xacro" ns="other"/>
+  <xacro:include filename="none.xacro" optional="true"/>
+  <xacro:element xacro:name="n_${count}"><xacro:attribute name="k" value="k${count**2}"/></xacro:element>
+  <out v="${other.width} ${width} $${escaped} $$(too) cost $5" t="${max(1, 2)} ${round(2.6)} ${not flag} ${-sign}"/>
+  <text> a &lt; b, ${L} </text><text>${'a' + 'b'}</text>
+"""
+
+
+@pytest.fixture
+def honest(tmp_path: Path) -> Path:
+    write(tmp_path, '<xacro:property name="width" value="${L*4}"/><w v="${width}"/>', "part.xacro")
+    write(tmp_path, '<xacro:property name="width" value="7"/><xacro:macro name="m"><n/></xacro:macro>', "named.xacro")
+    return write(tmp_path, HONEST)
+
+
+@pytest.mark.parametrize("given", [{}, {"length": "1.25", "side": "right"}])
+def test_an_honest_file_is_what_xacro_makes_of_it(honest: Path, given: dict[str, str]) -> None:
+    result = expand(honest, given, root=honest.parent)
+    assert result.xml == plainly(honest, **given)
+    assert result.arguments == {"length": "0.5", "side": "left", "mass": "6"} | given
+
+
+def robots() -> Iterator[Path]:
+    with contextlib.suppress(ModelError):
+        yield from sorted(example_robot_data().rglob("*.urdf"))
+        yield from sorted(example_robot_data().rglob("*.xacro"))
+
+
+def test_example_robots_are_what_xacro_makes_of_them() -> None:
+    compared = 0
+    for path in robots():
+        text = path.read_bytes().decode("utf-8-sig")
+        if path.name == "quadrotor_base.xacro":
+            continue  # it includes a file that the package does not have
+        found = expand(path, {}, root=path.parent).xml
+        if found != text:
+            assert found == plainly(path), path
+            compared += 1
+    assert compared > 0 or not list(robots())
+
+
+def test_plain_urdf_stays_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "a.urdf"
+    path.write_text('<robot name="r">\n  <link name="${no} $(evaluation)"/>\n</robot>')
+    assert expand(path, {}, root=tmp_path) == Expansion(path.read_text(), {})
+
+
+@pytest.mark.parametrize(
+    ("expression", "wanted"),
+    [
+        ("${6/3} ${7//2} ${2**10} ${2**-1} ${7 % 4}", "2.0 3 1024 0.5 3"),
+        ("${1 == 1.0} ${0 &lt; 1 &lt; 2} ${not 1}", "True True False"),
+        ("${0 or 'x'} ${1/0 if 0 else 'lazy'} ${0 and 1/0}", "x lazy 0"),
+        ("${radians(180) == pi} ${math.sqrt(4)} ${hypot(3, 4)}", "True 2.0 5.0"),
+        ("${str(1) + 'a'} ${int('12') + len('abc')} ${float(1)}", "1a 15 1.0"),
+        ("${abs(-1)} ${min(1, 2)} ${python.max(1, 2)} ${round(2.345, 2)}", "1 1 2 2.35"),
+        ("$$${x} $$ {", None),
+    ],
+)
+def test_expressions(tmp_path: Path, expression: str, wanted: str | None) -> None:
+    if wanted is None:
+        with pytest.raises(PinarmError):
+            value(tmp_path, expression)
+    else:
+        assert value(tmp_path, expression) == wanted
+
+
+def test_arguments_are_exact_and_must_be_declared(tmp_path: Path) -> None:
+    body = '<xacro:arg name="mass" default="1"/><x v="$(arg mass)"/>'
+    assert 'v="0.1"' in expanded(tmp_path, body, mass=0.1).xml
+    assert expanded(tmp_path, body, mass=3).arguments == {"mass": "3"}
+    assert expanded(tmp_path, body, mass="heavy").arguments == {"mass": "heavy"}
+    with pytest.raises(ModelError, match=r"no argument 'mas'[\s\S]*one of mass[\s\S]*try: mass"):
+        expanded(tmp_path, body, mas=1)
+    with pytest.raises(InputError, match="finite"):
+        expanded(tmp_path, body, mass=float("nan"))
+    plain = tmp_path / "plain.urdf"
+    plain.write_text("<robot name='r'/>")
+    with pytest.raises(ModelError, match="no argument 'mass'"):
+        expand(plain, {"mass": 1}, root=tmp_path)
+
+
+def test_packages(tmp_path: Path) -> None:
+    package, model = tmp_path / "package", tmp_path / "model"
+    package.mkdir(), model.mkdir()
+    write(package, "<found/>", "part.xacro")
+    for name in ("$(find parts)/part.xacro", "package://parts/part.xacro"):
+        path = write(model, f'<xacro:include filename="{name}"/>')
+        assert "<found/>" in expand(path, {}, root=model, packages={"parts": package}).xml
+        with pytest.raises(PinarmError, match=r"unknown package 'parts'"):
+            expand(path, {}, root=model)
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        ('<ok/>\n<x v="${1/0}"/>', r"model.urdf.xacro:4:7: .*division by zero.*'1/0'"),
+        ('<ok/>\n<x\n v="${a + 1}"/>', r":5:5: unknown name 'a'"),
+        ('<xacro:property name="width" value="1"/>\n<x v="${widht}"/>', r":4:7: unknown name[\s\S]*try: width"),
+        ('<xacro:property name="p" value="${q/0}"/>\n<xacro:property name="q" value="1"/>\n\n<x v="${p}"/>', ":3:33: "),
+        ("<ok/>\n<xacro:foo/>", r":4:1: unknown macro name: xacro:foo"),
+        ('<xacro:macro name="m" params="a b"/>\n<xacro:m a="1"/>', r":4:1: Undefined parameters \[b\].*in macro m"),
+        ('<xacro:macro name="m" params="a"/>\n<xacro:m a="1" c="1"/>', r':4:1: Invalid parameter "c"'),
+        ('<xacro:macro name="m">\n<x v="${1/0}"/>\n</xacro:macro>\n<ok/>\n<xacro:m/>', ":4:7: "),
+        ('<xacro:include filename="gone.xacro"/>', r":3:1: there is no file \S*gone.xacro"),
+        ('<xacro:include filename="part.xacro"/>', r"part.xacro:3:7: unknown name 'inner'"),
+        ('<xacro:include filename="broken.xacro"/>', r"broken.xacro:4:3: this is not XML: mismatched tag"),
+        ("<a>\n<b>\n</a>", r"model.urdf.xacro:5:3: this is not XML: mismatched tag"),
+        ("<a:b/>", "not XML|unbound"),
+        ("<x v='${1 +}'/>", r":3:7: this is no formula"),
+        ("<x v='${1'/>", r":3:7: a brace is not closed"),
+        ("<x v='$(arg none)'/>", r":3:7: unknown argument 'none'"),
+        ("<xacro:insert_block name='b'/>", r':3:1: Undefined block "b"'),
+        ("<xacro:if value='maybe'/>", r':3:1: Xacro conditional "maybe"'),
+        ("<xacro:property name='1a' value='1'/>", ":3:1: Property names must be valid"),
+        ("<xacro:property/>", ":3:1: .*missing attribute 'name'"),
+        ("<xacro:property name='a' value='${b}'/><xacro:property name='b' value='${a}'/><x v='${a}'/>", "circular"),
+        ("<xacro:property name='d' value='1' scope='parent'/>", "model.urdf.xacro:3:1: "),
+    ],
+)
+def test_mistakes_are_located(tmp_path: Path, body: str, told: str) -> None:
+    write(tmp_path, '<x v="${inner}"/>', "part.xacro")
+    write(tmp_path, "<x>", "broken.xacro")
+    with pytest.raises(PinarmError, match=told):
+        expanded(tmp_path, body)
+
+
+def test_warnings_are_kept_and_nothing_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result = expanded(tmp_path, '<xacro:property name="a" value="1" lazy="no"/>')
+    assert result.warnings == ("xacro:property: unknown attribute(s): lazy",)
+    with pytest.raises(PinarmError):
+        expanded(tmp_path, "<xacro:foo/>")
+    assert capsys.readouterr() == ("", "")
+
+
+def test_xacro_and_minidom_are_left_as_they_were(tmp_path: Path) -> None:
+    import xacro
+
+    path, before, writexml = write(tmp_path, '<x v="${[1, 2][0]}"/>'), dict(vars(xacro)), minidom.Element.writexml
+    with pytest.raises(PinarmError):
+        expand(path, {}, root=tmp_path)
+    assert dict(vars(xacro)) == before
+    assert minidom.Element.writexml is writexml
+    assert 'v="1"' in plainly(path)
+
+
+def test_loading_xacro_does_not_change_how_others_write_xml(monkeypatch: pytest.MonkeyPatch) -> None:
+    def mine() -> None: ...
+
+    for name in [name for name in sys.modules if name.startswith("_pinarm_xacro")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(minidom.Element, "writexml", mine)
+    expansion._xacro.__wrapped__()
+    assert minidom.Element.writexml is mine
+
+
+def test_threads_do_not_meet(tmp_path: Path) -> None:
+    path = write(tmp_path, '<xacro:arg name="a" default="0"/><x v="${$(arg a) + 1}"/>')
+    found: dict[int, str] = {}
+
+    def run(number: int) -> None:
+        found[number] = expand(path, {"a": number}, root=tmp_path).xml
+
+    threads = [threading.Thread(target=run, args=(number,)) for number in range(20)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(f'v="{number + 1}"' in xml for number, xml in found.items())
+    assert len(found) == 20
+    xacro, plain = expansion._xacro()
+    assert all(vars(xacro)[name] is function for name, function in plain.items())
+
+
+def test_an_unknown_xacro_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(importlib.metadata, "version", lambda _: "2.2.0")
+        with pytest.raises(ModelError, match=r"xacro 2\.2\.0 is not known"):
+            expansion._xacro.__wrapped__()
+    monkeypatch.setattr(expansion, "_NEEDED", (*expansion._NEEDED, "moved"))
+    with pytest.raises(ModelError, match="has no moved"):
+        expansion._xacro.__wrapped__()
+
+
+def test_roots(tmp_path: Path) -> None:
+    inner = tmp_path / "a" / "b"
+    inner.mkdir(parents=True)
+    file = inner / "model.urdf"
+    file.touch()
+    assert root_of(file) == root_of(inner) == inner.resolve()
+    (tmp_path / "a" / ".pinarm-root").touch()
+    assert root_of(file) == root_of(inner) == (tmp_path / "a").resolve()
+    assert inside("b/model.urdf", tmp_path / "a") == inside(file, tmp_path) == inside(f"file://{file}", tmp_path)
+    assert inside("package://p/model.urdf", tmp_path, {"p": inner}) == file.resolve()
+    assert contained("a/none.stl", tmp_path) == (tmp_path / "a/none.stl").resolve()
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/etc/passwd", "../x", "b/../../x", "link", "folder", "none", "http://a/b", "package://q/x", "package://p/../../x",
+     "file:///etc/passwd", "a\0b", "x" * 5000, "/dev/zero", "loop", "pipe"],
+)  # fmt: skip
+def test_paths_that_are_refused(tmp_path: Path, path: str) -> None:
+    import os
+
+    root = tmp_path / "root"
+    (root / "folder").mkdir(parents=True)
+    (tmp_path / "x").write_text("secret")
+    (root / "link").symlink_to(tmp_path / "x")
+    (root / "loop").symlink_to(root / "loop")
+    os.mkfifo(root / "pipe")
+    with pytest.raises(InputError):
+        inside(path, root, {"p": root / "folder"})
+
+
+def test_example_robots_are_found_without_importing_anything(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(roots, "_prefixes", lambda: iter([Path("/nonexistent")]))
+    with pytest.raises(ModelError, match="pip install example-robot-data"):
+        example_robot_data.__wrapped__()
+    monkeypatch.undo()
+    if not list(robots()):
+        pytest.skip("example-robot-data is not installed")
+    assert example_robot("panda").name == "panda.urdf"
+    with pytest.raises(ModelError, match=r"no robot 'pnada'[\s\S]*try: panda"):
+        example_robot("pnada")

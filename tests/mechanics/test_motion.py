@@ -1,0 +1,291 @@
+import math
+import typing
+
+import numpy as np
+import pytest
+
+from pinarm.errors import InputError, UnitError
+from pinarm.input.schema import Derivative, Measured
+from pinarm.input.units import unit
+from pinarm.mechanics.laws import (
+    Constant,
+    ConstantAcceleration,
+    ConstantSpeed,
+    Cycloidal,
+    Harmonic,
+    Law,
+    Polynomial,
+    Trapezoid,
+)
+from pinarm.mechanics.motion import Grid
+
+MEMBERS = typing.get_args(typing.get_args(Law)[0])
+
+SAMPLES = {
+    Constant: {"constant": Constant(value=0.3)},
+    ConstantSpeed: {"constant speed": ConstantSpeed(start=0.2, speed=-1.5, begin=0.4)},
+    ConstantAcceleration: {
+        "constant acceleration": ConstantAcceleration(start=0.2, speed=0.5, acceleration=-2.0, begin=0.3)
+    },
+    Trapezoid: {
+        "trapezoid": Trapezoid(start=0.1, end=1.3, acceleration=2.0, speed=0.8, begin=0.25),
+        "falling trapezoid": Trapezoid(start=1.3, end=0.1, acceleration=2.0, speed=0.8, begin=0.25),
+        "triangle": Trapezoid(start=0.1, end=1.3, acceleration=2.0, begin=0.25),
+        "triangle below its limit": Trapezoid(start=0.1, end=1.3, acceleration=2.0, speed=9.0, begin=0.25),
+        "standing trapezoid": Trapezoid(start=0.4, end=0.4, acceleration=2.0, speed=0.8),
+    },
+    Polynomial: {
+        f"polynomial {degree}": Polynomial(start=0.7, end=-0.5, duration=1.6, degree=degree, begin=0.3)
+        for degree in (3, 5, 7)
+    },
+    Cycloidal: {"cycloidal": Cycloidal(start=0.7, end=-0.5, duration=1.6, begin=0.3)},
+    Harmonic: {"harmonic": Harmonic(mean=0.2, amplitude=0.9, pulsation=3.0, phase=0.4, begin=0.1)},
+}
+LAWS = {name: law for samples in SAMPLES.values() for name, law in samples.items()}
+JUMPS = {"trapezoid": 4, "falling trapezoid": 4, "triangle": 3, "triangle below its limit": 3, "polynomial 3": 2}
+FROM_REST_TO_REST = [name for name, law in LAWS.items() if hasattr(law, "end") and len(law.pieces()) > 1]
+ROUNDING = 5e-13
+"""Coefficients of the polynomial of degree 7 reach 100, and its derivatives multiply them by 7 and 42."""
+every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+
+
+def inside(piece):
+    """Instants within a piece, its ends left out."""
+    low, high = max(piece.start, -2.0), min(piece.end, 5.0)
+    return low + (high - low) * np.array([0.03, 0.2, 0.5, 0.71, 0.97])
+
+
+def test_every_law_of_the_union_has_a_sample():
+    assert set(SAMPLES) == set(MEMBERS)
+    assert all(type(law) is member for member, samples in SAMPLES.items() for law in samples.values())
+
+
+@every_law
+def test_derivatives_are_those_of_the_value(law, differentiate):
+    for piece in law.pieces():
+        t = inside(piece)
+        _, ds, dds = piece.function(t)
+        # differences of order 8 with h = 0.02: 1e-13 from the formula, a little more from rounding over h
+        assert differentiate(lambda x: piece.function(x)[0], t) == pytest.approx(ds, abs=1e-11)  # noqa: B023
+        assert differentiate(lambda x: piece.function(x)[1], t) == pytest.approx(dds, abs=1e-11)  # noqa: B023
+
+
+@every_law
+def test_pieces_stand_end_to_end_over_all_times(law):
+    pieces = law.pieces()
+    assert pieces[0].start == -math.inf
+    assert pieces[-1].end == math.inf
+    assert all(piece.start < piece.end for piece in pieces)
+    assert [piece.end for piece in pieces[:-1]] == [piece.start for piece in pieces[1:]] == law.breakpoints()
+
+
+@every_law
+def test_value_and_speed_are_continuous(law):
+    for before, after in zip(law.pieces(), law.pieces()[1:], strict=False):
+        t = np.array([after.start])
+        left, right = np.array(before.function(t)), np.array(after.function(t))
+        assert left[:2] == pytest.approx(right[:2], abs=ROUNDING)
+
+
+@pytest.mark.parametrize("name", ["polynomial 5", "polynomial 7", "cycloidal"])
+def test_smooth_laws_keep_their_acceleration(name):
+    law = LAWS[name]
+    for before, after in zip(law.pieces(), law.pieces()[1:], strict=False):
+        t = np.array([after.start])
+        assert before.function(t)[2] == pytest.approx(after.function(t)[2], abs=ROUNDING)
+
+
+def test_degree_seven_keeps_its_jerk_too(differentiate):
+    move = LAWS["polynomial 7"].pieces()[1]
+    jerk = differentiate(lambda x: move.function(x)[2], np.array([move.start, move.end]))
+    assert jerk == pytest.approx(0.0, abs=1e-10)  # differences over h = 0.02
+
+
+@every_law
+def test_jumps_are_those_of_the_acceleration(law):
+    name = next(name for name, other in LAWS.items() if other is law)
+    expected = law.breakpoints() if name in JUMPS else []
+    assert law.jumps() == expected
+    assert len(expected) == JUMPS.get(name, 0)
+
+
+@pytest.mark.parametrize("duration", [1e-3, 0.01, 0.1, 0.3, 1.0, 30.0, 1e3])
+@pytest.mark.parametrize("begin", [0.0, 0.3, 1.7])
+def test_jumps_do_not_depend_on_the_time_scale(duration, begin):
+    common = {"start": 0.1, "end": 1.3, "duration": duration, "begin": begin}
+    stop = begin + duration
+    assert Polynomial(**common, degree=3).jumps() == [begin, stop]
+    assert Polynomial(**common, degree=5).jumps() == []
+    assert Polynomial(**common, degree=7).jumps() == []
+    assert Cycloidal(**common).jumps() == []
+
+
+@pytest.mark.parametrize("name", FROM_REST_TO_REST)
+def test_laws_from_rest_to_rest_begin_and_end_there(name):
+    law = LAWS[name]
+    first, *_, last = law.pieces()
+    for outer, t, level in ((first, -30.0, law.start), (last, 30.0, law.end)):
+        assert [x[0] for x in outer.function(np.array([t]))] == [level, 0.0, 0.0]
+    for moving, t, level in ((law.pieces()[1], law.begin, law.start), (law.pieces()[-2], last.start, law.end)):
+        s, ds, _ = moving.function(np.array([t]))
+        assert s == pytest.approx(level, abs=ROUNDING)
+        assert ds == pytest.approx(0.0, abs=ROUNDING)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_trapezoid_takes_the_time_of_its_closed_form(sign):
+    law = Trapezoid(start=0.5, end=0.5 + sign * 1.2, acceleration=2.0, speed=0.8, begin=0.25)
+    rise, total = 0.8 / 2.0, 1.2 / 0.8 + 0.8 / 2.0
+    expected = [0.25, 0.25 + rise, 0.25 + total - rise, 0.25 + total]
+    assert law.breakpoints() == pytest.approx(expected, abs=1e-15)
+    _, ds, dds = law.on(0.8, 0.9)(np.array([0.8]))
+    assert (ds[0], dds[0]) == pytest.approx((sign * 0.8, 0.0), abs=1e-15)
+    assert law.on(0.25, 0.3)(np.array([0.25]))[2][0] == sign * 2.0
+    assert law.on(*expected[2:])(np.array([1.8]))[2][0] == -sign * 2.0
+
+
+@pytest.mark.parametrize(("acceleration", "speed"), [(-2.0, 0.8), (2.0, -0.8), (-2.0, -0.8)])
+def test_signs_of_the_limits_do_not_matter(acceleration, speed):
+    law = Trapezoid(start=0.1, end=1.3, acceleration=acceleration, speed=speed, begin=0.25)
+    assert law.breakpoints() == LAWS["trapezoid"].breakpoints()
+
+
+def test_triangle_reaches_its_closed_form_peak():
+    law = LAWS["triangle"]
+    half = math.sqrt(1.2 / 2.0)
+    assert law.breakpoints() == pytest.approx([0.25, 0.25 + half, 0.25 + 2 * half])
+    s, ds, _ = law.on(0.25, 0.25 + half)(np.array([0.25 + half]))
+    assert (s[0], ds[0]) == pytest.approx((0.7, math.sqrt(1.2 * 2.0)))
+
+
+@pytest.mark.parametrize(
+    ("law", "t", "expected"),
+    [
+        (LAWS["constant"], 7.0, (0.3, 0.0, 0.0)),
+        (LAWS["constant speed"], 1.4, (-1.3, -1.5, 0.0)),
+        (LAWS["constant acceleration"], 1.3, (-0.3, -1.5, -2.0)),
+        (LAWS["harmonic"], 0.1, (0.2 + 0.9 * math.sin(0.4), 2.7 * math.cos(0.4), -8.1 * math.sin(0.4))),
+        (LAWS["polynomial 3"], 1.1, (0.1, -1.2 / 1.6 * 1.5, 0.0)),
+        (LAWS["polynomial 5"], 1.1, (0.1, -1.2 / 1.6 * 1.875, 0.0)),
+        (LAWS["polynomial 7"], 1.1, (0.1, -1.2 / 1.6 * 2.1875, 0.0)),
+        (LAWS["cycloidal"], 1.1, (0.1, -1.2 / 1.6 * 2.0, 0.0)),
+    ],
+)
+def test_values_by_hand(law, t, expected):
+    found = law.on(t - 1e-3, t + 1e-3)(np.array([t]))
+    assert [x[0] for x in found] == pytest.approx(expected, abs=1e-14)
+
+
+@pytest.mark.parametrize("broken", [{"acceleration": 0.0}, {"acceleration": 1.0, "speed": 0.0}])
+def test_trapezoid_that_could_never_arrive_is_refused(broken):
+    with pytest.raises(InputError, match="other than 0"):
+        Trapezoid(start=0.0, end=1.0, **broken).pieces()
+
+
+def marked_fields():
+    return [
+        (law, name, mark.order)
+        for member, samples in SAMPLES.items()
+        for law in list(samples.values())[:1]
+        for name, field in member.model_fields.items()
+        for mark in field.metadata
+        if isinstance(mark, Derivative)
+    ]
+
+
+@pytest.mark.parametrize(("law", "name", "order"), marked_fields())
+@pytest.mark.parametrize("base", ["m", "rad", "N*m"])
+def test_fields_accept_the_unit_of_their_derivative_only(law, name, order, base):
+    def written(text):
+        value = Measured(getattr(law, name))
+        value.unit = unit(text)
+        return law.model_copy(update={name: value})
+
+    units = [base, f"{base}/s", f"{base}/s^2"]
+    written(units[order]).check_units(unit(base))
+    for wrong in units[:order] + units[order + 1 :]:
+        with pytest.raises(UnitError, match="not a unit of this quantity"):
+            written(wrong).check_units(unit(base))
+
+
+def test_every_law_says_which_derivative_its_fields_are():
+    plain = {"law", "begin", "duration", "degree", "pulsation", "phase"}
+    assert {(type(law), name) for law, name, _ in marked_fields()} == {
+        (member, name) for member in MEMBERS for name in member.model_fields if name not in plain
+    }
+
+
+@pytest.mark.parametrize("field", ["begin", "duration"])
+def test_times_are_refused_in_other_units(field):
+    with pytest.raises(ValueError, match="not a unit of this quantity"):
+        Polynomial(**{"start": 0.0, "end": 1.0, "duration": 1.0, field: "2 m"})
+
+
+@every_law
+def test_shape_of_the_instants_is_kept(law):
+    for t in (np.array(0.5), np.linspace(0.31, 0.4, 3), np.zeros((2, 3))):
+        assert [np.shape(x) for x in law.on(0.31, 0.4)(t)] == [t.shape] * 3
+
+
+def test_on_takes_the_side_of_the_stretch():
+    law = LAWS["trapezoid"]
+    jump = np.array([0.25])
+    assert law.on(0.0, 0.25)(jump)[2] == 0.0
+    assert law.on(0.25, 0.3)(jump)[2] == 2.0
+
+
+class TestGrid:
+    law = Trapezoid(start=0.0, end=1.0, acceleration=1.0, begin=0.5)
+
+    def test_instants_of_jumps_stand_twice(self):
+        grid = Grid.cover(np.linspace(0.0, 3.0, 7), [self.law])
+        assert grid.t.tolist() == [0.0, 0.5, 0.5, 1.0, 1.5, 1.5, 2.0, 2.5, 2.5, 3.0]
+        assert grid.cuts == (0.0, 0.5, 1.5, 2.5, 3.0)
+        assert grid.rows == (0, 2, 5, 8, 10)
+
+    def test_jumps_between_the_instants_are_added(self):
+        grid = Grid.cover(np.array([0.0, 1.0, 3.0]), [self.law])
+        assert grid.t.tolist() == [0.0, 0.5, 0.5, 1.0, 1.5, 1.5, 2.5, 2.5, 3.0]
+
+    def test_jumps_outside_and_at_the_ends_are_not(self):
+        grid = Grid.cover(np.linspace(0.5, 1.5, 5), [self.law])
+        assert grid.t.tolist() == [0.5, 0.75, 1.0, 1.25, 1.5]
+        assert grid.evaluate(self.law)[2].tolist() == [1.0] * 5
+
+    def test_each_side_of_a_jump_has_its_own_value(self):
+        grid = Grid.cover(np.linspace(0.0, 3.0, 7), [self.law])
+        s, ds, dds = grid.evaluate(self.law)
+        assert dds.tolist() == [0.0, 0.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 0.0, 0.0]
+        assert s == pytest.approx([0.0, 0.0, 0.0, 0.125, 0.5, 0.5, 0.875, 1.0, 1.0, 1.0], abs=1e-15)
+        assert ds == pytest.approx([0.0, 0.0, 0.0, 0.5, 1.0, 1.0, 0.5, 0.0, 0.0, 0.0], abs=1e-15)
+
+    def test_a_law_without_jumps_is_evaluated_across_its_pieces(self):
+        quintic = Polynomial(start=0.0, end=1.0, duration=1.0, begin=1.0)
+        grid = Grid.cover(np.linspace(0.0, 3.0, 7), [quintic])
+        s, ds, dds = grid.evaluate(quintic)
+        assert grid.cuts == (0.0, 3.0)
+        assert s.tolist() == [0.0, 0.0, 0.0, 0.5, 1.0, 1.0, 1.0]
+        assert ds == pytest.approx([0.0, 0.0, 0.0, 1.875, 0.0, 0.0, 0.0], abs=1e-14)
+        assert dds == pytest.approx(0.0, abs=1e-13)
+
+    @every_law
+    def test_every_row_of_every_law_is_a_value_of_one_of_its_pieces(self, law):
+        grid = Grid.cover(np.linspace(-0.5, 4.0, 46), LAWS.values())
+        s, ds, dds = grid.evaluate(law)
+        for k in range(len(grid.cuts) - 1):
+            rows = slice(grid.rows[k], grid.rows[k + 1])
+            middle = 0.5 * (grid.cuts[k] + grid.cuts[k + 1])
+            piece = next(piece for piece in law.pieces() if piece.start <= middle <= piece.end)
+            inner = (grid.t[rows] >= piece.start) & (grid.t[rows] <= piece.end)
+            expected = piece.function(grid.t[rows][inner])
+            for found, wanted in zip((s, ds, dds), expected, strict=True):
+                # neighbouring pieces without a jump between them agree to rounding where they meet
+                assert found[rows][inner] == pytest.approx(wanted, abs=1e-13)
+
+    def test_jumps_of_several_laws_are_merged(self):
+        other = Trapezoid(start=0.0, end=1.0, acceleration=4.0, begin=0.5)
+        grid = Grid.cover(np.array([0.0, 3.0]), [self.law, other])
+        assert grid.cuts == (0.0, 0.5, 1.0, 1.5, 2.5, 3.0)
+
+    def test_a_falling_parameter_keeps_its_values(self):
+        assert Grid.cover(np.linspace(1.0, -1.0, 5), []).t.tolist() == [1.0, 0.5, 0.0, -0.5, -1.0]

@@ -1,0 +1,351 @@
+"""The command line: exit codes, what goes to which stream, and what is left on the disk."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pinarm.cli import main
+
+URDF = """\
+<robot name="pendulum">
+  <link name="base"/>
+  <link name="rod"><inertial><origin xyz="0 0 -1"/><mass value="2"/>
+    <inertia ixx="0.5" iyy="0.5" izz="0.5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="pivot" type="continuous"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/></joint>
+</robot>
+"""
+MECHANISM = "pinarm: 1\nrobot: pendulum.urdf\ngravity: {magnitude: 10 m/s^2}\nsymbols: {M: joint.pivot.effort}\n"
+SCENARIO = """\
+pinarm: 1
+title: Held
+mechanism: pendulum.yaml
+problem: {kind: statics, over: {pivot: {from: 0 deg, to: 180 deg, samples: 9}}}
+outputs: [M]
+expect:
+  - {quantity: M, at: max, value: 20 N*m, source: by hand}
+"""
+FORWARD = """\
+pinarm: 1
+mechanism: pendulum.yaml
+problem:
+  kind: forward
+  time: {end: 0.3 s, samples: 31}
+  loads: {push: {kind: joint_effort, joint: pivot, effort: EFFORT}}
+outputs: [pivot]
+"""
+BLOW_UP = "{law: polynomial, from: 0 N*m, to: 1e306 N*m, duration: 1 ms, begin: 100 ms}"
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A root with a model and a scenario in it, as the working directory."""
+    for name, text in {
+        ".pinarm-root": "", "pendulum.urdf": URDF, "pendulum.yaml": MECHANISM, "a.yaml": SCENARIO,
+        "blow.yaml": FORWARD.replace("EFFORT", BLOW_UP), "bad.yaml": SCENARIO.replace("statics", "static"),
+        "miss.yaml": SCENARIO.replace("20 N*m", "21 N*m"),
+    }.items():  # fmt: skip
+        (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {str(f.relative_to(folder)): f.read_bytes() for f in sorted(folder.rglob("*")) if f.is_file()}
+
+
+def shell(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "pinarm", *arguments]
+    paths = os.pathsep.join(path for path in sys.path if path)
+    environment = {**os.environ, "PYTHONPATH": paths, **environment}
+    return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=60, check=False)
+
+
+def strict_json(text: str) -> Any:
+    """JSON as the standard has it: NaN and Infinity are not."""
+
+    def refuse(name: str) -> None:
+        raise AssertionError(f"{name} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+# ---------------------------------------------------------------------------------------------------------- run
+
+
+def test_run_writes_a_result_and_says_where(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "a.yaml"]) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("Held\n")
+    assert "written to results/a" in out
+    assert err == ""
+    assert set(files(here / "results/a")) >= {"scenario.yaml", "summary.json", "trajectory.csv", "timing.json"}
+
+
+def test_run_elsewhere_without_plots(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "a.yaml", "-o", "there/deep", "--no-plots"]) == 0
+    assert (here / "there/deep/trajectory.csv").is_file()
+    assert not list(here.rglob("*.png"))
+    assert not (here / "results").exists()
+
+
+def test_run_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "a.yaml", "--json", "--no-plots", "-o", "out"]) == 0
+    summary = strict_json(capsys.readouterr().out)
+    assert summary["outputs"]["M"]["max"] == pytest.approx(20.0, rel=1e-14)  # rounding
+    assert summary["folder"] == "out"
+
+
+def test_set_replaces_values(capsys: pytest.CaptureFixture[str]) -> None:
+    wanted = ["--set", "problem.over.pivot.to=30 deg", "--set", "expect.0.value=10 N*m", "--json", "--no-plots"]
+    assert main(["run", "a.yaml", "-o", "out", *wanted]) == 0
+    assert strict_json(capsys.readouterr().out)["outputs"]["M"]["max"] == pytest.approx(10.0, rel=1e-14)  # rounding
+    assert main(["check", "a.yaml", *wanted[:4]]) == 0
+    assert main(["check", "a.yaml", *wanted[:2]]) == 1
+
+
+@pytest.mark.parametrize("command", ["run", "check", "validate"])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["bad.yaml"], ["nofile.yaml"], ["."], ["a.yaml", "--set", "title"], ["a.yaml", "--set", "titel=x"],
+        ["a.yaml", "--set", "outputs.7=M"], ["a.yaml", "--set", "outputs.--1=M"], ["a.yaml", "--set", "outputs.²=M"],
+        ["a.yaml", "--set", "problem.over.pivot.to=1"], ["a.yaml", "--set", "mechanism=../../etc/passwd.yaml"],
+        ["a.yaml", "--set", "outputs.0=N"], ["a.yaml", "--set", "problem.over.pivot.to=1 h^99"],
+        ["a.yaml", "--set", "expect.0.value=1 kg"],
+        ["a.yaml", "--set", "problem.over={pivto: {from: 0 deg, to: 1 deg}}"],
+    ],
+)  # fmt: skip
+def test_bad_input_is_exit_2_and_nothing_is_written(
+    here: Path, capsys: pytest.CaptureFixture[str], command: str, arguments: list[str]
+) -> None:
+    if command != "check" and "expect.0.value=1 kg" in arguments:
+        pytest.skip("only a check compares the answer key with what comes out")
+    if command != "run" and arguments == ["."]:
+        arguments = ["bad.yaml", "a.yaml"]
+    before = files(here)
+    assert main([command, *arguments]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("error: ")
+    assert "Traceback" not in err
+    assert files(here) == before
+
+
+def test_bad_input_leaves_an_older_result_alone(here: Path) -> None:
+    main(["run", "a.yaml"])
+    before = files(here / "results")
+    assert main(["run", "a.yaml", "--set", "outputs.0=N"]) == 2
+    assert files(here / "results") == before
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_failed_numerics_are_exit_3_and_the_rest_is_kept(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A torque that grows to 1e306 N*m from 0.1 s on: until then the motion is known."""
+    assert main(["run", "blow.yaml", "-o", "out"]) == 3
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "t = 0.1" in err
+    assert "kept: 11 rows in out/partial" in err
+    assert (here / "out/partial/trajectory.csv").read_text().count("\n") == 12
+
+
+def test_failed_numerics_are_told_once() -> None:
+    """No warnings of numpy beside the message."""
+    done = shell("run", "blow.yaml", "--no-plots")
+    assert done.returncode == 3
+    assert "Warning" not in done.stderr
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_failed_numerics_leave_an_older_result_alone(here: Path) -> None:
+    main(["run", "a.yaml", "-o", "out"])
+    before = files(here / "out")
+    assert main(["run", "blow.yaml", "-o", "out"]) == 3
+    assert {name: text for name, text in files(here / "out").items() if not name.startswith("partial/")} == before
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize(
+    "effort",
+    [
+        "{law: constant, value: 1e300 N*m}", "{law: constant_acceleration, acceleration: 1e300 N*m/s^2}",
+        "{law: constant, value: 1e308 N*m}", "{law: harmonic, amplitude: 1 N*m, pulsation: 1e200 rad/s}",
+        "{law: polynomial, from: 0 N*m, to: 1 N*m, duration: 1e-100 s}",
+        "{law: trapezoid, from: 0 N*m, to: 1 N*m, acceleration: 0 N*m/s^2}",
+        "{law: trapezoid, from: 0 N*m, to: 1e300 N*m, acceleration: 1e-300 N*m/s^2}",
+    ],
+)  # fmt: skip
+def test_absurd_numbers_end_in_a_message(here: Path, capsys: pytest.CaptureFixture[str], effort: str) -> None:
+    (here / "x.yaml").write_text(FORWARD.replace("EFFORT", effort).replace("samples: 31", "samples: 3"))
+    assert main(["run", "x.yaml", "--no-plots"]) in (0, 2, 3)
+    capsys.readouterr()
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_an_accuracy_that_is_not_a_number_is_no_success(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """At 1e200 N*m the motion stays finite, its energy does not: no figure says what the numbers are worth."""
+    (here / "x.yaml").write_text(FORWARD.replace("EFFORT", BLOW_UP.replace("1e306", "1e200")))
+    assert main(["run", "x.yaml", "--no-plots"]) != 0
+    capsys.readouterr()
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_a_body_without_mass_is_exit_3(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    light = URDF.replace('mass value="2"', 'mass value="0"').replace('"0.5"', '"0"')
+    (here / "pendulum.urdf").write_text(light)
+    assert main(["run", "blow.yaml"]) == 3
+    assert "without mass" in capsys.readouterr().err
+
+
+def test_a_traceback_only_where_it_is_asked_for() -> None:
+    assert "Traceback" not in shell("run", "bad.yaml").stderr
+    assert "Traceback" in shell("run", "bad.yaml", "--traceback").stderr
+
+
+# -------------------------------------------------------------------------------------------- check and validate
+
+
+def test_check_is_exit_1_where_an_expectation_is_missed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "a.yaml"]) == 0
+    assert "1 agrees" in capsys.readouterr().out
+    assert main(["check", "a.yaml", "miss.yaml"]) == 1
+    out, err = capsys.readouterr()
+    assert "1 agrees; 1 MISS" in out
+    assert "MISS miss: M" in out
+    assert err == ""
+
+
+def test_check_of_a_folder(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("one", "two"):
+        (here / "keys").mkdir(exist_ok=True)
+        (here / "keys" / f"{name}.yaml").write_text(SCENARIO.replace("pendulum.yaml", "../pendulum.yaml"))
+    assert main(["check", "keys"]) == 0
+    assert "2 agrees" in capsys.readouterr().out
+    (here / "empty").mkdir()
+    assert main(["check", "empty"]) == 2
+    assert "no scenarios in empty" in capsys.readouterr().err
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_check_goes_on_after_a_mistake(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "bad.yaml", "blow.yaml", "a.yaml"]) == 3
+    out, err = capsys.readouterr()
+    assert "1 agrees" in out
+    assert err.count("error: ") == 2
+
+
+def test_check_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "a.yaml", "miss.yaml", "bad.yaml", "--json"]) == 2
+    read = strict_json(capsys.readouterr().out)
+    assert [finding["verdict"] for finding in read["findings"]] == ["agrees", "MISS"]
+    assert "unknown kind 'static'" in read["errors"][0]
+
+
+def test_check_json_of_what_is_not_a_number(capsys: pytest.CaptureFixture[str]) -> None:
+    no_number = ["--set", "expect.0.quantity=M*sqrt(-1 - pivot)", "--set", "expect.0.at=all"]
+    assert main(["check", "a.yaml", "--json", *no_number]) != 0
+    strict_json(capsys.readouterr().out)
+
+
+def test_validate_reports_every_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", "bad.yaml", "a.yaml", "nofile.yaml"]) == 2
+    out, err = capsys.readouterr()
+    assert out == "a.yaml: valid\n"
+    assert err.count("error: ") == 2
+    assert main(["validate", "a.yaml", "miss.yaml"]) == 0
+
+
+def test_validate_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", "a.yaml", "bad.yaml", "--json"]) == 2
+    assert [mistake["file"] for mistake in strict_json(capsys.readouterr().out)["mistakes"]] == ["bad.yaml"]
+
+
+# ------------------------------------------------------------------------------------------------------- schema
+
+
+def references(node: Any) -> list[str]:
+    if isinstance(node, dict):
+        own = [node["$ref"]] if isinstance(node.get("$ref"), str) else []
+        return own + [found for value in node.values() for found in references(value)]
+    return [found for value in node for found in references(value)] if isinstance(node, list) else []
+
+
+@pytest.mark.parametrize(("of", "keys"), [("scenario", {"pinarm", "mechanism", "problem"}), ("mechanism", {"robot"})])
+def test_the_schema_is_a_json_schema(capsys: pytest.CaptureFixture[str], of: str, keys: set[str]) -> None:
+    assert main(["schema", of]) == 0
+    schema = strict_json(capsys.readouterr().out)
+    assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    assert schema["type"] == "object"
+    assert schema["additionalProperties"] is False
+    assert keys <= set(schema["required"]) <= set(schema["properties"])
+    assert references(schema)
+    assert all(ref.startswith("#/$defs/") and ref[8:] in schema["$defs"] for ref in references(schema))
+
+
+def test_the_schema_knows_the_words_of_files(capsys: pytest.CaptureFixture[str]) -> None:
+    """``from``, not ``start``: what an editor offers must be what the reader takes."""
+    main(["schema"])
+    definitions = strict_json(capsys.readouterr().out)["$defs"]
+    assert {"from", "to"} <= set(definitions["Range"]["properties"])
+    assert {"from", "to"} <= set(definitions["Trapezoid"]["properties"])
+
+
+# ------------------------------------------------------------------------------------------------------ streams
+
+
+@pytest.mark.parametrize("arguments", [["schema"], ["check", "a.yaml"], ["run", "a.yaml", "--no-plots"],
+["validate", "a.yaml"]])
+def test_a_reader_that_leaves_is_no_error(arguments: list[str]) -> None:
+    """As in ``pinarm check ... | head -1``: not a traceback, and not the exit code of a missed expectation."""
+    end, start = os.pipe()
+    os.close(end)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    command = [sys.executable, "-m", "pinarm", *arguments]
+    done = subprocess.run(command, stdout=start, stderr=subprocess.PIPE, env=environment, timeout=60, check=False)
+    os.close(start)
+    assert done.returncode == 0
+    assert done.stderr == b""
+
+
+def test_a_terminal_without_unicode_is_no_error(here: Path) -> None:
+    (here / "u.yaml").write_text(SCENARIO.replace("Held", "Größe 力"), encoding="utf-8")
+    for command in (["run", "u.yaml", "--no-plots"], ["check", "u.yaml"]):
+        done = shell(*command, PYTHONIOENCODING="ascii")
+        assert done.returncode == 0, done.stderr
+
+
+def test_nothing_steers_the_terminal(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Escape sequences in a file from a stranger are shown, not sent."""
+    sequence = "\\e]0;x\\a\\e[2J"
+    (here / "e.yaml").write_text(SCENARIO.replace("title: Held", f'"{sequence}": x'))
+    (here / "f.yaml").write_text(SCENARIO.replace("title: Held", f'title: "{sequence}"'))
+    (here / "g.yaml").write_text(
+        SCENARIO.replace("quantity: M,", f'quantity: "{sequence}",').replace("20 N", "21 N")
+        + f'symbols: {{"{sequence}": M}}\n'
+    )
+    for arguments in (["run", "e.yaml"], ["validate", "e.yaml"], ["check", "e.yaml", "g.yaml"], ["run", "f.yaml"]):
+        main([*arguments])
+        out, err = capsys.readouterr()
+        assert "\x1b" not in out + err
+        assert "\x07" not in out + err
+
+
+@pytest.mark.parametrize("title", ["[/]", "[red]x[/red]", "[link=file:///etc]x[/link]", ":smile:"])
+def test_markup_is_shown_as_it_stands(here: Path, capsys: pytest.CaptureFixture[str], title: str) -> None:
+    symbol = f'symbols: {{"{title}": M}}\n'
+    (here / "m.yaml").write_text(SCENARIO.replace("quantity: M,", f'quantity: "{title}",') + symbol)
+    assert main(["check", "m.yaml"]) == 0
+    assert title in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("arguments", [[], ["fly"], ["run"], ["run", "a.yaml", "b.yaml"], ["schema", "robot"],
+["check"]])
+def test_wrong_usage_is_exit_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 2
+    assert "usage: pinarm" in capsys.readouterr().err

@@ -1,0 +1,329 @@
+"""Every mistake that a user can make has a message: where, what was found, what was expected, what to try.
+
+Each case changes one text of a valid pair of files and says what the message must hold. Lines are counted from 1.
+"""
+
+from pathlib import Path
+
+import pytest
+
+import pinarm
+from pinarm.errors import PinarmError
+
+URDF = """\
+<robot name="slider">
+  <link name="base"/>
+  <link name="cart"><inertial><mass value="1"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="rod"><inertial><origin xyz="0 0 -1"/><mass value="2"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="track" type="prismatic"><parent link="base"/><child link="cart"/><axis xyz="1 0 0"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="pivot" type="continuous"><parent link="cart"/><child link="rod"/><axis xyz="0 1 0"/></joint>
+</robot>
+"""
+
+MECHANISM = """\
+pinarm: 1
+robot: slider.urdf
+arguments: {}
+gravity: {direction: -z, magnitude: 9.81 m/s^2}
+coordinates:
+  height: {kind: point, point: rod, along: z}
+  turn: {kind: sum, of: [pivot]}
+drives:
+  motor: {joint: pivot, ratio: 50, efficiency: 0.8, rotor_inertia: 1 kg*mm^2}
+forces:
+  spring: {kind: joint_spring, joint: track, stiffness: 100 N/m, damping: 1 N*s/m, rest: 0 m}
+symbols:
+  x: joint.track.position
+"""
+
+SCENARIO = """\
+pinarm: 1
+title: Cart and rod
+mechanism: slider.yaml
+problem:
+  kind: inverse
+  time: {start: 0 s, end: 1 s, samples: 5}
+  motion:
+    track: {law: trapezoid, from: 0 m, to: 0.2 m, acceleration: 1 m/s^2, begin: 0 s}
+    pivot: {law: polynomial, from: 0 rad, to: 1 rad, duration: 1 s, degree: 5}
+  start: {pivot: 0 rad}
+  loads:
+    push: {kind: joint_effort, joint: track, effort: {law: constant, value: 3 N}}
+outputs: [x, joint.pivot.effort]
+accuracy: {tolerance: 1e-9}
+symbols: {work: joint.pivot.power}
+expect:
+  - {quantity: x, at: {t: 1 s}, value: 0.2 m, source: the law, published: 0.20 m}
+"""
+
+STATICS = """\
+pinarm: 1
+mechanism: slider.yaml
+problem:
+  kind: statics
+  over: {pivot: {from: -30 deg, to: 30 deg, samples: 5}}
+  hold: {track: 0 m}
+outputs: [joint.pivot.effort]
+"""
+
+FORWARD = """\
+pinarm: 1
+mechanism: slider.yaml
+problem:
+  kind: forward
+  time: {end: 0.1 s, samples: 3}
+  initial: {position: {pivot: 1 rad}, velocity: {track: 1 m/s}}
+outputs: [x]
+"""
+
+ENTRY = "{quantity: x, at: {t: 1 s}, value: 0.2 m, source: the law, published: 0.20 m}"
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "slider.urdf").write_text(URDF)
+    (tmp_path / "slider.yaml").write_text(MECHANISM)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def message(text: str) -> str:
+    Path("s.yaml").write_text(text)
+    with pytest.raises(PinarmError) as caught:
+        pinarm.check(pinarm.load("s.yaml"))
+    return str(caught.value)
+
+
+def changed(text: str, old: str, new: str) -> str:
+    assert text.count(old) == 1, f"{old!r} must stand once"
+    return text.replace(old, new)
+
+
+@pytest.mark.parametrize("text", [SCENARIO, STATICS, FORWARD])
+def test_what_is_changed_below_is_valid(here: Path, text: str) -> None:
+    (here / "s.yaml").write_text(text)
+    assert all(finding.ok for finding in pinarm.check(pinarm.load("s.yaml")))
+
+
+SCENARIOS = [
+    # keys: unknown at each level, missing, of the wrong type
+    (SCENARIO, "title:", "titel:", ["s.yaml:2:1: unknown key 'titel'", "try: title"]),
+    (SCENARIO, "samples: 5", "sample: 5",
+     ["s.yaml:6:32: unknown key 'sample'", "one of end, samples, start", "try: samples"]),
+    (SCENARIO, "  start: {pivot", "  begin: {pivot", ["s.yaml:10:3: unknown key 'begin'", "loads"]),
+    (SCENARIO, "degree: 5", "degre: 5", ["s.yaml:9:69: unknown key 'degre'", "try: degree"]),
+    (SCENARIO, "joint: track, effort", "joints: track, effort", ["s.yaml:12", "'joint' is missing"]),
+    (SCENARIO, "{tolerance: 1e-9}", "{tol: 1e-9}", ["s.yaml:14:12: unknown key 'tol'", "one of tolerance"]),
+    (SCENARIO, "source: the law", "sourc: the law", ["s.yaml:17", "'source' is missing"]),
+    (SCENARIO, "value: 3 N}}", "value: 3 N, vale: 1}}", ["s.yaml:12:82: unknown key 'vale'", "try: value"]),
+    (STATICS, "samples: 5", "sampels: 5", ["s.yaml:5:45: unknown key 'sampels'", "samples"]),
+    (FORWARD, "velocity:", "speed:", ["s.yaml:6:39: unknown key 'speed'", "one of position, velocity"]),
+    (SCENARIO, "pinarm: 1", "pinarm: 2", ["s.yaml:1:1: ", "1"]),
+    (SCENARIO, "pinarm: 1\n", "", ["s.yaml:1:1: the key 'pinarm' is missing"]),
+    (SCENARIO, "mechanism: slider.yaml\n", "", ["the key 'mechanism' is missing"]),
+    (SCENARIO, "outputs: [x, joint.pivot.effort]\n", "", ["the key 'outputs' is missing"]),
+    (SCENARIO, "end: 1 s, ", "", ["s.yaml:6:3: the key 'end' is missing"]),
+    (SCENARIO, "duration: 1 s, ", "", ["s.yaml:9:5: the key 'duration' is missing"]),
+    (SCENARIO, "to: 0.2 m, ", "", ["s.yaml:8:5: the key 'to' is missing"]),
+    (SCENARIO, "law: polynomial, ", "", ["s.yaml:9:5: the key 'law' is missing"]),
+    (SCENARIO, "  kind: inverse\n", "", ["s.yaml:4:1: the key 'kind' is missing"]),
+    (SCENARIO, "Cart and rod", "[1]", ["s.yaml:2:1: input should be a valid string"]),
+    (SCENARIO, "[x, joint.pivot.effort]", "x", ["s.yaml:13:1: input should be a valid list"]),
+    (SCENARIO, "[x, joint.pivot.effort]", "[]", ["s.yaml:13:1: list should have at least 1 item"]),
+    (SCENARIO, "samples: 5", "samples: some", ["s.yaml:6:32: input should be a valid integer"]),
+    (SCENARIO, "samples: 5", "samples: 5.5", ["s.yaml:6:32: input should be a valid integer"]),
+    (SCENARIO, "{tolerance: 1e-9}", "{tolerance: tight}", ["s.yaml:14:12: input should be a valid number"]),
+    (SCENARIO, "duration: 1 s", "duration: [1]", ["s.yaml:9:54", "number with a unit"]),
+    (SCENARIO, "duration: 1 s", "duration: true", ["s.yaml:9:54", "number with a unit"]),
+    (SCENARIO, "Cart and rod", "a: b", ["s.yaml:2:9: this is not YAML", "quotes around text that holds a colon"]),
+    (SCENARIO, "title: Cart and rod", "pinarm: 1", ["s.yaml:2:1: the key 'pinarm' stands twice (first in line 1)"]),
+    # units
+    (SCENARIO, "end: 1 s", "end: 1", ["s.yaml:6:22: '1' has no unit: write for instance '1 s'"]),
+    (SCENARIO, "end: 1 s", "end: 1 sec", ["s.yaml:6:22: unknown unit 'sec'", "one of "]),
+    (SCENARIO, "end: 1 s", "end: 1 m", ["s.yaml:6:22: 'm' is not a unit of this quantity", "such as s"]),
+    (SCENARIO, "end: 1 s", "end: soon", ["s.yaml:6:22: 'soon' is not a quantity", "a number and a unit"]),
+    (SCENARIO, "from: 0 rad", "from: 0 m", ["s.yaml:9:5: 'm' is not a unit of this quantity", "such as rad"]),
+    (SCENARIO, "acceleration: 1 m/s^2", "acceleration: 1 m/s", ["s.yaml:8:5: 'm/s' is not a unit", "such as m/s^2"]),
+    (SCENARIO, "value: 3 N}}", "value: 3 N*m}}", ["s.yaml:12:5: 'N*m' is not a unit", "such as N"]),
+    (SCENARIO, "{pivot: 0 rad}", "{pivot: 1 m}", ["s.yaml:10:11: 'm' is not a unit", "such as rad"]),
+    (STATICS, "from: -30 deg", "from: -30 mm", ["s.yaml:5:10: 'mm' is not a unit", "such as rad"]),
+    (STATICS, "from: -30 deg", "from: -30", ["s.yaml:5:18: '-30' has no unit", "deg"]),
+    (STATICS, "track: 0 m", "track: 1 deg", ["s.yaml:6:10: 'deg' is not a unit", "such as m"]),
+    (FORWARD, "track: 1 m/s", "track: 1 m", ["s.yaml:6:50: 'm' is not a unit", "such as m/s"]),
+    (SCENARIO, "value: 0.2 m", "value: 0.2 rad", ["s.yaml:17:5: 'rad' is not a unit", "such as m"]),
+    (SCENARIO, "value: 0.2 m", "value: 0.2", ["s.yaml:17:5: '0.2' has no unit", "0.2 m"]),
+    (SCENARIO, "at: {t: 1 s}", "at: {t: 1 m}", ["s.yaml:17:5: 'm' is not a unit", "such as s"]),
+    # names
+    (SCENARIO, "kind: inverse", "kind: invers",
+     ["s.yaml:4:1: unknown kind 'invers'", "forward, inverse", "try: inverse"]),
+    (SCENARIO, "law: trapezoid", "law: trapeze", ["s.yaml:8:5: unknown law 'trapeze'", "constant", "try: trapezoid"]),
+    (SCENARIO, "kind: joint_effort", "kind: effort", ["s.yaml:12:5: unknown kind 'effort'", "joint_effort"]),
+    (SCENARIO, "    track: {law", "    trakc: {law",
+     ["s.yaml:8:5: the mechanism has no coordinate 'trakc'", "try: track"]),
+    (SCENARIO, "{pivot: 0 rad}", "{pivto: 0 rad}", ["s.yaml:10:11: the model has no joint 'pivto'", "try: pivot"]),
+    (SCENARIO, "joint: track, effort", "joint: trak, effort",
+     ["s.yaml:12:5: the model has no joint 'trak'", "try: track"]),
+    (SCENARIO, "[x, joint.pivot.effort]", "[x, joint.pivot.efort]", ["s.yaml:13:14", "try: joint.pivot.effort"]),
+    (SCENARIO, "[x, joint.pivot.effort]", "[y]", ["s.yaml:13:11: there is no quantity 'y'"]),
+    (SCENARIO, "[x, joint.pivot.effort]", "[point.rd.position.x]",
+     ["s.yaml:13:11: the model has no link 'rd'", "try: rod"]),
+    (SCENARIO, "[x, joint.pivot.effort]", "[sine(x)]", ["s.yaml:13:11: there is no function 'sine'", "try: sin"]),
+    (SCENARIO, "[x, joint.pivot.effort]", "['x + joint.pivot.effort']", ["s.yaml:13:11: ", "do not go together"]),
+    (SCENARIO, "work: joint.pivot.power", "work: 2 +", ["s.yaml:15:11: this is no formula"]),
+    (SCENARIO, "work: joint.pivot.power", "work: import os", ["s.yaml:15:11: this is no formula"]),
+    (SCENARIO, "quantity: x", "quantity: xx", ["s.yaml:17:5: there is no quantity 'xx'"]),
+    (SCENARIO, "at: {t: 1 s}", "at: {time: 1 s}", ["s.yaml:17:5: there is no quantity 'time'"]),
+    (SCENARIO, "at: {t: 1 s}", "at: middle", ["s.yaml:17:19: ", "'all', 'start', 'end', 'max', 'min' or 'largest'"]),
+    (STATICS, "over: {pivot", "over: {pivott", ["s.yaml:5:10: the mechanism has no coordinate 'pivott'", "try: pivot"]),
+    (STATICS, "hold: {track", "hold: {trackk", ["s.yaml:6:10: the mechanism has no coordinate 'trackk'", "try: track"]),
+    (FORWARD, "{pivot: 1 rad}", "{pivots: 1 rad}", ["s.yaml:6:24: the model has no joint 'pivots'", "try: pivot"]),
+    (FORWARD, "{track: 1 m/s}", "{trakc: 1 m/s}", ["s.yaml:6:50: the model has no joint 'trakc'", "try: track"]),
+    # files
+    (SCENARIO, "slider.yaml", "slidr.yaml", ["s.yaml:3:1: ", "slidr.yaml' does not exist", "slider.yaml"]),
+    (SCENARIO, "slider.yaml", "../x.yaml",
+     ["s.yaml:3:1: the path ", "leads out of the root", "a path under", ".pinarm-root"]),
+    (SCENARIO, "slider.yaml", "/etc/x.yaml", ["s.yaml:3:1: the path '/etc/x.yaml' leads out of the root folder"]),
+    (SCENARIO, "slider.yaml", "pandas", ["s.yaml:3:1: there is no robot 'pandas'", "try: panda"]),
+    (SCENARIO, "slider.yaml", "slider.yml2", ["s.yaml:3:1: "]),
+    # what does not fit together
+    (SCENARIO, "    pivot: {law: poly", "    turn: {law: constant, value: 0 rad}\n    pivot: {law: poly",
+     ["s.yaml:7:3: 3 coordinates follow a law", "only 2 degrees of freedom", "2 of track, turn, pivot"]),
+    (SCENARIO, "    track: {law: trapezoid, from: 0 m, to: 0.2 m, acceleration: 1 m/s^2, begin: 0 s}\n", "",
+     ["s.yaml:7:3: 2 coordinates have to follow a law and 1 do", "joints track"]),
+    (SCENARIO, "    track: {law: trap", "    turn: {law: constant, value: 0 rad}\n    #",
+     ["s.yaml:7:3: ", "turn, pivot do not move independently"]),
+    (SCENARIO, "    track: {law: trap", "    height: {law: constant, value: 1 m}\n    #",
+     ["s.yaml:7:3: ", "out of reach"]),
+    (STATICS, "  hold: {track: 0 m}\n", "", ["s.yaml:3:1: 2 coordinates have to follow a law and 1 do"]),
+    (STATICS, "to: 30 deg", "to: -30 deg", ["s.yaml:5:10: the range begins and ends at the same value"]),
+    (STATICS, "over: {", "over: {track: {from: 0 m, to: 1 m}, ", ["s.yaml:5:3: "]),
+    (SCENARIO, "end: 1 s", "end: -1 s", ["s.yaml:6:3: the time ends at -1 s, not after its start at 0 s"]),
+    (SCENARIO, "samples: 5", "samples: 1", ["s.yaml:6:32: input should be greater than or equal to 2"]),
+    (SCENARIO, "duration: 1 s", "duration: -1 s", ["s.yaml:9:54: input should be greater than 0"]),
+    (SCENARIO, "degree: 5", "degree: 4", ["s.yaml:9:69: input should be 3, 5 or 7"]),
+    (SCENARIO, "acceleration: 1 m/s^2", "acceleration: 0 m/s^2", ["s.yaml:", "needs an acceleration"]),
+    (SCENARIO, "{tolerance: 1e-9}", "{tolerance: 1}", ["s.yaml:14:12: input should be less than or equal to"]),
+    (SCENARIO, "title: Cart and rod", "gravity: {magnitude: -9.81 m/s^2}",
+     ["s.yaml:2:11: input should be greater than or equal to 0"]),
+    (SCENARIO, "title: Cart and rod", "gravity: down", ["s.yaml:2:1: "]),
+    (SCENARIO, "title: Cart and rod", "gravity: {direction: down}", ["s.yaml:2:11: input should be 'x', 'y'"]),
+    # the answer key
+    (SCENARIO, ENTRY, "{quantity: x, value: 1 m}", ["s.yaml:17:5: the key 'source' is missing"]),
+    (SCENARIO, ENTRY, "{quantity: x, source: s}",
+     ["s.yaml:17:5: an expectation needs a value, a formula or a published"]),
+    (SCENARIO, ENTRY, "{quantity: x, value: 1 m, formula: x, source: s}",
+     ["s.yaml:17:5: give a value or a formula, not both"]),
+    (SCENARIO, ENTRY, "{quantity: x, published: 0.2, source: s}",
+     ["s.yaml:17:19: a published figure is written as text", "'0.2'"]),
+    (SCENARIO, ENTRY, "{quantity: x, published: a lot, source: s}", ["s.yaml:17:19: 'a lot' is not a quantity"]),
+    (SCENARIO, ENTRY, "{quantity: x, published: 1 m, verdict: misprint, source: s}",
+     ["s.yaml:17:5: a misprint can only be confirmed"]),
+    (SCENARIO, ENTRY, "{quantity: x, published: 1 m, verdict: wrong, source: s}",
+     ["s.yaml:17:35: input should be 'agrees', 'rounding'"]),
+    (SCENARIO, ENTRY, "{quantity: x, value: 1 m, rtol: -1, source: s}",
+     ["s.yaml:17:31: input should be greater than or equal to 0"]),
+    (SCENARIO, ENTRY, "{quantity: x, at: {t: 2 s}, value: 1 m, source: s}",
+     ["s.yaml:17:5: t = 2 s is not reached in this run"]),
+    (SCENARIO, ENTRY, "{quantity: x, formula: t, source: s}", ["s.yaml:17:5: ", "the same dimension"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "old", "new", "says"), SCENARIOS, ids=[f"{new[:40]}" for _, _, new, _ in SCENARIOS])
+def test_mistakes_in_a_scenario(here: Path, text: str, old: str, new: str, says: list[str]) -> None:
+    told = message(changed(text, old, new))
+    assert [part for part in says if part not in told] == [], told
+
+
+MECHANISMS = [
+    ("robot:", "robott:", ["slider.yaml:1:1: the key 'robot' is missing"]),
+    ("drives:", "drive:", ["slider.yaml:8:1: unknown key 'drive'", "try: drives"]),
+    ("along: z", "along: up", ["slider.yaml:6:25: input should be 'x'"]),
+    ("ratio: 50", "gear: 50", ["slider.yaml:9:25: unknown key 'gear'", "efficiency, joint, ratio, rotor_inertia"]),
+    ("slider.urdf", "slidr.urdf", ["slider.yaml:2:1: ", "slidr.urdf' does not exist", "slider.urdf"]),
+    ("slider.urdf", "../x.urdf", ["slider.yaml:2:1: the path ", "x.urdf' leads out of the root folder"]),
+    ("slider.urdf", "pandaa", ["slider.yaml:2:1: there is no robot 'pandaa'", "try: panda"]),
+    ("direction: -z", "direction: down", ["slider.yaml:4:11: input should be 'x'"]),
+    ("9.81 m/s^2", "9.81", ["slider.yaml:4:26: '9.81' has no unit: write for instance '9.81 m/s^2'"]),
+    ("9.81 m/s^2", "-9.81 m/s^2", ["slider.yaml:4:26: input should be greater than or equal to 0"]),
+    ("kind: point", "kind: pont", ["slider.yaml:6:3: unknown kind 'pont'", "try: point"]),
+    ("point: rod", "point: rood", ["slider.yaml:", "the model has no link 'rood'", "try: rod"]),
+    ("of: [pivot]", "of: [pivo]", ["slider.yaml:", "the model has no joint 'pivo'", "try: pivot"]),
+    ("of: [pivot]", "of: [pivot, track]", ["slider.yaml:", "cannot mix angles and lengths"]),
+    ("of: [pivot]", "of: []", ["slider.yaml:7:21: list should have at least 1 item"]),
+    ("  turn:", "  track:", ["slider.yaml:", "the coordinate 'track' has the name of a joint"]),
+    ("joint: pivot", "joint: pivto", ["slider.yaml:9:3: the model has no joint 'pivto'", "try: pivot"]),
+    ("efficiency: 0.8", "efficiency: -0.8", ["slider.yaml:9:36: input should be greater than 0"]),
+    ("efficiency: 0.8", "efficiency: 80", ["slider.yaml:9:36: input should be less than or equal to 1"]),
+    ("ratio: 50", "ratio: 0", ["slider.yaml:9:25: "]),
+    ("ratio: 50", "ratio: .nan", ["slider.yaml:9:25: "]),
+    ("ratio: 50", "ratio: .inf", ["slider.yaml:9:25: "]),
+    ("1 kg*mm^2", "1 kg", ["slider.yaml:9:53: 'kg' is not a unit", "such as kg*m^2"]),
+    ("1 kg*mm^2", "-1 kg*mm^2", ["slider.yaml:9:53: input should be greater than or equal to 0"]),
+    ("kind: joint_spring", "kind: spring", ["slider.yaml:11:3: unknown kind 'spring'", "try: joint_spring"]),
+    ("joint: track", "joint: trak", ["slider.yaml:11:3: the model has no joint 'trak'", "try: track"]),
+    ("100 N/m", "100 N*m/rad", ["slider.yaml:11:3: 'N*m/rad' is not a unit", "such as N/m"]),
+    ("100 N/m", "-100 N/m", ["slider.yaml:11:46: input should be greater than or equal to 0"]),
+    ("1 N*s/m", "1 N", ["slider.yaml:11:3: 'N' is not a unit"]),
+    ("rest: 0 m", "rest: 1 deg", ["slider.yaml:11:3: 'deg' is not a unit", "such as m"]),
+    ("x: joint.track.position", "x: joint.track.", ["slider.yaml:13:3: "]),
+    ("x: joint.track.position", "x: joint.trak.position", ["joint.trak.position", "try: joint.track.position"]),
+    ("x: joint.track.position", "x: x", ["defined by itself"]),
+    ("arguments: {}", "arguments: {m: kgs}", ["slider.yaml:3:13: unknown unit 'kgs'", "try: kg"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "says"), MECHANISMS, ids=[new for _, new, _ in MECHANISMS])
+def test_mistakes_in_a_mechanism(here: Path, old: str, new: str, says: list[str]) -> None:
+    (here / "slider.yaml").write_text(changed(MECHANISM, old, new))
+    told = message(SCENARIO)
+    assert [part for part in says if part not in told] == [], told
+
+
+MODELS = [
+    ('<mass value="2"/>', '<mass value="-2"/>', ["slider.yaml:2:1: link 'rod': the mass is negative (-2 kg)"]),
+    ('<mass value="2"/>', '<mass value="nan"/>', ["slider.yaml:2:1: link 'rod': mass", "not a finite number"]),
+    ('<mass value="2"/>', '<mass value="two"/>', ["slider.yaml:2:1: link 'rod': mass: 'two' is not a number"]),
+    ('<axis xyz="0 1 0"/>', '<axis xyz="0 0 0"/>', ["slider.yaml:2:1: joint 'pivot': '0 0 0' is not an axis"]),
+    ('<child link="rod"/>', '<child link="rood"/>',
+     ["joint 'pivot': its child link 'rood' does not exist", "try: rod"]),
+    ("<robot name", "<robbot name", ["this is not XML"]),
+    ("</robot>", "", ["this is not XML"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "says"), MODELS, ids=[new for _, new, _ in MODELS])
+def test_mistakes_in_a_model(here: Path, old: str, new: str, says: list[str]) -> None:
+    (here / "slider.urdf").write_text(changed(URDF, old, new))
+    told = message(SCENARIO)
+    assert [part for part in says if part not in told] == [], told
+
+
+ARGUMENTS = [
+    ("{m: 3}", ["s.yaml:3:13: ", "'3' has no unit", "3 kg"]), ("{m: '3'}", ["s.yaml:3:13: ", "'3' has no unit"]),
+    ("{m: true}", ["s.yaml:3:13: "]), ("{m: 3 m}", ["s.yaml:3:13: 'm' is not a unit", "such as kg"]),
+    ("{M: 3 kg}", ["s.yaml:3:13: the model has no argument 'M'", "one of m"]),
+    ("{m: heavy}", ["s.yaml:3:13: 'heavy' is not a quantity"]), ("{m: .inf}", ["s.yaml:3:13: "]),
+    ("{m: 1e999 kg}", ["s.yaml:3:13: "]), ("{m: [1]}", ["s.yaml:3:13: "]), ("{m: 3 h^99}", ["s.yaml:3:13: "]),
+    ("{m: -3 kg}", ["the mass is negative (-3 kg)"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("given", "says"), ARGUMENTS, ids=[given for given, _ in ARGUMENTS])
+def test_mistakes_in_arguments(here: Path, given: str, says: list[str]) -> None:
+    """Where the mechanism file says the unit of an argument, a scenario has to write one: 250 might be millimetres."""
+    xacro = changed(URDF, '<robot name="slider">', '<robot name="slider" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+                    '<xacro:arg name="m" default="2"/>').replace('mass value="2"', 'mass value="$(arg m)"')  # fmt: skip
+    (here / "slider.urdf.xacro").write_text(xacro)
+    (here / "slider.yaml").write_text(
+        MECHANISM.replace("slider.urdf", "slider.urdf.xacro").replace("arguments: {}", "arguments: {m: kg}")
+    )
+    good = changed(SCENARIO, "title: Cart and rod\n", "") + "arguments: {m: 3 kg}\n"
+    (here / "s.yaml").write_text(good)
+    assert pinarm.load("s.yaml").mechanism.arguments == {"m": 3.0}
+    old = "title: Cart and rod\nmechanism: slider.yaml"
+    told = message(changed(SCENARIO, old, f"mechanism: slider.yaml\narguments: {given}"))
+    assert [part for part in says if part not in told] == [], told

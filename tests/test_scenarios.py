@@ -1,0 +1,38 @@
+"""Every scenario that is shipped runs, and meets its answer key."""
+
+from pathlib import Path
+
+import pytest
+
+import pinarm
+from pinarm.input.documents import Document
+from pinarm.use.scenario import ScenarioFile
+
+FOLDER = Path(pinarm.__file__).parents[1] / "scenarios"
+FILES = sorted(FOLDER.glob("*.yaml"))
+
+
+def test_there_are_scenarios() -> None:
+    assert FILES
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_it_runs_and_meets_its_answer_key(file: Path) -> None:
+    findings = pinarm.check(pinarm.load(file))
+    assert findings
+    assert [f"{f.expectation.quantity} at {f.expectation.at}: {f.reason}" for f in findings if not f.ok] == []
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_something_independent_decides(file: Path) -> None:
+    """A published figure alone proves little: there must be a value or formula from elsewhere."""
+    expect = pinarm.load(file).content.expect
+    assert any(entry.value is not None or entry.formula is not None for entry in expect)
+    assert all(entry.source.strip() for entry in expect)
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_its_keys_are_those_of_the_json_schema(file: Path) -> None:
+    schema, data = ScenarioFile.model_json_schema(by_alias=True), Document.read(file).data
+    assert set(data) <= set(schema["properties"])
+    assert set(schema["required"]) <= set(data)

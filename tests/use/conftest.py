@@ -1,0 +1,85 @@
+"""A pendulum of one or two rods whose every number is known by hand, and the means to ask for it."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import pinarm
+
+URDF = """\
+<robot name="pendulum">
+  <link name="base"/>
+  <link name="rod"><inertial><origin xyz="0 0 -1"/><mass value="2"/>
+    <inertia ixx="0.5" iyy="0.5" izz="0.5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="tip"/>
+  <joint name="pivot" type="continuous"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/></joint>
+  <joint name="end" type="fixed"><parent link="rod"/><child link="tip"/><origin xyz="0 0 -1"/></joint>
+</robot>
+"""
+
+MECHANISM = """\
+pinarm: 1
+robot: pendulum.urdf
+gravity: {direction: -z, magnitude: 10 m/s^2}
+drives:
+  motor: {joint: pivot, ratio: 100, efficiency: 0.8}
+symbols: {alpha: joint.pivot.position, M: joint.pivot.effort, "$\\\\foo{": 2*alpha, "=cmd": 3*alpha}
+"""
+
+STATICS = """\
+pinarm: 1
+title: "A pendulum, held"
+mechanism: pendulum.yaml
+problem:
+  kind: statics
+  over: {pivot: {from: 0 deg, to: 180 deg, samples: 8}}
+outputs: [M, alpha]
+"""
+
+INVERSE = """\
+pinarm: 1
+mechanism: pendulum.yaml
+problem:
+  kind: inverse
+  time: {end: 2 s, samples: 9}
+  motion: {pivot: {law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 1 rad/s^2}}
+outputs: [M, alpha]
+"""
+
+FORWARD = """\
+pinarm: 1
+mechanism: pendulum.yaml
+problem:
+  kind: forward
+  time: {end: 5 s, samples: 23}
+  initial: {position: {pivot: 30 deg}}
+outputs: [alpha, energy.total]
+"""
+
+KINDS = {"statics": STATICS, "inverse": INVERSE, "forward": FORWARD}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A root with the model in it."""
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "pendulum.urdf").write_text(URDF)
+    (tmp_path / "pendulum.yaml").write_text(MECHANISM)
+    return tmp_path
+
+
+@pytest.fixture
+def scenario(folder: Path) -> Callable[..., Any]:
+    """``scenario("statics", more, old=new)``: the scenario of a kind with text added and replaced."""
+
+    def build(kind: str, more: str = "", *changes: tuple[str, str]) -> Any:
+        text = KINDS[kind] + more
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        (folder / f"{kind}.yaml").write_text(text)
+        return pinarm.load(folder / f"{kind}.yaml")
+
+    return build

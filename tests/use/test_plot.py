@@ -1,0 +1,85 @@
+"""Figures: an axis for each quantity, and names that are drawn as they stand."""
+
+import io
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pinarm.errors import InputError
+from pinarm.use.plot import plain
+
+
+def drawn(figure: Any) -> bytes:
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", metadata={"Software": None}, dpi=40)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("names", [(), ("M",), ("M", "alpha", "t"), ("M",) * 7])
+def test_an_axis_for_each_quantity(scenario: Callable[..., Any], names: tuple[str, ...]) -> None:
+    figure = scenario("inverse").run().plot(*names)
+    assert len(figure.axes) == len(names or ("M", "alpha"))
+    assert all(len(axis.lines) == 1 for axis in figure.axes)
+    assert drawn(figure)
+
+
+def test_what_is_drawn_are_the_numbers(scenario: Callable[..., Any]) -> None:
+    result = scenario("inverse").run()
+    [axis] = result.plot("M", against="alpha").axes
+    x, y = axis.lines[0].get_data()
+    assert np.array_equal(y, result["M"].values)
+    assert np.asarray(x) == pytest.approx(np.degrees(result["alpha"].values), rel=1e-15)  # angles in degrees
+    assert "°" in axis.get_xlabel()
+    assert "N·m" in axis.get_ylabel()
+
+
+@pytest.mark.parametrize(
+    "title",
+    ["$\\foo{", "$$", "a $ b", "\\alpha", "x^2_{", "50 % \\$ $", "[/] [red]", "力 \U0001f600 é", "a\\nb", "", "x" * 500]
+)
+def test_a_title_is_drawn_as_it_stands(scenario: Callable[..., Any], title: str) -> None:
+    """Also where the font has no such character: a warning would be an error here and noise on a terminal."""
+    escaped = title.replace("\\", "\\\\")
+    figure = scenario("inverse", "", ("pinarm: 1", f'pinarm: 1\ntitle: "{escaped}"')).run().plot()
+    assert drawn(figure)
+
+
+@pytest.mark.parametrize("name", ["$\\foo{", "=cmd", "2*alpha", "max(alpha, 0.5)"])
+def test_names_are_drawn_as_they_stand(scenario: Callable[..., Any], name: str) -> None:
+    assert drawn(scenario("inverse").run().plot(name, against=name))
+
+
+@pytest.mark.parametrize("text", ["plain", "a_b", "$", "$\\foo{", "\\$", "a $b$ c", "$$$"])
+def test_plain_text_begins_no_formula(text: str) -> None:
+    from matplotlib.cbook import is_math_text
+
+    assert not is_math_text(plain(text))
+
+
+def test_a_constant_is_drawn_flat(scenario: Callable[..., Any]) -> None:
+    """Rounding is not blown up: a sum that stays 1 to the last digit has an axis of its own size."""
+    [axis] = scenario("inverse").run().plot("sin(alpha)**2 + cos(alpha)**2").axes
+    low, high = axis.get_ylim()
+    assert high - low > 0.1
+
+
+@pytest.mark.parametrize("formula", ["alpha*1e300", "alpha*1e-300", "0*alpha"])
+def test_sizes_from_tiny_to_huge(scenario: Callable[..., Any], formula: str) -> None:
+    assert drawn(scenario("inverse").run().plot(formula))
+
+
+def test_unknown_names(scenario: Callable[..., Any]) -> None:
+    result = scenario("inverse").run()
+    with pytest.raises(InputError, match="alpa"):
+        result.plot("alpa")
+    with pytest.raises(InputError, match="alpa"):
+        result.plot("M", against="alpa")
+
+
+def test_plots_need_no_display_and_leave_no_figures_behind(scenario: Callable[..., Any]) -> None:
+    import matplotlib.pyplot as plt
+
+    scenario("inverse").run().plot()
+    assert plt.get_fignums() == []

@@ -1,0 +1,133 @@
+"""What a run gives back: series with units, tables, and errors that list what there is."""
+
+import contextlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pinarm.errors import DynamicsError, ExpressionError, InputError, UnitError
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "end"),
+    [
+        ("t", "s", 2.0), ("alpha", "rad", 1.0), ("joint.pivot.velocity", "rad/s", 0.0),
+        ("joint.pivot.acceleration", "rad/s^2", -1.0), ("M", "N*m", 20 * np.sin(1) - 2.5), ("pivot", "rad", 1.0),
+        ("drive.motor.speed", "rad/s", 0.0), ("point.tip.position.x", "m", -np.sin(1)),
+        ("point.tip.position.norm", "m", 1.0), ("energy.kinetic", "J", 0.0), ("energy.potential", "J", -20 * np.cos(1)),
+        ("g", "m/s^2", 10.0), ("$\\foo{", "1", 2.0),
+        # formulas
+        ("M/2", "N*m", 10 * np.sin(1) - 1.25), ("M*joint.pivot.velocity", "W", 0.0), ("2", "1", 2.0),
+        ("sin(alpha)**2 + cos(alpha)**2", "1", 1.0), ("g*t", "m/s", 20.0), ("degrees(alpha)", "1", np.degrees(1)),
+    ],
+)  # fmt: skip
+def test_series(scenario: Callable[..., Any], name: str, unit: str, end: float) -> None:
+    result = scenario("inverse").run()
+    series = result[name]
+    assert str(series.unit) == unit
+    assert series.values.shape == (len(result),)
+    assert series.values[-1] == pytest.approx(end, rel=1e-13, abs=1e-13)  # a few roundings of terms up to 20
+    assert np.array_equal(np.asarray(series), series.values)
+
+
+def test_a_jump_stands_twice_in_the_table(scenario: Callable[..., Any]) -> None:
+    """At t = 1 s the trapezoid turns round: once with what is just before, once with what is just after."""
+    result = scenario("inverse").run()
+    t, a = result["t"].values, result["joint.pivot.acceleration"].values
+    assert len(t) == 10
+    assert a[t == 1.0].tolist() == [1.0, -1.0]
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "says"),
+    [
+        ("alpa", InputError, "alpha"), ("joint.pivto.effort", InputError, "joint.pivot.effort"),
+        ("joint.pivot.efort", InputError, "joint.pivot.effort"), ("energy.kinetik", InputError, "energy.kinetic"),
+        ("drive.moter.speed", InputError, "drive.motor.speed"), ("point.top.position.x", InputError, "tip"),
+        ("point.tip.position.w", InputError, "point.tip.position."), ("joint", InputError, "there is no quantity"),
+        ("joint.", InputError, ""), ("joint.pivot", InputError, "there is no quantity"), ("", InputError, "empty"),
+        ("alpha + M", UnitError, "do not go together"), ("sin(M)", UnitError, ""),
+        ("sine(alpha)", ExpressionError, "sin"),
+        ("sin(alpha, 1)", ExpressionError, "2 arguments"), ("alpha +", ExpressionError, "no formula"),
+        ("__import__('os')", ExpressionError, ""), ("alpha.real", InputError, ""),
+        ("1/0", ExpressionError, "not finite"),
+    ],
+)  # fmt: skip
+def test_unknown_quantities(scenario: Callable[..., Any], name: str, kind: type[Exception], says: str) -> None:
+    with pytest.raises(kind) as caught:
+        _ = scenario("inverse").run()[name]
+    assert says in str(caught.value)
+
+
+def test_symbols_of_the_scenario_are_formulas_of_symbols(scenario: Callable[..., Any]) -> None:
+    result = scenario("inverse", "symbols: {twice: 2*alpha, four: 2*twice}\n").run()
+    assert result["four"].values[-1] == 4.0
+    with pytest.raises(InputError, match="defined by itself: a -> b -> a"):
+        _ = scenario("inverse", "symbols: {a: b, b: a}\n").run()["a"]
+
+
+def test_a_long_chain_of_symbols_is_no_crash(scenario: Callable[..., Any]) -> None:
+    chain = ", ".join(f"s{i}: s{i + 1} + 0" for i in range(400))
+    result = scenario("statics", f"symbols: {{{chain}, s400: '1'}}\n").run()
+    with contextlib.suppress(InputError):  # a limit that is told is as good
+        assert result["s0"].values[0] == 1.0
+
+
+def test_a_table_of_the_outputs(scenario: Callable[..., Any]) -> None:
+    pytest.importorskip("pandas")
+    table = scenario("inverse").run().to_dataframe()
+    assert list(table.columns) == ["t [s]", "M [N*m]", "alpha [rad]"]
+    assert table.shape == (10, 3)
+    assert table["alpha [rad]"].iloc[-1] == 1.0
+
+
+def test_outputs_that_stand_twice_are_one_column(scenario: Callable[..., Any]) -> None:
+    result = scenario("inverse", "", ("[M, alpha]", "[M, t, alpha, M]")).run()
+    assert [series.name for series in result.columns()] == ["t", "M", "alpha"]
+
+
+def test_the_summary_has_the_headline_numbers(scenario: Callable[..., Any]) -> None:
+    summary = scenario("inverse").run().summary()
+    assert summary["outputs"]["alpha"] == {
+        "unit": "rad", "min": 0.0, "at_min": 0.0, "max": 1.0, "at_max": 2.0, "start": 0.0, "end": 1.0,
+    }  # fmt: skip
+    assert summary["rows"] == 10
+    assert all(0 <= value < 1e-13 for value in summary["accuracy"].values())  # rounding, relative to the terms
+
+
+def test_the_digest_is_that_of_what_decides_the_numbers(scenario: Callable[..., Any]) -> None:
+    plain = scenario("inverse").run().digest()
+    assert scenario("inverse", "title: x\n").run().digest() == plain
+    assert scenario("inverse", "gravity: none\n").run().digest() != plain
+    assert scenario("inverse", "", ("1 rad/s^2", "2 rad/s^2")).run().digest() != plain
+
+
+def test_the_digest_tells_mechanisms_apart(scenario: Callable[..., Any], folder: Any) -> None:
+    """Gravity, springs and drives are in the mechanism file, not in the model's text."""
+    plain = scenario("inverse").run().digest()
+    file = folder / "pendulum.yaml"
+    file.write_text(file.read_text().replace("10 m/s^2", "11 m/s^2"))
+    assert scenario("inverse").run().digest() != plain
+
+
+def test_an_output_that_is_not_finite_is_an_error_of_the_numerics(scenario: Callable[..., Any]) -> None:
+    with pytest.raises(DynamicsError, match="is not finite at t = 0 s") as caught:
+        scenario("inverse", "", ("[M, alpha]", "[M, sqrt(alpha - 0.5)]")).run()
+    assert caught.value.exit_code == 3
+    assert len(caught.value.partial) == 10
+    assert str(caught.value.location).endswith("inverse.yaml:7:14")
+
+
+def test_a_load_over_time_has_no_place_where_there_is_no_time(scenario: Callable[..., Any]) -> None:
+    """In statics what runs along the rows is an angle: a law of time would be read at t = angle."""
+    load = "{load: {kind: joint_effort, joint: pivot, effort: {law: harmonic, amplitude: 5 N*m, pulsation: 1 rad/s}}}"
+    with pytest.raises(InputError):
+        scenario("statics", "", ("outputs:", f"  loads: {load}\noutputs:")).run()
+
+
+def test_a_constant_load_has_its_place_in_statics(scenario: Callable[..., Any]) -> None:
+    load = "{load: {kind: joint_effort, joint: pivot, effort: {law: constant, value: 5 N*m}}}"
+    result = scenario("statics", "", ("outputs:", f"  loads: {load}\noutputs:")).run()
+    assert result["M"].values[0] == pytest.approx(-5.0, rel=1e-15)
