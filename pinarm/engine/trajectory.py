@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.dynamics import Dynamics
@@ -72,6 +74,18 @@ class Trajectory:
     dynamics: Dynamics = field(repr=False)
     again: Callable[[Grid], Trajectory] = field(repr=False)
     figures: Mapping[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def still(cls, mechanism: Mechanism, parameter: str, measured: Unit) -> Trajectory:
+        """Return one row at the neutral configuration: enough to see which quantities there are."""
+        q, idle = np.atleast_2d(pin.neutral(mechanism.model)), np.zeros((1, mechanism.model.nv))
+        dynamics, grid = mechanism.dynamics, Grid(np.zeros(1), (0.0, 0.0), (0, 1))
+        again = partial(cls._still_again, mechanism, parameter, measured)
+        return cls(mechanism, parameter, measured, grid, q, idle, idle, idle, dynamics, again)
+
+    @classmethod
+    def _still_again(cls, mechanism: Mechanism, parameter: str, measured: Unit, grid: Grid) -> Trajectory:
+        return cls.still(mechanism, parameter, measured)
 
     def __len__(self) -> int:
         return len(self.grid.t)

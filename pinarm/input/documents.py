@@ -32,7 +32,7 @@ _WORDS: dict[str, Any] = {
     **dict.fromkeys(("null", "Null", "NULL", "~", "")),
 }
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
-_INTEGER = re.compile(r"0o[0-7]{1,300}|0x[0-9a-fA-F]{1,300}")
+_INTEGER = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
 _SPECIAL = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 
 Path_ = tuple[str | int, ...]
@@ -285,6 +285,8 @@ class _Builder:
         self.stack.append((container, path, []))
 
     def _scalar(self, event: Any) -> None:
+        if any("\ud800" <= c <= "\udfff" for c in event.value):
+            raise self._refuse(event, "this holds half of a surrogate pair", "characters of Unicode")
         container, path, pending = self.stack[-1] if self.stack else (None, (), [])
         if isinstance(container, dict) and not pending:
             if event.value in container:
@@ -316,17 +318,16 @@ class _Builder:
     def _value(self, event: Any) -> Any:
         """Resolve a scalar by the YAML 1.2 core schema."""
         text: str = event.value
-        if any("\ud800" <= c <= "\udfff" for c in text):
-            raise self._refuse(event, "this holds half of a surrogate pair", "characters of Unicode")
         if not event.implicit[0]:
             return text
         if text in _WORDS:
             return _WORDS[text]
-        if _NUMBER.fullmatch(text):
-            if len(text) > MAX_DIGITS:
-                raise self._refuse(event, "this number has too many digits", f"at most {MAX_DIGITS}")
+        digits, prefixed = _NUMBER.fullmatch(text), _INTEGER.fullmatch(text)
+        if (digits or prefixed) and len(text) > MAX_DIGITS:
+            raise self._refuse(event, "this number has too many digits", f"at most {MAX_DIGITS}")
+        if digits:
             return float(text) if set(text) & set(".eE") else int(text)
-        if _INTEGER.fullmatch(text):
+        if prefixed:
             return int(text, 0)
         if _SPECIAL.fullmatch(text):
             return float(text.replace(".", "").lower())

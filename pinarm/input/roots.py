@@ -50,12 +50,13 @@ def inside(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKA
 
 
 def similar_file(path: Path) -> str:
-    """Return the name of a file beside a missing one that is spelled nearly like it; empty where there is none."""
+    """Return a file beside a missing one whose name is spelled nearly like it; empty where there is none."""
     try:
         names = [entry.name for entry in path.parent.iterdir()]
     except OSError:
         return ""
-    return choices(path.name, names)[1]
+    close = choices(path.name, names)[1]
+    return str(path.parent / close) if close else ""
 
 
 def contained(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKAGES) -> Path:

@@ -18,7 +18,7 @@ from pinarm.engine.systems import System, system_of
 from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import InputError, IntegrationError, Interrupted
 from pinarm.input.schema import Level, Model, Rate
-from pinarm.input.units import unit
+from pinarm.input.units import Unit, unit
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.laws import Law
 from pinarm.mechanics.motion import Grid
@@ -53,16 +53,25 @@ class Forward(Model):
     motion: dict[str, Law] = {}
     loads: dict[str, Force] = {}
 
+    def parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:
+        """Return the name and unit of what runs along the rows."""
+        return "t", unit("s")
+
+    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Dynamics, System, Array, Array]:
+        """Check all names and units; return the equation of motion, what is integrated, and the initial state."""
+        check_motion(mechanism, self.motion, place)
+        dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, place))
+        with place("motion"):
+            system = system_of(dynamics, Imposed.some(mechanism, self.motion))
+        return dynamics, system, *self._start(mechanism, place)
+
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
         """Return the motion, with what its energy says of its accuracy.
 
         Raises:
             IntegrationError: The motion could not be followed to its end; ``partial`` holds it until then.
         """
-        check_motion(mechanism, self.motion, place)
-        dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, place))
-        with place("motion"):
-            system = system_of(dynamics, Imposed.some(mechanism, self.motion))
+        dynamics, system, q, v = self.prepare(mechanism, place)
         laws = [*self.motion.values(), *(law for force in dynamics.forces for law in force.laws())]
         start, end = self.time.start, self.time.end
         inner = sorted({x for law in laws for x in law.breakpoints() if start < x < end})
@@ -72,8 +81,11 @@ class Forward(Model):
         grid = Grid.cover(self.time.instants(), laws)
         try:
             solution = integrate(
-                stretches, system.manifold, *system.begin(*self._start(mechanism, place)),
-                tolerance=accuracy.tolerance, max_steps=accuracy.max_steps,
+                stretches,
+                system.manifold,
+                *system.begin(q, v),
+                tolerance=accuracy.tolerance,
+                max_steps=accuracy.max_steps,
             )
         except (IntegrationError, Interrupted) as error:
             error.partial = run.until(error.partial, grid) if error.partial.steps else None

@@ -35,17 +35,25 @@ class Inverse(Model):
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
-        """Return the motion of the joints and the efforts of the drives."""
+    def parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:
+        """Return the name and unit of what runs along the rows."""
+        return "t", unit("s")
+
+    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, list[ForceElement]]:
+        """Check all names and units; return the imposed coordinates and the forces."""
         check_motion(mechanism, self.motion, place)
         check_levels(mechanism, self.start, place, "start")
         forces = bind_loads(mechanism, self.loads, place)
         with place("motion"):
-            imposed = Imposed.of(mechanism, self.motion)
+            return Imposed.of(mechanism, self.motion), forces
+
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
+        """Return the motion of the joints and the efforts of the drives."""
+        imposed, forces = self.prepare(mechanism, place)
         laws = [*self.motion.values(), *(law for force in forces for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"):
-            return driven(mechanism, imposed, grid, self.start, forces, "t", unit("s"))
+            return driven(mechanism, imposed, grid, self.start, forces, *self.parameter(mechanism))
 
 
 def driven(

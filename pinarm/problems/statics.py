@@ -12,7 +12,8 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import InputError
 from pinarm.input.schema import Level, Model
-from pinarm.mechanics.forces import Force
+from pinarm.input.units import Unit
+from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.mechanics.motion import Grid, MotionLaw
 from pinarm.problems.common import Accuracy, Place, bind_loads, check_levels, check_motion
@@ -55,23 +56,35 @@ class Statics(Model):
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
-        """Return the positions, at rest, and the efforts of the drives."""
-        (swept, values), *_ = self.over.items()
+    def parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:
+        """Return the name and unit of what runs along the rows."""
+        (swept,) = self.over
+        return swept, mechanism.coordinate(swept).unit
+
+    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, list[ForceElement]]:
+        """Check all names and units; return the imposed coordinates and the forces."""
+        ((swept, values),) = self.over.items()
         with place("over", swept):
-            coordinate = mechanism.coordinate(swept)
-            for bound in (values.start, values.end):
-                Constant(value=bound).check_units(coordinate.unit)
+            measured = mechanism.coordinate(swept).unit
+            for key, bound in (("from", values.start), ("to", values.end)):
+                with place("over", swept, key):
+                    Constant(value=bound).check_units(measured)
         held = {name: Constant(value=value) for name, value in self.hold.items()}
-        with place("hold"):
-            check_motion(mechanism, held, lambda _, name: place("hold", name))
+        check_motion(mechanism, held, lambda _, name: place("hold", name))
         check_levels(mechanism, self.start, place, "start")
         forces = bind_loads(mechanism, self.loads, place)
         for law in (law for force in forces for law in force.laws()):
             if not isinstance(law, Constant):
-                raise InputError("a load that follows a law over time has no value at rest", expected="law: constant")
+                with place("loads"):
+                    raise InputError("a load that follows a law over time has no value at rest", hint="law: constant")
         motion: dict[str, MotionLaw] = {swept: ConstantSpeed(speed=1.0), **held}
         with place():
-            imposed = Imposed.of(mechanism, motion)
-            grid = Grid.cover(np.linspace(values.start, values.end, values.samples), [])
-            return driven(mechanism, imposed, grid, self.start, forces, swept, coordinate.unit, speed=0.0)
+            return Imposed.of(mechanism, motion), forces
+
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
+        """Return the positions, at rest, and the efforts of the drives."""
+        imposed, forces = self.prepare(mechanism, place)
+        (values,) = self.over.values()
+        grid = Grid.cover(np.linspace(values.start, values.end, values.samples), [])
+        with place():
+            return driven(mechanism, imposed, grid, self.start, forces, *self.parameter(mechanism), speed=0.0)

@@ -56,15 +56,6 @@ class Expectation(Model):
             read_quantity(value)
         return value
 
-    @field_validator("at")
-    @classmethod
-    def _which(cls, at: object) -> object:
-        if isinstance(at, dict):
-            occurrence = at.get("occurrence", 1)
-            if isinstance(occurrence, bool) or not isinstance(occurrence, int) or occurrence < 1:
-                raise InputError(f"'{occurrence}' is no occurrence", expected="a whole number from 1")
-        return at
-
     @model_validator(mode="after")
     def _complete(self) -> Expectation:
         if self.value is not None and self.formula is not None:

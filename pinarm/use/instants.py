@@ -98,15 +98,17 @@ def _choose(
     quantities: Quantities, spots: list[Spot], where: dict[str, str | int | float], name: str, text: str
 ) -> Quantities:
     """Return the row that is meant among those found: by occurrence, then by side."""
+    occurrence = where.get("occurrence", 1)
+    if isinstance(occurrence, bool) or not isinstance(occurrence, int) or occurrence < 1:
+        raise InputError(f"'{occurrence}' is no occurrence", expected="a whole number from 1")
     instants = sorted({round(t, 14) for _, t in spots}, key=lambda t: [round(s, 14) for _, s in spots].index(t))
     if not instants:
         raise InputError(f"{text} is not reached in this run")
-    occurrence = int(where.get("occurrence", 0))
-    if len(instants) > 1 and not occurrence:
+    if len(instants) > 1 and "occurrence" not in where:
         raise InputError(f"{text} is reached {len(instants)} times", expected=f"occurrence: 1 to {len(instants)}")
     if occurrence > len(instants):
         raise InputError(f"{text} is reached {len(instants)} times only", expected=f"at most {len(instants)}")
-    chosen = [spot for spot in spots if round(spot[1], 14) == instants[max(occurrence, 1) - 1]]
+    chosen = [spot for spot in spots if round(spot[1], 14) == instants[occurrence - 1]]
     sides = [_at_row(quantities, *chosen[0]), _at_row(quantities, *chosen[-1])]
     side = where.get("side")
     if side not in (None, "left", "right"):

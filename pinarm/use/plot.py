@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-import warnings
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -45,8 +45,7 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
     run = result.trajectory
     along = result[against or run.parameter]
     scale, measured = _shown(along)
-    with matplotlib.rc_context(STYLE), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph")  # titles may hold characters that the font has not
+    with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, HEAD + HEIGHT * len(names)))
         FigureCanvasAgg(figure)
         axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
@@ -84,8 +83,20 @@ def _label(name: str, measured: Unit | None) -> str:
 
 
 def plain(text: str) -> str:
-    """Return text that matplotlib draws as it stands: a dollar sign would begin a formula."""
-    return text.replace("\\", "\\\\").replace("$", r"\$") if "$" in text else text
+    """Return text that matplotlib draws as it stands.
+
+    A dollar sign would begin a formula, and characters that the font has not would be warned about one by one.
+    """
+    known = _characters()
+    drawn = "".join(c if ord(c) in known or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
+    return drawn.replace("\\", "\\\\").replace("$", r"\$") if "$" in drawn else drawn
+
+
+@cache
+def _characters() -> frozenset[int]:
+    from matplotlib.font_manager import findfont, get_font
+
+    return frozenset(get_font(findfont("DejaVu Sans")).get_charmap())
 
 
 def save_plots(result: Result, folder: Path) -> list[Path]:
@@ -97,8 +108,6 @@ def save_plots(result: Result, folder: Path) -> list[Path]:
     for number, group in enumerate(outputs[i : i + 6] for i in range(0, len(outputs), 6)):
         name = re.sub(r"[^A-Za-z0-9_.-]+", "_", group[0])[:40] if len(group) == 1 else f"outputs_{number + 1}"
         path = folder / f"{name}.png"
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="Glyph")
-            result.plot(*group).savefig(path, metadata={"Software": None})
+        result.plot(*group).savefig(path, metadata={"Software": None})
         files.append(path)
     return files

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -24,7 +25,7 @@ from pinarm.input.schema import Measured, Model, described
 from pinarm.input.units import read_quantity
 from pinarm.mechanics.description import Gravity
 from pinarm.problems import Problem
-from pinarm.problems.common import Accuracy, Place
+from pinarm.problems.common import Accuracy
 from pinarm.use.expectation import Expectation
 from pinarm.use.result import Result
 
@@ -131,27 +132,23 @@ class Scenario:
         Raises:
             PinarmError: The input is impossible, or the numerics failed; then ``partial`` holds the result until there.
         """
-
-        def place(*path: str | int) -> Any:
-            return self.document.locating("problem", *path)
-
         try:
             with np.errstate(all="ignore"):  # what is not finite is found in the results, and said in words
-                return self._solved(place)
+                return self._solved()
         except NumericsError as error:
             if isinstance(error.partial, Trajectory):
                 error.partial = self._result(error.partial, {})
             raise
 
-    def _solved(self, place: Place) -> Result:
+    def _solved(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""
-        trajectory = self.content.problem.solve(self.mechanism, self.content.accuracy, place)
+        trajectory = self.content.problem.solve(self.mechanism, self.content.accuracy, self._place)
         result = self._result(trajectory, {**trajectory.figures, **power_balance(trajectory)})
         for index, name in enumerate(self.content.outputs):
             with self.document.locating("outputs", index):
                 result.require_finite(name)
         if not all(math.isfinite(figure) for figure in result.figures.values()):
-            raise DynamicsError("the numbers of this run are beyond what can be checked", partial=trajectory)
+            raise _beyond(trajectory)
         return result
 
     def _result(self, trajectory: Trajectory, figures: Mapping[str, float]) -> Result:
@@ -162,12 +159,34 @@ class Scenario:
         """Check everything that can be checked without solving: the model, all names, all units.
 
         Raises:
-            InputError: Something is wrong; the message says where.
+            PinarmError: Something is wrong; the message says where.
         """
-        self.mechanism  # noqa: B018 (building it is the check)
-        self.symbols  # noqa: B018
-        if not self.content.outputs:
-            raise InputError("no outputs are asked for")
+        self.content.problem.prepare(self.mechanism, self._place)
+        row = Trajectory.still(self.mechanism, *self.content.problem.parameter(self.mechanism))
+        quantities = Quantities(row, self.symbols)
+        with np.errstate(all="ignore"):
+            for index, name in enumerate(self.content.outputs):
+                with self.document.locating("outputs", index):
+                    quantities[name]
+            for index, expectation in enumerate(self.content.expect):
+                with self.document.locating("expect", index):
+                    for name in filter(None, (expectation.quantity, expectation.formula)):
+                        quantities[name]
+
+    def _place(self, *path: str | int) -> AbstractContextManager[None]:
+        return self.document.locating("problem", *path)
+
+
+CHECKABLE = 1e150
+"""Size of numbers whose squares, and so energies and powers, are still finite."""
+
+
+def _beyond(run: Trajectory) -> DynamicsError:
+    """Return the error of a run whose numbers are too large to be checked: says from where on."""
+    state = np.hstack([run.q, run.v, run.a, run.tau])
+    row = int((~(np.abs(state) < CHECKABLE)).any(axis=1).argmax())
+    where = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit}, q = {np.array2string(run.q[row])}"
+    return DynamicsError(f"the numbers of this run are too large to be checked, from {where} on", partial=run)
 
 
 def load(path: str | Path, overrides: list[str] | None = None) -> Scenario:
