@@ -6,7 +6,6 @@ traceback and exits with ``exit_code``: 2 for input that has to be mended, 3 whe
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -142,6 +141,8 @@ def choices(found: str, available: Iterable[str], *, most: int = 12) -> tuple[st
         available: The names that exist.
         most: How many of them to list.
     """
+    import difflib
+
     names = sorted(set(available))
     close = difflib.get_close_matches(found, names, n=1, cutoff=0.6)
     shown = ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")

@@ -6,8 +6,6 @@ a path is compared with it, and nothing is opened here.
 
 from __future__ import annotations
 
-import importlib.metadata
-import importlib.util
 import sys
 from collections.abc import Iterator, Mapping
 from functools import cache
@@ -116,25 +114,13 @@ def example_robot_data() -> Path:
     raise ModelError("example-robot-data is not installed", hint="pip install example-robot-data")
 
 
-def example_robot(name: str) -> Path:
-    """Return the URDF file of a robot of ``example-robot-data``: ``panda``, ``double_pendulum``, ...
-
-    Raises:
-        ModelError: There is no such robot, or the package is not installed.
-    """
-    robots = {path.stem: path for path in sorted(example_robot_data().glob("robots/*/*/*.urdf"), reverse=True)}
-    if name not in robots:
-        expected, hint = choices(name, robots, most=80)
-        raise ModelError(f"example-robot-data has no robot {_short(name)}", expected=expected, hint=hint)
-    return robots[name]
-
-
 def _prefixes() -> Iterator[Path]:
     """Yield where it may be installed: beside its metadata, beside Pinocchio, under the interpreter."""
+    from importlib.metadata import PackageNotFoundError, distribution  # 20 ms that few scenes need
+
     try:
-        distribution = importlib.metadata.distribution("example-robot-data")
-        yield Path(str(distribution.locate_file("cmeel.prefix")))
-    except importlib.metadata.PackageNotFoundError:
+        yield Path(str(distribution("example-robot-data").locate_file("cmeel.prefix")))
+    except PackageNotFoundError:
         pass
     pinocchio = importlib.util.find_spec("pinocchio")
     if pinocchio and pinocchio.origin:

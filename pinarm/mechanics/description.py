@@ -52,7 +52,7 @@ class MechanismDescription(Model):
     title: str = ""
     robot: str
     arguments: dict[str, str] = {}
-    gravity: Gravity | Literal["none"] = Gravity()
+    gravity: Gravity | Literal["none"] = Field(default_factory=Gravity)
     coordinates: dict[str, CoordinateDefinition] = {}
     drives: dict[str, Drive] = {}
     forces: dict[str, Force] = {}

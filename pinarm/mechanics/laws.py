@@ -25,7 +25,6 @@ from pinarm.input.schema import (
     SecondRate,
     Time,
 )
-from pinarm.input.tables import read_table
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.motion import ROUNDING, MotionLaw, Piece, Values, polynomial
 
@@ -316,6 +315,8 @@ class Table(MotionLaw):
     @classmethod
     def _read(cls, given: Any, info: ValidationInfo) -> Any:
         if isinstance(given, dict) and isinstance(given.get("file"), str) and "times" not in given:
+            from pinarm.input.tables import read_table
+
             times, values, measured = read_table(given["file"], info.context)
             return {**given, "times": times, "values": values, "measured": measured}
         return given
@@ -456,5 +457,3 @@ Law = Annotated[
     Field(discriminator="law"),
 ]
 """Any law of motion."""
-
-Segment.model_rebuild()

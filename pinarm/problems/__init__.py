@@ -1,14 +1,62 @@
-"""Layer 3: the kinds of problem."""
+"""Layer 3: the kinds of problem. Each is imported when a scenario first asks for it: start-up is part of speed."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from importlib import import_module
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, Union
 
-from pydantic import Field
+from pinarm.errors import InputError, choices
 
-from pinarm.problems.forward import Forward
-from pinarm.problems.inverse import Inverse
-from pinarm.problems.statics import Statics
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+    from pinarm.engine.trajectory import Trajectory
+    from pinarm.input.units import Unit
+    from pinarm.problems.common import Accuracy
 
-Problem = Annotated[Statics | Inverse | Forward, Field(discriminator="kind")]
-"""Any kind of problem. A new kind is one module and one entry here."""
+KINDS = {"statics": "Statics", "inverse": "Inverse", "forward": "Forward"}
+"""Kind, which is also the name of its module here, and class. A new kind is one module and one entry."""
+
+
+class Problem(Protocol):
+    """A question about a mechanism, as it stands in a file."""
+
+    @property
+    def kind(self) -> str:
+        """Name of the kind."""
+        ...
+
+    def parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:
+        """Return the name and unit of what runs along the rows."""
+        ...
+
+    def prepare(self, mechanism: Mechanism, place: Callable[..., AbstractContextManager[None]]) -> object:
+        """Check all names and units against the mechanism; ``place`` locates mistakes."""
+        ...
+
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Callable[..., AbstractContextManager[None]]
+    ) -> Trajectory:
+        """Return the answer."""
+        ...
+
+
+def problem_class(kind: object) -> type[Any]:
+    """Return the class of a kind of problem.
+
+    Raises:
+        InputError: There is no such kind.
+    """
+    if kind not in KINDS:
+        expected, hint = choices(str(kind), KINDS)
+        raise InputError(f"unknown kind '{kind}'", expected=expected, hint=hint)
+    found: type[Any] = getattr(import_module(f"pinarm.problems.{kind}"), KINDS[str(kind)])
+    return found
+
+
+def any_problem() -> Any:
+    """Return the annotation of a problem of any kind, for the JSON Schema."""
+    from pydantic import Field
+
+    return Annotated[Union[tuple(problem_class(kind) for kind in KINDS)], Field(discriminator="kind")]  # noqa: UP007

@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from pinarm.arrays import Array
 from pinarm.engine.assembly import Imposed, start_configuration
@@ -49,7 +50,7 @@ class Forward(Model):
 
     kind: Literal["forward"]
     time: TimeGrid
-    initial: InitialState = InitialState()
+    initial: InitialState = Field(default_factory=InitialState)
     motion: dict[str, Law] = {}
     loads: dict[str, Force] = {}
 

@@ -28,6 +28,7 @@ class Result:
 
     Attributes:
         name: Name of the scenario.
+        kind: Kind of its problem.
         content: The scenario, validated.
         data: The scenario as plain data.
         quantities: Everything that can be asked of the run, by name.
@@ -36,6 +37,7 @@ class Result:
     """
 
     name: str
+    kind: str
     content: ScenarioFile = field(repr=False)
     data: Mapping[str, Any] = field(repr=False)
     quantities: Quantities = field(repr=False)
@@ -113,7 +115,7 @@ class Result:
             "scenario": self.name,
             "title": self.content.title,
             "mechanism": mechanism.title,
-            "problem": self.content.problem.kind,
+            "problem": self.kind,
             "rows": len(run),
             "range": {"of": run.parameter, "unit": str(run.unit), "from": run.grid.t[0], "to": run.grid.t[-1]},
             "arguments": {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import zipfile
 from io import StringIO
 from pathlib import Path
@@ -62,6 +61,8 @@ def _clear(result: Result, folder: Path) -> None:
     for plot in (folder / "plots").glob("*.png"):
         plot.unlink()
     if (folder / "partial").is_dir():
+        import shutil
+
         shutil.rmtree(folder / "partial")
 
 

@@ -24,7 +24,7 @@ from pinarm.input.roots import inside, root_of
 from pinarm.input.schema import Measured, Model, described
 from pinarm.input.units import read_quantity
 from pinarm.mechanics.description import Gravity
-from pinarm.problems import Problem
+from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.common import Accuracy
 from pinarm.use.expectation import Expectation
 from pinarm.use.result import Result
@@ -65,10 +65,10 @@ class ScenarioFile(Model):
     mechanism: str
     arguments: dict[str, Argument] = {}
     gravity: Gravity | Literal["none"] | None = None
-    problem: Problem
+    problem: Any
     symbols: dict[str, str] = {}
     outputs: list[str] = Field(min_length=1)
-    accuracy: Accuracy = Accuracy()
+    accuracy: Accuracy = Field(default_factory=Accuracy)
     expect: list[Expectation] = []
 
 
@@ -79,11 +79,13 @@ class Scenario:
     Attributes:
         document: The file with the places of its lines.
         content: The same, validated.
+        problem: The question in it.
         folder: Folder that paths in it are relative to.
     """
 
     document: Document = field(repr=False)
     content: ScenarioFile
+    problem: Problem
     folder: Path
 
     @classmethod
@@ -100,7 +102,8 @@ class Scenario:
         document = Document.read(Path(path), source=str(path))
         for assignment in overrides or []:
             document = document.override(assignment)
-        return cls(document, document.validate(ScenarioFile), Path(path).parent)
+        content = document.validate(ScenarioFile)
+        return cls(document, content, _problem(document, content.problem), Path(path).parent)
 
     @property
     def name(self) -> str:
@@ -142,7 +145,7 @@ class Scenario:
 
     def _solved(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""
-        trajectory = self.content.problem.solve(self.mechanism, self.content.accuracy, self._place)
+        trajectory = self.problem.solve(self.mechanism, self.content.accuracy, self._place)
         result = self._result(trajectory, {**trajectory.figures, **power_balance(trajectory)})
         for index, name in enumerate(self.content.outputs):
             with self.document.locating("outputs", index):
@@ -153,7 +156,7 @@ class Scenario:
 
     def _result(self, trajectory: Trajectory, figures: Mapping[str, float]) -> Result:
         quantities = Quantities(trajectory, self.symbols)
-        return Result(self.name, self.content, self.document.data, quantities, figures, self.folder)
+        return Result(self.name, self.problem.kind, self.content, self.document.data, quantities, figures, self.folder)
 
     def validate(self) -> None:
         """Check everything that can be checked without solving: the model, all names, all units.
@@ -161,8 +164,8 @@ class Scenario:
         Raises:
             PinarmError: Something is wrong; the message says where.
         """
-        self.content.problem.prepare(self.mechanism, self._place)
-        row = Trajectory.still(self.mechanism, *self.content.problem.parameter(self.mechanism))
+        self.problem.prepare(self.mechanism, self._place)
+        row = Trajectory.still(self.mechanism, *self.problem.parameter(self.mechanism))
         quantities = Quantities(row, self.symbols)
         with np.errstate(all="ignore"):
             for index, name in enumerate(self.content.outputs):
@@ -175,6 +178,19 @@ class Scenario:
 
     def _place(self, *path: str | int) -> AbstractContextManager[None]:
         return self.document.locating("problem", *path)
+
+
+def _problem(document: Document, given: object) -> Problem:
+    """Validate the part of the document that holds the question, by the class of its kind."""
+    if not isinstance(given, dict) or "kind" not in given:
+        error = InputError(
+            "the key 'kind' is missing: it says which kind of problem this is", expected=", ".join(KINDS)
+        )
+        raise error.at(document.locate(("problem",)))
+    with document.locating("problem", "kind"):
+        model = problem_class(given["kind"])
+    problem: Problem = document.validate(model, "problem")
+    return problem
 
 
 CHECKABLE = 1e150

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import importlib.metadata
+
 import io
 import sys
 import threading
@@ -16,7 +16,8 @@ import pytest
 from pinarm.errors import InputError, ModelError, PinarmError
 from pinarm.input import expansion, roots
 from pinarm.input.expansion import Expansion, expand
-from pinarm.input.roots import contained, example_robot, example_robot_data, inside, root_of
+from pinarm.input.robots import robot, robots
+from pinarm.input.roots import contained, example_robot_data, inside, root_of
 
 HEAD = '<?xml version="1.0"?>\n<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
 
@@ -253,7 +254,7 @@ def test_threads_do_not_meet(tmp_path: Path) -> None:
 
 def test_an_unknown_xacro_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patch:
-        patch.setattr(importlib.metadata, "version", lambda _: "2.2.0")
+        patch.setattr(expansion, "_version", lambda site: "2.2.0")
         with pytest.raises(ModelError, match=r"xacro 2\.2\.0 is not known"):
             expansion._xacro.__wrapped__()
     monkeypatch.setattr(expansion, "_NEEDED", (*expansion._NEEDED, "moved"))
@@ -299,6 +300,6 @@ def test_example_robots_are_found_without_importing_anything(monkeypatch: pytest
     monkeypatch.undo()
     if not list(robots()):
         pytest.skip("example-robot-data is not installed")
-    assert example_robot("panda").name == "panda.urdf"
+    assert robot("panda").name == "panda.urdf"
     with pytest.raises(ModelError, match=r"no robot 'pnada'[\s\S]*try: panda"):
-        example_robot("pnada")
+        robot("pnada")

@@ -1,6 +1,7 @@
 """Numbers with units: required in files, SI from Python, the dimension checked."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -51,11 +52,19 @@ def test_python_may_give_numbers_in_si() -> None:
     assert (piece.length, piece.torque) == (0.25, 3.0)
 
 
+def hint(read: Callable[..., Any], **data: Any) -> str:
+    """Return what the refusal of a bare number suggests."""
+    with pytest.raises(ValidationError, match="has no unit") as caught:
+        read(**data)
+    [detail] = caught.value.errors()
+    error = detail["ctx"]["error"]
+    assert isinstance(error, UnitError)
+    return error.hint
+
+
 def test_the_hint_shows_a_unit_that_would_be_right() -> None:
-    with pytest.raises(ValidationError, match=r"'2 m'"):
-        from_file(length=2)
-    with pytest.raises(ValidationError, match=r"'2 s'"):
-        from_file(time=2)
+    assert hint(from_file, length=2) == "2 m"
+    assert hint(from_file, time=2) == "2 s"
 
 
 def test_the_hint_does_not_show_seconds_for_an_angle() -> None:
@@ -64,9 +73,7 @@ def test_the_hint_does_not_show_seconds_for_an_angle() -> None:
     class Sweep(Model):
         start: Level = Field(alias="from")
 
-    with pytest.raises(ValidationError) as caught:
-        Sweep.model_validate({"from": -60}, context=FROM_FILE)
-    assert "'-60 s'" not in str(caught.value)
+    assert hint(lambda **data: Sweep.model_validate(data, context=FROM_FILE), **{"from": -60}) == ""
 
 
 @pytest.mark.parametrize("value", ["1 kg", "1 s", "1 rad", "1 m^2"])

@@ -74,11 +74,11 @@ def test_npz_needs_no_pickle_and_says_its_units(scenario: Callable[..., Any], fo
     result = scenario("inverse").run()
     with np.load(result.save(folder / "out", plots=False) / "trajectory.npz", allow_pickle=False) as arrays:
         assert np.array_equal(arrays["M"], result["M"].values)
-        assert np.array_equal(arrays["q"], result.trajectory.q)
-        assert arrays["units"].tolist() == [["t", "s"], ["M", "N*m"], ["alpha", "rad"]]
+        assert all(np.array_equal(arrays[f"state.{x}"], getattr(result.trajectory, x)) for x in ("q", "v", "a", "tau"))
+        assert arrays["state.units"].tolist() == [["t", "s"], ["M", "N*m"], ["alpha", "rad"]]
 
 
-@pytest.mark.parametrize("name", ["q", "tau", "units", "file", "allow_pickle", "self", "../up", "a/b", ""])
+@pytest.mark.parametrize("name", ["q", "state.q", "state.tau", "state.units", "file", "allow_pickle", "self", "../up", "a/b", ""])
 def test_npz_keeps_an_output_whatever_its_name(scenario: Callable[..., Any], folder: Path, name: str) -> None:
     """Or the name is refused; it must not be lost behind an array of the same name."""
     try:

@@ -175,7 +175,7 @@ class Wrench(Model):
     force: tuple[Force, Force, Force] = (0.0, 0.0, 0.0)
     moment: tuple[Moment, Moment, Moment] = (0.0, 0.0, 0.0)
     axes: str = "world"
-    factor: Law = Constant(value=1.0)
+    factor: Law = Field(default_factory=lambda: Constant(value=1.0))
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
         """Return the element of one model."""
