@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -117,12 +118,11 @@ def example_robot_data() -> Path:
 def _prefixes() -> Iterator[Path]:
     """Yield where it may be installed: beside its metadata, beside Pinocchio, under the interpreter."""
     from importlib.metadata import PackageNotFoundError, distribution  # 20 ms that few scenes need
+    from importlib.util import find_spec
 
-    try:
+    with suppress(PackageNotFoundError):
         yield Path(str(distribution("example-robot-data").locate_file("cmeel.prefix")))
-    except PackageNotFoundError:
-        pass
-    pinocchio = importlib.util.find_spec("pinocchio")
+    pinocchio = find_spec("pinocchio")
     if pinocchio and pinocchio.origin:
         yield from Path(pinocchio.origin).parents[3:6]  # prefix/lib/pythonX/site-packages/pinocchio/__init__.py
     yield Path(sys.prefix)
