@@ -1,8 +1,11 @@
 import math
 import typing
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from pinarm.errors import InputError, UnitError
 from pinarm.input.schema import Derivative, Measured
@@ -15,11 +18,30 @@ from pinarm.mechanics.laws import (
     Harmonic,
     Law,
     Polynomial,
+    SCurve,
+    Segment,
+    SpeedPoints,
+    Spline,
+    Succession,
+    Table,
     Trapezoid,
 )
 from pinarm.mechanics.motion import Grid
 
 MEMBERS = typing.get_args(typing.get_args(Law)[0])
+HERE = Path(__file__).parent
+
+
+def table(folder, text=None, **fields):
+    """Return the law of a CSV file in a folder, which is written where its text is given."""
+    if text is not None:
+        (folder / "table.csv").write_text(text)
+    return Table.model_validate({"law": "table", "file": "table.csv", **fields}, context={"folder": folder})
+
+
+def segments(*parts):
+    return [Segment(duration=duration, motion=motion) for duration, motion in parts]
+
 
 SAMPLES = {
     Constant: {"constant": Constant(value=0.3)},
@@ -40,10 +62,45 @@ SAMPLES = {
     },
     Cycloidal: {"cycloidal": Cycloidal(start=0.7, end=-0.5, duration=1.6, begin=0.3)},
     Harmonic: {"harmonic": Harmonic(mean=0.2, amplitude=0.9, pulsation=3.0, phase=0.4, begin=0.1)},
-}
+    SCurve: {
+        "s-curve": SCurve(start=0.1, end=2.3, jerk=9.0, acceleration=3.0, speed=1.5, begin=0.25),
+        "falling s-curve": SCurve(start=2.3, end=0.1, jerk=9.0, acceleration=3.0, speed=1.5, begin=0.25),
+        "s-curve without limits": SCurve(start=0.1, end=1.3, jerk=9.0, begin=0.25),
+        "s-curve below its limits": SCurve(start=0.1, end=1.3, jerk=9.0, acceleration=30.0, speed=15.0, begin=0.25),
+        "s-curve below its speed": SCurve(start=0.1, end=2.3, jerk=9.0, acceleration=2.0, speed=15.0, begin=0.25),
+        "s-curve below its acceleration": SCurve(start=0.1, end=2.3, jerk=9.0, acceleration=9.0, speed=1.5, begin=0.25),
+        "standing s-curve": SCurve(start=0.4, end=0.4, jerk=9.0),
+    },
+    SpeedPoints: {
+        "speed points": SpeedPoints(start=0.2, points=[(0.3, 0.0), (1.1, 0.8), (2.0, 0.8), (2.5, -0.4)]),
+        "one speed point": SpeedPoints(start=0.2, points=[(0.3, 0.7)]),
+    },
+    Spline: {
+        "spline": Spline(points=[(0.3, 0.2), (0.9, 1.0), (1.4, 0.7), (2.2, 1.5)], speeds=(0.4, -0.6)),
+        "spline of two points": Spline(points=[(0.3, 0.2), (1.9, 1.0)]),
+    },
+    Table: {"table": table(HERE, speeds=(0.3, 0.0))},
+    Succession: {
+        "succession": Succession(start=0.4, begin=0.2, segments=segments(
+            (1.2, Trapezoid(start=7.0, end=7.5, acceleration=2.0, begin=0.1)),
+            (0.5, Constant(value=3.0)),
+            (0.8, ConstantAcceleration(acceleration=1.5)),
+            (0.6, ConstantSpeed(speed=1.2)),
+        )),
+        "succession of one": Succession(segments=segments((1.5, Cycloidal(start=0.0, end=1.0, duration=1.0)))),
+    },
+}  # fmt: skip
 LAWS = {name: law for samples in SAMPLES.values() for name, law in samples.items()}
-JUMPS = {"trapezoid": 4, "falling trapezoid": 4, "triangle": 3, "triangle below its limit": 3, "polynomial 3": 2}
+JUMPS = {
+    "trapezoid": [0.25, 0.65, 1.75, 2.15], "falling trapezoid": [0.25, 0.65, 1.75, 2.15],
+    "triangle": [0.25, 0.25 + math.sqrt(0.6), 0.25 + math.sqrt(2.4)],
+    "triangle below its limit": [0.25, 0.25 + math.sqrt(0.6), 0.25 + math.sqrt(2.4)],
+    "polynomial 3": [0.3, 1.9], "speed points": [0.3, 1.1, 2.0, 2.5],
+    "spline": [0.3, 2.2], "spline of two points": [0.3, 1.9], "table": [0.3, 2.0],
+    "succession": [0.3, 0.8, 1.3, 1.9, 2.7],
+}  # fmt: skip
 FROM_REST_TO_REST = [name for name, law in LAWS.items() if hasattr(law, "end") and len(law.pieces()) > 1]
+BOUNDED = [name for name, law in LAWS.items() if isinstance(law, SCurve) and len(law.pieces()) > 1]
 ROUNDING = 5e-13
 """Coefficients of the polynomial of degree 7 reach 100, and its derivatives multiply them by 7 and 42."""
 every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
@@ -87,7 +144,7 @@ def test_value_and_speed_are_continuous(law):
         assert left[:2] == pytest.approx(right[:2], abs=ROUNDING)
 
 
-@pytest.mark.parametrize("name", ["polynomial 5", "polynomial 7", "cycloidal"])
+@pytest.mark.parametrize("name", ["polynomial 5", "polynomial 7", "cycloidal", *BOUNDED])
 def test_smooth_laws_keep_their_acceleration(name):
     law = LAWS[name]
     for before, after in zip(law.pieces(), law.pieces()[1:], strict=False):
@@ -104,9 +161,9 @@ def test_degree_seven_keeps_its_jerk_too(differentiate):
 @every_law
 def test_jumps_are_those_of_the_acceleration(law):
     name = next(name for name, other in LAWS.items() if other is law)
-    expected = law.breakpoints() if name in JUMPS else []
-    assert law.jumps() == expected
-    assert len(expected) == JUMPS.get(name, 0)
+    expected = JUMPS.get(name, [])
+    assert set(law.jumps()) <= set(law.breakpoints())
+    assert law.jumps() == pytest.approx(expected, abs=1e-14)
 
 
 @pytest.mark.parametrize("duration", [1e-3, 0.01, 0.1, 0.3, 1.0, 30.0, 1e3])
@@ -178,8 +235,8 @@ def test_values_by_hand(law, t, expected):
 
 @pytest.mark.parametrize("broken", [{"acceleration": 0.0}, {"acceleration": 1.0, "speed": 0.0}])
 def test_trapezoid_that_could_never_arrive_is_refused(broken):
-    with pytest.raises(InputError, match="other than 0"):
-        Trapezoid(start=0.0, end=1.0, **broken).pieces()
+    with pytest.raises(ValidationError, match="other than 0"):
+        Trapezoid(start=0.0, end=1.0, **broken)
 
 
 def marked_fields():
@@ -196,23 +253,56 @@ def marked_fields():
 @pytest.mark.parametrize(("law", "name", "order"), marked_fields())
 @pytest.mark.parametrize("base", ["m", "rad", "N*m"])
 def test_fields_accept_the_unit_of_their_derivative_only(law, name, order, base):
-    def written(text):
-        value = Measured(getattr(law, name))
-        value.unit = unit(text)
-        return law.model_copy(update={name: value})
+    def changed(text):
+        return law.model_copy(update={name: written(getattr(law, name), text)})
 
-    units = [base, f"{base}/s", f"{base}/s^2"]
-    written(units[order]).check_units(unit(base))
+    units = [base, f"{base}/s", f"{base}/s^2", f"{base}/s^3"]
+    changed(units[order]).check_units(unit(base))
     for wrong in units[:order] + units[order + 1 :]:
         with pytest.raises(UnitError, match="not a unit of this quantity"):
-            written(wrong).check_units(unit(base))
+            changed(wrong).check_units(unit(base))
 
 
 def test_every_law_says_which_derivative_its_fields_are():
-    plain = {"law", "begin", "duration", "degree", "pulsation", "phase"}
+    nested = {"points", "speeds", "segments", "file", "times", "values", "measured"}
+    plain = {"law", "begin", "duration", "degree", "pulsation", "phase"} | nested
     assert {(type(law), name) for law, name, _ in marked_fields()} == {
         (member, name) for member in MEMBERS for name in member.model_fields if name not in plain
     }
+
+
+def written(number, text):
+    value = Measured(number)
+    value.unit = unit(text)
+    return value
+
+
+NESTED = {
+    "speed of a point": lambda x: SpeedPoints(points=[(0.0, 0.0), (1.0, x)]),
+    "point of a spline": lambda x: Spline(points=[(0.0, 0.0), (1.0, x)]),
+    "first speed of a spline": lambda x: Spline(points=[(0.0, 0.0), (1.0, 0.0)], speeds=(x, 0.0)),
+    "last speed of a spline": lambda x: Spline(points=[(0.0, 0.0), (1.0, 0.0)], speeds=(0.0, x)),
+    "first speed of a table": lambda x: table(HERE, speeds=(x, 0.0)),
+    "last speed of a table": lambda x: table(HERE, speeds=(0.0, x)),
+    "level in a segment": lambda x: Succession(segments=segments((1.0, Constant(value=x)))),
+    "acceleration in a segment": lambda x: Succession(
+        segments=segments((1.0, Constant(value=0.0)), (1.0, ConstantAcceleration(acceleration=x)))
+    ),
+    "speed in a segment of a segment": lambda x: Succession(
+        segments=segments((1.0, Succession(segments=segments((1.0, SpeedPoints(points=[(0.0, x)]))))))
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NESTED)
+def test_nested_values_accept_the_unit_of_their_derivative_only(name):
+    units = ["rad", "rad/s", "rad/s^2"]
+    [right] = [text for text in units if text.removeprefix("rad") == {
+        "speed": "/s", "first": "/s", "last": "/s", "point": "", "level": "", "acceleration": "/s^2"}[name.split()[0]]]
+    NESTED[name](written(1.0, right)).check_units(unit("rad"))
+    for wrong in {*units, "m"} - {right}:
+        with pytest.raises(UnitError, match="not a unit of this quantity"):
+            NESTED[name](written(1.0, wrong)).check_units(unit("rad"))
 
 
 @pytest.mark.parametrize("field", ["begin", "duration"])
@@ -232,6 +322,241 @@ def test_on_takes_the_side_of_the_stretch():
     jump = np.array([0.25])
     assert law.on(0.0, 0.25)(jump)[2] == 0.0
     assert law.on(0.25, 0.3)(jump)[2] == 2.0
+
+
+def across(law, t):
+    """Return s, s', s'' at instants that ascend, s'' just after each jump."""
+    return np.array([law.on(x, x + 1e-12)(np.array([x])) for x in t])[:, :, 0].T
+
+
+def minimal_time(distance, jerk, acceleration=math.inf, speed=math.inf):
+    """Shortest time from rest to rest under the three bounds: Biagiotti and Melchiorri, section 3.4."""
+    if acceleration**2 >= speed * jerk:  # the acceleration is not reached before the speed
+        ramp, rise = math.sqrt(speed / jerk), 2 * math.sqrt(speed / jerk)
+    else:
+        ramp, rise = acceleration / jerk, acceleration / jerk + speed / acceleration
+    if speed < math.inf and distance >= speed * rise:
+        return distance / speed + rise
+    if distance <= 2 * acceleration**3 / jerk**2:
+        return 4 * (distance / (2 * jerk)) ** (1 / 3)
+    ramp = acceleration / jerk
+    return ramp + math.sqrt(ramp**2 + 4 * distance / acceleration)
+
+
+class TestSCurve:
+    @pytest.mark.parametrize("name", BOUNDED)
+    def test_bounds_are_kept_and_the_time_is_minimal(self, name):
+        law = LAWS[name]
+        limits = {"acceleration": law.acceleration or math.inf, "speed": law.speed or math.inf}
+        first, *moving, last = law.pieces()
+        total = moving[-1].end - moving[0].start
+        assert total == pytest.approx(minimal_time(abs(law.end - law.start), law.jerk, **limits), rel=1e-14)
+        for piece in moving:
+            t = np.linspace(piece.start, piece.end, 21)
+            _, ds, dds = piece.function(t)
+            assert np.abs(ds).max() <= limits["speed"] * (1 + 1e-13)
+            assert np.abs(dds).max() <= limits["acceleration"] * (1 + 1e-13)
+            slope = (dds[-1] - dds[0]) / (t[-1] - t[0])
+            # constant on each stretch, and either full or none
+            assert dds == pytest.approx(dds[0] + slope * (t - t[0]), abs=1e-13)
+            assert min(abs(abs(slope) - law.jerk), abs(slope)) < 1e-11
+
+    @pytest.mark.parametrize(
+        ("name", "stretches"),
+        [
+            ("s-curve", 7), ("s-curve without limits", 4), ("s-curve below its limits", 4),
+            ("s-curve below its speed", 6), ("s-curve below its acceleration", 5),
+        ],
+    )  # fmt: skip
+    def test_as_many_stretches_as_limits_are_reached(self, name, stretches):
+        # without a full acceleration two stretches of equal jerk meet in the middle
+        assert len(LAWS[name].pieces()) - 2 == stretches
+
+    @pytest.mark.parametrize("distance", [1e-9, 1e-3, 0.37, 1.0, 1e3])
+    @pytest.mark.parametrize("limits", [{}, {"speed": 1.0}, {"acceleration": 2.0}, {"speed": 1.0, "acceleration": 2.0}])
+    def test_it_arrives_in_minimal_time_at_any_distance(self, distance, limits):
+        law = SCurve(start=0.0, end=distance, jerk=5.0, **limits)
+        assert law.breakpoints()[-1] == pytest.approx(minimal_time(distance, 5.0, **limits), rel=1e-12)
+        moving = law.pieces()[-2]
+        s, ds, dds = (float(x[0]) for x in moving.function(np.array([moving.end])))
+        assert s == pytest.approx(distance, rel=1e-12)
+        assert abs(ds) < 1e-12 * max(1.0, distance)
+        assert abs(dds) < 1e-11 * max(1.0, distance)
+
+    @pytest.mark.parametrize("distance", [2 * 2.0**3 / 5.0**2, 1.0 * (1.0 / 2.0 + 2.0 / 5.0)])
+    def test_limits_that_are_only_just_reached(self, distance):
+        law = SCurve(start=0.0, end=distance, jerk=5.0, acceleration=2.0, speed=1.0)
+        assert law.breakpoints()[-1] == pytest.approx(minimal_time(distance, 5.0, 2.0, 1.0), rel=1e-12)
+        assert law.jumps() == []
+
+    @pytest.mark.parametrize("signs", [(-1, 1, 1), (1, -1, 1), (1, 1, -1)])
+    def test_signs_of_the_limits_do_not_matter(self, signs):
+        j, a, v = signs
+        law = SCurve(start=0.1, end=2.3, jerk=9.0 * j, acceleration=3.0 * a, speed=1.5 * v, begin=0.25)
+        assert law.breakpoints() == LAWS["s-curve"].breakpoints()
+
+    @pytest.mark.parametrize("broken", [{"jerk": 0.0}, {"jerk": 1.0, "acceleration": 0.0}, {"jerk": 1.0, "speed": 0.0}])
+    def test_one_that_could_never_arrive_is_refused(self, broken):
+        with pytest.raises(ValidationError, match="other than 0"):
+            SCurve(start=0.0, end=1.0, **broken)
+
+
+class TestSpeedPoints:
+    def test_a_ramp_of_speed_by_hand(self):
+        """A carousel: 0 to 0.84 rad/s within 9 s, then steady: 0.84 * 9 / 2 + 0.84 * 8 = 10.5 rad after 17 s."""
+        law = SpeedPoints(points=[(0.0, 0.0), (9.0, 0.84)])
+        s, ds, dds = across(law, [-1.0, 4.5, 9.0, 17.0])
+        assert s == pytest.approx([0.0, 0.945, 3.78, 10.5], abs=1e-14)
+        assert ds == pytest.approx([0.0, 0.42, 0.84, 0.84], abs=1e-15)
+        assert dds == pytest.approx([0.0, 0.84 / 9, 0.0, 0.0], abs=1e-15)
+
+    def test_speed_is_kept_before_the_first_point_and_after_the_last(self):
+        law = SpeedPoints(start=2.0, points=[(1.0, 0.5), (2.0, -0.25)])
+        s, ds, _ = across(law, [0.0, 1.0, 2.0, 4.0])
+        assert s == pytest.approx([1.5, 2.0, 2.125, 1.625], abs=1e-15)
+        assert ds == pytest.approx([0.5, 0.5, -0.25, -0.25], abs=1e-15)
+
+
+class TestSpline:
+    def test_it_reproduces_a_cubic(self):
+        cubic = np.polynomial.Polynomial([0.3, -0.7, 0.4, 0.25])
+        t = [0.0, 0.4, 1.0, 1.3, 2.2]
+        ends = (float(cubic.deriv()(t[0])), float(cubic.deriv()(t[-1])))
+        law = Spline(points=[(x, float(cubic(x))) for x in t], speeds=ends)
+        x = np.linspace(0.0, 2.2, 45)
+        found = law.pieces()[1].function(x)
+        for values, derivative in zip(found, (cubic, cubic.deriv(), cubic.deriv(2)), strict=True):
+            assert values == pytest.approx(derivative(x), abs=1e-13)
+
+    def test_its_second_derivative_is_continuous_inside(self):
+        law = LAWS["spline"]
+        for t, _ in law.points[1:-1]:
+            before, after = (law.pieces()[1].function(np.array([t + h])) for h in (-1e-9, 1e-9))
+            assert before[2] == pytest.approx(after[2], abs=1e-6)  # the third derivative is below 100
+
+    def test_it_meets_its_points_with_the_given_end_speeds(self):
+        law = LAWS["spline"]
+        s, ds, dds = across(law, [t for t, _ in law.points] + [3.2])
+        assert s == pytest.approx([*(value for _, value in law.points), 1.5 - 0.6], abs=1e-15)
+        assert (ds[0], ds[3], ds[4]) == pytest.approx((0.4, -0.6, -0.6), abs=1e-14)
+        assert dds[4] == 0.0
+        assert across(law, [-0.7])[0] == pytest.approx(0.2 - 0.4, abs=1e-15)
+
+
+@pytest.mark.parametrize("member", [Spline, SpeedPoints])
+@pytest.mark.parametrize("times", [(0.0, 0.0), (1.0, 0.0), (0.0, 2.0, 1.0), (0.0, 1.0, 1.0)])
+def test_points_that_do_not_ascend_are_refused(member, times):
+    with pytest.raises(ValidationError, match=rf"do not ascend.*\(point {len(times)}\)"):
+        member(points=[(t, 0.0) for t in times])
+
+
+class TestTable:
+    def test_it_is_the_spline_through_its_rows_in_si(self, tmp_path):
+        law = table(tmp_path, "t [ms],theta [deg],note\n0,0,x\n500,90,y\n\n2000,180,z\n", speeds=(0.1, 0.2))
+        points = [(0.0, 0.0), (0.5, math.pi / 2), (2.0, math.pi)]
+        t = np.linspace(-1.0, 3.0, 41)
+        assert across(law, t) == pytest.approx(across(Spline(points=points, speeds=(0.1, 0.2)), t), abs=1e-14)
+        law.check_units(unit("rad"))
+        with pytest.raises(UnitError, match=r"the table table\.csv is in deg/s"):
+            table(tmp_path, "t [s],w [deg/s]\n0,0\n1,1\n").check_units(unit("m"))
+
+    @pytest.mark.parametrize("text", ["\ufefft [s],x [m]\r\n0,0\r\n1,1\r\n", '"t [s]" , "x [m]"\n0 , 0\n1,+1e0\n'])
+    def test_what_spreadsheets_write_is_read(self, tmp_path, text):
+        assert table(tmp_path, text).values == (0.0, 1.0)
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("t [s],x [m]\n0,0\n2,1\n1,2\n", r"table\.csv:4:1: the instants do not ascend"),
+            ("t [s],x [m]\n0,0\n0,1\n", r"table\.csv:3:1: the instants do not ascend"),
+            ("t [s],x [m]\n0,0\nnan,1\n", r"table\.csv:3:1: a finite number is missing"),
+            ("t [s],x [m]\n0,0\n1,nan\n", r"table\.csv:3:1: a finite number is missing"),
+            ("t [s],x [m]\n0,0\n1,-inf\n", r"table\.csv:3:1: a finite number is missing"),
+            ("t [s],x [m]\n0,0\n1,1e999\n", r"table\.csv:3:1: a finite number is missing"),
+            ("t [s],x [m]\n0,zero\n1,1\n", r"table\.csv:2:1: a finite number is missing"),
+            ("t [s],x [m]\n0,0\n1,\n", r"table\.csv:3:1: a finite number is missing"),
+            ("t [s],x [m]\n0,0\n1\n", r"table\.csv:3:1: a finite number is missing"),
+            ("t [s],x [m]\n0;0\n1;1\n", r"table\.csv:2:1: a finite number is missing"),
+            ("t,x [m]\n0,0\n1,1\n", r"table\.csv:1:1: the heading 't' has no unit"),
+            ("t [s],x\n0,0\n1,1\n", r"table\.csv:1:1: the heading 'x' has no unit"),
+            ("0,0\n1,1\n2,2\n", r"table\.csv:1:1: the heading '0' has no unit"),
+            ("t [s],x [cubits]\n0,0\n1,1\n", "unknown unit 'cubits'"),
+            ("t [m],x [m]\n0,0\n1,1\n", r"the first column of table\.csv is in m"),
+            ("t [s],x [m]\n0,0\n", "too short"),
+            ("t [s],x [m]\n0,0\n\n", "too short"),
+            ("t [s]\n0\n1\n", "too short"),
+            ("", "too short"),
+        ],
+    )  # fmt: skip
+    def test_bad_tables_are_refused_with_their_line(self, tmp_path, text, message):
+        with pytest.raises(ValidationError, match=message):
+            table(tmp_path, text)
+
+    def test_what_is_no_text_is_refused(self, tmp_path):
+        (tmp_path / "table.csv").write_bytes(b"t [s],x [m]\n0,\xff\xfe\n1,1\n")
+        with pytest.raises(ValidationError, match="not CSV text"):
+            table(tmp_path)
+
+    def test_a_missing_file_is_refused_with_the_one_that_was_meant(self, tmp_path):
+        (tmp_path / "tabel.csv").touch()
+        with pytest.raises(ValidationError, match=r"table\.csv' does not exist[\s\S]*try: .*tabel\.csv"):
+            table(tmp_path)
+
+    @pytest.mark.parametrize("marker", [True, False])
+    def test_a_file_outside_the_root_is_refused(self, tmp_path, marker):
+        folder = tmp_path / "root"
+        folder.mkdir()
+        if marker:
+            (folder / ".pinarm-root").touch()
+        (tmp_path / "table.csv").write_text("t [s],x [m]\n0,0\n1,1\n")
+        (folder / "link.csv").symlink_to(tmp_path / "table.csv")
+        for file in ("../table.csv", "link.csv", str(tmp_path / "table.csv")):
+            with pytest.raises(ValidationError, match="leads out of the root folder"):
+                table(folder, file=file)
+
+    def test_a_file_that_never_ends_is_refused(self, tmp_path):
+        with open(tmp_path / "table.csv", "wb") as stream:
+            stream.truncate(200_000_000)  # takes no room on the disk
+        with pytest.raises(ValidationError, match="too large"):
+            table(tmp_path)
+
+
+class TestSuccession:
+    def test_position_and_speed_by_hand(self):
+        law = LAWS["succession"]
+        # 0.5 m by the triangle, rest, then 1.5 m/s^2 for 0.8 s and 1.2 m/s from there on
+        s, ds, dds = across(law, [0.0, 1.3, 1.6, 1.9, 2.3, 2.7, 3.3, 5.3])
+        assert s == pytest.approx([0.4, 0.9, 0.9, 0.9, 1.02, 1.38, 2.1, 4.5], abs=1e-14)
+        assert ds == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.6, 1.2, 1.2, 1.2], abs=1e-14)
+        assert dds == pytest.approx([0.0, 0.0, 0.0, 1.5, 1.5, 0.0, 0.0, 0.0], abs=1e-14)
+
+    def test_it_is_continuous_where_laws_meet(self):
+        law = LAWS["succession"]
+        for before, after in pairwise(law.pieces()):
+            left, right = (np.array(piece.function(np.array([after.start])))[:2, 0] for piece in (before, after))
+            assert left == pytest.approx(right, abs=1e-14)
+
+    def test_a_law_cut_short_goes_on_with_the_speed_that_it_had(self):
+        law = Succession(segments=segments((0.5, Cycloidal(start=0.0, end=1.0, duration=1.0))))
+        s, ds, dds = across(law, [0.5, 1.5])
+        assert s == pytest.approx([0.5, 2.5], abs=1e-15)
+        assert ds == pytest.approx([2.0, 2.0], abs=1e-14)
+        assert dds == pytest.approx([0.0, 0.0], abs=1e-14)
+
+    @pytest.mark.parametrize(
+        ("parts", "message"),
+        [
+            ([(1.0, ConstantSpeed(speed=0.5))], "from 0 to 0.5 where segment 1 begins"),
+            ([(1.0, Constant(value=0.0)), (1.0, ConstantSpeed(speed=-0.5))], "from 0 to -0.5 where segment 2 begins"),
+            ([(1.0, ConstantAcceleration(acceleration=1.0)), (1.0, Constant(value=0.0))],
+             "from 1 to 0 where segment 2 begins"),
+            ([(0.3, Cycloidal(start=0.0, end=1.0, duration=1.0)), (1.0, Constant(value=0.0))],
+             "to 0 where segment 2 begins"),
+        ],
+    )  # fmt: skip
+    def test_a_speed_that_jumps_is_refused(self, parts, message):
+        with pytest.raises((InputError, ValidationError), match=message):
+            Succession(segments=segments(*parts)).pieces()
 
 
 class TestGrid:

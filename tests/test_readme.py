@@ -1,0 +1,83 @@
+"""Every block of the README is what it says: commands, scenario, output, Python."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pinarm import load
+from pinarm.cli import report
+from pinarm.use.check import check
+
+ROOT = Path(__file__).parents[1]
+BLOCK = re.compile(r"<!-- (?P<name>\w+) -->\n```\w+\n(?P<text>.*?)```", re.DOTALL)
+BLOCKS = {match["name"]: match["text"] for match in BLOCK.finditer((ROOT / "README.md").read_text(encoding="utf-8"))}
+
+
+@pytest.fixture
+def project(tmp_path):
+    """A folder that looks like the project, in which blocks may write."""
+    (tmp_path / "pyproject.toml").touch()
+    for name in ("models", "scenarios"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    return tmp_path
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    (tmp_path / "pyproject.toml").touch()
+    (tmp_path / "models").mkdir()
+    folder = tmp_path / "models" / "gen411_arm"
+    folder.mkdir()
+    for file in (ROOT / "models" / "gen411_arm").iterdir():
+        (folder / file.name).write_bytes(file.read_bytes())
+    (tmp_path / "scenarios").mkdir()
+    path = tmp_path / "scenarios" / "readme.yaml"
+    path.write_text(BLOCKS["scenario"], encoding="utf-8")
+    return load(path)
+
+
+def test_every_marked_block_is_known():
+    assert set(BLOCKS) == {"run", "test", "scenario", "output", "python"}
+
+
+def test_commands_name_what_there_is():
+    """The first block installs and solves; the second installs for tests and runs this suite."""
+    assert len(BLOCKS["run"].strip().splitlines()) == len(BLOCKS["test"].strip().splitlines()) == 1
+    (solved,) = re.findall(r"pinarm run (\S+)", BLOCKS["run"])
+    assert (ROOT / solved).is_file()
+    assert "pytest -m 'not slow'" in BLOCKS["test"]
+
+
+def test_the_scenario_meets_its_answer_key(scenario):
+    findings = check(scenario)
+    assert len(findings) == 2
+    assert all(finding.verdict == "agrees" for finding in findings)
+
+
+def test_the_output_is_what_is_printed(scenario):
+    def without_residuals(text):  # which are rounding, and differ between machines
+        return re.sub(r"\d\.\de[-+]\d\d", "residual", text)
+
+    printed = report(scenario.run())
+    assert without_residuals(printed) == without_residuals(BLOCKS["output"].rstrip("\n"))
+    assert all(float(residual) < 1e-12 for residual in re.findall(r"\d\.\de[-+]\d\d", printed))
+
+
+def test_the_python_block_runs(project):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
+    done = subprocess.run(
+        [sys.executable, "-c", BLOCKS["python"]], cwd=project, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("Cr [N*m] -241.1")
+    assert (project / "torques.png").stat().st_size > 10_000
+
+
+def test_links_lead_somewhere():
+    links = re.findall(r"\]\((?!https?:)([^)#]+)\)", (ROOT / "README.md").read_text(encoding="utf-8"))
+    assert links
+    assert all((ROOT / link).exists() for link in links)
