@@ -75,7 +75,7 @@ def free_motion() -> tuple[float, float]:
 
     model = double_pendulum()
     data, idle, start = model.createData(), np.zeros(2), np.array([0.8, 0.8])
-    dynamics, samples = Dynamics.of(model, []), np.linspace(0.0, 10.0, 21)
+    dynamics, samples = Dynamics.of(model), np.linspace(0.0, 10.0, 21)
 
     def ours(tolerance: float) -> np.ndarray:
         stretch = Stretch(0.0, 10.0, dynamics.acceleration())

@@ -239,7 +239,7 @@ def _print_findings(findings: Sequence[Finding]) -> None:
     print(text.getvalue())
 
 
-_LOOKS = {"agrees": ("= agrees", "green"), "rounding": ("~ rounding", "cyan"),
+_LOOKS = {"agrees": ("= agrees", "green"), "rounding": ("~ rounding", "cyan"), "reading": ("~ reading", "cyan"),
           "misprint": ("! misprint", "bold yellow"), "MISS": ("X MISS", "bold red")}  # fmt: skip
 
 

@@ -132,6 +132,27 @@ def follow(
     return _follow_by_steps(_Solver(mechanism, imposed), imposed, grid, q0)
 
 
+def joint_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
+    """Return the joints' velocities and accelerations at given states of the imposed coordinates.
+
+    Args:
+        mechanism: The mechanism.
+        imposed: As many coordinates as it has degrees of freedom.
+        q: Configurations, shape (n, nq).
+        dw: Velocities of the coordinates, the same at every row, shape (k,).
+        ddw: Their accelerations, shape (k,).
+
+    Returns:
+        v and a, each of shape (n, nv).
+
+    Raises:
+        AssemblyError: A position is singular.
+    """
+    solver = _Solver(mechanism, imposed)
+    pairs = [solver.rates(row, dw, ddw, float(i)) for i, row in enumerate(q)]
+    return np.array([v for v, _ in pairs]), np.array([a for _, a in pairs])
+
+
 def start_configuration(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
     """Return the neutral configuration with the given joint coordinates set, shape (nq,).
 

@@ -6,9 +6,10 @@ tau, forward dynamics for a. On a tree both have recursive routes of linear cost
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +18,8 @@ from pinarm.arrays import Array
 from pinarm.engine.integrators import Acceleration, Flat, Manifold
 from pinarm.errors import InputError
 from pinarm.mechanics.forces import ForceElement
+
+NO_FORCES: Mapping[str, ForceElement] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -50,18 +53,18 @@ class Dynamics:
 
     Attributes:
         model: Pinocchio's model; gravity and the rotors' armature are in it.
-        forces: Force elements.
+        forces: Force elements, by name.
         data: Pinocchio's buffers; every call overwrites them.
     """
 
     model: pin.Model
-    forces: tuple[ForceElement, ...]
+    forces: Mapping[str, ForceElement]
     data: pin.Data = field(repr=False)
 
     @classmethod
-    def of(cls, model: pin.Model, forces: Sequence[ForceElement]) -> Dynamics:
+    def of(cls, model: pin.Model, forces: Mapping[str, ForceElement] = NO_FORCES) -> Dynamics:
         """Return the dynamics of a model under the given forces."""
-        return cls(model, tuple(forces), model.createData())
+        return cls(model, dict(forces), model.createData())
 
     @cached_property
     def manifold(self) -> Manifold:
@@ -76,15 +79,16 @@ class Dynamics:
     def loads(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the generalised loads of the force elements [N*m or N], shape (..., nv)."""
         tau = np.zeros((*q.shape[:-1], self.model.nv))
-        for force in self.forces:
+        for force in self.forces.values():
             force.add_load(t, q, v, tau)
         return tau
 
     def on(self, start: float, end: float) -> Dynamics:
         """Return the dynamics as it is on a stretch of time in which no load jumps; buffers are shared."""
-        if not any(force.laws() for force in self.forces):
+        if not any(force.laws() for force in self.forces.values()):
             return self
-        return Dynamics(self.model, tuple(force.on(start, end) for force in self.forces), self.data)
+        here = {name: force.on(start, end) for name, force in self.forces.items()}
+        return Dynamics(self.model, here, self.data)
 
     def inverse(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
         """Return the efforts that the drives must give for a motion: ``rnea(q, v, a) - loads``.
@@ -134,7 +138,7 @@ class Dynamics:
 
     def acceleration(self) -> Acceleration:
         """Return the free motion's ``(t, q, v) -> a`` for one state at a time, with as few calls as there can be."""
-        model, data, aba, forces = self.model, self.data, pin.aba, self.forces
+        model, data, aba, forces = self.model, self.data, pin.aba, tuple(self.forces.values())
         tau = np.zeros(model.nv)
         if not forces:
 
@@ -156,13 +160,13 @@ class Dynamics:
         model, data = self.model, self.data
         kinetic = np.array([pin.computeKineticEnergy(model, data, q[i], v[i]) for i in range(len(q))])
         potential = np.array([pin.computePotentialEnergy(model, data, q[i]) for i in range(len(q))])
-        for force in self.forces:
+        for force in self.forces.values():
             potential = potential + force.potential_energy(q)
         return kinetic, potential
 
     def dissipated_power(self, t: Array, q: Array, v: Array) -> Array:
         """Return the power that leaves through force elements [W], shape (n,); negative where they drive."""
-        return np.asarray(sum((force.dissipated_power(t, q, v) for force in self.forces), np.zeros(len(q))))
+        return np.asarray(sum((force.dissipated_power(t, q, v) for force in self.forces.values()), np.zeros(len(q))))
 
     def _same_rows(self, *arrays: Array) -> None:
         if len({len(array) for array in arrays}) > 1:

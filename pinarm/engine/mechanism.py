@@ -99,7 +99,7 @@ class Mechanism:
     @cached_property
     def dynamics(self) -> Dynamics:
         """Return the equation of motion with the mechanism's own forces."""
-        return Dynamics.of(self.model, list(self.forces.values()))
+        return Dynamics.of(self.model, self.forces)
 
     def inverse(self, q: Array, v: Array, a: Array, *, t: float = 0.0) -> Array:
         """Return the efforts that the drives must give; see ``Dynamics.inverse``."""

@@ -1,40 +1,53 @@
-"""Quantities by name: what can be asked of a trajectory, and how it is computed.
+"""Quantities by name: what can be asked of a trajectory.
 
-==========================================  =====================================================================
-``t``                                       the parameter that runs along the rows
-``joint.J.position .velocity .acceleration``  of a joint with one coordinate
-``joint.J.effort .power``                   of its drive, without the rotor's own share
-``joint.J.force.x``, ``joint.J.moment.x``   action of the parent on the child at the joint's origin, world axes
-``coordinate.C.position`` (and so on)       of any coordinate
-``point.P.position.x``, ``.velocity.x`` ...  of a link's origin, world axes; ``.norm`` for the length
-``body.B.angular_velocity.x``               of a link, world axes
-``drive.D.torque .speed .power``            at the motor
-``energy.kinetic .potential .total``        of the whole mechanism, springs and rotors included
-==========================================  =====================================================================
+=============================================  ==================================================================
+``t``                                          the parameter that runs along the rows
+``joint.J.position .velocity .acceleration``   of a joint with one coordinate
+``joint.J.effort .power``                      of its drive, without the rotor's own share
+``joint.J.force.x``, ``joint.J.moment.x``      action of the parent on the child, at the joint's origin
+``joint.J.moment.about.P.x``                   the same moment about the origin of link P
+``coordinate.C.position`` (and so on)          of any coordinate
+``point.P.position.x`` (and so on)             of the origin of link P
+``body.B.angular_velocity.x``                  of link B; likewise ``angular_acceleration``
+``drive.D.torque .speed .power``               at the motor
+``energy.kinetic .potential .total``           of the whole mechanism, springs and rotors included
+``energy.J.kinetic .potential``                of the bodies that joint J moves by itself
+``momentum.S.linear.x``                        of S: ``all``, or a joint and everything beyond it
+``momentum.S.angular.about.P.x``               about the origin of link P
+``dynamic.S.force.x``, ``.moment.about.P.x``   rates of the momenta of the bodies, summed likewise
+``power.gravity``, ``power.F``                 of the weights, and of the force element F
+=============================================  ==================================================================
 
-Formulas combine them with the published symbols, the model's arguments and ``g``, the magnitude of gravity.
+Vectors are in world axes; ``.along.B`` before the component gives them in the axes of link B:
+``point.P.velocity.along.arm_2.x``. The component ``norm`` is the length. Formulas combine quantities with the published
+symbols, the model's arguments and ``g``, the magnitude of gravity.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.engine.passes import Passes
 from pinarm.engine.trajectory import Series, Trajectory
 from pinarm.errors import InputError, choices
 from pinarm.input.expressions import CONSTANTS, Expression
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.coordinates import METRE, LinearCoordinate, frame_of
+from pinarm.mechanics.coordinates import METRE
+from pinarm.mechanics.forces.contract import power
 from pinarm.mechanics.forces.joint import effort_unit
 
-COMPONENTS = {"x": 0, "y": 1, "z": 2}
+AXES = ("x", "y", "z", "norm")
 SECOND, JOULE, WATT, NEWTON, NEWTON_METRE = unit("s"), unit("J"), unit("W"), unit("N"), unit("N*m")
 MAX_DEPTH = 50
 """Symbols may stand for symbols; deeper nesting would exhaust the interpreter's stack."""
+TURNS = ("angular_velocity", "angular_acceleration")
+WRENCH = ("force", "moment")
 RATES = ("position", "velocity", "acceleration")
 ENERGIES = ("kinetic", "potential", "total")
 
@@ -51,8 +64,12 @@ class Quantities:
     trajectory: Trajectory
     symbols: Mapping[str, Expression] = field(default_factory=dict)
     _known: dict[str, Series] = field(default_factory=dict, repr=False)
-    _passes: dict[str, Array] = field(default_factory=dict, repr=False)
     _open: list[str] = field(default_factory=list, repr=False)
+
+    @cached_property
+    def passes(self) -> Passes:
+        """What is computed row by row, kept once computed."""
+        return Passes(self.trajectory)
 
     def __getitem__(self, name: str) -> Series:
         """Return a quantity by its name, a symbol, or a formula of them.
@@ -67,17 +84,21 @@ class Quantities:
     def names(self) -> list[str]:
         """Return the names of all quantities, for messages and completion."""
         mechanism = self.trajectory.mechanism
-        vectors = [f"{rate}.{axis}" for rate in RATES for axis in (*COMPONENTS, "norm")]
-        links = [frame.name for frame in mechanism.model.frames if frame.type == pin.FrameType.BODY][1:]
-        wrench = [f"{part}.{axis}" for part in ("force", "moment") for axis in COMPONENTS]
+        links = [frame.name for frame in mechanism.model.frames if frame.type == pin.FrameType.BODY]
+        sets = ["all", *mechanism.joints]
         return [
             self.trajectory.parameter, "g", *self.symbols, *mechanism.symbols, *mechanism.arguments,
-            *(f"joint.{name}.{part}" for name in mechanism.joints for part in (*RATES, "effort", "power", *wrench)),
+            *(f"joint.{name}.{part}" for name in mechanism.joints
+              for part in (*RATES, "effort", "power", *(f"{kind}.{axis}" for kind in WRENCH for axis in AXES))),
             *(f"coordinate.{name}.{rate}" for name in mechanism.coordinates for rate in RATES),
-            *(f"point.{name}.{part}" for name in links for part in vectors),
-            *(f"body.{name}.angular_velocity.{axis}" for name in links for axis in (*COMPONENTS, "norm")),
+            *(f"point.{name}.{rate}.{axis}" for name in links for rate in RATES for axis in AXES),
+            *(f"body.{name}.{rate}.{axis}" for name in links for rate in TURNS for axis in AXES),
             *(f"drive.{name}.{part}" for name in mechanism.drives for part in ("torque", "speed", "power")),
             *(f"energy.{part}" for part in ENERGIES),
+            *(f"energy.{name}.{part}" for name in mechanism.joints for part in ENERGIES[:2]),
+            *(f"momentum.{name}.{part}.{axis}" for name in sets for part in ("linear", "angular") for axis in AXES),
+            *(f"dynamic.{name}.{part}.{axis}" for name in sets for part in WRENCH for axis in AXES),
+            "power.gravity", *(f"power.{name}" for name in self.trajectory.dynamics.forces),
         ]  # fmt: skip
 
     def _find(self, name: str) -> Series:
@@ -92,11 +113,11 @@ class Quantities:
         if name == "g":
             return Series(name, unit("m/s^2"), np.full(rows, mechanism.gravity))
         if name in mechanism.coordinates:
-            return self._of_coordinate(f"coordinate.{name}.position", name, "position")
+            return self._rate_of(f"coordinate.{name}.position", name, "position")
         kind, _, rest = name.partition(".")
         finder = _KINDS.get(kind)
         if finder is not None and rest:
-            return finder(self, name, rest)
+            return finder(self, name, rest.split("."))
         return self._evaluate(name, Expression.parse(name), formula=True)
 
     def _evaluate(self, name: str, expression: Expression, *, formula: bool = False) -> Series:
@@ -134,148 +155,154 @@ class Quantities:
         expected, hint = choices(name, near, most=16)
         return InputError(f"there is no quantity '{name}'", expected=expected, hint=hint)
 
-    def _of_joint(self, name: str, rest: str) -> Series:
-        joint_name, _, part = rest.partition(".")
-        joint = self.trajectory.mechanism.joints.get(joint_name)
-        if joint is None:
+    def _of_joint(self, name: str, words: list[str]) -> Series:
+        joint = self.trajectory.mechanism.joints.get(words[0])
+        if joint is None or len(words) < 2:
             raise self._unknown(name)
-        if part in RATES:
-            return self._of_coordinate(name, joint_name, part)
-        if part in ("effort", "power"):
+        part = words[1]
+        if part in RATES and len(words) == 2:
+            return self._rate_of(name, words[0], part)
+        if part in ("effort", "power") and len(words) == 2:
             effort = self._effort(joint.v)
             if part == "effort":
                 return Series(name, effort_unit(joint), effort)
             return Series(name, WATT, effort * self.trajectory.v[:, joint.v])
-        wrench, _, axis = part.partition(".")
-        if wrench not in ("force", "moment") or axis not in COMPONENTS:
+        if part not in WRENCH:
             raise self._unknown(name)
-        column = COMPONENTS[axis] + (3 if wrench == "moment" else 0)
-        measured = NEWTON if wrench == "force" else NEWTON_METRE
-        return Series(name, measured, self._reactions()[:, joint.index, column])
+        wrench = self.passes.reactions[:, joint.index]
+        vectors = wrench[:, :3]
+        if part == "moment":
+            origin = np.array([place.translation for place in self._placements(joint.index)])
+            vectors = wrench[:, 3:] + np.cross(origin - self._about(name, words, origin), wrench[:, :3])
+        return Series(name, NEWTON if part == "force" else NEWTON_METRE, self._component(name, words, vectors))
+
+    def _placements(self, joint: int) -> list[pin.SE3]:
+        run = self.trajectory
+        model, data, found = run.mechanism.model, run.mechanism.model.createData(), []
+        for q in run.q:
+            pin.forwardKinematics(model, data, q)
+            found.append(data.oMi[joint].copy())
+        return found
 
     def _effort(self, v: int) -> Array:
         """Return the effort between the links, without what accelerates the drive's own rotor."""
         armature = float(self.trajectory.mechanism.model.armature[v])
         return self.trajectory.tau[:, v] - armature * self.trajectory.a[:, v]
 
-    def _of_coordinate(self, name: str, coordinate_name: str, rate: str) -> Series:
+    def _rate_of(self, name: str, coordinate_name: str, rate: str) -> Series:
         coordinate = self.trajectory.mechanism.coordinates.get(coordinate_name)
         if coordinate is None or rate not in RATES:
             raise self._unknown(name)
         order = RATES.index(rate)
         measured = coordinate.unit / SECOND**order if order else coordinate.unit
-        values = self._coordinate_pass(coordinate_name)[:, order]
+        values = self.passes.coordinate(coordinate_name, coordinate)[:, order]
         return Series(name, _turning(measured, coordinate.unit, order), values)
 
-    def _of_named_coordinate(self, name: str, rest: str) -> Series:
-        coordinate_name, _, rate = rest.rpartition(".")
-        return self._of_coordinate(name, coordinate_name, rate)
+    def _of_coordinate(self, name: str, words: list[str]) -> Series:
+        return self._rate_of(name, ".".join(words[:-1]), words[-1])
 
-    def _of_point(self, name: str, rest: str) -> Series:
-        point, _, part = rest.partition(".")
-        rate, _, axis = part.partition(".")
-        if rate not in RATES or axis not in (*COMPONENTS, "norm"):
+    def _of_point(self, name: str, words: list[str]) -> Series:
+        if len(words) < 3 or words[1] not in RATES:
             raise self._unknown(name)
-        values = self._frame_pass(point)[:, RATES.index(rate)]
-        return Series(name, METRE / SECOND ** RATES.index(rate), _component(values, axis))
+        order = RATES.index(words[1])
+        measured = METRE / SECOND**order if order else METRE
+        return Series(name, measured, self._component(name, words, self.passes.frame(words[0])[:, order]))
 
-    def _of_body(self, name: str, rest: str) -> Series:
-        body, _, part = rest.partition(".")
-        rate, _, axis = part.partition(".")
-        if rate != "angular_velocity" or axis not in (*COMPONENTS, "norm"):
+    def _of_body(self, name: str, words: list[str]) -> Series:
+        if len(words) < 3 or words[1] not in TURNS:
             raise self._unknown(name)
-        return Series(name, unit("rad/s"), _component(self._frame_pass(body)[:, 3], axis))
+        order = TURNS.index(words[1])
+        vectors = self.passes.frame(words[0])[:, 3 + order]
+        return Series(name, unit("rad/s^2" if order else "rad/s"), self._component(name, words, vectors))
 
-    def _of_drive(self, name: str, rest: str) -> Series:
-        drive_name, _, part = rest.partition(".")
-        drive = self.trajectory.mechanism.drives.get(drive_name)
-        if drive is None or part not in ("torque", "speed", "power"):
+    def _of_drive(self, name: str, words: list[str]) -> Series:
+        drive = self.trajectory.mechanism.drives.get(words[0])
+        if drive is None or words[1:] not in (["torque"], ["speed"], ["power"]):
             raise self._unknown(name)
         index = self.trajectory.mechanism.joints[drive.joint].v
-        v, a = self.trajectory.v[:, index], self.trajectory.a[:, index]
-        speed = drive.speed(v)
-        if part == "speed":
+        speed = drive.speed(self.trajectory.v[:, index])
+        if words[1] == "speed":
             return Series(name, unit("rad/s"), speed)
+        a = self.trajectory.a[:, index]
         torque = drive.torque(self._effort(index), self.trajectory.direction(index), a)
-        return Series(name, NEWTON_METRE, torque) if part == "torque" else Series(name, WATT, torque * speed)
+        return Series(name, NEWTON_METRE, torque) if words[1] == "torque" else Series(name, WATT, torque * speed)
 
-    def _of_energy(self, name: str, rest: str) -> Series:
-        if rest not in ENERGIES:
+    def _of_energy(self, name: str, words: list[str]) -> Series:
+        if len(words) == 1 and words[0] in ENERGIES:
+            return Series(name, JOULE, self.passes.energies[ENERGIES.index(words[0])])
+        joint = self.trajectory.mechanism.joints.get(words[0])
+        if joint is None or words[1:] not in (["kinetic"], ["potential"]):
             raise self._unknown(name)
-        if "energy" not in self._passes:
-            kinetic, potential = self.trajectory.dynamics.energy(self.trajectory.q, self.trajectory.v)
-            self._passes["energy"] = np.array([kinetic, potential, kinetic + potential])
-        return Series(name, JOULE, self._passes["energy"][ENERGIES.index(rest)])
+        return Series(name, JOULE, self.passes.body_energies[:, joint.index, ENERGIES.index(words[1])])
 
-    def _coordinate_pass(self, name: str) -> Array:
-        """Return a coordinate with its derivatives at every row, shape (n, 3)."""
-        coordinate = self.trajectory.mechanism.coordinates[name]
-        run = self.trajectory
-        if isinstance(coordinate, LinearCoordinate):
-            weights = coordinate.weights
-            return np.array([run.q[:, coordinate.places] @ weights, run.v @ weights, run.a @ weights]).T
-        key = f"coordinate.{name}"
-        if key not in self._passes:
-            model, data, rows = run.mechanism.model, run.mechanism.model.createData(), np.empty((len(run), 3))
-            still = np.zeros(model.nv)
-            for i in range(len(run)):
-                pin.computeJointJacobians(model, data, run.q[i])
-                pin.forwardKinematics(model, data, run.q[i], run.v[i], still)
-                pin.updateFramePlacements(model, data)
-                row = coordinate.row(model, data)
-                rows[i] = (
-                    coordinate.value(data, run.q[i]),
-                    row @ run.v[i],
-                    row @ run.a[i] + coordinate.drift(model, data),
-                )
-            self._passes[key] = rows
-        return self._passes[key]
+    def _of_momentum(self, name: str, words: list[str]) -> Series:
+        return self._momentum(name, words, ("linear", "angular"), 0)
 
-    def _frame_pass(self, name: str) -> Array:
-        """Return position, velocity, acceleration and angular velocity of a link at every row, shape (n, 4, 3)."""
-        key = f"frame.{name}"
-        if key not in self._passes:
-            run, rows = self.trajectory, np.empty((len(self.trajectory), 4, 3))
-            model, data = run.mechanism.model, run.mechanism.model.createData()
-            frame, world = frame_of(model, name), pin.LOCAL_WORLD_ALIGNED
-            for i in range(len(run)):
-                pin.forwardKinematics(model, data, run.q[i], run.v[i], run.a[i])
-                pin.updateFramePlacement(model, data, frame)
-                velocity = pin.getFrameVelocity(model, data, frame, world)
-                rows[i, 0], rows[i, 1] = data.oMf[frame].translation, velocity.linear
-                rows[i, 2] = pin.getFrameClassicalAcceleration(model, data, frame, world).linear
-                rows[i, 3] = velocity.angular
-            self._passes[key] = rows
-        return self._passes[key]
+    def _of_dynamic(self, name: str, words: list[str]) -> Series:
+        return self._momentum(name, words, WRENCH, 1)
 
-    def _reactions(self) -> Array:
-        """Return the wrench of the parent on the child at every joint and row, world axes, shape (n, njoints, 6)."""
-        if "reactions" not in self._passes:
-            run = self.trajectory
-            model, data = run.mechanism.model, run.mechanism.model.createData()
-            rows = np.zeros((len(run), model.njoints, 6))
-            for i in range(len(run)):
-                pin.forwardKinematics(model, data, run.q[i])
-                pin.rnea(model, data, run.q[i], run.v[i], run.a[i])
-                for joint in range(1, model.njoints):
-                    turn, wrench = data.oMi[joint].rotation, data.f[joint]
-                    rows[i, joint, :3], rows[i, joint, 3:] = turn @ wrench.linear, turn @ wrench.angular
-            self._passes["reactions"] = rows
-        return self._passes["reactions"]
+    def _momentum(self, name: str, words: list[str], parts: tuple[str, str], order: int) -> Series:
+        """Return a component of a momentum (order 0) or of its rate (order 1)."""
+        if len(words) < 3 or words[1] not in parts:
+            raise self._unknown(name)
+        total = self.passes.momenta[:, self._beyond(name, words[0]), order].sum(axis=1)
+        vectors, measured = total[:, :3], unit("kg*m/s") / SECOND if order else unit("kg*m/s")
+        if words[1] == parts[1]:
+            about = self._about(name, words, np.zeros((len(total), 3)))
+            vectors, measured = total[:, 3:] - np.cross(about, total[:, :3]), METRE * measured
+        return Series(name, Unit(1.0, measured.dimension), self._component(name, words, vectors))
+
+    def _beyond(self, name: str, of: str) -> list[int]:
+        """Return the joints of ``all``, or a joint and those beyond it."""
+        mechanism = self.trajectory.mechanism
+        if of == "all":
+            return list(range(1, mechanism.model.njoints))
+        if of not in mechanism.joints:
+            raise self._unknown(name)
+        return [int(joint) for joint in mechanism.model.subtrees[mechanism.joints[of].index]]
+
+    def _of_power(self, name: str, words: list[str]) -> Series:
+        if words == ["gravity"]:
+            return Series(name, WATT, self.passes.gravity_power)
+        run, wanted = self.trajectory, ".".join(words)
+        if wanted not in run.dynamics.forces:
+            raise self._unknown(name)
+        values = run.gather(
+            lambda dynamics, rows: power(dynamics.forces[wanted], run.grid.t[rows], run.q[rows], run.v[rows])
+        )
+        return Series(name, WATT, values)
+
+    def _about(self, name: str, words: list[str], otherwise: Array) -> Array:
+        """Return the points that a moment is asked about, shape (n, 3)."""
+        if "about" not in words[:-2]:
+            return otherwise
+        return self.passes.frame(words[words.index("about") + 1])[:, 0]
+
+    def _component(self, name: str, words: list[str], vectors: Array) -> Array:
+        """Return the component of vectors that the last word names, in the axes that ``along`` names."""
+        axis = words[-1]
+        extra = words[2:-1]
+        if axis not in AXES or len(extra) % 2 or not set(extra[::2]) <= {"about", "along"}:
+            raise self._unknown(name)
+        if axis == "norm":
+            return np.asarray(np.linalg.norm(vectors, axis=1))
+        if "along" in extra[::2]:
+            turns = self.passes.turn(extra[extra.index("along") + 1])
+            return np.asarray((turns[:, :, AXES.index(axis)] * vectors).sum(axis=1))
+        return vectors[:, AXES.index(axis)]
 
 
-_KINDS: dict[str, Callable[[Quantities, str, str], Series]] = {
+_KINDS: dict[str, Callable[[Quantities, str, list[str]], Series]] = {
     "joint": Quantities._of_joint,
-    "coordinate": Quantities._of_named_coordinate,
+    "coordinate": Quantities._of_coordinate,
     "point": Quantities._of_point,
     "body": Quantities._of_body,
     "drive": Quantities._of_drive,
     "energy": Quantities._of_energy,
+    "momentum": Quantities._of_momentum,
+    "dynamic": Quantities._of_dynamic,
+    "power": Quantities._of_power,
 }
-
-
-def _component(vectors: Array, axis: str) -> Array:
-    return np.linalg.norm(vectors, axis=1) if axis == "norm" else vectors[:, COMPONENTS[axis]]
 
 
 def _turning(measured: Unit, base: Unit, order: int) -> Unit:

@@ -15,8 +15,13 @@ if TYPE_CHECKING:
     from pinarm.input.units import Unit
     from pinarm.problems.common import Accuracy
 
-KINDS = {"statics": "Statics", "inverse": "Inverse", "forward": "Forward"}
-"""Kind, which is also the name of its module here, and class. A new kind is one module and one entry."""
+KINDS = {
+    "statics": ("states", "Statics"),
+    "state": ("states", "State"),
+    "inverse": ("inverse", "Inverse"),
+    "forward": ("forward", "Forward"),
+}
+"""Kind, and its module and class. A new kind is one class and one entry."""
 
 
 class Problem(Protocol):
@@ -51,7 +56,8 @@ def problem_class(kind: object) -> type[Any]:
     if kind not in KINDS:
         expected, hint = choices(str(kind), KINDS)
         raise InputError(f"unknown kind '{kind}'", expected=expected, hint=hint)
-    found: type[Any] = getattr(import_module(f"pinarm.problems.{kind}"), KINDS[str(kind)])
+    module, name = KINDS[str(kind)]
+    found: type[Any] = getattr(import_module(f"pinarm.problems.{module}"), name)
     return found
 
 

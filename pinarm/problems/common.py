@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError
 from pinarm.input.schema import Measured, Model, Time
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import joint_of
@@ -89,14 +90,16 @@ def check_levels(
                 value.check(measured / per if per else measured)
 
 
-def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -> list[ForceElement]:
-    """Return the force elements of a run: the mechanism's own and those of the problem.
+def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -> dict[str, ForceElement]:
+    """Return the force elements of a run by name: the mechanism's own and those of the problem.
 
     Raises:
         InputError: A load names something that does not exist.
     """
-    forces = list(mechanism.forces.values())
+    forces = dict(mechanism.forces)
     for name, load in loads.items():
         with place("loads", name):
-            forces.append(load.bind(mechanism.model, mechanism.joints))
+            if name in forces:
+                raise InputError(f"the mechanism has a force '{name}' already", expected="a name of its own")
+            forces[name] = load.bind(mechanism.model, mechanism.joints)
     return forces

@@ -73,7 +73,7 @@ class Forward(Model):
             IntegrationError: The motion could not be followed to its end; ``partial`` holds it until then.
         """
         dynamics, system, q, v = self.prepare(mechanism, place)
-        laws = [*self.motion.values(), *(law for force in dynamics.forces for law in force.laws())]
+        laws = [*self.motion.values(), *(law for force in dynamics.forces.values() for law in force.laws())]
         start, end = self.time.start, self.time.end
         inner = sorted({x for law in laws for x in law.breakpoints() if start < x < end})
         spans = list(pairwise([start, *inner, end]))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Literal
 
 from pydantic import Field
 
-from pinarm.engine.assembly import Imposed, follow
+from pinarm.arrays import Array
+from pinarm.engine.assembly import Imposed, follow, joint_rates
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.trajectory import Trajectory
@@ -17,6 +18,8 @@ from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Law
 from pinarm.mechanics.motion import Grid
 from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_motion
+
+Rates = tuple[Array, Array]
 
 
 class Inverse(Model):
@@ -39,7 +42,7 @@ class Inverse(Model):
         """Return the name and unit of what runs along the rows."""
         return "t", unit("s")
 
-    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, list[ForceElement]]:
+    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, dict[str, ForceElement]]:
         """Check all names and units; return the imposed coordinates and the forces."""
         check_motion(mechanism, self.motion, place)
         check_levels(mechanism, self.start, place, "start")
@@ -50,15 +53,15 @@ class Inverse(Model):
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
         """Return the motion of the joints and the efforts of the drives."""
         imposed, forces = self.prepare(mechanism, place)
-        laws = [*self.motion.values(), *(law for force in forces for law in force.laws())]
+        laws = [*self.motion.values(), *(law for force in forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"):
             return driven(mechanism, imposed, grid, self.start, forces, *self.parameter(mechanism))
 
 
 def driven(
-    mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Mapping[str, float], forces: Sequence[ForceElement],
-    parameter: str, measured: Unit, *, speed: float = 1.0,
+    mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Mapping[str, float], forces: Mapping[str, ForceElement],
+    parameter: str, measured: Unit, *, rates: Rates | None = None,
 ) -> Trajectory:  # fmt: skip
     """Return an imposed motion with the efforts that it takes.
 
@@ -70,14 +73,16 @@ def driven(
         forces: All force elements of the run.
         parameter: Name of what runs along the grid.
         measured: Its unit.
-        speed: 1 for a motion; 0 for a sequence of positions at rest.
+        rates: Velocities and accelerations of the coordinates, each of shape (k,), that hold at every row in place of
+            those of the laws: the rows are then states of their own, not one motion.
     """
     dynamics = Dynamics.of(mechanism.model, forces)
     joints = {name: joint.q for name, joint in mechanism.joints.items()}
 
     def on(part: Grid, near: Mapping[str, float]) -> Trajectory:
         q, v, a = follow(mechanism, imposed, part, near)
-        v, a = speed * v, speed * a
+        if rates is not None:
+            v, a = joint_rates(mechanism, imposed, q, *rates)
         # at another instant the branch is that of the nearest row, which the first pass has found
         draft = Trajectory(mechanism, parameter, measured, part, q, v, a, v, dynamics, lambda other: on(
             other, {name: q[abs(part.t - other.t[0]).argmin(), index] for name, index in joints.items()}))  # fmt: skip

@@ -2,7 +2,8 @@
 
 A misprint is confirmed only when the computed number equals the independent value and differs from the published one
 beyond its printed digits. A rounding is confirmed when the printed number is one unit off in its last digit, or when it
-comes out of the rounded figures that its authors used. Anything else that differs is a miss.
+comes out of the rounded figures that its authors used; a reading off a plot when it is within 2 %. Anything else that
+differs is a miss.
 """
 
 from __future__ import annotations
@@ -28,6 +29,9 @@ FORMULA = 1e-10
 FLOOR = 1e-13
 """What is added to it, relative to the largest value of the formula over the rows: sums of large terms cancel."""
 
+READING = 0.02
+"""What a printed plot can be read to, relative to the number read."""
+
 ONE_UNIT = 1.0 + 1e-9
 """One unit of the last printed digit is two half units; the rest is rounding of the comparison itself."""
 
@@ -44,7 +48,7 @@ class Finding:
         independent: The independent value, ``None`` where none is given.
         published: The published number, ``None`` where none is given.
         error: Largest difference to the independent value, relative to it.
-        verdict: ``agrees``, ``rounding``, ``misprint`` or ``MISS``.
+        verdict: ``agrees``, ``rounding``, ``reading``, ``misprint`` or ``MISS``.
         reason: Why it is a miss.
     """
 
@@ -137,7 +141,7 @@ def _published(
         return None, False, False
     printed, half = _number(expectation.published, measured), half_last_digit(expectation.published) * ONE_UNIT
     distance = float(np.abs(values - printed).max())
-    explained = distance <= 2 * half
+    explained = distance <= (READING * abs(printed) if expectation.verdict == "reading" else 2 * half)
     if expectation.because is not None:
         explained = bool(np.abs(quantities.figure(expectation.because) - printed).max() <= half)
     return printed, not distance <= half, explained
@@ -154,8 +158,8 @@ def _verdict(expectation: Expectation, independent: bool, met: bool, off: bool, 
         return "MISS", "it differs from the published figure, and there is no independent value to decide"
     if claim == "agrees":
         return "MISS", "it differs from the published figure beyond its printed digits"
-    if claim == "rounding" and not explained:
-        return "MISS", "claimed as rounding, but that does not lead to the printed digits"
+    if claim in ("rounding", "reading") and not explained:
+        return "MISS", f"claimed as {claim}, but that does not lead to the printed digits"
     return claim, ""
 
 

@@ -10,7 +10,7 @@ from pinarm.errors import InputError
 from pinarm.input.schema import Model
 from pinarm.input.units import read_quantity
 
-Verdict = Literal["agrees", "rounding", "misprint"]
+Verdict = Literal["agrees", "rounding", "reading", "misprint"]
 Extreme = Literal["max", "min", "largest"]
 
 
@@ -29,7 +29,7 @@ class Expectation(Model):
         published: What is printed, with its digits and unit, as text.
         published_formula: What is printed, where it is a formula.
         because: A formula that gives the printed number from the rounded figures that its authors used.
-        verdict: What is claimed of the published figure.
+        verdict: What is claimed of the published figure; a ``reading`` was taken off a plot.
         source: Where the value or the published figure comes from.
         note: What to know.
     """

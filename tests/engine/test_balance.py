@@ -15,7 +15,7 @@ from pinarm.mechanics.laws import Constant, Harmonic, Polynomial, Trapezoid
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
-from pinarm.problems.statics import Statics
+from pinarm.problems.states import Statics
 
 MODELS = Path(__file__).parents[2] / "models"
 HONEST = 1e-13
@@ -100,7 +100,7 @@ class TestPowerBalance:
         assert figures["power"] > 1e-8
 
     def test_a_forgotten_load_shows(self, inverse):
-        bare = dataclasses.replace(inverse, dynamics=Dynamics.of(inverse.mechanism.model, []))
+        bare = dataclasses.replace(inverse, dynamics=Dynamics.of(inverse.mechanism.model))
         assert power_balance(bare)["equilibrium"] > 0.1
 
     def test_rotors_are_in_it(self, mechanism, chain):
@@ -135,8 +135,8 @@ class TestEnergyBalance:
     def test_a_load_that_is_not_accounted_for_shows(self, arm, name):
         bound = {key: load.bind(arm.model, arm.joints) for key, load in LOADS.items()}
         bounds = [0.0, *(x for x in LOADS["push"].effort.breakpoints() if 0.0 < x < 2.0), 2.0]
-        whole = Dynamics.of(arm.model, list(bound.values()))
-        less = Dynamics.of(arm.model, [force for key, force in bound.items() if key != name])
+        whole = Dynamics.of(arm.model, bound)
+        less = Dynamics.of(arm.model, {key: force for key, force in bound.items() if key != name})
         pairs = list(itertools.pairwise(bounds))
         stretches = [Stretch(low, high, whole.on(low, high).acceleration()) for low, high in pairs]
         solution = integrate(stretches, whole.manifold, np.array([0.4, 0.0]), np.array([0.0, 3.0]), tolerance=1e-10)

@@ -118,7 +118,7 @@ def loaded(pendulum):
         JointSpring(kind="joint_spring", joint="first", stiffness=20.0, damping=0.5, rest=0.3),
         JointEffort(kind="joint_effort", joint="second", effort=Harmonic(amplitude=4.0, pulsation=3.0)),
     ]
-    return Dynamics.of(pendulum.model, [force.bind(pendulum.model, pendulum.joints) for force in forces]).on(0.0, 1.0)
+    return Dynamics.of(pendulum.model, {str(k): force.bind(pendulum.model, pendulum.joints) for k, force in enumerate(forces)}).on(0.0, 1.0)
 
 
 class TestLoads:
@@ -217,6 +217,6 @@ def test_the_space_is_flat_where_it_can_be(pendulum):
     assert pendulum.dynamics.manifold == Flat(2, 2)
     ball = pin.Model()
     ball.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
-    space = Dynamics.of(ball, []).manifold
+    space = Dynamics.of(ball).manifold
     assert isinstance(space, JointSpace)
     assert (space.nq, space.nv) == (4, 3)

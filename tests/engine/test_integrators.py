@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -7,7 +9,7 @@ from scipy.special import ellipj, ellipk
 from pinarm.engine.dynamics import Dynamics, JointSpace
 from pinarm.engine.integrators import Flat, Solution, Step, Stretch, _Stepper, integrate
 from pinarm.engine.tableaus import DOP853
-from pinarm.errors import IntegrationError
+from pinarm.errors import IntegrationError, Interrupted
 
 PLANE = Flat(2, 2)
 ECCENTRICITY = 0.1
@@ -43,7 +45,7 @@ def top():
     joint = model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
     model.addJointFrame(joint)
     model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.diag(MOMENTS)), pin.SE3.Identity())
-    return Dynamics.of(model, [])
+    return Dynamics.of(model)
 
 
 @pytest.fixture(scope="module")
@@ -300,6 +302,69 @@ class TestFailures:
 
     def test_the_error_ends_a_command_with_3(self):
         assert self.fails(lambda t, q, v: v**2).exit_code == 3
+
+
+class TestInterruption:
+    """Ctrl-C arrives in the middle of an acceleration, which is where nearly all of the time is spent."""
+
+    flat = Flat(1, 1)
+    start = (np.ones(1), np.zeros(1))
+
+    def stopped(self, when, stretches=1):
+        """Return what is raised by an oscillator that is interrupted at its call ``when``, or from time ``when`` on."""
+        calls = []
+
+        def acceleration(t, q, v):
+            calls.append(t)
+            if len(calls) == when or (isinstance(when, float) and t >= when):
+                raise KeyboardInterrupt
+            return -q
+
+        cuts = np.linspace(0.0, 20.0, stretches + 1)
+        parts = [Stretch(low, high, acceleration) for low, high in pairwise(cuts.tolist())]
+        with pytest.raises(Interrupted) as caught:
+            integrate(parts, self.flat, *self.start, tolerance=1e-10)
+        return caught.value
+
+    @pytest.mark.parametrize("when", [100, 205, 10.0])
+    def test_what_was_integrated_is_kept(self, when):
+        error = self.stopped(when)
+        assert 0.0 < error.partial.end < 20.0
+        assert f"interrupted at t = {error.partial.end:.9g} s" in error.message
+        assert error.exit_code == 130
+        t = np.linspace(0.0, error.partial.end, 50)
+        q, v = error.partial.states(t)
+        assert q[:, 0] == pytest.approx(np.cos(t), abs=1e-8)
+        assert v[:, 0] == pytest.approx(-np.sin(t), abs=1e-8)
+
+    def test_at_the_first_instant_of_a_later_stretch(self):
+        assert self.stopped(10.0, stretches=2).partial.end == 10.0
+
+    @pytest.mark.parametrize("when", [1, 2, 3])
+    def test_before_the_first_step(self, when):
+        error = self.stopped(when)
+        assert error.partial.steps == []
+        assert "t = 0 s" in error.message
+
+
+class TestMaxSteps:
+    def test_no_more_steps_are_taken_and_those_taken_are_kept(self):
+        with pytest.raises(IntegrationError, match="has taken 7 steps and is at t = ") as caught:
+            integrate([Stretch(0.0, 60.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-9, max_steps=7)
+        partial = caught.value.partial
+        assert len(partial.steps) + partial.rejected == 7
+        assert caught.value.data["t"] == pytest.approx(partial.end, abs=1e-14)
+        assert 0.0 < partial.end < 60.0
+        assert deviation(partial, np.linspace(0.0, partial.end, 20)) < 1e-7
+
+    def test_they_are_counted_over_all_stretches(self):
+        cuts = np.linspace(0.0, 6.0, 13).tolist()
+        parts = [Stretch(low, high, attraction) for low, high in pairwise(cuts)]
+        whole = integrate(parts, PLANE, *orbit(0.0), tolerance=1e-9)
+        needed = len(whole.steps) + whole.rejected
+        assert integrate(parts, PLANE, *orbit(0.0), tolerance=1e-9, max_steps=needed).end == pytest.approx(6.0)
+        with pytest.raises(IntegrationError, match=f"has taken {needed - 1} steps"):
+            integrate(parts, PLANE, *orbit(0.0), tolerance=1e-9, max_steps=needed - 1)
 
 
 class TestJointSpace:

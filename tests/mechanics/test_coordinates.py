@@ -1,10 +1,23 @@
+import math
+from itertools import pairwise
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from pinarm.errors import InputError
 from pinarm.input.units import unit
-from pinarm.mechanics.coordinates import AXES, AngleSum, PointCoordinate, coordinates_of, frame_of, joints_of
+from pinarm.mechanics.coordinates import (
+    AXES,
+    AngleSum,
+    Distance,
+    PointCoordinate,
+    Rotation,
+    coordinates_of,
+    frame_of,
+    joints_of,
+    unit_vector,
+)
 from pinarm.mechanics.model import build_model
 
 ARM = (
@@ -41,7 +54,13 @@ DEFINITIONS = {
     "sum": AngleSum(kind="sum", of=["turn", "tilt", "roll"]),
     "length": AngleSum(kind="sum", of=["slide"]),
     **{f"tip along {axis}": PointCoordinate(kind="point", point="tip_link", along=axis) for axis in AXES},
+    "tip along a slant": PointCoordinate(kind="point", point="tip_link", along=(2.0, -1.0, 0.5)),
+    "reach": Distance(kind="distance", between=("base", "tip_link")),
+    "reach of the tilting link": Distance(kind="distance", between=("tip_link", "slide_link")),
+    **{f"rotation about {axis}": Rotation(kind="rotation", body="tip_link", about=axis) for axis in "xyz"},
 }
+TIP_AT_REST = np.array([0.6, 0.3, 0.8])
+"""Sum of the placements of the joints."""
 
 
 @pytest.mark.parametrize("name", DEFINITIONS)
@@ -54,6 +73,127 @@ def test_rates_are_the_derivatives_of_the_value(model, differentiate, name):
     for t in (0.0, 0.7, 1.9):
         # differences of order 8 at h = 0.02 of sines up to 8 rad/s: 1e-10
         assert differentiate(rates, t)[:2] == pytest.approx(rates(t)[1:], abs=1e-9)
+
+
+@pytest.mark.parametrize("name", DEFINITIONS)
+def test_row_is_the_gradient_of_the_value_on_the_manifold(model, differentiate, name):
+    coordinate = DEFINITIONS[name].bind(model, joints_of(model))
+    rng = np.random.default_rng(4)
+    for _ in range(3):
+        q = rng.uniform(-0.9, 0.9, model.nq)
+        for direction in np.eye(model.nv):
+            _, row, _ = evaluate(coordinate, model, q, direction, np.zeros(model.nv))
+
+            def along(h, q=q, direction=direction):
+                moved = pin.integrate(model, q, h * direction)
+                return evaluate(coordinate, model, moved, np.zeros(model.nv), np.zeros(model.nv))[0]
+
+            assert row == pytest.approx(differentiate(along, 0.0), abs=1e-10)  # differences of order 8 at h = 0.02
+
+
+@pytest.mark.parametrize("name", DEFINITIONS)
+def test_second_rate_is_the_second_difference_of_the_value(model, name):
+    """Without the row: four step sizes, extrapolated to order 8."""
+    coordinate = DEFINITIONS[name].bind(model, joints_of(model))
+
+    def value(t):
+        return evaluate(coordinate, model, *motion(t, model.nv))[0]
+
+    for t in (0.3, 1.1):
+        rows = [(value(t + h) - 2 * value(t) + value(t - h)) / h**2 for h in (0.08, 0.04, 0.02, 0.01)]
+        for order in (4.0, 16.0, 64.0):
+            rows = [(order * fine - coarse) / (order - 1.0) for coarse, fine in pairwise(rows)]
+        # rounding of the value over h^2 = 1e-4
+        assert evaluate(coordinate, model, *motion(t, model.nv))[2] == pytest.approx(rows[0], abs=1e-9)
+
+
+@pytest.mark.parametrize("along", [(2.0, -1.0, 0.5), (-200.0, 100.0, -50.0), (0.0, 1e-100, 0.0), (1e100, 0.0, 0.0)])
+def test_a_slanted_direction_counts_by_its_direction_only(model, along):
+    coordinate = PointCoordinate(kind="point", point="tip_link", along=along).bind(model, joints_of(model))
+    value, *_ = evaluate(coordinate, model, np.zeros(4), np.zeros(4), np.zeros(4))
+    direction = np.array(along) / max(along, key=abs)
+    sign = np.sign(max(along, key=abs))
+    assert value == pytest.approx(sign * TIP_AT_REST @ direction / np.linalg.norm(direction), rel=1e-14)
+
+
+@pytest.mark.parametrize("along", [(0.0, 0.0, 0.0), (np.inf, 0.0, 0.0), (np.nan, 1.0, 0.0)])
+def test_a_direction_without_a_length_is_refused(model, along):
+    with pytest.raises(InputError, match="is no direction"):
+        PointCoordinate(kind="point", point="tip_link", along=along).bind(model, joints_of(model))
+
+
+def test_axes_are_directions():
+    assert [unit_vector(axis).tolist() for axis in ("x", "-z")] == [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
+
+
+@pytest.mark.parametrize("between", [("base", "tip_link"), ("tip_link", "base")])
+def test_distance_by_hand(model, between):
+    coordinate = Distance(kind="distance", between=between).bind(model, joints_of(model))
+    v, a = np.array([0.0, 2.0, 0.0, 0.0]), np.array([0.0, -3.0, 0.0, 0.0])
+    # the tip slides along x: l^2 = x^2 + c^2, l' = x x' / l, l'' = (x'^2 + x x'' - l'^2) / l
+    length = np.linalg.norm(TIP_AT_REST)
+    rate = 0.6 * 2.0 / length
+    expected = (length, rate, (4.0 + 0.6 * -3.0 - rate**2) / length)
+    assert coordinate.unit == unit("m")
+    assert evaluate(coordinate, model, np.zeros(4), v, a) == pytest.approx(expected, rel=1e-14)
+
+
+BALL_STATES = [0.0, 1e-12, 1e-5, 0.009, 0.011, 0.3, 2.5, 3.1]
+"""Angles on both sides of where the series of the drift takes over, and close to half a turn."""
+
+
+@pytest.fixture(scope="module")
+def ball():
+    """A body on a spherical joint."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
+    model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
+    model.addBodyFrame("body", joint, pin.SE3.Identity(), 0)
+    return model
+
+
+class TestRotation:
+    axis = np.array([2.0, -1.0, 2.0]) / 3.0
+
+    def at(self, ball, w, v, a):
+        """Return all three components with their rates, shape (3, 3)."""
+        q = pin.Quaternion(pin.exp3(w)).coeffs()
+        coordinates = [Rotation(kind="rotation", body="body", about=x).bind(ball, {}) for x in "xyz"]
+        return np.array([evaluate(coordinate, ball, q, v, a) for coordinate in coordinates]).T
+
+    @pytest.mark.parametrize("angle", BALL_STATES)
+    def test_value_is_the_axis_times_the_angle(self, ball, angle):
+        found = self.at(ball, angle * self.axis, np.zeros(3), np.zeros(3))
+        # the angle of a matrix near half a turn is known to the square root of rounding over its distance from it
+        assert found[0] == pytest.approx(angle * self.axis, abs=1e-13)
+
+    @pytest.mark.parametrize("angle", BALL_STATES)
+    def test_rates_are_those_of_a_motion_of_the_rotation_vector(self, ball, angle):
+        """w(t) is given; omega and its rate follow from the series of the right Jacobian of exp, summed to its end."""
+        w, dw, ddw = angle * self.axis, np.array([0.3, -0.8, 0.5]), np.array([-1.1, 0.4, 0.9])
+
+        def term(k, skews):
+            """k-th coefficient: (-1)^k / (k + 1)! times the sum over places of the differentiated factor."""
+            return (-1.0) ** k / math.factorial(k + 1) * skews
+
+        skew, rate = pin.skew(w), pin.skew(dw)
+        jacobian, growth, power, grown = np.eye(3), np.zeros((3, 3)), np.eye(3), np.zeros((3, 3))
+        for k in range(1, 40):
+            grown = grown @ skew + power @ rate  # derivative of skew^k
+            power = power @ skew
+            jacobian, growth = jacobian + term(k, power), growth + term(k, grown)
+        omega, alpha = jacobian @ dw, jacobian @ ddw + growth @ dw
+        found = self.at(ball, w, omega, alpha)
+        # B grows as 1 / (pi - angle) near half a turn, its rate as the square of that
+        near = 1.0 / min(1.0, np.pi - angle)
+        assert found[1] == pytest.approx(dw, abs=1e-13 * near**2)
+        assert found[2] == pytest.approx(ddw, abs=1e-12 * near**3)
+
+    def test_a_rotation_about_its_own_axis_is_an_angle(self, model):
+        coordinate = DEFINITIONS["rotation about y"].bind(model, joints_of(model))
+        q, v, a = (np.array([0.0, 0.0, x, 0.0]) for x in (0.7, -1.3, 2.1))
+        assert evaluate(coordinate, model, q, v, a) == pytest.approx((0.7, -1.3, 2.1), rel=1e-14)
+        assert coordinate.unit == unit("rad")
 
 
 def test_coordinates_with_opposite_axes_have_opposite_signs(model):
@@ -101,6 +241,9 @@ def test_places_differ_where_another_joint_has_more_numbers_in_q_than_in_v():
         (AngleSum(kind="sum", of=["turn", "slide"]), "cannot mix angles and lengths"),
         (AngleSum(kind="sum", of=["turn", "tild"]), "no joint 'tild'"),
         (PointCoordinate(kind="point", point="tap_link", along="x"), "no link 'tap_link'"),
+        (Distance(kind="distance", between=("tap_link", "base")), "no link 'tap_link'"),
+        (Distance(kind="distance", between=("base", "tap_link")), "no link 'tap_link'"),
+        (Rotation(kind="rotation", body="tap_link", about="x"), "no link 'tap_link'"),
     ],
 )
 def test_impossible_coordinates_are_refused(model, definition, message):

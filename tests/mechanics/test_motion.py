@@ -8,6 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from pinarm.errors import InputError, UnitError
+from pinarm.input.documents import Document
 from pinarm.input.schema import Derivative, Measured
 from pinarm.input.units import unit
 from pinarm.mechanics.laws import (
@@ -460,7 +461,7 @@ class TestTable:
         with pytest.raises(UnitError, match=r"the table table\.csv is in deg/s"):
             table(tmp_path, "t [s],w [deg/s]\n0,0\n1,1\n").check_units(unit("m"))
 
-    @pytest.mark.parametrize("text", ["\ufefft [s],x [m]\r\n0,0\r\n1,1\r\n", '"t [s]" , "x [m]"\n0 , 0\n1,+1e0\n'])
+    @pytest.mark.parametrize("text", ["\ufefft [s],x [m]\r\n0,0\r\n1,1\r\n", '"t [s]","x [m]",\n 0 , 0,\n"1",+1e0,\n'])
     def test_what_spreadsheets_write_is_read(self, tmp_path, text):
         assert table(tmp_path, text).values == (0.0, 1.0)
 
@@ -491,6 +492,12 @@ class TestTable:
     def test_bad_tables_are_refused_with_their_line(self, tmp_path, text, message):
         with pytest.raises(ValidationError, match=message):
             table(tmp_path, text)
+
+    def test_the_line_of_the_table_is_told_to_who_names_it_in_a_file(self, tmp_path):
+        (tmp_path / "table.csv").write_text("t [s],x [m]\n0,0\n1,one\n")
+        scenario = Document.parse("law: table\nfile: table.csv\n", source="s.yaml", path=tmp_path / "s.yaml")
+        with pytest.raises(InputError, match=r"table\.csv:3"):
+            scenario.validate(Table)
 
     def test_what_is_no_text_is_refused(self, tmp_path):
         (tmp_path / "table.csv").write_bytes(b"t [s],x [m]\n0,\xff\xfe\n1,1\n")

@@ -152,7 +152,7 @@ def turned():
     model.addJointFrame(joint)
     inertia = pin.Inertia(1.0, np.zeros(3), np.diag([ACROSS, ACROSS, ALONG]))
     model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
-    top = Dynamics.of(model, [])
+    top = Dynamics.of(model)
     t = np.linspace(0.0, 10.0, 201)
     start = np.array([0.0, 0.0, 0.0, 1.0])
     q, v = integrate([Stretch(0.0, 10.0, top.acceleration())], top.manifold, start, SPIN, tolerance=1e-12).states(t)

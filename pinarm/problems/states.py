@@ -1,0 +1,163 @@
+"""States one by one: the efforts that hold a mechanism still, or that given velocities and accelerations take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from pinarm.engine.assembly import Imposed
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.trajectory import Trajectory
+from pinarm.errors import InputError, choices
+from pinarm.input.schema import Level, Measured, Model, Rate, SecondRate
+from pinarm.input.units import Unit, unit
+from pinarm.mechanics.forces import Force, ForceElement
+from pinarm.mechanics.laws import Constant, ConstantSpeed
+from pinarm.mechanics.motion import Grid, MotionLaw
+from pinarm.problems.common import Accuracy, Place, bind_loads, check_levels, check_motion
+from pinarm.problems.inverse import Rates, driven
+
+
+class Range(Model):
+    """Evenly spaced values of a coordinate.
+
+    Attributes:
+        start: First value, ``from`` in files.
+        end: Last value, ``to`` in files.
+        samples: Number of values.
+    """
+
+    start: Level = Field(alias="from")
+    end: Level = Field(alias="to")
+    samples: int = Field(default=201, ge=2, le=10_000_000)
+
+    @model_validator(mode="after")
+    def _goes_somewhere(self) -> Range:
+        if self.start == self.end:
+            raise ValueError("the range begins and ends at the same value")
+        return self
+
+
+class Statics(Model):
+    """Holding efforts, at rest: over the range of one coordinate, or at one position.
+
+    Attributes:
+        over: The coordinate that is swept, with its range; none for a single position.
+        hold: Coordinate -> value, for all the others.
+        start: Rough joint coordinates at the first position: they choose the branch where there are several.
+        loads: Applied forces and springs of this run.
+    """
+
+    kind: Literal["statics"]
+    over: dict[str, Range] = Field(default={}, max_length=1)
+    hold: dict[str, Level] = {}
+    start: dict[str, Level] = {}
+    loads: dict[str, Force] = {}
+
+    def parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:
+        """Return the name and unit of what runs along the rows."""
+        return _parameter(self.over, mechanism)
+
+    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, dict[str, ForceElement]]:
+        """Check all names and units; return the imposed coordinates and the forces."""
+        return _imposed(mechanism, self.over, self.hold, place), _forces(self.start, self.loads, mechanism, place)
+
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
+        """Return the positions, at rest, and the efforts of the drives."""
+        imposed, forces = self.prepare(mechanism, place)
+        still = np.zeros(len(imposed.names))
+        with place():
+            return driven(mechanism, imposed, _grid(self.over), self.start, forces, *self.parameter(mechanism),
+                          rates=(still, still))  # fmt: skip
+
+
+class State(Model):
+    """Efforts at given velocities and accelerations: over the range of one coordinate, or at one position.
+
+    Every row is a state of its own. What is not given is 0.
+
+    Attributes:
+        over: The coordinate that is swept, with its range; none for a single position.
+        hold: Coordinate -> value, for all the others.
+        velocity: Coordinate -> velocity, at every row.
+        acceleration: Coordinate -> acceleration, at every row.
+        start: Rough joint coordinates at the first position: they choose the branch where there are several.
+        loads: Applied forces, springs and dampers of this run.
+    """
+
+    kind: Literal["state"]
+    over: dict[str, Range] = Field(default={}, max_length=1)
+    hold: dict[str, Level] = {}
+    velocity: dict[str, Rate] = {}
+    acceleration: dict[str, SecondRate] = {}
+    start: dict[str, Level] = {}
+    loads: dict[str, Force] = {}
+
+    def parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:
+        """Return the name and unit of what runs along the rows."""
+        return _parameter(self.over, mechanism)
+
+    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, dict[str, ForceElement], Rates]:
+        """Check all names and units; return the imposed coordinates, the forces, and the coordinates' rates."""
+        imposed = _imposed(mechanism, self.over, self.hold, place)
+        rates = np.zeros((2, len(imposed.names)))
+        for order, key, given in ((1, "velocity", self.velocity), (2, "acceleration", self.acceleration)):
+            for name, value in given.items():
+                with place(key, name):
+                    if name not in imposed.names:
+                        expected, hint = choices(name, imposed.names)
+                        raise InputError(f"the position does not say '{name}'", expected=expected, hint=hint)
+                    if isinstance(value, Measured):
+                        value.check(mechanism.coordinate(name).unit / unit("s") ** order)
+                    rates[order - 1, imposed.names.index(name)] = value
+        return imposed, _forces(self.start, self.loads, mechanism, place), (rates[0], rates[1])
+
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
+        """Return the states and the efforts of the drives."""
+        imposed, forces, rates = self.prepare(mechanism, place)
+        with place():
+            return driven(mechanism, imposed, _grid(self.over), self.start, forces, *self.parameter(mechanism),
+                          rates=rates)  # fmt: skip
+
+
+def _parameter(over: Mapping[str, Range], mechanism: Mechanism) -> tuple[str, Unit]:
+    for swept in over:
+        return swept, mechanism.coordinate(swept).unit
+    return "row", unit("1")
+
+
+def _grid(over: Mapping[str, Range]) -> Grid:
+    for values in over.values():
+        return Grid.cover(np.linspace(values.start, values.end, values.samples), [])
+    return Grid.cover(np.zeros(1), [])
+
+
+def _imposed(mechanism: Mechanism, over: Mapping[str, Range], hold: Mapping[str, float], place: Place) -> Imposed:
+    """Return the coordinates that are swept and held, their names and units checked."""
+    for swept, values in over.items():
+        with place("over", swept):
+            measured = mechanism.coordinate(swept).unit
+        for key, bound in (("from", values.start), ("to", values.end)):
+            with place("over", swept, key):
+                Constant(value=bound).check_units(measured)
+    held = {name: Constant(value=value) for name, value in hold.items()}
+    check_motion(mechanism, held, lambda _, name: place("hold", name))
+    motion: dict[str, MotionLaw] = {**{swept: ConstantSpeed(speed=1.0) for swept in over}, **held}
+    with place():
+        return Imposed.of(mechanism, motion)
+
+
+def _forces(
+    start: Mapping[str, float], loads: Mapping[str, Force], mechanism: Mechanism, place: Place
+) -> dict[str, ForceElement]:
+    """Return the forces of states without time."""
+    check_levels(mechanism, start, place, "start")
+    forces = bind_loads(mechanism, loads, place)
+    for law in (law for force in forces.values() for law in force.laws()):
+        if not isinstance(law, Constant):
+            with place("loads"):
+                raise InputError("a load that follows a law over time has no value at rest", hint="law: constant")
+    return forces

@@ -1,0 +1,142 @@
+"""Loads over time act as their laws say, on every row; and what a run that ends early keeps is the run until there."""
+
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+
+from pinarm.errors import IntegrationError, Interrupted
+from pinarm.mechanics.forces.joint import AppliedEffort, JointEffort
+from pinarm.mechanics.forces.point import Wrench
+from pinarm.mechanics.laws import Constant, Cycloidal, Harmonic, Polynomial, SCurve, Segment, Succession, Trapezoid
+from pinarm.mechanics.motion import Grid
+from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.forward import Forward
+from pinarm.problems.inverse import Inverse
+
+INERTIA, LEVER = 0.3 + 2.0 * 0.5**2, 0.7
+ROD = {"name": "arm", "axis": "0 0 1", "mass": 2.0, "com": "0.5 0 0", "inertia": (0.1, 0.3, 0.3)}
+TIME = TimeGrid(end=3.0, samples=31)
+LAWS = {
+    "trapezoid": Trapezoid(start=0.0, end=1.0, acceleration=4.0, begin=0.5),
+    "cycloidal": Cycloidal(start=0.0, end=1.0, duration=1.0, begin=0.5),
+    "polynomial 5": Polynomial(start=0.5, end=-1.0, duration=1.0, begin=0.5),
+    "s-curve": SCurve(start=0.0, end=1.0, jerk=20.0, begin=0.5),
+    "succession": Succession(segments=[
+        Segment(duration=1.2, motion=Cycloidal(start=0.0, end=1.0, duration=1.0)),
+        Segment(duration=1.2, motion=Cycloidal(start=0.0, end=-2.0, duration=1.0)),
+    ]),
+}  # fmt: skip
+every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+
+
+def place(*path):
+    return nullcontext()
+
+
+@pytest.fixture
+def arm(mechanism, chain):
+    """A rod that turns about a vertical axis, with a tip at the end of a lever."""
+    tip = (
+        '<link name="tip"/><joint name="end" type="fixed"><parent link="arm_link"/><child link="tip"/>'
+        f'<origin xyz="{LEVER} 0 0"/></joint></robot>'
+    )
+    return mechanism(chain(ROD).replace("</robot>", tip), gravity="none")
+
+
+def pushes(law):
+    """A torque, and a force across the lever at its tip, that follow a law."""
+    return {
+        "torque": JointEffort(kind="joint_effort", joint="arm", effort=law),
+        "force": Wrench(kind="wrench", point="tip", force=(0.0, 1.0, 0.0), axes="tip", factor=law),
+    }
+
+
+def values(law, t):
+    """Return a law at every instant; what meets smoothly is the same from both sides."""
+    return Grid(t, (t[0], t[-1]), (0, len(t))).evaluate(law)[0]
+
+
+@every_law
+@pytest.mark.parametrize("push", ["torque", "force"])
+def test_efforts_of_a_held_joint_are_those_of_the_load(arm, law, push):
+    loads = {push: pushes(law)[push]}
+    problem = Inverse(kind="inverse", time=TIME, motion={"arm": Constant(value=0.4)}, loads=loads)
+    run = problem.solve(arm, Accuracy(), place)
+    expected = values(law, run.grid.t) * (LEVER if push == "force" else 1.0)
+    assert run.tau[:, 0] == pytest.approx(-expected, abs=1e-14)
+    assert np.ptp(expected) > 0.5
+
+
+@every_law
+@pytest.mark.parametrize("push", ["torque", "force"])
+def test_acceleration_of_a_free_joint_is_that_of_the_load(arm, law, push):
+    problem = Forward(kind="forward", time=TIME, loads={push: pushes(law)[push]})
+    run = problem.solve(arm, Accuracy(tolerance=1e-12), place)
+    expected = values(law, run.grid.t) * (LEVER if push == "force" else 1.0) / INERTIA
+    assert run.a[:, 0] == pytest.approx(expected, abs=1e-13)
+
+
+@every_law
+def test_a_prescribed_joint_bears_the_load_too(mechanism, chain, law):
+    """The second joint is held by its drive; the load on it goes into the drive, and the first joint stays at rest."""
+    pair = mechanism(chain({"name": "first"}, {"name": "second", "at": "1 0 0"}), gravity="none")
+    loads = {"torque": JointEffort(kind="joint_effort", joint="second", effort=law)}
+    run = Forward(kind="forward", time=TIME, motion={"second": Constant(value=0.4)}, loads=loads).solve(
+        pair, Accuracy(), place
+    )
+    assert run.tau[:, 1] == pytest.approx(-values(law, run.grid.t), abs=1e-13)
+    assert run.tau[:, 0] == pytest.approx(0.0, abs=1e-13)
+
+
+@pytest.fixture
+def stop_at(monkeypatch):
+    """Let the user press Ctrl-C once the integration asks for a torque later than an instant."""
+
+    def arrange(instant):
+        original = AppliedEffort.add_load
+
+        def add_load(element, t, q, v, tau):
+            if np.ndim(t) == 0 and t > instant:
+                raise KeyboardInterrupt
+            original(element, t, q, v, tau)
+
+        monkeypatch.setattr(AppliedEffort, "add_load", add_load)
+
+    return arrange
+
+
+PARTIAL = {"swing": Harmonic(amplitude=1.0, pulsation=3.0), "jumps": LAWS["trapezoid"], "no jumps": LAWS["cycloidal"]}
+
+
+@pytest.mark.parametrize("law", PARTIAL.values(), ids=PARTIAL)
+@pytest.mark.parametrize("motion", [{}, {"second": Harmonic(amplitude=0.5, pulsation=2.0)}], ids=["free", "driven"])
+@pytest.mark.parametrize("cause", ["Ctrl-C", "max_steps"])
+def test_what_a_run_that_ends_early_keeps_is_the_run_until_there(mechanism, chain, stop_at, law, motion, cause):
+    pair = mechanism(chain({"name": "first", "com": "0.5 0 0"}, {"name": "second", "at": "1 0 0", "com": "0.3 0 0"}))
+    loads = {"torque": JointEffort(kind="joint_effort", joint="first", effort=law)}
+    problem = Forward(kind="forward", time=TIME, motion=motion, loads=loads)
+    whole = problem.solve(pair, Accuracy(), place)
+    if cause == "Ctrl-C":
+        stop_at(2.5)
+        with pytest.raises(Interrupted, match="interrupted at t = ") as caught:
+            problem.solve(pair, Accuracy(), place)
+    else:
+        most = int(0.85 * (whole.figures["steps"] + whole.figures["rejected steps"]))
+        with pytest.raises(IntegrationError, match=f"has taken {most} steps") as caught:
+            problem.solve(pair, Accuracy(max_steps=most), place)
+    kept = caught.value.partial
+    assert 1.5 < kept.grid.t[-1] <= 2.5 or cause == "max_steps"
+    rows = slice(0, len(kept))
+    assert len(kept) > 10
+    assert np.array_equal(kept.grid.t, whole.grid.t[rows])
+    for name in ("q", "v", "a", "tau"):
+        assert np.array_equal(getattr(kept, name), getattr(whole, name)[rows]), name
+
+
+def test_an_interruption_before_the_first_step_leaves_nothing(arm, stop_at):
+    stop_at(-1.0)
+    problem = Forward(kind="forward", time=TIME, loads={"torque": pushes(LAWS["trapezoid"])["torque"]})
+    with pytest.raises(Interrupted) as caught:
+        problem.solve(arm, Accuracy(), place)
+    assert caught.value.partial is None
