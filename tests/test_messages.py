@@ -159,7 +159,7 @@ SCENARIOS = [
     (SCENARIO, "at: {t: 1 s}", "at: {t: 1 m}", ["s.yaml:17:5: 'm' is not a unit", "such as s"]),
     # names
     (SCENARIO, "kind: inverse", "kind: invers",
-     ["s.yaml:4:1: unknown kind 'invers'", "forward, inverse", "try: inverse"]),
+     ["s.yaml:5:3: unknown kind 'invers'", "forward, inverse", "try: inverse"]),
     (SCENARIO, "law: trapezoid", "law: trapeze", ["s.yaml:8:5: unknown law 'trapeze'", "constant", "try: trapezoid"]),
     (SCENARIO, "kind: joint_effort", "kind: effort", ["s.yaml:12:5: unknown kind 'effort'", "joint_effort"]),
     (SCENARIO, "    track: {law", "    trakc: {law",
@@ -263,7 +263,8 @@ MECHANISMS = [
     ("ratio: 50", "ratio: .inf", ["slider.yaml:9:25: "]),
     ("1 kg*mm^2", "1 kg", ["slider.yaml:9:53: 'kg' is not a unit", "such as kg*m^2"]),
     ("1 kg*mm^2", "-1 kg*mm^2", ["slider.yaml:9:53: input should be greater than or equal to 0"]),
-    ("kind: joint_spring", "kind: spring", ["slider.yaml:11:3: unknown kind 'spring'", "joint_spring, point_spring", "try: "]),
+    ("kind: joint_spring", "kind: spring",
+     ["slider.yaml:11:3: unknown kind 'spring'", "joint_spring, point_spring", "try: "]),
     ("joint: track", "joint: trak", ["slider.yaml:11:3: the model has no joint 'trak'", "try: track"]),
     ("100 N/m", "100 N*m/rad", ["slider.yaml:11:3: 'N*m/rad' is not a unit", "such as N/m"]),
     ("100 N/m", "-100 N/m", ["slider.yaml:11:46: input should be greater than or equal to 0"]),

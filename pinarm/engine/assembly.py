@@ -97,12 +97,11 @@ class Imposed:
 
     def on(self, start: float, end: float) -> Callable[[float], tuple[Array, Array, Array]]:
         """Return ``t -> w, w', w''`` of all coordinates on a stretch without jumps, each of shape (k,)."""
+        functions = [law.on(start, end) for law in self.laws]
 
         def target(t: float) -> tuple[Array, Array, Array]:
             instant = np.array([t])
-            # a law's higher derivatives may still break within the stretch: take the piece on the side of its middle
-            aside = t + (1e-9 * (end - start) if t < 0.5 * (start + end) else -1e-9 * (end - start))
-            values = [law.on(aside, aside)(instant) for law in self.laws]
+            values = [function(instant) for function in functions]
             w, dw, ddw = (np.array([value[k][0] for value in values]) for k in range(3))
             return w, dw, ddw
 
@@ -183,9 +182,9 @@ def _follow_by_steps(solver: _Solver, imposed: Imposed, grid: Grid, q: Array) ->
     n, nv = len(grid.t), solver.model.nv
     motion = np.empty((3, n, nv))
     t, v, a = grid.t[0], np.zeros(nv), np.zeros(nv)
-    for k in range(len(grid.cuts) - 1):
-        target = imposed.on(grid.cuts[k], grid.cuts[k + 1])
-        for row in range(grid.rows[k], grid.rows[k + 1]):
+    for begin, end, rows in grid.stretches():
+        target = imposed.on(begin, end)
+        for row in range(rows.start, rows.stop):
             if row == 0:
                 q = solver.assemble(q, target(t)[0], t)
                 v, a = solver.rates(q, *target(t)[1:], t)

@@ -294,21 +294,27 @@ def integrate(
     stepper = _Stepper(tableau, manifold, tolerance)
     stepper.max_steps = max_steps
     y = np.concatenate([manifold.project(np.asarray(q, float)), np.asarray(v, float)])
+    try:
+        _integrate_all(solution, stepper, y)
+    except KeyboardInterrupt:
+        raise Interrupted(f"interrupted at t = {solution.end:.9g} s", partial=solution) from None
+    return solution
+
+
+def _integrate_all(solution: Solution, stepper: _Stepper, y: Array) -> None:
+    """Step through all stretches of a solution from the state y."""
     h = 0.0
-    for index, stretch in enumerate(stretches):
+    for index, stretch in enumerate(solution.stretches):
         stepper.begin(stretch.start, y, stretch.acceleration)
         solution.evaluations += 1
         if h == 0.0:
-            if not np.isfinite(stepper.slopes[0]).all():
+            slope, manifold = stepper.slopes[0], stepper.manifold
+            if not np.isfinite(slope).all():
                 raise _not_finite(solution, stretch.start, stepper.y, manifold)
-            h = first_step(tableau, stretch, manifold, stepper.y, stepper.slopes[0], tolerance)
+            h = first_step(stepper.tableau, stretch, manifold, stepper.y, slope, stepper.tolerance)
             solution.evaluations += 1
-        try:
-            h = _advance(solution, stepper, stretch, index, h)
-        except KeyboardInterrupt:
-            raise Interrupted(f"interrupted at t = {solution.end:.9g} s", partial=solution) from None
+        h = _advance(solution, stepper, stretch, index, h)
         y = stepper.y.copy()
-    return solution
 
 
 def _advance(solution: Solution, stepper: _Stepper, stretch: Stretch, index: int, h: float) -> float:

@@ -86,7 +86,7 @@ class Mechanism:
             InputError: The mechanism file has a mistake.
             ModelError: The model has one.
         """
-        file, folder, here = Path(path), Path(), locate
+        file, folder, here = Path(path), Path(), lambda *at: locate("mechanism")
         if file.suffix in (".yaml", ".yml"):
             document, folder = Document.read(file), file.parent
             description, here = document.validate(MechanismDescription), document.locating

@@ -47,13 +47,13 @@ class Reduction:
     scalar_q: Indices
 
     @classmethod
-    def of(cls, model: pin.Model, rows: Array, names: Sequence[str]) -> Reduction:
-        """Return the reduction by the rows W, shape (k, nv).
+    def of(cls, model: pin.Model, rows: Array, names: Sequence[str], given: Sequence[int] = ()) -> Reduction:
+        """Return the reduction by the rows W, shape (k, nv); the indices ``given`` stay free if they can.
 
         Raises:
             InputError: The rows contradict or repeat each other.
         """
-        bound_v = _pivots(rows, names)
+        bound_v = _pivots(rows, names, given)
         free_v = np.setdiff1d(np.arange(model.nv), bound_v)
         scalar_q = np.zeros(model.nv, dtype=np.intp)
         for joint in model.joints[1:]:
@@ -96,12 +96,15 @@ class Reduction:
         return reduced
 
 
-def _pivots(rows: Array, names: Sequence[str]) -> Indices:
+def _pivots(rows: Array, names: Sequence[str], given: Sequence[int]) -> Indices:
     """Choose a coordinate for each row that the others determine: the last of the largest weights left in it."""
     left, chosen = rows.astype(float).copy(), []
     for k in range(len(rows)):
         size = np.abs(left[k])
-        pivot = len(size) - 1 - int(size[::-1].argmax())
+        others = size.copy()
+        others[list(given)] = 0.0
+        preferred = others if others.max() > 1e-9 * np.abs(rows[k]).max() else size
+        pivot = len(size) - 1 - int(preferred[::-1].argmax())
         if size[pivot] < 1e-9 * np.abs(rows[k]).max():
             raise InputError(
                 f"the coordinate '{names[k]}' is already determined by {', '.join(names[:k])}",

@@ -14,8 +14,12 @@ from pinarm.engine.assembly import Imposed
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Acceleration, Flat, Manifold
 from pinarm.engine.reduction import Reduction
+from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.motion import Grid
+
+CONTRADICTION = 1e-9
+"""Difference between an initial value and what the laws say that typed digits explain [rad, m, rad/s or m/s]."""
 
 
 class System(Protocol):
@@ -26,8 +30,8 @@ class System(Protocol):
         """Space of the integrated configurations."""
         ...
 
-    def begin(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the integrated state that belongs to a state of the mechanism."""
+    def begin(self, q: Array, v: Array, start: float, end: float) -> tuple[Array, Array]:
+        """Return the integrated state that belongs to a state of the mechanism at the start of a stretch."""
         ...
 
     def acceleration(self, dynamics: Dynamics, start: float, end: float) -> Acceleration:
@@ -49,7 +53,7 @@ class FreeSystem:
 
     manifold: Manifold
 
-    def begin(self, q: Array, v: Array) -> tuple[Array, Array]:
+    def begin(self, q: Array, v: Array, start: float, end: float) -> tuple[Array, Array]:
         """Return the state itself."""
         return q, v
 
@@ -71,15 +75,31 @@ class ReducedSystem:
         imposed: The prescribed coordinates and their laws.
         reduction: What they leave free.
         manifold: Space of the free coordinates.
+        given: Indices in v of the joints that were given an initial value.
     """
 
     imposed: Imposed
     reduction: Reduction
     manifold: Manifold
+    given: tuple[int, ...]
 
-    def begin(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the free part of the state."""
-        return q[self.reduction.free_q], v[self.reduction.free_v]
+    def begin(self, q: Array, v: Array, start: float, end: float) -> tuple[Array, Array]:
+        """Return the free part of the state.
+
+        Raises:
+            InputError: The laws contradict an initial value that was given.
+        """
+        reduction, (w, dw, _) = self.reduction, self.imposed.on(start, end)(start)
+        free_q, free_v = q[reduction.free_q], v[reduction.free_v]
+        whole = reduction.configuration(free_q, w), reduction.velocity(free_v, dw)
+        for index in self.given:
+            place = reduction.scalar_q[index]
+            if abs(whole[0][place] - q[place]) + abs(whole[1][index] - v[index]) > CONTRADICTION:
+                raise InputError(
+                    f"the initial values contradict the laws of {', '.join(self.imposed.names)}",
+                    expected="initial values of what the laws leave free",
+                )
+        return free_q, free_v
 
     def acceleration(self, dynamics: Dynamics, start: float, end: float) -> Acceleration:
         """Return that of the free coordinates."""
@@ -91,8 +111,8 @@ class ReducedSystem:
         whole_q = np.array([self.reduction.configuration(q[i], targets[:, 0, i]) for i in range(len(q))])
         whole_v = v @ self.reduction.basis.T + targets[:, 1].T @ self.reduction.particular.T
         rates = np.empty_like(v)
-        for stretch, (rows, _) in enumerate(parts(dynamics, grid)):
-            acceleration = self.acceleration(dynamics, grid.cuts[stretch], grid.cuts[stretch + 1])
+        for start, end, rows in grid.stretches():
+            acceleration = self.acceleration(dynamics, start, end)
             for i in range(rows.start, rows.stop):
                 rates[i] = acceleration(grid.t[i], q[i], v[i])
         a = rates @ self.reduction.basis.T + targets[:, 2].T @ self.reduction.particular.T
@@ -133,8 +153,13 @@ class FreePart:
         return self.whole.project(whole)[..., self.reduction.free_q]
 
 
-def system_of(dynamics: Dynamics, imposed: Imposed) -> System:
-    """Return what has to be integrated while the given coordinates follow their laws.
+def system_of(dynamics: Dynamics, imposed: Imposed, given: tuple[int, ...] = ()) -> System:
+    """Return what has to be integrated while the imposed coordinates follow their laws.
+
+    Args:
+        dynamics: The equation of motion.
+        imposed: Coordinates with laws, none for free motion.
+        given: Indices in v of the joints that were given an initial value: they stay free if they can.
 
     Raises:
         InputError: They cannot be prescribed independently.
@@ -143,17 +168,14 @@ def system_of(dynamics: Dynamics, imposed: Imposed) -> System:
     if not linear:
         return FreeSystem(dynamics.manifold)
     rows = np.array([coordinate.weights for coordinate in linear])
-    reduction = Reduction.of(dynamics.model, rows, imposed.names)
+    reduction = Reduction.of(dynamics.model, rows, imposed.names, given)
     nq, nv = len(reduction.free_q), len(reduction.free_v)
     if dynamics.model.nq == dynamics.model.nv:
-        return ReducedSystem(imposed, reduction, Flat(nq, nv))
+        return ReducedSystem(imposed, reduction, Flat(nq, nv), given)
     neutral = np.asarray(pin.neutral(dynamics.model))
-    return ReducedSystem(imposed, reduction, FreePart(dynamics.manifold, reduction, neutral, nq, nv))
+    return ReducedSystem(imposed, reduction, FreePart(dynamics.manifold, reduction, neutral, nq, nv), given)
 
 
 def parts(dynamics: Dynamics, grid: Grid) -> list[tuple[slice, Dynamics]]:
-    """Return the rows between the jumps of a grid, each with the dynamics that holds there."""
-    return [
-        (slice(grid.rows[k], grid.rows[k + 1]), dynamics.on(grid.cuts[k], grid.cuts[k + 1]))
-        for k in range(len(grid.cuts) - 1)
-    ]
+    """Return the rows of every stretch of a grid, each with the dynamics that holds there."""
+    return [(rows, dynamics.on(start, end)) for start, end, rows in grid.stretches()]

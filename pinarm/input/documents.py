@@ -157,7 +157,7 @@ def _explain(detail: ErrorDetails, model: type[Model]) -> PinarmError:
     kind, last = detail["type"], str(detail["loc"][-1]) if detail["loc"] else ""
     cause = detail.get("ctx", {}).get("error")
     if isinstance(cause, PinarmError):
-        return type(cause)(cause.message, expected=cause.expected, hint=cause.hint)
+        return type(cause)(cause.message, expected=cause.expected, hint=cause.hint, location=cause.location)
     if kind == "extra_forbidden":
         expected, hint = choices(last, _keys_beside(detail, model), most=40)
         return InputError(f"unknown key '{last}'", expected=expected, hint=hint)

@@ -54,6 +54,8 @@ def read_table(file: str, context: Mapping[str, Any] | None) -> tuple[Column, Co
                 raise InputError("the instants do not ascend", expected="each later than the one before").at(
                     Location(file, line, 1, ",".join(row))
                 )
+    if len(numbers) < 2:
+        raise InputError(f"the table {file} is too short", expected="at least two rows of numbers")
     if time_unit.dimension != unit("s").dimension:
         raise InputError(f"the first column of {file} is in {time_unit}", expected="instants, such as t [s]")
     return tuple(t for t, _ in numbers), tuple(value for _, value in numbers), measured

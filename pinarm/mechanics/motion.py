@@ -114,9 +114,10 @@ class MotionLaw(Model):
 
 @dataclass(frozen=True)
 class Grid:
-    """Instants at which a problem is solved, cut into stretches on which every law is smooth.
+    """Instants at which a problem is solved, cut into stretches on which every law is one smooth piece.
 
-    An instant at which a law jumps stands twice: as the end of one stretch and as the start of the next.
+    An instant at which s, s' or s'' of a law jumps stands twice: as the end of one stretch and as the start of the
+    next. Other cuts, where pieces meet smoothly, need no row of their own; a stretch between them may have no row.
 
     Attributes:
         t: Instants [s], or values of the coordinate swept, shape (n,).
@@ -132,31 +133,38 @@ class Grid:
     def cover(cls, t: Array, laws: Iterable[MotionLaw]) -> Grid:
         """Return the grid of the given instants, with the jumps of the laws between the first and the last added."""
         first, last = float(t[0]), float(t[-1])
-        inner = sorted({x for law in laws for x in law.jumps() if first < x < last})
+        laws = list(laws)
+        doubled = {first, last, *(x for law in laws for x in law.jumps())}
+        inner = sorted({x for law in laws for x in law.breakpoints() if first < x < last})
+        cuts, slack = (first, *inner, last), ROUNDING * (last - first)
         if not inner:
-            return cls(t, (first, last), (0, len(t)))
-        cuts, slack = [first, *inner, last], ROUNDING * (last - first)
-        parts = []
-        for start, end in pairwise(cuts):
-            inside = t[(t > start + slack) & (t < end - slack)]
-            parts.append(np.concatenate([[start], inside, [end]]))
+            return cls(t, cuts, (0, len(t)))
+        parts = [_rows_between(t, start, end, doubled, slack) for start, end in pairwise(cuts)]
         rows = np.cumsum([0, *(len(part) for part in parts)])
-        return cls(np.concatenate(parts), tuple(cuts), tuple(int(row) for row in rows))
+        return cls(np.concatenate(parts), cuts, tuple(int(row) for row in rows))
+
+    def stretches(self) -> list[tuple[float, float, slice]]:
+        """Return start, end and rows of every stretch."""
+        return [
+            (start, end, slice(low, high))
+            for (start, end), (low, high) in zip(pairwise(self.cuts), pairwise(self.rows), strict=True)
+        ]
 
     def evaluate(self, law: MotionLaw) -> Values:
         """Return s, s', s'' of a law at every row, each side of a jump by its own piece."""
-        parts = [self._on(law, stretch) for stretch in range(len(self.cuts) - 1)]
+        parts = [law.on(start, end)(self.t[rows]) for start, end, rows in self.stretches()]
         s, ds, dds = (np.concatenate([part[k] for part in parts]) for k in range(3))
         return s, ds, dds
 
-    def _on(self, law: MotionLaw, stretch: int) -> Values:
-        """Evaluate between two cuts; pieces may still meet there as long as s'' does not jump."""
-        start, end = self.cuts[stretch], self.cuts[stretch + 1]
-        t = self.t[self.rows[stretch] : self.rows[stretch + 1]]
-        inner = sorted(x for x in law.breakpoints() if min(start, end) < x < max(start, end))
-        bounds = [start, *(inner if start <= end else reversed(inner)), end]
-        values = np.empty((3, len(t)))
-        for low, high in pairwise(bounds):
-            inside = (t >= min(low, high)) & (t <= max(low, high))
-            values[:, inside] = law.on(low, high)(t[inside])
-        return values[0], values[1], values[2]
+    def until(self, end: float) -> Grid:
+        """Return the grid up to an instant, which becomes its last cut."""
+        kept = [(start, min(stop, end), rows) for start, stop, rows in self.stretches() if start < end or start == stop]
+        ends = [rows.start + int((self.t[rows] <= end).sum()) for _, _, rows in kept]
+        return Grid(self.t[: ends[-1]], (self.cuts[0], *(stop for _, stop, _ in kept)), (0, *ends))
+
+
+def _rows_between(t: Array, start: float, end: float, doubled: set[float], slack: float) -> Array:
+    """Return the instants of one stretch: its ends where they stand twice, and what was asked for in between."""
+    below = t < end - slack if end in doubled else t <= end + slack
+    inside = t[(t > start + slack) & below]
+    return np.concatenate([[start] if start in doubled else [], inside, [end] if end in doubled else []])

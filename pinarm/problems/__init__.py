@@ -20,6 +20,8 @@ KINDS = {
     "state": ("states", "State"),
     "inverse": ("inverse", "Inverse"),
     "forward": ("forward", "Forward"),
+    "kinematics": ("kinematics", "Kinematics"),
+    "equilibria": ("equilibria", "Equilibria"),
 }
 """Kind, and its module and class. A new kind is one class and one entry."""
 

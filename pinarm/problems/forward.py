@@ -62,8 +62,10 @@ class Forward(Model):
         """Check all names and units; return the equation of motion, what is integrated, and the initial state."""
         check_motion(mechanism, self.motion, place)
         dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, place))
+        named = {*self.initial.position, *self.initial.velocity} & mechanism.joints.keys()
+        given = tuple(sorted(mechanism.joints[name].v for name in named))
         with place("motion"):
-            system = system_of(dynamics, Imposed.some(mechanism, self.motion))
+            system = system_of(dynamics, Imposed.some(mechanism, self.motion), given)
         return dynamics, system, *self._start(mechanism, place)
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
@@ -74,17 +76,17 @@ class Forward(Model):
         """
         dynamics, system, q, v = self.prepare(mechanism, place)
         laws = [*self.motion.values(), *(law for force in dynamics.forces.values() for law in force.laws())]
-        start, end = self.time.start, self.time.end
-        inner = sorted({x for law in laws for x in law.breakpoints() if start < x < end})
-        spans = list(pairwise([start, *inner, end]))
+        grid = Grid.cover(self.time.instants(), laws)
+        spans = list(pairwise(grid.cuts))
+        with place("initial"):
+            begin = system.begin(q, v, *spans[0])
         stretches = [Stretch(low, high, system.acceleration(dynamics, low, high)) for low, high in spans]
         run = _Run(mechanism, dynamics, system)
-        grid = Grid.cover(self.time.instants(), laws)
         try:
             solution = integrate(
                 stretches,
                 system.manifold,
-                *system.begin(q, v),
+                *begin,
                 tolerance=accuracy.tolerance,
                 max_steps=accuracy.max_steps,
             )
@@ -138,5 +140,4 @@ class _Run:
 
     def until(self, solution: Solution, grid: Grid) -> Trajectory:
         """Return what was computed before an integration failed."""
-        t = grid.t[grid.t <= solution.end]
-        return self.trajectory(solution, Grid(t, (float(t[0]), solution.end), (0, len(t))), {})
+        return self.trajectory(solution, grid.until(solution.end), {})

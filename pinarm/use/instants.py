@@ -82,15 +82,19 @@ def _on_parameter(run: Trajectory, value: float) -> list[Spot]:
 def _crossings(quantities: Quantities, along: str, value: float) -> list[Spot]:
     """Return where a quantity takes a value, in order."""
     run, spots = quantities.trajectory, []
-    difference = quantities[along].values - value
-    for k in range(len(run.grid.cuts) - 1):
-        for row in range(run.grid.rows[k], run.grid.rows[k + 1] - 1):
-            low, high = difference[row], difference[row + 1]
-            if low == 0.0 or low * high < 0.0:
-                spots.append((k, _root(quantities, k, along, value, run.grid.t[row], run.grid.t[row + 1])))
-        last = run.grid.rows[k + 1] - 1
-        if difference[last] == 0.0:
-            spots.append((k, float(run.grid.t[last])))
+    for stretch, (start, end, rows) in enumerate(run.grid.stretches()):
+        t = run.grid.t[rows]
+        t = np.concatenate(
+            [t[:0] if len(t) and t[0] == start else [start], t, [] if len(t) and t[-1] == end else [end]]
+        )
+        difference = _asked(quantities, stretch, t)[along].values - value
+        for k in range(len(t) - 1):
+            if difference[k] == 0.0:
+                spots.append((stretch, float(t[k])))
+            elif difference[k] * difference[k + 1] < 0.0:
+                spots.append((stretch, _root(quantities, stretch, along, value, (t[k], t[k + 1]))))
+        if difference[-1] == 0.0:
+            spots.append((stretch, float(t[-1])))
     return spots
 
 
@@ -130,10 +134,21 @@ def _extreme(quantities: Quantities, which: str, name: str) -> Quantities:
     if not np.isfinite(values).all():
         raise InputError(f"{name} is not finite everywhere: it has no extreme")
     best = int(values.argmax())
-    stretch = next(k for k in range(len(run.grid.cuts) - 1) if best < run.grid.rows[k + 1])
-    first, last = run.grid.rows[stretch], run.grid.rows[stretch + 1] - 1
-    low, high = run.grid.t[max(best - 1, first)], run.grid.t[min(best + 1, last)]
-    spot, top = float(run.grid.t[best]), float(values[best])
+    low, high = sorted((run.grid.t[max(best - 1, 0)], run.grid.t[min(best + 1, len(values) - 1)]))
+    spots = []
+    for stretch, (start, end, _) in enumerate(run.grid.stretches()):
+        bracket = max(low, min(start, end)), min(high, max(start, end))
+        if bracket[0] <= bracket[1]:
+            spots.append(_refined(quantities, stretch, name, height, bracket))
+    _, stretch, t = max(spots, key=lambda spot: spot[0])
+    return _at_row(quantities, stretch, t)
+
+
+def _refined(
+    quantities: Quantities, stretch: int, name: str, height: Callable[[Array], Array], bracket: tuple[float, float]
+) -> tuple[float, int, float]:
+    """Return the largest height in a bracket of one stretch, the stretch, and where it is."""
+    (low, high), spot, top = bracket, bracket[0], -np.inf
     for _ in range(ROUNDS // 2):  # near a maximum only half of the digits of its place matter
         t = np.linspace(low, high, POINTS)
         heights = height(_asked(quantities, stretch, t)[name].values)
@@ -141,11 +156,12 @@ def _extreme(quantities: Quantities, which: str, name: str) -> Quantities:
         if heights[peak] > top:
             spot, top = float(t[peak]), float(heights[peak])
         low, high = t[max(peak - 1, 0)], t[min(peak + 1, POINTS - 1)]
-    return _at_row(quantities, stretch, spot)
+    return top, stretch, spot
 
 
-def _root(quantities: Quantities, stretch: int, along: str, value: float, low: float, high: float) -> float:
+def _root(quantities: Quantities, stretch: int, along: str, value: float, bracket: tuple[float, float]) -> float:
     """Return where a quantity takes a value between two neighbouring samples."""
+    low, high = bracket
     for _ in range(ROUNDS):
         t = np.linspace(low, high, POINTS)
         difference = _asked(quantities, stretch, t)[along].values - value

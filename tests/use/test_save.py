@@ -78,7 +78,9 @@ def test_npz_needs_no_pickle_and_says_its_units(scenario: Callable[..., Any], fo
         assert arrays["state.units"].tolist() == [["t", "s"], ["M", "N*m"], ["alpha", "rad"]]
 
 
-@pytest.mark.parametrize("name", ["q", "state.q", "state.tau", "state.units", "file", "allow_pickle", "self", "../up", "a/b", ""])
+@pytest.mark.parametrize(
+    "name", ["q", "state.q", "state.tau", "state.units", "file", "allow_pickle", "self", "../up", "a/b", ""]
+)
 def test_npz_keeps_an_output_whatever_its_name(scenario: Callable[..., Any], folder: Path, name: str) -> None:
     """Or the name is refused; it must not be lost behind an array of the same name."""
     try:

@@ -1,0 +1,66 @@
+"""Payloads: what a link carries in one run and the model does not have, such as a tool, a passenger or a sample."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Annotated
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field, field_validator
+
+from pinarm.errors import InputError
+from pinarm.input.schema import Inertia, Model, quantity
+from pinarm.mechanics.coordinates import frame_of
+from pinarm.mechanics.model import TRIANGLE
+
+Mass = quantity("kg")
+
+
+class Payload(Model):
+    """A body fixed to a link, its centre of mass at the link's origin.
+
+    Attributes:
+        point: The link.
+        mass: [kg].
+        inertia: Moments of inertia about the link's axes, at its origin [kg*m^2]; none for a point mass.
+    """
+
+    point: str
+    mass: Annotated[Mass, Field(ge=0)]
+    inertia: tuple[Inertia, Inertia, Inertia] = (0.0, 0.0, 0.0)
+
+    @field_validator("inertia")
+    @classmethod
+    def _of_a_body(cls, inertia: tuple[float, float, float]) -> tuple[float, float, float]:
+        small, middle, large = sorted(inertia)
+        if small < 0.0:
+            raise ValueError(f"a moment of inertia is negative ({small:g} kg*m^2)")
+        if small + middle < large * (1.0 - TRIANGLE):
+            raise ValueError(f"the moment of inertia {large:g} kg*m^2 is more than the sum of the other two")
+        return inertia
+
+
+def laden(model: pin.Model, payloads: Iterable[Payload]) -> pin.Model:
+    """Return a copy of a model whose links carry payloads.
+
+    With ``jMp`` the placement of the link in its joint's frame, the body of the joint gets ``jMp.act(I)`` added, as if
+    the payload's mass stood in the model's text. The model that is given stays as it is.
+
+    Args:
+        model: Pinocchio's model.
+        payloads: Any number, several on one link too.
+
+    Raises:
+        InputError: The model has no link of that name, or the link does not move.
+    """
+    loaded = pin.Model(model)
+    for payload in payloads:
+        frame = loaded.frames[frame_of(loaded, payload.point)]
+        if frame.parentJoint == 0:
+            raise InputError(
+                f"the link '{payload.point}' does not move: a payload on it changes nothing", expected="a moving link"
+            )
+        carried = pin.Inertia(float(payload.mass), np.zeros(3), np.diag(np.array(payload.inertia, float)))
+        loaded.inertias[frame.parentJoint] += frame.placement.act(carried)
+    return loaded

@@ -1,0 +1,54 @@
+"""Kinematics: the motion is imposed, and only the motion is wanted."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from pinarm.engine.assembly import Imposed
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.trajectory import Trajectory
+from pinarm.input.schema import Level, Model
+from pinarm.input.units import Unit, unit
+from pinarm.mechanics.laws import Law
+from pinarm.mechanics.motion import Grid
+from pinarm.problems.common import Accuracy, Place, TimeGrid, check_levels, check_motion
+from pinarm.problems.inverse import driven
+
+
+class Kinematics(Model):
+    """Motion under laws on as many coordinates as the mechanism has degrees of freedom; masses play no part.
+
+    With the imposed coordinates w: ``w(q) = w_d(t)``, ``J v = w_d'`` and ``J a = w_d'' - J' v``. Models without any mass
+    will do. Singular positions, where J loses rank, are refused.
+
+    Attributes:
+        time: Instants of the table.
+        motion: Coordinate of a joint or of a task -> law over time.
+        start: Rough joint coordinates at the first instant: they choose the branch where there are several.
+    """
+
+    kind: Literal["kinematics"]
+    time: TimeGrid
+    motion: dict[str, Law] = Field(min_length=1)
+    start: dict[str, Level] = {}
+
+    def parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:
+        """Return the name and unit of what runs along the rows."""
+        return "t", unit("s")
+
+    def prepare(self, mechanism: Mechanism, place: Place) -> Imposed:
+        """Check all names and units; return the imposed coordinates."""
+        check_motion(mechanism, self.motion, place)
+        check_levels(mechanism, self.start, place, "start")
+        with place("motion"):
+            return Imposed.of(mechanism, self.motion)
+
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
+        """Return the motion of the joints."""
+        imposed = self.prepare(mechanism, place)
+        laws = [*self.motion.values(), *(law for force in mechanism.forces.values() for law in force.laws())]
+        grid = Grid.cover(self.time.instants(), laws)
+        with place("motion"):
+            return driven(mechanism, imposed, grid, self.start, mechanism.forces, *self.parameter(mechanism))
