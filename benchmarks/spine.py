@@ -53,9 +53,7 @@ def inverse() -> tuple[float, float]:
     arm = pinarm.Mechanism.load(ROOT / "models/gen411_arm/mechanism.yaml")
     q, v, a = np.random.default_rng(1).uniform(-2, 2, (3, 100_000, 2))
     pool = pin.ModelPool(arm.model, 1)
-    ours, bare = best(
-        lambda: arm.inverse(q, v, a), lambda: pin.rneaInParallel(1, pool, q.T, v.T, a.T), rounds=15
-    )
+    ours, bare = best(lambda: arm.inverse(q, v, a), lambda: pin.rneaInParallel(1, pool, q.T, v.T, a.T), rounds=15)
     return ours, bare
 
 

@@ -297,8 +297,9 @@ def test_the_schema_knows_the_words_of_files(capsys: pytest.CaptureFixture[str])
 # ------------------------------------------------------------------------------------------------------ streams
 
 
-@pytest.mark.parametrize("arguments", [["schema"], ["check", "a.yaml"], ["run", "a.yaml", "--no-plots"],
-["validate", "a.yaml"]])
+@pytest.mark.parametrize(
+    "arguments", [["schema"], ["check", "a.yaml"], ["run", "a.yaml", "--no-plots"], ["validate", "a.yaml"]]
+)
 def test_a_reader_that_leaves_is_no_error(arguments: list[str]) -> None:
     """As in ``pinarm check ... | head -1``: not a traceback, and not the exit code of a missed expectation."""
     end, start = os.pipe()
@@ -342,8 +343,9 @@ def test_markup_is_shown_as_it_stands(here: Path, capsys: pytest.CaptureFixture[
     assert title in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("arguments", [[], ["fly"], ["run"], ["run", "a.yaml", "b.yaml"], ["schema", "robot"],
-["check"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["fly"], ["run"], ["run", "a.yaml", "b.yaml"], ["schema", "robot"], ["check"]]
+)
 def test_wrong_usage_is_exit_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main(arguments)

@@ -118,7 +118,9 @@ def loaded(pendulum):
         JointSpring(kind="joint_spring", joint="first", stiffness=20.0, damping=0.5, rest=0.3),
         JointEffort(kind="joint_effort", joint="second", effort=Harmonic(amplitude=4.0, pulsation=3.0)),
     ]
-    return Dynamics.of(pendulum.model, {str(k): force.bind(pendulum.model, pendulum.joints) for k, force in enumerate(forces)}).on(0.0, 1.0)
+    return Dynamics.of(
+        pendulum.model, {str(k): force.bind(pendulum.model, pendulum.joints) for k, force in enumerate(forces)}
+    ).on(0.0, 1.0)
 
 
 class TestLoads:

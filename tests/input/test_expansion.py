@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-
 import io
 import sys
 import threading
@@ -16,7 +15,7 @@ import pytest
 from pinarm.errors import InputError, ModelError, PinarmError
 from pinarm.input import expansion, roots
 from pinarm.input.expansion import Expansion, expand
-from pinarm.input.robots import robot, robots
+from pinarm.input.robots import robot
 from pinarm.input.roots import contained, example_robot_data, inside, root_of
 
 HEAD = '<?xml version="1.0"?>\n<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'

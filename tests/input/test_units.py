@@ -102,8 +102,9 @@ def test_a_bare_number_has_no_unit() -> None:
     assert read_quantity("1.5") == (1.5, None)
 
 
-@pytest.mark.parametrize("text",
-["", "m", "deg 30", "1,5 m", "0x10 m", "nan m", "inf", "--1 m", "1e m", "1 2 m", "½ m"])
+@pytest.mark.parametrize(
+    "text", ["", "m", "deg 30", "1,5 m", "0x10 m", "nan m", "inf", "--1 m", "1e m", "1 2 m", "½ m"]
+)
 def test_what_is_no_quantity(text: str) -> None:
     with pytest.raises(UnitError):
         read_quantity(text)

@@ -111,9 +111,7 @@ def dumped(data: Any) -> str:
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )  # fmt: skip
 @given(seed=st.integers(0, 2**32))
-def test_only_errors_of_pinarm_come_out(
-    scenario: Callable[..., Any], folder: Path, kind: str, seed: int
-) -> None:
+def test_only_errors_of_pinarm_come_out(scenario: Callable[..., Any], folder: Path, kind: str, seed: int) -> None:
     chance = Random(seed)
     parameter, start, loads = ("pivot", "10 deg", AT_REST) if kind == "statics" else ("t", "1 s", LOADS)
     changes = [("outputs: [", loads + "outputs: [twice, ")]

@@ -37,7 +37,19 @@ def test_what_is_drawn_are_the_numbers(scenario: Callable[..., Any]) -> None:
 
 @pytest.mark.parametrize(
     "title",
-    ["$\\foo{", "$$", "a $ b", "\\alpha", "x^2_{", "50 % \\$ $", "[/] [red]", "力 \U0001f600 é", "a\\nb", "", "x" * 500]
+    [
+        "$\\foo{",
+        "$$",
+        "a $ b",
+        "\\alpha",
+        "x^2_{",
+        "50 % \\$ $",
+        "[/] [red]",
+        "力 \U0001f600 é",
+        "a\\nb",
+        "",
+        "x" * 500,
+    ],
 )
 def test_a_title_is_drawn_as_it_stands(scenario: Callable[..., Any], title: str) -> None:
     """Also where the font has no such character: a warning would be an error here and noise on a terminal."""
