@@ -90,6 +90,8 @@ class Mechanism:
         if file.suffix in (".yaml", ".yml"):
             document, folder = Document.read(file), file.parent
             description, here = document.validate(MechanismDescription), document.locating
+        elif file.suffix:
+            description, folder = MechanismDescription(pinarm=1, robot=file.name), file.parent
         else:
             description = MechanismDescription(pinarm=1, robot=str(path))
         if gravity is not None:

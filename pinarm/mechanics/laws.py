@@ -314,6 +314,8 @@ class Table(MotionLaw):
     @model_validator(mode="before")
     @classmethod
     def _read(cls, given: Any, info: ValidationInfo) -> Any:
+        if info.context and isinstance(given, dict) and {"times", "values", "measured"} & given.keys():
+            raise InputError("a table in a file is read from its CSV file only", expected="the keys file and speeds")
         if isinstance(given, dict) and isinstance(given.get("file"), str) and "times" not in given:
             from pinarm.input.tables import read_table
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import pinocchio as pin
@@ -14,7 +14,7 @@ from pinarm.input.schema import Inertia, Model, quantity
 from pinarm.mechanics.coordinates import frame_of
 from pinarm.mechanics.model import TRIANGLE
 
-Mass = quantity("kg")
+Mass: Any = quantity("kg")
 
 
 class Payload(Model):

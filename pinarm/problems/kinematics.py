@@ -20,8 +20,8 @@ from pinarm.problems.inverse import driven
 class Kinematics(Model):
     """Motion under laws on as many coordinates as the mechanism has degrees of freedom; masses play no part.
 
-    With the imposed coordinates w: ``w(q) = w_d(t)``, ``J v = w_d'`` and ``J a = w_d'' - J' v``. Models without any mass
-    will do. Singular positions, where J loses rank, are refused.
+    With the imposed coordinates w: ``w(q) = w_d(t)``, ``J v = w_d'`` and ``J a = w_d'' - J' v``. Models without any
+    mass will do. Singular positions, where J loses rank, are refused.
 
     Attributes:
         time: Instants of the table.

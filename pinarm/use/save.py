@@ -109,7 +109,7 @@ def _resolved(result: Result, folder: Path) -> str:
     from ruamel.yaml import YAML
 
     content = result.content.model_dump(mode="json", by_alias=True, exclude_none=True)
-    written = dict(result.data)
+    written = _moved(result.data, result.folder, folder)
     units = result.trajectory.mechanism.argument_units
     written["arguments"] = {
         name: f"{value!r} {units[name]}" if name in units else value
@@ -125,6 +125,18 @@ def _resolved(result: Result, folder: Path) -> str:
     writer.sort_base_mapping_type_on_output = False
     writer.dump(written, text)
     return text.getvalue()
+
+
+def _moved(data: Any, source: Path, target: Path) -> Any:
+    """Return scenario data with the files of its tables named from another folder."""
+    if isinstance(data, list):
+        return [_moved(value, source, target) for value in data]
+    if not isinstance(data, dict):
+        return data
+    moved = {key: _moved(value, source, target) for key, value in data.items()}
+    if data.get("law") == "table":
+        moved["file"] = os.path.relpath(source / data["file"], target)
+    return moved
 
 
 def _write(path: Path, text: str) -> None:
