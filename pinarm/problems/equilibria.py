@@ -141,12 +141,12 @@ class Equilibrium:
     def figures(self, row: int) -> dict[str, float]:
         """Return its numbers by name."""
         kind = "stiffness" if self.massless else "w^2"
-        several = {f"equilibrium {row}: {kind} {k}": float(x) for k, x in enumerate(self.squares, 1)}
+        larger = {f"equilibrium {row}: {kind} {k}": float(x) for k, x in enumerate(self.squares[1:], 2)}
         return {
             f"equilibrium {row}: starts": float(self.starts),
             f"equilibrium {row}: stability": float(self.stability),
             f"equilibrium {row}: smallest {kind}": float(self.squares[0]),
-            **several,
+            **larger,
         }
 
 
@@ -217,7 +217,7 @@ class Balance:
         """Return K = -df/dq and what it and f are made of, for telling 0 from rounding.
 
         Returns:
-            K, shape (nv, nv); sizes of its terms, shape (nv, nv); sizes of the terms of f, shape (nv,).
+            K, shape (nv, nv); sizes of its terms, shape (nv, nv); sizes of the terms of f at q, shape (nv,).
         """
         model, data = self.dynamics.model, self.dynamics.data
         stiffness = np.array(pin.computeGeneralizedGravityDerivatives(model, data, q)).reshape(model.nv, model.nv)
@@ -230,7 +230,7 @@ class Balance:
             stiffness -= slopes
             sizes += np.abs(slopes)
             size = size + np.abs(load(q[None])[0])
-        return stiffness, sizes, size + sizes @ np.abs(q)
+        return stiffness, sizes, size
 
     def equilibrium(self, q: Array, start: str) -> Equilibrium:
         """Return the equilibrium that damped Newton steps from q reach.
@@ -238,14 +238,15 @@ class Balance:
         Raises:
             AssemblyError: They reach none.
         """
-        closest = self._descend(q)
-        if not self._balanced(closest):
-            closest = self._descend(self._pushed(closest))
-        if not self._balanced(closest):
-            raise self._unbalanced(closest, start)
-        return self._judged(self._descend(closest, polish=True))
+        reach = np.maximum(np.abs(q), self.turns)
+        closest = self._descend(q, reach)
+        if not self._balanced(closest, reach):
+            closest = self._descend(self._pushed(closest, reach), reach)
+        if not self._balanced(closest, reach):
+            raise self._unbalanced(closest, reach, start)
+        return self._judged(self._descend(closest, reach, polish=True))
 
-    def _descend(self, q: Array, *, polish: bool = False) -> Array:
+    def _descend(self, q: Array, reach: Array, *, polish: bool = False) -> Array:
         """Return where the scaled force can shrink no more: by damped steps, or to polish by a few undamped ones.
 
         With S the diagonal scaling that gives the terms of K the size 1, a step solves ``S K S y = S f`` in the sense
@@ -253,7 +254,7 @@ class Balance:
         """
         basis, damping = self.reduction.basis, 0.0
         for _ in range(5 if polish else ITERATIONS):
-            if not polish and self._balanced(q):
+            if not polish and self._balanced(q, reach):
                 break
             stiffness, sizes, _ = self.terms(q)
             diagonal = np.diag(np.abs(basis).T @ sizes @ np.abs(basis))
@@ -278,16 +279,23 @@ class Balance:
         whole = self.reduction.basis @ step
         return self._whole(q + whole * min(1.0, STRIDE / max(np.abs(self.turns * whole).max(), 1e-300)))
 
-    def _pushed(self, q: Array) -> Array:
-        """Return q moved the way it would fall: where no small step changes the force, such as an arm held level."""
-        basis = self.reduction.basis
-        share = (basis.T @ self.force(q)) / np.maximum(np.abs(basis).T @ self.terms(q)[2], 1e-300)
-        return self._whole(q + PUSH * basis @ share / max(np.abs(share).max(), 1e-300))
+    def _shares(self, q: Array, reach: Array) -> Array:
+        """Return the free forces relative to the terms that make them up, shape (nu,).
 
-    def _balanced(self, q: Array) -> bool:
+        Rounding of the coordinates takes part with K times their size, at least ``reach``: that of the start, or 1 rad.
+        """
         basis = self.reduction.basis
-        left = np.abs(basis.T @ self.force(q))
-        return bool((left <= BALANCED * (np.abs(basis).T @ self.terms(q)[2])).all())
+        _, sizes, size = self.terms(q)
+        whole = np.abs(basis).T @ (size + sizes @ np.maximum(np.abs(q), reach))
+        return np.asarray((basis.T @ self.force(q)) / np.maximum(whole, 1e-300))
+
+    def _balanced(self, q: Array, reach: Array) -> bool:
+        return bool((np.abs(self._shares(q, reach)) <= BALANCED).all())
+
+    def _pushed(self, q: Array, reach: Array) -> Array:
+        """Return q moved the way it would fall: where no small step changes the force, such as an arm held level."""
+        share = self._shares(q, reach)
+        return self._whole(q + PUSH * self.reduction.basis @ share / np.abs(share).max())
 
     def _judged(self, q: Array) -> Equilibrium:
         """Return the equilibrium at q with its eigenvalues and their signs."""
@@ -303,10 +311,10 @@ class Balance:
         stability = -1 if falls.any() else int((squares.real > unsure).all())
         return Equilibrium(q, np.sort(squares.real), stability, massless)
 
-    def _unbalanced(self, q: Array, start: str) -> AssemblyError:
+    def _unbalanced(self, q: Array, reach: Array, start: str) -> AssemblyError:
         joints = list(self.mechanism.joints.values())
         free = self.reduction.basis.T @ self.force(q)
-        worst = int(np.abs(free / np.maximum(np.abs(self.reduction.basis).T @ self.terms(q)[2], 1e-300)).argmax())
+        worst = int(np.abs(self._shares(q, reach)).argmax())
         joint = joints[int(self.reduction.free_v[worst])]
         closest = ", ".join(f"{joint.name} = {q[joint.q]:.6g} {joint.unit}" for joint in joints)
         return AssemblyError(

@@ -1,0 +1,142 @@
+"""A payload is the same as its mass in the model's text."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from pydantic import ValidationError
+
+from pinarm.errors import InputError
+from pinarm.input.schema import FROM_FILE
+from pinarm.mechanics.model import build_model
+from pinarm.mechanics.payload import Payload, laden
+
+PLACE = 'xyz="0.21 -0.13 0.34" rpy="0.4 -0.9 1.3"'
+MOMENTS = (0.013, 0.021, 0.028)
+
+
+def inertial(mass, moments=(0.0, 0.0, 0.0)):
+    xx, yy, zz = moments
+    return (f'<inertial><mass value="{mass!r}"/>'
+            f'<inertia ixx="{xx!r}" iyy="{yy!r}" izz="{zz!r}" ixy="0" ixz="0" iyz="0"/></inertial>')  # fmt: skip
+
+
+@pytest.fixture
+def build(chain):
+    """Return a function that builds a chain whose second body carries a turned link ``tool`` with that inertial."""
+    xml = chain(
+        {"name": "a", "axis": "0 1 0", "com": "0.1 0.2 -0.4", "inertia": (0.2, 0.3, 0.4)},
+        {"name": "b", "axis": "0.6 0 0.8", "at": "0.3 0 0.2", "com": "0 0.1 0.2"},
+        {"name": "c", "kind": "prismatic", "axis": "1 0 0", "at": "0 0 0.5", "mass": 0.4},
+    )
+
+    def model(tool=""):
+        link = (f'<link name="tool">{tool}</link><joint name="flange" type="fixed"><parent link="b_link"/>'
+                f'<child link="tool"/><origin {PLACE}/></joint></robot>')  # fmt: skip
+        built = build_model(xml.replace("</robot>", link)).model
+        built.gravity.linear = np.array([1.0, -2.0, -9.0])
+        built.armature = np.array([0.1, 0.0, 0.2])
+        return built
+
+    return model
+
+
+def efforts(model, seed=3):
+    states = np.random.default_rng(seed).normal(size=(40, 3, model.nv))
+    data = model.createData()
+    return np.array([pin.rnea(model, data, *state) for state in states])
+
+
+@pytest.mark.parametrize("moments", [(0.0, 0.0, 0.0), MOMENTS], ids=["point", "body"])
+def test_efforts_are_those_of_a_model_with_the_mass_in_its_text(build, moments):
+    carried = laden(build(), [Payload(point="tool", mass=1.7, inertia=moments)])
+    written, empty = efforts(build(inertial(1.7, moments))), efforts(build())
+    assert efforts(carried) == pytest.approx(written, rel=1e-13, abs=1e-13 * np.abs(written).max())
+    assert np.abs(written - empty).max() > 1.0
+
+
+def test_moments_of_inertia_are_about_the_axes_of_the_link(build):
+    carried = laden(build(), [Payload(point="tool", mass=0.0, inertia=MOMENTS)])
+    turned = laden(build(), [Payload(point="tool", mass=0.0, inertia=MOMENTS[::-1])])
+    written = efforts(build(inertial(0.0, MOMENTS)))
+    assert efforts(carried) == pytest.approx(written, rel=1e-13, abs=1e-13 * np.abs(written).max())
+    assert np.abs(efforts(turned) - written).max() > 1e-3
+
+
+def test_several_payloads_add_up(build):
+    halves = [Payload(point="tool", mass=0.6), Payload(point="c_link", mass=0.5), Payload(point="tool", mass=1.1)]
+    once = [Payload(point="c_link", mass=0.5), Payload(point="tool", mass=1.7)]
+    found, expected = efforts(laden(build(), halves)), efforts(laden(build(), once))
+    assert found == pytest.approx(expected, rel=1e-13, abs=1e-13 * np.abs(expected).max())
+
+
+def test_the_total_mass_and_its_centre(build):
+    """The composite of two masses by hand: their sum, and the mean of their places weighted by them."""
+    model = build()
+    carried = laden(model, [Payload(point="tool", mass=1.7)])
+    before, after = model.inertias[2], carried.inertias[2]
+    tool = np.array([0.21, -0.13, 0.34])
+    assert after.mass == pytest.approx(before.mass + 1.7, rel=1e-15)
+    assert after.lever == pytest.approx((before.mass * before.lever + 1.7 * tool) / after.mass, rel=1e-14)
+
+
+def test_the_model_given_stays_as_it_is_and_the_rest_is_copied(build):
+    model = build()
+    before = efforts(model)
+    carried = laden(model, [Payload(point="tool", mass=1.7)])
+    assert np.array_equal(efforts(model), before)
+    assert carried.gravity.linear.tolist() == model.gravity.linear.tolist()
+    assert carried.armature.tolist() == model.armature.tolist()
+    assert list(carried.names) == list(model.names)
+    carried.gravity.linear = np.zeros(3)
+    assert np.array_equal(efforts(model), before)
+
+
+def test_no_payload_changes_nothing(build):
+    assert np.array_equal(efforts(laden(build(), [])), efforts(build()))
+    assert np.array_equal(efforts(laden(build(), [Payload(point="tool", mass=0.0)])), efforts(build()))
+
+
+def test_forward_and_inverse_dynamics_agree_on_it(build):
+    carried = laden(build(), [Payload(point="tool", mass=1.7, inertia=MOMENTS)])
+    data = carried.createData()
+    q, v, a = np.random.default_rng(1).normal(size=(3, carried.nv))
+    assert pin.aba(carried, data, q, v, pin.rnea(carried, data, q, v, a)) == pytest.approx(a, rel=1e-12)
+
+
+def test_an_unknown_link_is_refused_with_the_choices(build):
+    with pytest.raises(InputError, match="no link 'tol'") as caught:
+        laden(build(), [Payload(point="tol", mass=1.0)])
+    assert "tool" in caught.value.hint
+    assert "b_link" in caught.value.expected
+
+
+def test_a_joint_is_no_link(build):
+    with pytest.raises(InputError, match="no link 'flange'"):
+        laden(build(), [Payload(point="flange", mass=1.0)])
+
+
+def test_a_link_that_does_not_move_is_refused(build):
+    with pytest.raises(InputError, match="'base' does not move"):
+        laden(build(), [Payload(point="base", mass=1.0)])
+
+
+@pytest.mark.parametrize(("given", "message"), [
+    ({"mass": -1.0}, "greater than or equal to 0"),
+    ({"mass": 1.0, "inertia": (1.0, 1.0, 2.1)}, "more than the sum of the other two"),
+    ({"mass": 1.0, "inertia": (1.0, -0.5, 1.0)}, "is negative"),
+    ({"mass": 1.0, "inertia": (1.0, 1.0)}, "inertia"),
+    ({"mass": 1.0, "centre": 3.0}, "Extra inputs"),
+    ({}, "mass"),
+])  # fmt: skip
+def test_what_no_body_has_is_refused(given, message):
+    with pytest.raises(ValidationError, match=message):
+        Payload(point="tool", **given)
+
+
+def test_units_are_those_of_the_file(build):
+    payload = Payload.model_validate(
+        {"point": "tool", "mass": "250 g", "inertia": ["1 kg*m^2", 0, "1 kg*m^2"]}, context=FROM_FILE
+    )
+    assert payload.mass == pytest.approx(0.25, rel=1e-15)
+    with pytest.raises(ValidationError, match="'m' is not a unit"):
+        Payload.model_validate({"point": "tool", "mass": "2 m"}, context=FROM_FILE)

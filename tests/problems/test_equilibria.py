@@ -1,0 +1,426 @@
+"""Equilibria and their stability against closed forms; starts that lead nowhere and input that is refused."""
+
+import math
+from contextlib import nullcontext
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import AssemblyError, InputError
+from pinarm.mechanics.forces.joint import JointEffort, JointSpring
+from pinarm.mechanics.forces.point import PointSpring, Wrench
+from pinarm.mechanics.laws import Constant, Harmonic
+from pinarm.problems.common import Accuracy
+from pinarm.problems.equilibria import Balance, Equilibria, slope
+
+ROOT = Path(pinarm.__file__).parents[1]
+G = 9.81
+MASS, LENGTH = 0.7, 0.83
+BOB = {"name": "bob", "axis": "0 1 0", "mass": MASS, "com": f"0 0 {-LENGTH}", "inertia": (0.0, 0.0, 0.0)}
+UPRIGHT = {**BOB, "com": f"0 0 {LENGTH}"}
+
+
+def place(*path):
+    return nullcontext()
+
+
+def solve(mechanism, starts, **given):
+    return Equilibria(kind="equilibria", starts=starts, **given).solve(mechanism, Accuracy(), place)
+
+
+def squares(run, row):
+    """Return w^2 of a row, in ascending order."""
+    more = [value for name, value in run.figures.items() if name.startswith(f"equilibrium {row}: w^2 ")]
+    return np.array([run.figures[f"equilibrium {row}: smallest w^2"], *more])
+
+
+def stability(run, row):
+    return run.figures[f"equilibrium {row}: stability"]
+
+
+def balance_of(mechanism, loads):
+    forces = {name: load.bind(mechanism.model, mechanism.joints) for name, load in loads.items()}
+    return Balance.of(mechanism, forces, {})
+
+
+@pytest.fixture
+def arm():
+    return Mechanism.load(ROOT / "models" / "gen411_arm" / "mechanism.yaml")
+
+
+# --- pendulums
+
+
+def test_a_pendulum_hangs_stably_and_stands_unstably(mechanism, chain):
+    run = solve(mechanism(chain(BOB)), [{"bob": 0.4}, {"bob": 2.9}])
+    assert run.q[:, 0] == pytest.approx([0.0, math.pi], abs=1e-15)
+    assert squares(run, 1) == pytest.approx([G / LENGTH], rel=1e-14)
+    assert squares(run, 2) == pytest.approx([-G / LENGTH], rel=1e-14)
+    assert (stability(run, 1), stability(run, 2), run.figures["stable"]) == (1.0, -1.0, 1.0)
+    assert run.parameter == "row"
+    assert run.grid.t.tolist() == [1.0, 2.0]
+    assert not run.tau.any()
+
+
+@pytest.mark.parametrize(("low", "high", "expected"), [(-1.5, 1.5, 0.0), (1.65, 4.6, math.pi)])
+def test_every_start_of_a_basin_leads_to_its_equilibrium(mechanism, chain, low, high, expected):
+    starts = [{"bob": float(x)} for x in np.linspace(low, high, 40)]
+    run = solve(mechanism(chain(BOB)), starts)
+    assert run.q.shape == (1, 1)
+    assert run.q[0, 0] == pytest.approx(expected, abs=1e-15)
+    assert run.figures["equilibrium 1: starts"] == 40.0
+
+
+def test_full_turns_apart_is_the_same_position_and_half_a_turn_is_not(mechanism, chain):
+    run = solve(mechanism(chain(BOB)), [{"bob": x} for x in (0.1, 0.1 + 2 * math.pi, -6 * math.pi, 3.0, -3.0, 9.4)])
+    assert len(run) == 2
+    assert [run.figures[f"equilibrium {row}: starts"] for row in (1, 2)] == [3.0, 3.0]
+
+
+def test_slides_a_multiple_of_two_pi_metres_apart_are_two_positions(mechanism, chain):
+    slider = mechanism(chain({"name": "x", "kind": "prismatic", "axis": "1 0 0"}))
+    run = solve(slider, [{"x": 0.0}, {"x": 2 * math.pi}])
+    assert len(run) == 2
+
+
+def quadratic(mass, stiffness):
+    """Solve ``det(K - w^2 M) = 0`` of two coordinates by the formula of a quadratic equation."""
+    a = np.linalg.det(mass)
+    b = -(mass[0, 0] * stiffness[1, 1] + mass[1, 1] * stiffness[0, 0] - 2 * mass[0, 1] * stiffness[0, 1])
+    root = math.sqrt(b * b - 4 * a * np.linalg.det(stiffness))
+    return sorted(((-b - root) / (2 * a), (-b + root) / (2 * a)))
+
+
+def test_the_four_equilibria_of_a_double_pendulum(mechanism, chain):
+    """Bars with their own inertia; absolute angles p1, p2 from the downward vertical: M and K by Lagrange."""
+    m1, m2, c1, c2, length, i1, i2 = 1.3, 0.6, 0.35, 0.5, 0.8, 0.11, 0.07
+    bars = chain(
+        {"name": "a", "axis": "0 1 0", "mass": m1, "com": f"0 0 {-c1}", "inertia": (1.0, i1, 1.0)},
+        {"name": "b", "axis": "0 1 0", "mass": m2, "com": f"0 0 {-c2}", "inertia": (1.0, i2, 1.0),
+         "at": f"0 0 {-length}"},
+    )  # fmt: skip
+    starts = [{"a": 0.2, "b": -0.3}, {"a": -0.1, "b": 3.0}, {"a": 3.1, "b": 3.0}, {"a": 3.3, "b": 0.2}]
+    run = solve(mechanism(bars), starts)
+    up = [(1, 1), (1, -1), (-1, 1), (-1, -1)]  # cosines of p1 and p2
+    assert len(run) == 4
+    for row, (s1, s2) in enumerate(up, 1):
+        p1, p2 = run.q[row - 1, 0], run.q[row - 1].sum()
+        assert [math.cos(p1), math.cos(p2)] == pytest.approx([s1, s2], abs=1e-15)
+        assert [math.sin(p1), math.sin(p2)] == pytest.approx([0.0, 0.0], abs=1e-14)
+        cross = m2 * length * c2 * s1 * s2
+        mass = np.array([[i1 + m1 * c1**2 + m2 * length**2, cross], [cross, i2 + m2 * c2**2]])
+        stiffness = np.diag([G * (m1 * c1 + m2 * length) * s1, G * m2 * c2 * s2])
+        assert squares(run, row) == pytest.approx(quadratic(mass, stiffness), rel=1e-12)
+        assert stability(run, row) == (1 if s1 == s2 == 1 else -1)
+
+
+def test_the_four_equilibria_of_the_two_rod_arm():
+    run = pinarm.load(ROOT / "scenarios" / "gen411_arm_equilibria.yaml").run()
+    l1 = l2 = 0.25
+    m_a, m_b, m_ba = 0.1, 0.5, 1.0
+    whole, tip = m_a + m_b + m_ba, m_a + m_ba / 2
+    for row, (s1, s2) in enumerate([(-1, -1), (-1, 1), (1, -1), (1, 1)], 1):
+        cross = l1 * l2 * tip * s1 * s2
+        mass = np.array([[l1**2 * whole, cross], [cross, l2**2 * (m_ba / 3 + m_a)]])
+        stiffness = np.diag([-G * l1 * whole * s1, -G * l2 * tip * s2])
+        assert squares(run, row) == pytest.approx(quadratic(mass, stiffness), rel=1e-12)
+    assert run.figures["stable"] == 1.0
+    assert run.figures["equilibrium 1: starts"] == 2.0
+    assert len(run) == 4
+
+
+def test_an_arm_held_level_falls_though_no_small_step_changes_the_force(arm):
+    run = solve(arm, [{}])
+    assert np.cos(run.q[0, 0]) == pytest.approx(0.0, abs=1e-15)
+    assert len(run) == 1
+
+
+# --- springs
+
+
+@pytest.mark.parametrize("ratio", [0.3, 0.99, 1.0 - 1e-6, 1.0 + 1e-6, 1.01, 4.0])
+def test_a_spring_holds_a_pendulum_upright_if_it_is_stiffer_than_its_weight(mechanism, chain, ratio):
+    stiffness = ratio * MASS * G * LENGTH
+    spring = {"hold": JointSpring(kind="joint_spring", joint="bob", stiffness=stiffness)}
+    run = solve(mechanism(chain(UPRIGHT)), [{}], loads=spring)
+    assert run.q[0, 0] == 0.0
+    assert squares(run, 1) == pytest.approx([(stiffness - MASS * G * LENGTH) / (MASS * LENGTH**2)], rel=1e-9)
+    assert stability(run, 1) == (1.0 if ratio > 1.0 else -1.0)
+
+
+@pytest.mark.parametrize("ratio", [0.3, 0.9, 0.999])
+def test_beside_the_unstable_position_there_are_two_stable_ones(mechanism, chain, ratio):
+    """The pitchfork: ``sin q / q = k / (m g L)``, by bisection, and ``w^2 = (k - m g L cos q) / (m L^2)``."""
+    weight = MASS * G * LENGTH
+    spring = {"hold": JointSpring(kind="joint_spring", joint="bob", stiffness=ratio * weight)}
+    low, high = 1e-9, math.pi
+    for _ in range(200):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if math.sin(middle) / middle > ratio else (low, middle)
+    run = solve(mechanism(chain(UPRIGHT)), [{"bob": 1.3 * low}, {"bob": -1.3 * low}, {"bob": 0.9 * low}], loads=spring)
+    assert run.q[:, 0] == pytest.approx([low, -low], rel=1e-11)
+    assert run.figures["equilibrium 1: starts"] == 2.0
+    expected = (ratio - math.cos(low)) * weight / (MASS * LENGTH**2)
+    assert squares(run, 1) == pytest.approx([expected], rel=1e-9)
+    assert run.figures["stable"] == 2.0
+
+
+def test_at_the_fork_itself_the_upright_position_is_indifferent(mechanism, chain):
+    spring = {"hold": JointSpring(kind="joint_spring", joint="bob", stiffness=MASS * G * LENGTH)}
+    run = solve(mechanism(chain(UPRIGHT)), [{}, {"bob": 0.3}, {"bob": -0.2}], loads=spring)
+    assert len(run) == 1
+    assert stability(run, 1) == 0.0
+    assert run.figures["stable"] == 0.0
+
+
+@pytest.mark.parametrize("stiffness", [1e-2, 30.0, 1e7])
+def test_a_mass_sags_on_a_spring_by_its_weight_over_the_stiffness(mechanism, chain, stiffness):
+    slider = mechanism(chain({"name": "z", "kind": "prismatic", "axis": "0 0 1", "mass": 2.3}))
+    run = solve(slider, [{"z": 0.4}, {}], loads={"s": JointSpring(kind="joint_spring", joint="z", stiffness=stiffness)})
+    assert len(run) == 1
+    assert run.q[0, 0] == pytest.approx(-2.3 * G / stiffness, rel=1e-14)
+    assert squares(run, 1) == pytest.approx([stiffness / 2.3], rel=1e-12)
+    assert stability(run, 1) == 1.0
+
+
+ANCHOR = '<link name="anchor"/><joint name="wall" type="fixed"><parent link="base"/><child link="anchor"/>'
+
+
+def truss(mechanism, chain, beside):
+    """A slider along x, and a point ``beside`` its line from which a spring reaches it."""
+    xml = chain({"name": "x", "kind": "prismatic", "axis": "1 0 0", "mass": 1.7})
+    return mechanism(xml.replace("</robot>", f'{ANCHOR}<origin xyz="0 0 {beside}"/></joint></robot>'), gravity="none")
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-2])
+def test_a_spring_across_a_slide_snaps_through(mechanism, chain, size):
+    """Free length L > distance a: ``x = +-sqrt(L^2 - a^2)`` with ``k x^2 / L^2``, and 0 with ``-k (L/a - 1)``."""
+    k, a, free = 450.0, 0.3 * size, 0.5 * size
+    spring = PointSpring(kind="point_spring", between=("anchor", "x_link"), stiffness=k, free_length=free)
+    run = solve(truss(mechanism, chain, a), [{"x": 0.35 * size}, {"x": 1e-4 * size}, {"x": -0.35 * size}],
+                loads={"s": spring})  # fmt: skip
+    assert run.q[:, 0] == pytest.approx([0.4 * size, 0.0, -0.4 * size], abs=1e-14 * size)
+    assert squares(run, 1) == pytest.approx([k * 0.64 / 1.7], rel=1e-12)
+    assert squares(run, 2) == pytest.approx([-k * (free / a - 1.0) / 1.7], rel=1e-12)
+    assert [stability(run, row) for row in (1, 2, 3)] == [1.0, -1.0, 1.0]
+
+
+FUNCTIONS = {
+    "sine": (np.sin, np.cos),
+    "steep": (lambda x: np.tanh(40 * x), lambda x: 40 / np.cosh(40 * x) ** 2),
+    "root": (lambda x: np.sqrt(1e-4 + x * x), lambda x: x / np.sqrt(1e-4 + x * x)),
+    "line": (lambda x: 3e6 * x - 2.0, lambda x: 3e6 + 0 * x),
+    "constant": (lambda x: 5.0 + 0 * x, lambda x: 0 * x),
+    "square": (lambda x: x * x, lambda x: 2 * x),
+}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+@pytest.mark.parametrize("at", [0.0, 0.013, -0.7, 2.4])
+def test_slopes_of_loads_are_right_to_a_part_in_1e12(name, at):
+    value, derivative = FUNCTIONS[name]
+    found = slope(value, np.array([at]))[0, 0]
+    around = np.abs(derivative(at + np.linspace(-0.05, 0.05, 101))).max()
+    assert found == pytest.approx(derivative(np.array(at)), abs=1e-12 * (around + abs(value(np.array(at)))))
+
+
+def test_slopes_tell_load_from_coordinate():
+    found = slope(lambda q: np.stack([q[:, 0] * q[:, 1], q[:, 0] ** 2], axis=1), np.array([2.0, 3.0]))
+    assert found == pytest.approx(np.array([[3.0, 2.0], [4.0, 0.0]]), abs=1e-12)
+
+
+def test_the_stiffness_is_the_second_derivative_of_the_potential_energy(mechanism, chain, differentiate):
+    bodies = [{"name": n, "axis": axis, "com": "0.1 0.2 -0.4", "at": "0.1 0.1 -0.3"}
+              for n, axis in (("a", "0 1 0"), ("b", "1 0 0"), ("c", "0 0.6 0.8"))]  # fmt: skip
+    model = mechanism(chain(*bodies).replace("</robot>", f'{ANCHOR}<origin xyz="0.7 0.2 0.5"/></joint></robot>'))
+    line = PointSpring(kind="point_spring", between=("anchor", "c_link"), stiffness=30.0, free_length=0.4, force=2.0)
+    coil = JointSpring(kind="joint_spring", joint="b", stiffness=8.0, rest=0.3)
+    balance = balance_of(model, {"line": line, "coil": coil})
+    q, still = np.array([0.4, -0.9, 0.7]), np.zeros((1, 3))
+    stiffness, _, _ = balance.terms(q)
+    for i in range(3):
+        row = differentiate(lambda t, i=i: balance.force(q + t * np.eye(3)[i]), 0.0)
+        assert stiffness[:, i] == pytest.approx(-row, abs=1e-9)
+        energy = differentiate(lambda t, i=i: balance.dynamics.energy(q[None] + t * np.eye(3)[i], still)[1], 0.0)
+        assert balance.force(q)[i] == pytest.approx(-energy[0], abs=1e-9)
+    assert stiffness == pytest.approx(stiffness.T, abs=1e-11)
+
+
+# --- what is held, what has no mass, what has no potential
+
+
+def test_a_held_absolute_angle_leaves_a_pendulum_and_tells_the_torque_that_holds_it(arm):
+    """With phi held BA only moves along a circle: all mass at B, ``w^2 = g / l1``; the motor at B carries BA."""
+    phi = 0.4
+    run = solve(arm, [{"O": -1.2}, {"O": 1.4}], hold={"phi": phi})
+    assert run.q[:, 0] == pytest.approx([-math.pi / 2, math.pi / 2], abs=1e-14)
+    assert run.q.sum(axis=1) == pytest.approx(phi, abs=1e-15)
+    assert squares(run, 1) == pytest.approx([G / 0.25], rel=1e-13)
+    assert squares(run, 2) == pytest.approx([-G / 0.25], rel=1e-13)
+    assert run.tau[0] == pytest.approx(G * 0.25 * math.cos(phi) * (0.1 + 0.5) * np.ones(2), rel=1e-13)
+
+
+def test_a_start_is_moved_to_what_is_held(arm):
+    _, starts = Equilibria(kind="equilibria", starts=[{"O": 0.5}], hold={"phi": 0.7}).prepare(arm, place)
+    assert starts[0] == pytest.approx([0.6, 0.1])
+
+
+TIP = {"axis": "0 1 0", "inertia": (0.0, 0.0, 0.0)}
+
+
+def test_without_mass_in_a_direction_the_stiffness_decides_and_a_note_says_so(mechanism, chain):
+    """One point mass at the end of two bars: stretched, it cannot move along them, and M is singular."""
+    l1, l2 = 0.5, 0.3
+    bars = chain({**TIP, "name": "a", "mass": 0.0},
+                 {**TIP, "name": "b", "mass": MASS, "at": f"0 0 {-l1}", "com": f"0 0 {-l2}"})  # fmt: skip
+    run = solve(mechanism(bars), [{"a": 0.1, "b": -0.2}, {"a": 3.0, "b": 0.1}])
+    weight = MASS * G
+    middle, apart = 0.5 * (l1 + 2 * l2), 0.5 * math.hypot(l1, 2 * l2)  # of K = m g [[l1 + l2, l2], [l2, l2]]
+    assert run.figures["equilibrium 1: smallest stiffness"] == pytest.approx(weight * (middle - apart), rel=1e-12)
+    assert run.figures["equilibrium 1: stiffness 2"] == pytest.approx(weight * (middle + apart), rel=1e-12)
+    assert not any("w^2" in name for name in run.figures)
+    assert [stability(run, 1), stability(run, 2)] == [1.0, -1.0]
+    assert any("row 1" in note and "no mass" in note for note in run.mechanism.notes)
+
+
+def test_without_weight_every_position_is_indifferent_and_stays_where_it_starts(mechanism, chain):
+    run = solve(mechanism(chain(BOB), gravity="none"), [{"bob": 0.4}, {"bob": 1.1}])
+    assert run.q[:, 0].tolist() == [0.4, 1.1]
+    assert [stability(run, 1), stability(run, 2)] == [0.0, 0.0]
+
+
+def test_a_pendulum_about_a_vertical_axis_is_indifferent_too(mechanism, chain):
+    run = solve(mechanism(chain({**BOB, "axis": "0 0 1", "com": "0.6 0 0"})), [{"bob": 0.4}])
+    assert run.q[0, 0] == pytest.approx(0.4, abs=1e-15)
+    assert stability(run, 1) == 0.0
+
+
+def test_a_direction_that_is_indifferent_to_rounding_is_left_alone(mechanism, chain):
+    """A mast turns about the vertical and carries a pendulum; weight has no part in the mast but for rounding."""
+    crane = chain({"name": "mast", "axis": "0 0 1", "com": "0.3 0.1 0.7"},
+                  {"name": "tilt", "axis": "0.48 0.64 0.6", "at": "0.1 0.2 0.3", "com": "0.2 -0.1 -0.5"},
+                  {**BOB, "axis": "0.6 -0.8 0", "at": "0.3 0.1 -0.2"})  # fmt: skip
+    run = solve(mechanism(crane), [{"mast": 0.4, "tilt": 0.1, "bob": 0.2}, {"mast": 2.4, "tilt": 0.2, "bob": -0.3}])
+    assert run.q[:, 0] == pytest.approx([0.4, 2.4], abs=1e-3)
+    assert run.q[0, 1:] == pytest.approx(run.q[1, 1:], abs=1e-12)
+    assert [stability(run, 1), stability(run, 2)] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(("load", "stable"), [(2.08, 1.0), (2.09, -1.0)])
+def test_a_column_under_a_force_that_follows_it_flutters_beyond_its_critical_load(mechanism, chain, load, stable):
+    """Ziegler's column, masses 2m and m: ``P = (7/2 - sqrt(2)) k / L = 2.0858 k / L``; K is not symmetric."""
+    length, k = 0.4, 5.0
+    column = chain({**TIP, "name": "a", "mass": 2.0, "com": f"0 0 {length}"},
+                   {**TIP, "name": "b", "mass": 1.0, "at": f"0 0 {length}", "com": f"0 0 {length}"})  # fmt: skip
+    loads = {
+        "a": JointSpring(kind="joint_spring", joint="a", stiffness=k),
+        "b": JointSpring(kind="joint_spring", joint="b", stiffness=k),
+        "push": Wrench(kind="wrench", point="b_link", axes="b_link", force=(0.0, 0.0, -load * k / length)),
+    }
+    run = solve(mechanism(column, gravity="none"), [{}], loads=loads)
+    assert stability(run, 1) == stable
+
+
+def test_a_constant_torque_leans_a_pendulum(mechanism, chain):
+    torque = 0.6 * MASS * G * LENGTH
+    push = {"t": JointEffort(kind="joint_effort", joint="bob", effort=Constant(value=torque))}
+    run = solve(mechanism(chain(BOB)), [{"bob": 0.3}, {"bob": 2.2}], loads=push)
+    lean = math.asin(0.6)  # a positive turn about y swings the bob to -x
+    assert np.sort(run.q[:, 0]) == pytest.approx([lean, math.pi - lean], abs=1e-14)
+    assert squares(run, 1) == pytest.approx([0.8 * G / LENGTH], rel=1e-12)
+
+
+# --- what goes wrong
+
+
+def test_a_start_that_leads_nowhere_is_named_with_what_is_left(mechanism, chain):
+    pair = mechanism(chain(BOB, {"name": "z", "kind": "prismatic", "axis": "0 0 1", "mass": 2.0}))
+    loads = {"s": JointSpring(kind="joint_spring", joint="z", stiffness=1e5)}
+    wall = {"t": JointEffort(kind="joint_effort", joint="bob", effort=Constant(value=1e3))}
+    assert len(solve(pair, [{}], loads=loads)) == 1
+    message = r"starts\[0\] leads to no equilibrium: a force of .* N\*m is left on bob"
+    with pytest.raises(AssemblyError, match=message) as caught:
+        solve(pair, [{}, {"bob": 1.0}], loads={**loads, **wall})
+    assert "bob = " in str(caught.value)
+    assert "z = " in str(caught.value)
+    assert caught.value.partial is None
+    assert np.abs(caught.value.data["residual"]).max() > 100.0
+
+
+def test_the_starts_before_a_failing_one_are_kept(mechanism, chain):
+    """A spring across a slide that is pushed: on the far side the force has a smallest value, but no zero."""
+    k, beside, free = 100.0, 2.0, 2.4
+    spring = PointSpring(kind="point_spring", between=("anchor", "x_link"), stiffness=k, free_length=free)
+    push = JointEffort(kind="joint_effort", joint="x", effort=Constant(value=12.0))
+    model = truss(mechanism, chain, beside)
+    good = solve(model, [{"x": 1.6}], loads={"s": spring, "p": push})
+    with pytest.raises(AssemblyError, match=r"starts\[1\]") as caught:
+        solve(model, [{"x": 1.6}, {"x": -2.0}], loads={"s": spring, "p": push})
+    assert caught.value.partial.q == pytest.approx(good.q)
+    flat = -math.sqrt((free * beside**2) ** (2 / 3) - beside**2)  # where the slope of the force vanishes
+    assert caught.value.data["q"] == pytest.approx([flat], abs=1e-2)
+
+
+REFUSED = {
+    "unknown joint": ({"starts": [{"o": 0.1}]}, "no joint 'o'"),
+    "unknown hold": ({"starts": [{}], "hold": {"psi": 0.1}}, "no coordinate 'psi'"),
+    "start held": ({"starts": [{"O": 0.1}], "hold": {"O": 0.1}}, "'O' is held"),
+    "all held": ({"starts": [{}], "hold": {"O": 0.1, "B": 0.0}}, "nothing is left to balance"),
+    "task": ({"starts": [{}], "hold": {"A_height": 0.1}}, "'A_height' cannot be prescribed"),
+    "unit": ({"starts": [{"O": "3 m"}]}, "'m' is not a unit"),
+    "law": (
+        {"starts": [{}], "loads": {"t": {"kind": "joint_effort", "joint": "O",
+         "effort": {"law": "harmonic", "amplitude": 1.0, "pulsation": 2.0}}}},
+        "no value at rest",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_refused(arm, case):
+    given, message = REFUSED[case]
+    with pytest.raises(InputError, match=message):
+        Equilibria(kind="equilibria", **given).prepare(arm, place)
+
+
+def test_a_law_is_refused_even_in_the_mechanism_itself(mechanism, chain):
+    shaken = mechanism(chain(BOB), forces={"t": {"kind": "joint_effort", "joint": "bob", "effort":
+                       {"law": "harmonic", "amplitude": "1 N*m", "pulsation": "2 rad/s"}}})  # fmt: skip
+    assert isinstance(shaken.forces["t"].laws()[0], Harmonic)
+    with pytest.raises(InputError, match="no value at rest"):
+        solve(shaken, [{}])
+
+
+def test_joints_with_several_coordinates_are_refused(mechanism, chain):
+    free = mechanism(chain({**BOB, "kind": "floating"}))
+    with pytest.raises(InputError, match="joints with one coordinate only"):
+        solve(free, [{}])
+
+
+def test_mistakes_in_a_file_are_located():
+    file = ROOT / "scenarios" / "gen411_arm_equilibria.yaml"
+    for override, message in (("starts=[{O: 0 rad}, {C: 1 rad}]", "no joint 'C'"), ("hold={phi: 3 m}", "'m' is not a")):
+        with pytest.raises(InputError, match=message) as caught:
+            pinarm.load(file, [f"problem.{override}"]).validate()
+        assert str(caught.value).startswith(f"--set problem.{override}")
+
+
+def test_a_failing_start_is_located_and_its_index_named():
+    file = ROOT / "scenarios" / "gen411_arm_equilibria.yaml"
+    push = "{t: {kind: joint_effort, joint: O, effort: {law: constant, value: 1 kN*m}}}"
+    with pytest.raises(AssemblyError, match=r"starts\[0\]") as caught:
+        pinarm.load(file, [f"problem.loads={push}"]).run()
+    assert f"{file}:8:" in str(caught.value)
+
+
+# --- rows have nothing between them
+
+
+def test_a_row_is_found_by_its_number_and_extremes_stand_on_rows(mechanism, chain):
+    run = solve(mechanism(chain(BOB)), [{"bob": 0.4}, {"bob": 2.9}])
+    assert run.within(1, np.array([2.0, 1.7])).q[:, 0].tolist() == [run.q[1, 0]] * 2
+    assert run.within(0, np.array([1.0])).q[:, 0].tolist() == [run.q[0, 0]]
+    assert run.again(run.grid).q.tolist() == run.q.tolist()

@@ -1,0 +1,129 @@
+"""Kinematics: the motion of inverse dynamics without its forces, for models without mass too."""
+
+from contextlib import nullcontext
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.quantities import Quantities
+from pinarm.errors import AssemblyError, InputError, UnitError
+from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Trapezoid
+from pinarm.problems import problem_class
+from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.inverse import Inverse
+from pinarm.problems.kinematics import Kinematics
+
+ROOT = Path(pinarm.__file__).parents[1]
+WEIGHTLESS = {"m_A": "0 kg", "m_B": "0 kg", "m_BA": "0 kg"}
+LIFT = {"A_height": Harmonic(mean=0.55, amplitude=0.1, pulsation=3.0), "A_side": Constant(value=0.3)}
+ELBOW = {"O": 1.0, "B": -1.5}
+
+
+def place(*path):
+    return nullcontext()
+
+
+def arm(**arguments):
+    return Mechanism.load(ROOT / "models" / "gen411_arm" / "mechanism.yaml", arguments)
+
+
+def solve(mechanism, motion, *, kind=Kinematics, start=None, time=None):
+    name = "inverse" if kind is Inverse else "kinematics"
+    problem = kind(kind=name, time=time or TimeGrid(end=2.0, samples=41), motion=motion, start=start or {})
+    return problem.solve(mechanism, Accuracy(), place)
+
+
+def test_the_kind_is_known():
+    assert problem_class("kinematics") is Kinematics
+
+
+def test_a_task_motion_of_a_massless_arm_is_that_of_its_two_circles():
+    """Elbow up: ``B = -2 acos(d / 2 l)`` and ``O = atan2(y, x) - B / 2`` with d the distance of A from O."""
+    run = solve(arm(**WEIGHTLESS), LIFT, start=ELBOW)
+    x, y = 0.3, 0.05 + 0.1 * np.sin(3.0 * run.grid.t)
+    bend = -2 * np.arccos(np.hypot(x, y) / 0.5)
+    assert run.q[:, 1] == pytest.approx(bend, abs=1e-13)
+    assert run.q[:, 0] == pytest.approx(np.arctan2(y, x) - bend / 2, abs=1e-13)
+    assert np.ptp(run.q[:, 0]) > 0.2
+
+
+def test_velocity_and_acceleration_of_the_task_are_those_of_the_law():
+    run = solve(arm(**WEIGHTLESS), LIFT, start=ELBOW)
+    quantities, t = Quantities(run), run.grid.t
+    assert quantities["point.A.velocity.y"].values == pytest.approx(0.3 * np.cos(3 * t), abs=1e-13)
+    assert quantities["point.A.acceleration.y"].values == pytest.approx(-0.9 * np.sin(3 * t), abs=1e-12)
+    assert quantities["point.A.acceleration.x"].values == pytest.approx(0.0, abs=1e-12)
+
+
+def test_masses_play_no_part():
+    light, heavy = (solve(arm(**given), LIFT, start=ELBOW) for given in (WEIGHTLESS, {"m_A": "40 kg"}))
+    for name in ("q", "v", "a"):
+        assert np.array_equal(getattr(light, name), getattr(heavy, name)), name
+
+
+@pytest.mark.parametrize("motion", [LIFT, {"O": Trapezoid(start=0.2, end=1.0, acceleration=4.0, begin=0.5),
+                                           "phi": ConstantSpeed(speed=-1.0)}], ids=["task", "joints"])  # fmt: skip
+def test_the_motion_is_that_of_inverse_dynamics(motion):
+    moved, driven = (solve(arm(), motion, kind=kind, start=ELBOW) for kind in (Kinematics, Inverse))
+    for name in ("q", "v", "a"):
+        assert np.array_equal(getattr(moved, name), getattr(driven, name)), name
+    assert np.array_equal(moved.grid.t, driven.grid.t)
+
+
+def test_the_start_chooses_the_branch():
+    up, down = (solve(arm(), LIFT, start={"O": o, "B": b}) for o, b in ((1.0, -1.5), (-0.5, 1.5)))
+    assert up.q[:, 1] == pytest.approx(-down.q[:, 1], abs=1e-13)
+    assert (up.q[:, 1] < 0.0).all()
+
+
+def test_the_same_motion_at_other_instants():
+    run = solve(arm(), LIFT, start=ELBOW)
+    between = run.within(0, np.array([0.333, 1.777]))
+    y = 0.05 + 0.1 * np.sin(3.0 * between.grid.t)
+    assert between.q[:, 1] == pytest.approx(-2 * np.arccos(np.hypot(0.3, y) / 0.5), abs=1e-13)
+
+
+def test_the_speed_of_the_passenger_by_composition_without_mass():
+    """V_P on a cone of numbers of its own: every joint at constant speed from an angle that is no special one."""
+    ride = Mechanism.load(ROOT / "models" / "magic_arms" / "mechanism.yaml", {"m_P": "0 kg"})
+    al, be, ph = 0.84, 0.94, -0.628
+    motion = {name: ConstantSpeed(start=s, speed=speed)
+              for name, s, speed in (("alpha", 0.3, al), ("beta", -0.7, be), ("phi", 1.1, ph))}  # fmt: skip
+    run = solve(ride, motion)
+    beta, phi = run.q[:, 1], run.q[:, 2]
+    parts = (
+        3.9 * al * np.cos(beta) + 2.87 * (al + be) - 2.61 * ph * np.cos(phi),
+        -3.9 * al * np.sin(beta) - 2.61 * np.sin(phi) * (al + be),
+        2.61 * ph * np.sin(phi),
+    )
+    assert Quantities(run)["V_P"].values == pytest.approx(np.sqrt(sum(part**2 for part in parts)), rel=1e-13)
+
+
+def test_too_few_laws_are_refused():
+    with pytest.raises(InputError, match="2 coordinates have to follow a law and 1 do"):
+        solve(arm(), {"O": Constant(value=0.0)})
+
+
+def test_a_motion_out_of_reach_is_refused():
+    with pytest.raises(AssemblyError, match="out of reach"):
+        solve(arm(), {"A_height": Constant(value=2.0), "A_side": Constant(value=0.3)}, start=ELBOW)
+
+
+def test_a_stretched_arm_is_singular_without_any_mass():
+    with pytest.raises(AssemblyError, match="singular"):
+        solve(arm(**WEIGHTLESS), {"A_height": Constant(value=0.5), "A_side": Constant(value=0.5)}, start={"B": 0.01})
+
+
+@pytest.mark.parametrize(("override", "error", "message"), [
+    ("problem.loads={}", InputError, "unknown key 'loads'"),
+    ("problem.motion.alpha={law: constant, value: 3 m}", UnitError, "'m' is not a unit"),
+    ("problem.motion.gamma={law: constant, value: 3 rad}", InputError, "no coordinate 'gamma'"),
+    ("problem.start={gamma: 3 rad}", InputError, "no joint 'gamma'"),
+])  # fmt: skip
+def test_mistakes_in_a_file_are_located(override, error, message):
+    with pytest.raises(error, match=message) as caught:
+        pinarm.load(ROOT / "scenarios" / "magic_arms_kinematics.yaml", [override]).validate()
+    assert str(caught.value).startswith("--set")
