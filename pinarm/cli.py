@@ -150,14 +150,18 @@ def _validate(options: argparse.Namespace) -> int:
 
 
 def _schema(options: argparse.Namespace) -> int:
-    from pydantic import create_model
+    import msgspec
 
+    from pinarm.input.schema import json_schema
     from pinarm.mechanics.description import MechanismDescription
     from pinarm.problems import any_problem
     from pinarm.use.scenario import ScenarioFile
 
-    whole = create_model("Scenario", __base__=ScenarioFile, problem=(any_problem(), ...))
-    schema = (whole if options.of == "scenario" else MechanismDescription).model_json_schema()
+    models = [ScenarioFile, any_problem()] if options.of == "scenario" else [MechanismDescription]
+    roots, definitions = msgspec.json.schema_components(models, schema_hook=json_schema, ref_template="#/$defs/{name}")
+    if options.of == "scenario":
+        definitions["ScenarioFile"]["properties"]["problem"] = roots[1]
+    schema = {**definitions.pop(models[0].__name__), "$defs": definitions}
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     _print_json(schema)
     return OK

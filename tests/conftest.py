@@ -75,7 +75,7 @@ def swing() -> Callable[[Mechanism], Trajectory]:
 
     def run(mechanism):
         law = Harmonic(mean=0.4, amplitude=0.9, pulsation=2.0)
-        problem = Inverse(kind="inverse", time=TimeGrid(end=3.0, samples=61), motion={"arm": law})
+        problem = Inverse(time=TimeGrid(end=3.0, samples=61), motion={"arm": law})
         return problem.solve(mechanism, Accuracy(), lambda *path: nullcontext())
 
     return run

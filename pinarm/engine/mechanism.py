@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 
@@ -95,7 +96,7 @@ class Mechanism:
         else:
             description = MechanismDescription(pinarm=1, robot=str(path))
         if gravity is not None:
-            description = description.model_copy(update={"gravity": gravity})
+            description = msgspec.structs.replace(description, gravity=gravity)
         return _build(cls, description, folder, arguments or {}, here, locate)
 
     @cached_property

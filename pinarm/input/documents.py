@@ -11,14 +11,14 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
-from pinarm.errors import InputError, Location, PinarmError, choices
+import msgspec
+
+from pinarm.errors import InputError, Location, PinarmError
+from pinarm.input.mistakes import explain, failing_path, unknown_key
 from pinarm.input.roots import similar_file
-from pinarm.input.schema import FROM_FILE, Model
-
-if TYPE_CHECKING:
-    from pydantic_core import ErrorDetails
+from pinarm.input.schema import Model, convert, reading_from
 
 MAX_BYTES = 1_000_000
 """Longer tables belong in CSV files; a reader in Python needs about a minute per ten megabytes."""
@@ -123,85 +123,18 @@ class Document:
         """Validate the document, or the part of it at a path, as an input model.
 
         Raises:
-            InputError: The first mistake, located, with what was expected; ``others`` counts the rest.
+            InputError: The first mistake, located, with what was expected.
         """
-        from pydantic import ValidationError
-
         data = self.data
         for key in at:
             data = data[key]
-        context = {**FROM_FILE, "folder": self.path.parent if self.path else Path()}
-        try:
-            return model.model_validate(data, context=context)
-        except ValidationError as error:
-            details = error.errors(include_url=False)
-            first = next((detail for detail in details if detail["type"] == "extra_forbidden"), details[0])
-            raise self._mistake(first, len(details), model, at) from None
-
-    def _mistake(self, detail: ErrorDetails, count: int, model: type[Model], at: Path_) -> PinarmError:
-        path, data = list(at), self.data
-        for key in at:
-            data = data[key]
-        for key in detail["loc"]:  # names of union members stand in the path too: skip what the data has not
-            if (isinstance(data, dict) and key in data) or (isinstance(data, list) and isinstance(key, int)):
-                data = data[key]  # type: ignore[index]
-                path.append(key)
-        error = _explain(detail, model)
-        if count > 1:
-            error.message += f" (and {count - 1} more after it)"
-        return error.at(self.locate(tuple(path)))
-
-
-def _explain(detail: ErrorDetails, model: type[Model]) -> PinarmError:
-    """Turn one pydantic error into the words of a user of scenario files."""
-    kind, last = detail["type"], str(detail["loc"][-1]) if detail["loc"] else ""
-    cause = detail.get("ctx", {}).get("error")
-    if isinstance(cause, PinarmError):
-        return type(cause)(cause.message, expected=cause.expected, hint=cause.hint, location=cause.location)
-    if kind == "extra_forbidden":
-        expected, hint = choices(last, _keys_beside(detail, model), most=40)
-        return InputError(f"unknown key '{last}'", expected=expected, hint=hint)
-    if kind == "missing":
-        return InputError(f"the key '{last}' is missing")
-    if kind == "union_tag_invalid":
-        context = detail["ctx"]
-        names = [name.strip(" '") for name in str(context["expected_tags"]).split(",")]
-        expected, hint = choices(str(context["tag"]), names, most=40)
-        return InputError(f"unknown {str(context['discriminator']).strip(chr(39))} '{context['tag']}'",
-                          expected=expected, hint=hint)  # fmt: skip
-    if kind == "union_tag_not_found":
-        discriminator = str(detail["ctx"]["discriminator"]).strip("'")
-        return InputError(f"the key '{discriminator}' is missing: it says which kind this is")
-    message = detail["msg"].removeprefix("Value error, ")
-    return InputError(f"{message[0].lower()}{message[1:]}" if kind != "value_error" else message)
-
-
-def _keys_beside(detail: ErrorDetails, model: type[Model]) -> list[str]:
-    """Return the keys that the schema knows where an unknown one was found."""
-    schema = model.model_json_schema()
-    node: dict[str, Any] = schema
-    for key in detail["loc"][:-1]:
-        node = _resolve(node, schema)
-        properties, members = node.get("properties", {}), node.get("discriminator", {}).get("mapping", {})
-        if key in properties:
-            node = properties[key]
-        elif key in members:
-            node = {"$ref": members[key]}
-        else:
-            node = node.get("items" if isinstance(key, int) else "additionalProperties", node)
-            node = node if isinstance(node, dict) else {}
-    return list(_resolve(node, schema).get("properties", {}))
-
-
-def _resolve(node: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
-    """Follow references, and optional values to the member that has keys."""
-    while "$ref" in node:
-        node = schema["$defs"][node["$ref"].rpartition("/")[2]]
-    for member in node.get("anyOf", []):
-        resolved = _resolve(member, schema)
-        if {"properties", "discriminator", "additionalProperties", "items"} & resolved.keys():
-            return resolved
-    return node
+        with reading_from(self.path.parent if self.path else Path()):
+            try:
+                return msgspec.convert(data, model, dec_hook=convert)
+            except msgspec.ValidationError as error:
+                path = failing_path(error, data, model)
+                place = self.locate((*at, *path, *unknown_key(error)))
+                raise explain(error, data, path, model).at(place) from None
 
 
 def _unreadable(path: Path, error: OSError | ValueError) -> InputError:

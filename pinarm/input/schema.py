@@ -2,47 +2,84 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated, Any
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cache
+from pathlib import Path
+from types import UnionType
+from typing import Any, ClassVar, Self, Union, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationInfo, WithJsonSchema
+import msgspec
+import numpy as np
 
-from pinarm.errors import UnitError
+from pinarm.errors import InputError, PinarmError, UnitError
 from pinarm.input.units import Unit, read_quantity, unit
 
-FROM_FILE = {"units": "required"}
-"""Validation context of documents: a bare number other than 0 is refused where a unit belongs."""
+_folder: ContextVar[Path | None] = ContextVar("folder", default=None)
 
 
-class Model(BaseModel):
-    """An immutable piece of input; keys it does not know are errors."""
+@contextmanager
+def reading_from(folder: Path) -> Iterator[None]:
+    """Read what is built in the block as from a file of that folder: paths count from there, units are required."""
+    token = _folder.set(folder)
+    try:
+        yield
+    finally:
+        _folder.reset(token)
 
-    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True, populate_by_name=True, strict=False)
+
+def folder_read() -> Path | None:
+    """Return the folder of the file that is being read; ``None`` where Python builds the objects."""
+    return _folder.get()
 
 
 class Measured(float):
-    """A float in SI that remembers the unit it was written in; ``None`` where it was a bare number."""
+    """A float in SI that remembers the unit it was written in; ``None`` where it was a bare number.
+
+    Subclasses, made by ``quantity``, say what is expected of it.
+    """
 
     unit: Unit | None = None
+    expected: ClassVar[Unit | None] = None
+    order: ClassVar[int | None] = None
+    least: ClassVar[float | None] = None
+    above: ClassVar[float | None] = None
 
     @classmethod
-    def read(cls, value: Any, info: ValidationInfo, *, example: str = "") -> Measured:
-        """Read ``"30 deg"``, or a number: SI from Python, in a file only zero; ``example`` is a unit that would fit."""
-        if isinstance(value, Measured):
+    def read(cls, value: object, *, bare: bool = True) -> Self:
+        """Read ``"30 deg"``, or a number in SI; where ``bare`` is false, only 0 goes without a unit.
+
+        Raises:
+            UnitError: The unit is missing, unknown, or of another dimension.
+            InputError: It is no finite number, or out of bounds.
+        """
+        if isinstance(value, cls):
             return value
+        if isinstance(value, Measured):
+            return cls._of(float(value), value.unit)
         if isinstance(value, bool) or not isinstance(value, str | int | float):
-            raise ValueError("a number with a unit, such as '30 deg', is expected")
+            raise InputError("this is no quantity", expected="a number with a unit, such as '30 deg'")
         try:
-            number, read = read_quantity(value) if isinstance(value, str) else (float(value), None)
+            number, written = read_quantity(value) if isinstance(value, str) else (float(value), None)
         except OverflowError:
-            raise ValueError("a finite number is expected") from None
+            number, written = float("inf"), None
         if number - number != 0.0:
-            raise ValueError("a finite number is expected")
-        if read is None and number != 0.0 and (info.context or {}).get("units") == "required":
-            hint = f"{value} {example}" if example else ""
+            raise InputError(f"'{value}' is not a finite number", expected="a finite number")
+        if written is None and number != 0.0 and not bare:
+            hint = f"{value} {cls.expected}" if cls.expected else ""
             raise UnitError(f"'{value}' has no unit", expected="a number with its unit, such as 30 deg", hint=hint)
+        return cls._of(number, written)
+
+    @classmethod
+    def _of(cls, number: float, written: Unit | None) -> Self:
         measured = cls(number)
-        measured.unit = read
+        measured.unit = written
+        if cls.expected is not None:
+            measured.check(cls.expected)
+        if (cls.least is not None and number < cls.least) or (cls.above is not None and number <= cls.above):
+            bound = f"at least {cls.least:g}" if cls.above is None else f"more than {cls.above:g}"
+            raise InputError(f"{number:g} is out of bounds", expected=bound)
         return measured
 
     def check(self, expected: Unit) -> None:
@@ -55,40 +92,89 @@ class Measured(float):
             raise UnitError(f"'{self.unit}' is not a unit of this quantity", expected=f"a unit such as {expected}")
 
 
-@dataclass(frozen=True)
-class Derivative:
-    """Marks a field of a motion law as the ``order``-th time derivative of the quantity that the law is about."""
+def quantity(text: str = "", **expected: float | None) -> Any:
+    """Return the annotation of a quantity.
 
-    order: int
-
-
-def quantity(text: str) -> Any:
-    """Return the annotation of a float whose unit must have the dimension of ``text``."""
-    expected = unit(text)
-
-    def read(value: Any, info: ValidationInfo) -> Measured:
-        measured = Measured.read(value, info, example=text)
-        measured.check(expected)
-        return measured
-
-    return Annotated[float, PlainValidator(read), described(f"in {text}")]
+    Args:
+        text: A unit whose dimension it must have; any where it is empty.
+        expected: ``least`` or ``above``, bounds in SI; ``order``, which derivative a field of a motion law is.
+    """
+    return type("Measured", (Measured,), {"expected": unit(text) if text else None, **expected})
 
 
-def described(description: str) -> WithJsonSchema:
-    """Return the JSON Schema of a number or text."""
-    return WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}], "description": description})
+AnyQuantity, NotNegative, Positive = quantity(), quantity(least=0.0), quantity(above=0.0)
+Level, Rate, SecondRate, ThirdRate = quantity(order=0), quantity(order=1), quantity(order=2), quantity(order=3)
+Time, Duration = quantity("s"), quantity("s", above=0.0)
+Angle, Pulsation, Length = quantity("rad"), quantity("rad/s"), quantity("m", least=0.0)
+Force, Moment, Acceleration = quantity("N"), quantity("N*m"), quantity("m/s^2", least=0.0)
+Inertia, Mass = quantity("kg*m^2", least=0.0), quantity("kg", least=0.0)
+Stiffness, Damping = quantity("N/m", least=0.0), quantity("N*s/m", least=0.0)
 
 
-def _any(value: Any, info: ValidationInfo) -> Measured:
-    return Measured.read(value, info)
+class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """An immutable piece of input; keys it does not know are errors."""
+
+    def __post_init__(self) -> None:
+        """Hold what Python gave to the annotations, as files are held to them; then check what the class adds."""
+        if folder_read() is None:
+            for field in _fields(type(self)):
+                given = getattr(self, field.name)
+                held = hold(given, field)
+                if held is not given:
+                    msgspec.structs.force_setattr(self, field.name, held)
+        self.check()
+
+    def check(self) -> None:
+        """Check what annotations cannot say; raise an InputError."""
 
 
-AnyQuantity = Annotated[float, PlainValidator(_any), described("a number with its unit")]
-Level = Annotated[AnyQuantity, Derivative(0)]
-Rate = Annotated[AnyQuantity, Derivative(1)]
-SecondRate = Annotated[AnyQuantity, Derivative(2)]
-Time = quantity("s")
-Duration: Any = Annotated[Time, Field(gt=0)]
-Angle, Pulsation, Length = quantity("rad"), quantity("rad/s"), quantity("m")
-Force, Moment, Acceleration, Inertia = quantity("N"), quantity("N*m"), quantity("m/s^2"), quantity("kg*m^2")
-Stiffness, Damping = quantity("N/m"), quantity("N*s/m")
+def hold(value: object, field: msgspec.structs.FieldInfo) -> object:
+    """Return a value as its field wants it.
+
+    Raises:
+        InputError: It does not fit.
+    """
+    plain = value.tolist() if isinstance(value, np.ndarray) else value
+    try:
+        return msgspec.convert(plain, field.type, dec_hook=convert)
+    except msgspec.ValidationError as error:
+        cause = error.__cause__
+        if isinstance(cause, PinarmError):
+            said = f"{field.encode_name}: {cause.message}"
+            raise type(cause)(said, expected=cause.expected, hint=cause.hint, location=cause.location) from None
+        raise InputError(f"{field.encode_name}: {error}".replace("`", "")) from None
+
+
+def convert(kind: type, value: object) -> object:
+    """Turn plain data into the types that msgspec does not know."""
+    if issubclass(kind, Measured):
+        return kind.read(value, bare=folder_read() is None)
+    raise NotImplementedError(kind)
+
+
+@cache
+def _fields(model: type[Model]) -> tuple[msgspec.structs.FieldInfo, ...]:
+    return msgspec.structs.fields(model)
+
+
+@cache
+def measured_fields(model: type[Model]) -> dict[str, type[Measured]]:
+    """Return the fields of a class that hold one quantity each, with what is expected of them."""
+    found = {}
+    for field in _fields(model):
+        for kind in _members(field.type):
+            if isinstance(kind, type) and issubclass(kind, Measured):
+                found[field.name] = kind
+    return found
+
+
+def _members(annotation: Any) -> tuple[Any, ...]:
+    return get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
+
+
+def json_schema(kind: type) -> dict[str, object]:
+    """Return the JSON Schema of a quantity: a number, or text with a unit."""
+    if not issubclass(kind, Measured):
+        raise NotImplementedError(kind)
+    described = f"a quantity in {kind.expected}" if kind.expected else "a number with its unit"
+    return {"anyOf": [{"type": "number"}, {"type": "string"}], "description": described}

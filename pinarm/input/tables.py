@@ -5,12 +5,10 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 from pinarm.errors import InputError, Location
-from pinarm.input.roots import inside, root_of
 from pinarm.input.units import Unit, unit
 
 MAX_BYTES = 100_000_000
@@ -20,22 +18,23 @@ _HEADING = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*"
 Column = tuple[float, ...]
 
 
-def read_table(file: str, context: Mapping[str, Any] | None) -> tuple[Column, Column, Unit]:
+@lru_cache(maxsize=64)
+def read_table(name: str, stamp: tuple[int, int]) -> tuple[Column, Column, Unit]:
     """Read instants and values from the first two columns of a CSV file.
 
     Args:
-        file: Its name, relative to the folder of the document that names it.
-        context: Validation context with that ``folder``; the current folder where there is none.
+        name: The file, as an absolute path that may be read.
+        stamp: What changes when the file does, so that an old table is not taken for the new one.
 
     Returns:
         Instants [s], values in SI, and the unit of the values.
 
     Raises:
-        InputError: The file cannot be read, has no heading, a cell is no finite number, or the instants do not ascend;
-            says in which line.
+        InputError: The file cannot be read, has no heading, a cell is no finite number, or
+            the instants do not ascend; says in which line.
     """
-    folder = Path((context or {}).get("folder", "."))
-    path = inside((folder / file).absolute(), root_of(folder), {})
+    path = Path(name)
+    file = path.name
     if path.stat().st_size > MAX_BYTES:
         raise InputError(f"the table {file} is too large", expected=f"at most {MAX_BYTES} bytes")
     try:

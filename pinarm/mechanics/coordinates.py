@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Protocol
 
+import msgspec
 import numpy as np
 import pinocchio as pin
-from pydantic import Field
 
 from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError, choices
@@ -267,18 +267,17 @@ def _rate_of_b(w: Array, rate: Array) -> Array:
     return np.asarray(0.5 * turned + growth * (skew @ skew) + c * (turned @ skew + skew @ turned))
 
 
-class AngleSum(Model):
+class AngleSum(Model, frozen=True, tag_field="kind", tag="sum"):
     """Sum of joint coordinates about parallel axes: the absolute angle of a link, turns counted."""
 
-    kind: Literal["sum"]
-    of: list[str] = Field(min_length=1)
+    of: Annotated[list[str], msgspec.Meta(min_length=1)]
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
         """Return the coordinate of one model."""
         return sum_of(model, joints, self.of)
 
 
-class PointCoordinate(Model):
+class PointCoordinate(Model, frozen=True, tag_field="kind", tag="point"):
     """Position of a link's origin along a direction of the world, e.g. a height, or the place on a line.
 
     Attributes:
@@ -286,7 +285,6 @@ class PointCoordinate(Model):
         along: An axis, or the three components of a direction of any length.
     """
 
-    kind: Literal["point"]
     point: str
     along: Direction
 
@@ -295,10 +293,9 @@ class PointCoordinate(Model):
         return FrameCoordinate(frame_of(model, self.point), unit_vector(self.along))
 
 
-class Distance(Model):
+class Distance(Model, frozen=True, tag_field="kind", tag="distance"):
     """Distance between the origins of two links."""
 
-    kind: Literal["distance"]
     between: tuple[str, str]
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
@@ -306,14 +303,13 @@ class Distance(Model):
         return DistanceCoordinate(frame_of(model, self.between[0]), frame_of(model, self.between[1]))
 
 
-class Rotation(Model):
+class Rotation(Model, frozen=True, tag_field="kind", tag="rotation"):
     """Component of a link's rotation vector, along an axis of the world.
 
     The rotation vector has the direction of the axis about which the link is turned from the world's axes, and the
     length of the angle. Three of them give an orientation; they are singular at half a turn.
     """
 
-    kind: Literal["rotation"]
     body: str
     about: Literal["x", "y", "z"]
 
@@ -322,7 +318,7 @@ class Rotation(Model):
         return RotationCoordinate(frame_of(model, self.body), "xyz".index(self.about))
 
 
-CoordinateDefinition = Annotated[AngleSum | PointCoordinate | Distance | Rotation, Field(discriminator="kind")]
+CoordinateDefinition = AngleSum | PointCoordinate | Distance | Rotation
 """Any coordinate that a mechanism file may define. A new kind is one class above and one entry here."""
 
 

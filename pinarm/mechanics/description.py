@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
+import msgspec
 import numpy as np
-from pydantic import Field
 
 from pinarm.arrays import Array
 from pinarm.input.schema import Acceleration, Model
@@ -17,7 +17,7 @@ STANDARD_GRAVITY = 9.81
 """Magnitude used where a file gives only a direction [m/s^2]."""
 
 
-class Gravity(Model):
+class Gravity(Model, frozen=True):
     """A uniform field.
 
     Attributes:
@@ -26,14 +26,14 @@ class Gravity(Model):
     """
 
     direction: Axis = "-z"
-    magnitude: Annotated[Acceleration, Field(ge=0)] = STANDARD_GRAVITY
+    magnitude: Acceleration = STANDARD_GRAVITY
 
     def vector(self) -> Array:
         """Return the field [m/s^2], world axes, shape (3,)."""
         return np.array(AXES[self.direction], float) * float(self.magnitude)
 
 
-class MechanismDescription(Model):
+class MechanismDescription(Model, frozen=True):
     """Content of a mechanism file.
 
     Attributes:
@@ -49,10 +49,10 @@ class MechanismDescription(Model):
     """
 
     pinarm: Literal[1]
-    title: str = ""
     robot: str
+    title: str = ""
     arguments: dict[str, str] = {}
-    gravity: Gravity | Literal["none"] = Field(default_factory=Gravity)
+    gravity: Gravity | Literal["none"] = msgspec.field(default_factory=Gravity)
     coordinates: dict[str, CoordinateDefinition] = {}
     drives: dict[str, Drive] = {}
     forces: dict[str, Force] = {}

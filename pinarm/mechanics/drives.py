@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
+import msgspec
 import numpy as np
-from pydantic import Field, field_validator
 
 from pinarm.arrays import Array
+from pinarm.errors import InputError
 from pinarm.input.schema import Inertia, Model
 
 
-class Drive(Model):
+class Drive(Model, frozen=True):
     """A motor that turns ``ratio`` times as fast as its joint, through a gear of constant efficiency.
 
     With tau the effort at the joint, v its velocity and N the ratio: the motor turns at ``N v`` and gives
@@ -28,16 +30,14 @@ class Drive(Model):
     """
 
     joint: str
-    ratio: Annotated[float, Field(allow_inf_nan=False)] = 1.0
-    efficiency: float = Field(default=1.0, gt=0, le=1)
-    rotor_inertia: Annotated[Inertia, Field(ge=0)] = 0.0
+    ratio: float = 1.0
+    efficiency: Annotated[float, msgspec.Meta(gt=0, le=1)] = 1.0
+    rotor_inertia: Inertia = 0.0
 
-    @field_validator("ratio")
-    @classmethod
-    def _turns(cls, ratio: float) -> float:
-        if ratio == 0.0:
-            raise ValueError("a gear of ratio 0 turns nothing")
-        return ratio
+    def check(self) -> None:
+        """Refuse ratios that turn nothing, or are no numbers."""
+        if self.ratio == 0.0 or not math.isfinite(self.ratio):
+            raise InputError(f"a gear of ratio {self.ratio:g} cannot be", expected="a finite number other than 0")
 
     @property
     def armature(self) -> float:

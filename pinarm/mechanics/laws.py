@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Literal
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
 
+import msgspec
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, UnitError
+from pinarm.input.roots import inside, root_of
 from pinarm.input.schema import (
     Angle,
-    AnyQuantity,
-    Derivative,
     Duration,
     Level,
     Measured,
@@ -23,20 +23,24 @@ from pinarm.input.schema import (
     Pulsation,
     Rate,
     SecondRate,
+    ThirdRate,
     Time,
+    folder_read,
 )
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.motion import ROUNDING, MotionLaw, Piece, Values, polynomial
+
+RENAMED = {"start": "from", "end": "to"}
+"""Keys of files that are words of Python."""
 
 
 def _rest_move_rest(begin: float, end: float, first: float, last: float, *moving: Piece) -> list[Piece]:
     return [Piece(-math.inf, begin, polynomial(0.0, first)), *moving, Piece(end, math.inf, polynomial(0.0, last))]
 
 
-class Constant(MotionLaw):
+class Constant(MotionLaw, frozen=True, tag_field="law", tag="constant", rename=RENAMED):
     """``s = value``, at rest."""
 
-    law: Literal["constant"] = "constant"
     value: Level
 
     def pieces(self) -> Sequence[Piece]:
@@ -44,12 +48,11 @@ class Constant(MotionLaw):
         return [Piece(-math.inf, math.inf, polynomial(0.0, self.value))]
 
 
-class ConstantSpeed(MotionLaw):
+class ConstantSpeed(MotionLaw, frozen=True, tag_field="law", tag="constant_speed", rename=RENAMED):
     """``s = from + speed (t - begin)``, for all t."""
 
-    law: Literal["constant_speed"] = "constant_speed"
-    start: Level = Field(alias="from", default=0.0)
     speed: Rate
+    start: Level = 0.0
     begin: Time = 0.0
 
     def pieces(self) -> Sequence[Piece]:
@@ -57,13 +60,12 @@ class ConstantSpeed(MotionLaw):
         return [Piece(-math.inf, math.inf, polynomial(self.begin, self.start, self.speed))]
 
 
-class ConstantAcceleration(MotionLaw):
+class ConstantAcceleration(MotionLaw, frozen=True, tag_field="law", tag="constant_acceleration", rename=RENAMED):
     """``s = from + speed (t - begin) + acceleration (t - begin)^2 / 2``, for all t."""
 
-    law: Literal["constant_acceleration"] = "constant_acceleration"
-    start: Level = Field(alias="from", default=0.0)
-    speed: Rate = 0.0
     acceleration: SecondRate
+    start: Level = 0.0
+    speed: Rate = 0.0
     begin: Time = 0.0
 
     def pieces(self) -> Sequence[Piece]:
@@ -72,25 +74,23 @@ class ConstantAcceleration(MotionLaw):
         return [Piece(-math.inf, math.inf, function)]
 
 
-class Trapezoid(MotionLaw):
+class Trapezoid(MotionLaw, frozen=True, tag_field="law", tag="trapezoid", rename=RENAMED):
     """From rest to rest with a trapezoid of speed; a triangle where the limit of speed is not reached or not given.
 
     Speeds up at ``acceleration`` to ``speed``, keeps it, slows down alike. The acceleration jumps four times (three for
     a triangle): torques jump with it, and flexible machines ring.
     """
 
-    law: Literal["trapezoid"] = "trapezoid"
-    start: Level = Field(alias="from")
-    end: Level = Field(alias="to")
+    start: Level
+    end: Level
     acceleration: SecondRate
-    speed: Annotated[AnyQuantity | None, Derivative(1)] = None
+    speed: Rate | None = None
     begin: Time = 0.0
 
-    @model_validator(mode="after")
-    def _moves(self) -> Trapezoid:
+    def check(self) -> None:
+        """Refuse limits that would never let it arrive."""
         if self.start != self.end and (self.acceleration == 0.0 or self.speed == 0.0):
             raise InputError("a trapezoid that goes somewhere needs an acceleration and a speed other than 0")
-        return self
 
     def pieces(self) -> Sequence[Piece]:
         """Return rest, speeding up, constant speed where there is any, slowing down, rest."""
@@ -110,16 +110,15 @@ class Trapezoid(MotionLaw):
         return _rest_move_rest(self.begin, t3, self.start, self.end, up, *level, down)
 
 
-class Polynomial(MotionLaw):
+class Polynomial(MotionLaw, frozen=True, tag_field="law", tag="polynomial", rename=RENAMED):
     """From rest to rest along the polynomial of lowest degree whose derivatives vanish at both ends.
 
     With x = (t - begin)/duration: ``3 x^2 - 2 x^3`` (degree 3, the acceleration jumps at the ends),
     ``10 x^3 - 15 x^4 + 6 x^5`` (5, it does not), ``35 x^4 - 84 x^5 + 70 x^6 - 20 x^7`` (7, nor does the jerk).
     """
 
-    law: Literal["polynomial"] = "polynomial"
-    start: Level = Field(alias="from")
-    end: Level = Field(alias="to")
+    start: Level
+    end: Level
     duration: Duration
     degree: Literal[3, 5, 7] = 5
     begin: Time = 0.0
@@ -145,15 +144,14 @@ class Polynomial(MotionLaw):
         return _rest_move_rest(self.begin, stop, self.start, self.end, move)
 
 
-class Cycloidal(MotionLaw):
+class Cycloidal(MotionLaw, frozen=True, tag_field="law", tag="cycloidal", rename=RENAMED):
     """From rest to rest as a point of a rolling wheel: ``s = from + D (x - sin(2 pi x) / (2 pi))``.
 
     x = (t - begin)/duration and D = to - from. The acceleration is a sine and begins and ends at 0.
     """
 
-    law: Literal["cycloidal"] = "cycloidal"
-    start: Level = Field(alias="from")
-    end: Level = Field(alias="to")
+    start: Level
+    end: Level
     duration: Duration
     begin: Time = 0.0
 
@@ -170,13 +168,12 @@ class Cycloidal(MotionLaw):
         return _rest_move_rest(self.begin, stop, self.start, self.end, Piece(self.begin, stop, function))
 
 
-class Harmonic(MotionLaw):
+class Harmonic(MotionLaw, frozen=True, tag_field="law", tag="harmonic", rename=RENAMED):
     """``s = mean + amplitude sin(pulsation (t - begin) + phase)``, for all t."""
 
-    law: Literal["harmonic"] = "harmonic"
-    mean: Level = 0.0
     amplitude: Level
     pulsation: Pulsation
+    mean: Level = 0.0
     phase: Angle = 0.0
     begin: Time = 0.0
 
@@ -191,26 +188,24 @@ class Harmonic(MotionLaw):
         return [Piece(-math.inf, math.inf, function)]
 
 
-class SCurve(MotionLaw):
+class SCurve(MotionLaw, frozen=True, tag_field="law", tag="s_curve", rename=RENAMED):
     """From rest to rest with a bounded jerk: seven stretches of constant jerk, fewer where a limit is not reached.
 
     The acceleration is continuous. Limits of acceleration and speed that are left out do not bind.
     """
 
-    law: Literal["s_curve"] = "s_curve"
-    start: Level = Field(alias="from")
-    end: Level = Field(alias="to")
-    jerk: Annotated[AnyQuantity, Derivative(3)]
-    acceleration: Annotated[AnyQuantity | None, Derivative(2)] = None
-    speed: Annotated[AnyQuantity | None, Derivative(1)] = None
+    start: Level
+    end: Level
+    jerk: ThirdRate
+    acceleration: SecondRate | None = None
+    speed: Rate | None = None
     begin: Time = 0.0
 
-    @model_validator(mode="after")
-    def _moves(self) -> SCurve:
+    def check(self) -> None:
+        """Refuse limits that would never let it arrive."""
         limits = (self.jerk, self.acceleration, self.speed)
         if self.start != self.end and any(limit == 0.0 for limit in limits):
             raise InputError("an s_curve that goes somewhere needs limits other than 0")
-        return self
 
     def pieces(self) -> Sequence[Piece]:
         """Return rest, the stretches of constant jerk that take any time, rest."""
@@ -245,21 +240,18 @@ class SCurve(MotionLaw):
         return ramp, max(0.0, hold), max(0.0, distance / v - 2 * ramp - hold)
 
 
-class SpeedPoints(MotionLaw):
+class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", rename=RENAMED):
     """Speed linear between given instants, constant before the first and after the last; ``from`` at the first.
 
     The acceleration jumps at every point.
     """
 
-    law: Literal["speed_points"] = "speed_points"
-    start: Level = Field(alias="from", default=0.0)
-    points: list[tuple[Time, Rate]] = Field(min_length=1)
+    points: list[tuple[Time, Rate]]
+    start: Level = 0.0
 
-    @field_validator("points")
-    @classmethod
-    def _ascending(cls, points: list[tuple[float, float]]) -> list[tuple[float, float]]:
-        check_ascending([t for t, _ in points])
-        return points
+    def check(self) -> None:
+        """Refuse instants that do not ascend, and too few of them."""
+        check_ascending([t for t, _ in self.points], 1)
 
     def check_units(self, of: Unit) -> None:
         """Check the position and every speed; see ``MotionLaw.check_units``."""
@@ -277,18 +269,15 @@ class SpeedPoints(MotionLaw):
         return [*found, Piece(t, math.inf, polynomial(t, s, v))]
 
 
-class Spline(MotionLaw):
+class Spline(MotionLaw, frozen=True, tag_field="law", tag="spline", rename=RENAMED):
     """Cubic spline through points, s'' continuous inside, with given speeds at its ends; constant speed beyond them."""
 
-    law: Literal["spline"] = "spline"
-    points: list[tuple[Time, Level]] = Field(min_length=2)
+    points: list[tuple[Time, Level]]
     speeds: tuple[Rate, Rate] = (0.0, 0.0)
 
-    @field_validator("points")
-    @classmethod
-    def _ascending(cls, points: list[tuple[float, float]]) -> list[tuple[float, float]]:
-        check_ascending([t for t, _ in points])
-        return points
+    def check(self) -> None:
+        """Refuse instants that do not ascend, and too few of them."""
+        check_ascending([t for t, _ in self.points], 2)
 
     def check_units(self, of: Unit) -> None:
         """Check every point and the end speeds; see ``MotionLaw.check_units``."""
@@ -301,40 +290,41 @@ class Spline(MotionLaw):
         return spline_pieces(points[:, 0], points[:, 1], self.speeds)
 
 
-class Table(MotionLaw):
+class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
     """The spline through the rows of a CSV file: a heading such as ``t [s],theta [deg]``, then two numbers a row."""
 
-    law: Literal["table"] = "table"
     file: str
     speeds: tuple[Rate, Rate] = (0.0, 0.0)
-    times: tuple[float, ...] = Field(default=(), exclude=True)
-    values: tuple[float, ...] = Field(default=(), exclude=True)
-    measured: Unit | None = Field(default=None, exclude=True)
 
-    @model_validator(mode="before")
-    @classmethod
-    def _read(cls, given: Any, info: ValidationInfo) -> Any:
-        if info.context and isinstance(given, dict) and {"times", "values", "measured"} & given.keys():
-            raise InputError("a table in a file is read from its CSV file only", expected="the keys file and speeds")
-        if isinstance(given, dict) and isinstance(given.get("file"), str) and "times" not in given:
-            from pinarm.input.tables import read_table
-
-            times, values, measured = read_table(given["file"], info.context)
-            return {**given, "times": times, "values": values, "measured": measured}
-        return given
+    def check(self) -> None:
+        """Read the table, so that its mistakes are found with those of the file that names it."""
+        folder = folder_read() or Path(self.file).absolute().parent
+        path = inside((folder / self.file).absolute(), root_of(folder))
+        msgspec.structs.force_setattr(self, "file", str(path))
+        read_once(self.file)
 
     def check_units(self, of: Unit) -> None:
         """Check the column's unit and the end speeds; see ``MotionLaw.check_units``."""
-        if self.measured is not None and self.measured.dimension != of.dimension:
-            raise UnitError(f"the table {self.file} is in {self.measured}", expected=f"a unit such as {of}")
+        measured = read_once(self.file)[2]
+        if measured.dimension != of.dimension:
+            raise UnitError(f"the table {self.file} is in {measured}", expected=f"a unit such as {of}")
         check_all(list(self.speeds), of / unit("s"))
 
     def pieces(self) -> Sequence[Piece]:
         """Return constant speed, the spline, constant speed."""
-        return spline_pieces(np.array(self.times), np.array(self.values), self.speeds)
+        times, values, _ = read_once(self.file)
+        return spline_pieces(np.array(times), np.array(values), self.speeds)
 
 
-class Segment(Model):
+def read_once(path: str) -> tuple[tuple[float, ...], tuple[float, ...], Unit]:
+    """Return the instants, values and unit of a table; it is read again only when the file has changed."""
+    from pinarm.input.tables import read_table
+
+    state = Path(path).stat()
+    return read_table(path, (state.st_mtime_ns, state.st_size))
+
+
+class Segment(Model, frozen=True):
     """A law for a while.
 
     Attributes:
@@ -346,15 +336,14 @@ class Segment(Model):
     motion: Law
 
 
-class Succession(MotionLaw):
+class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rename=RENAMED):
     """Laws end to end: each begins where the one before has come to, and its speed must be that of the one before.
 
     After the last one the speed stays what it is.
     """
 
-    law: Literal["succession"] = "succession"
-    start: Level = Field(alias="from", default=0.0)
-    segments: list[Segment] = Field(min_length=1)
+    segments: Annotated[list[Segment], msgspec.Meta(min_length=1)]
+    start: Level = 0.0
     begin: Time = 0.0
 
     def check_units(self, of: Unit) -> None:
@@ -421,12 +410,14 @@ def spline_pieces(times: Array, values: Array, speeds: tuple[float, float]) -> l
     ]
 
 
-def check_ascending(times: Sequence[float]) -> None:
-    """Raise where instants do not ascend.
+def check_ascending(times: Sequence[float], least: int) -> None:
+    """Raise where there are too few instants, or they do not ascend.
 
     Raises:
         InputError: Names the first that does not.
     """
+    if len(times) < least:
+        raise InputError(f"{len(times)} points are too few", expected=f"at least {least}")
     for row, (before, after) in enumerate(pairwise(times)):
         if not after > before:
             raise InputError(f"the instants do not ascend: {before:g} s, then {after:g} s (point {row + 2})")
@@ -443,7 +434,7 @@ def check_all(values: Sequence[float], expected: Unit) -> None:
             value.check(expected)
 
 
-Law = Annotated[
+Law = (
     Constant
     | ConstantSpeed
     | ConstantAcceleration
@@ -455,7 +446,6 @@ Law = Annotated[
     | SpeedPoints
     | Spline
     | Table
-    | Succession,
-    Field(discriminator="law"),
-]
+    | Succession
+)
 """Any law of motion."""

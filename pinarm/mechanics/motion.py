@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.input.schema import Derivative, Measured, Model
+from pinarm.input.schema import Measured, Model, measured_fields
 from pinarm.input.units import Unit, unit
 
 Values = tuple[Array, Array, Array]
@@ -68,7 +68,7 @@ def _horner(c: Array, x: Array) -> Array:
     return total
 
 
-class MotionLaw(Model):
+class MotionLaw(Model, frozen=True):
     """Base of the laws: their fields say which derivative of the coordinate they measure, ``pieces`` what they do."""
 
     @abstractmethod
@@ -81,12 +81,10 @@ class MotionLaw(Model):
         Raises:
             UnitError: A field has another dimension.
         """
-        second = unit("s")
-        for name, field in type(self).model_fields.items():
+        for name, kind in measured_fields(type(self)).items():
             value = getattr(self, name)
-            for mark in field.metadata:
-                if isinstance(mark, Derivative) and isinstance(value, Measured):
-                    value.check(of / second**mark.order if mark.order else of)
+            if kind.order is not None and isinstance(value, Measured):
+                value.check(of / unit("s") ** kind.order if kind.order else of)
 
     def breakpoints(self) -> list[float]:
         """Return the instants at which one piece meets the next [s]."""

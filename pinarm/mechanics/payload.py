@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Annotated, Any
 
 import numpy as np
 import pinocchio as pin
-from pydantic import Field, field_validator
 
 from pinarm.errors import InputError
-from pinarm.input.schema import Inertia, Model, quantity
+from pinarm.input.schema import Inertia, Mass, Model
 from pinarm.mechanics.coordinates import frame_of
 from pinarm.mechanics.model import TRIANGLE
 
-Mass: Any = quantity("kg")
 
-
-class Payload(Model):
+class Payload(Model, frozen=True):
     """A body fixed to a link, its centre of mass at the link's origin.
 
     Attributes:
@@ -27,18 +23,16 @@ class Payload(Model):
     """
 
     point: str
-    mass: Annotated[Mass, Field(ge=0)]
+    mass: Mass
     inertia: tuple[Inertia, Inertia, Inertia] = (0.0, 0.0, 0.0)
 
-    @field_validator("inertia")
-    @classmethod
-    def _of_a_body(cls, inertia: tuple[float, float, float]) -> tuple[float, float, float]:
-        small, middle, large = sorted(inertia)
+    def check(self) -> None:
+        """Refuse moments of inertia that no body has."""
+        small, middle, large = sorted(self.inertia)
         if small < 0.0:
-            raise ValueError(f"a moment of inertia is negative ({small:g} kg*m^2)")
+            raise InputError(f"a moment of inertia is negative ({small:g} kg*m^2)")
         if small + middle < large * (1.0 - TRIANGLE):
-            raise ValueError(f"the moment of inertia {large:g} kg*m^2 is more than the sum of the other two")
-        return inertia
+            raise InputError(f"the moment of inertia {large:g} kg*m^2 is more than the sum of the other two")
 
 
 def laden(model: pin.Model, payloads: Iterable[Payload]) -> pin.Model:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from importlib import import_module
-from typing import TYPE_CHECKING, Annotated, Any, Protocol, Union
+from typing import TYPE_CHECKING, Any, Protocol, Union
 
 from pinarm.errors import InputError, choices
 
@@ -65,6 +65,4 @@ def problem_class(kind: object) -> type[Any]:
 
 def any_problem() -> Any:
     """Return the annotation of a problem of any kind, for the JSON Schema."""
-    from pydantic import Field
-
-    return Annotated[Union[tuple(problem_class(kind) for kind in KINDS)], Field(discriminator="kind")]  # noqa: UP007
+    return Union[tuple(problem_class(kind) for kind in KINDS)]  # noqa: UP007

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
+from typing import Annotated
 
+import msgspec
 import numpy as np
-from pydantic import Field, model_validator
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
@@ -22,7 +23,7 @@ Place = Callable[..., AbstractContextManager[None]]
 """``with place("motion", "theta"):`` gives errors of the block that place of the problem in its file."""
 
 
-class TimeGrid(Model):
+class TimeGrid(Model, frozen=True):
     """Evenly spaced instants; those at which a law or load jumps are added, twice each: just before and just after.
 
     Attributes:
@@ -31,24 +32,23 @@ class TimeGrid(Model):
         samples: Number of instants.
     """
 
-    start: Time = 0.0
     end: Time
-    samples: int = Field(default=201, ge=2, le=10_000_000)
+    start: Time = 0.0
+    samples: Annotated[int, msgspec.Meta(ge=2, le=10_000_000)] = 201
 
-    @model_validator(mode="after")
-    def _forward(self) -> TimeGrid:
+    def check(self) -> None:
+        """Refuse a time that does not go forward."""
         if not self.end - self.start < math.inf:
-            raise ValueError("the time has no finite length")
+            raise InputError("the time has no finite length")
         if not self.end > self.start:
-            raise ValueError(f"the time ends at {self.end:g} s, not after its start at {self.start:g} s")
-        return self
+            raise InputError(f"the time ends at {self.end:g} s, not after its start at {self.start:g} s")
 
     def instants(self) -> Array:
         """Return the instants [s], shape (samples,)."""
         return np.linspace(self.start, self.end, self.samples)
 
 
-class Accuracy(Model):
+class Accuracy(Model, frozen=True):
     """How accurate the result is wanted.
 
     Attributes:
@@ -57,8 +57,8 @@ class Accuracy(Model):
         max_steps: Number of steps after which the time integration gives up, rejected ones included.
     """
 
-    tolerance: float = Field(default=1e-9, ge=1e-14, le=1e-2)
-    max_steps: int = Field(default=200_000, ge=1)
+    tolerance: Annotated[float, msgspec.Meta(ge=1e-14, le=1e-2)] = 1e-9
+    max_steps: Annotated[int, msgspec.Meta(ge=1)] = 200_000
 
 
 def check_motion(mechanism: Mechanism, motion: Mapping[str, MotionLaw], place: Place) -> None:

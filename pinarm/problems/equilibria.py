@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
+from typing import Annotated, ClassVar
 
+import msgspec
 import numpy as np
 import pinocchio as pin
-from pydantic import Field
 
 from pinarm.arrays import Array
 from pinarm.engine.assembly import Imposed, start_configuration
@@ -48,7 +48,7 @@ STEP, LEVELS, ORDERS = 0.1237, 14, 5
 halved; columns of the extrapolation, up to order 10."""
 
 
-class Equilibria(Model):
+class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
     """Configurations at rest at which the generalised force of weights and loads vanishes; drives give none.
 
     With the potential energy U the force is ``f = -dU/dq``, the stiffness ``K = -df/dq``, and small motions about an
@@ -66,8 +66,8 @@ class Equilibria(Model):
         loads: Applied constant forces and springs of this run.
     """
 
-    kind: Literal["equilibria"]
-    starts: list[dict[str, Level]] = Field(min_length=1)
+    kind: ClassVar[str] = "equilibria"
+    starts: Annotated[list[dict[str, Level]], msgspec.Meta(min_length=1)]
     hold: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import ClassVar
 
+import msgspec
 import numpy as np
-from pydantic import Field
 
 from pinarm.arrays import Array
 from pinarm.engine.assembly import Imposed, start_configuration
@@ -26,7 +26,7 @@ from pinarm.mechanics.motion import Grid
 from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_motion
 
 
-class InitialState(Model):
+class InitialState(Model, frozen=True):
     """State at the first instant; what is not given is 0.
 
     Attributes:
@@ -38,7 +38,7 @@ class InitialState(Model):
     velocity: dict[str, Rate] = {}
 
 
-class Forward(Model):
+class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
     """Motion from an initial state under the mechanism's forces and the given loads; some coordinates may follow laws.
 
     Attributes:
@@ -48,9 +48,9 @@ class Forward(Model):
         loads: Applied forces, springs and dampers of this run.
     """
 
-    kind: Literal["forward"]
+    kind: ClassVar[str] = "forward"
     time: TimeGrid
-    initial: InitialState = Field(default_factory=InitialState)
+    initial: InitialState = msgspec.field(default_factory=InitialState)
     motion: dict[str, Law] = {}
     loads: dict[str, Force] = {}
 

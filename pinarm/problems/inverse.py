@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Annotated, ClassVar
 
-from pydantic import Field
+import msgspec
 
 from pinarm.arrays import Array
 from pinarm.engine.assembly import Imposed, follow, joint_rates
@@ -22,7 +22,7 @@ from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_
 Rates = tuple[Array, Array]
 
 
-class Inverse(Model):
+class Inverse(Model, frozen=True, tag_field="kind", tag="inverse"):
     """Efforts for a motion that laws impose on as many coordinates as the mechanism has degrees of freedom.
 
     Attributes:
@@ -32,9 +32,9 @@ class Inverse(Model):
         loads: Applied forces, springs and dampers of this run.
     """
 
-    kind: Literal["inverse"]
+    kind: ClassVar[str] = "inverse"
     time: TimeGrid
-    motion: dict[str, Law] = Field(min_length=1)
+    motion: Annotated[dict[str, Law], msgspec.Meta(min_length=1)]
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 

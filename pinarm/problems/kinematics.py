@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, ClassVar
 
-from pydantic import Field
+import msgspec
 
 from pinarm.engine.assembly import Imposed
 from pinarm.engine.mechanism import Mechanism
@@ -17,7 +17,7 @@ from pinarm.problems.common import Accuracy, Place, TimeGrid, check_levels, chec
 from pinarm.problems.inverse import driven
 
 
-class Kinematics(Model):
+class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):
     """Motion under laws on as many coordinates as the mechanism has degrees of freedom; masses play no part.
 
     With the imposed coordinates w: ``w(q) = w_d(t)``, ``J v = w_d'`` and ``J a = w_d'' - J' v``. Models without any
@@ -29,9 +29,9 @@ class Kinematics(Model):
         start: Rough joint coordinates at the first instant: they choose the branch where there are several.
     """
 
-    kind: Literal["kinematics"]
+    kind: ClassVar[str] = "kinematics"
     time: TimeGrid
-    motion: dict[str, Law] = Field(min_length=1)
+    motion: Annotated[dict[str, Law], msgspec.Meta(min_length=1)]
     start: dict[str, Level] = {}
 
     def parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:

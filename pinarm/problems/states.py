@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Annotated, ClassVar
 
+import msgspec
 import numpy as np
-from pydantic import Field, model_validator
 
 from pinarm.engine.assembly import Imposed
 from pinarm.engine.mechanism import Mechanism
@@ -15,13 +15,13 @@ from pinarm.errors import InputError, choices
 from pinarm.input.schema import Level, Measured, Model, Rate, SecondRate
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.forces import Force, ForceElement
-from pinarm.mechanics.laws import Constant, ConstantSpeed
+from pinarm.mechanics.laws import RENAMED, Constant, ConstantSpeed
 from pinarm.mechanics.motion import Grid, MotionLaw
 from pinarm.problems.common import Accuracy, Place, bind_loads, check_levels, check_motion
 from pinarm.problems.inverse import Rates, driven
 
 
-class Range(Model):
+class Range(Model, frozen=True, rename=RENAMED):
     """Evenly spaced values of a coordinate.
 
     Attributes:
@@ -30,18 +30,17 @@ class Range(Model):
         samples: Number of values.
     """
 
-    start: Level = Field(alias="from")
-    end: Level = Field(alias="to")
-    samples: int = Field(default=201, ge=2, le=10_000_000)
+    start: Level
+    end: Level
+    samples: Annotated[int, msgspec.Meta(ge=2, le=10_000_000)] = 201
 
-    @model_validator(mode="after")
-    def _goes_somewhere(self) -> Range:
+    def check(self) -> None:
+        """Refuse a range that goes nowhere."""
         if self.start == self.end:
-            raise ValueError("the range begins and ends at the same value")
-        return self
+            raise InputError("the range begins and ends at the same value")
 
 
-class Statics(Model):
+class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
     """Holding efforts, at rest: over the range of one coordinate, or at one position.
 
     Attributes:
@@ -51,8 +50,8 @@ class Statics(Model):
         loads: Applied forces and springs of this run.
     """
 
-    kind: Literal["statics"]
-    over: dict[str, Range] = Field(default={}, max_length=1)
+    kind: ClassVar[str] = "statics"
+    over: Annotated[dict[str, Range], msgspec.Meta(max_length=1)] = {}
     hold: dict[str, Level] = {}
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
@@ -74,7 +73,7 @@ class Statics(Model):
                           rates=(still, still))  # fmt: skip
 
 
-class State(Model):
+class State(Model, frozen=True, tag_field="kind", tag="state"):
     """Efforts at given velocities and accelerations: over the range of one coordinate, or at one position.
 
     Every row is a state of its own. What is not given is 0.
@@ -88,8 +87,8 @@ class State(Model):
         loads: Applied forces, springs and dampers of this run.
     """
 
-    kind: Literal["state"]
-    over: dict[str, Range] = Field(default={}, max_length=1)
+    kind: ClassVar[str] = "state"
+    over: Annotated[dict[str, Range], msgspec.Meta(max_length=1)] = {}
     hold: dict[str, Level] = {}
     velocity: dict[str, Rate] = {}
     acceleration: dict[str, SecondRate] = {}

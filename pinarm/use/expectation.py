@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator, model_validator
+import msgspec
 
 from pinarm.errors import InputError
 from pinarm.input.schema import Model
@@ -14,7 +14,7 @@ Verdict = Literal["agrees", "rounding", "reading", "misprint"]
 Extreme = Literal["max", "min", "largest"]
 
 
-class Expectation(Model):
+class Expectation(Model, frozen=True):
     """What a quantity must be, and what was published of it.
 
     Attributes:
@@ -35,33 +35,29 @@ class Expectation(Model):
     """
 
     quantity: str
+    source: str
     at: Literal["all", "start", "end", "max", "min", "largest"] | dict[str, str | int | float] = "all"
     value: str | float | None = None
     formula: str | None = None
-    rtol: Annotated[float, Field(ge=0, le=1)] | None = None
+    rtol: Annotated[float, msgspec.Meta(ge=0, le=1)] | None = None
     atol: str | float | None = None
     published: str | None = None
     published_formula: str | None = None
     because: str | None = None
     verdict: Verdict = "agrees"
-    source: str
     note: str = ""
 
-    @field_validator("published", mode="before")
-    @classmethod
-    def _printed(cls, value: object) -> object:
-        if value is not None and not isinstance(value, str):
-            raise InputError("a published figure is written as text, so that its digits count", hint=f"'{value}'")
-        if isinstance(value, str):
-            read_quantity(value)
-        return value
+    def check(self) -> None:
+        """Refuse entries that say too little, or contradict themselves.
 
-    @model_validator(mode="after")
-    def _complete(self) -> Expectation:
+        Raises:
+            InputError: Says what is missing.
+        """
+        if self.published is not None:
+            read_quantity(self.published)
         if self.value is not None and self.formula is not None:
             raise InputError("give a value or a formula, not both")
         if self.value is None and self.formula is None and self.published is None and self.published_formula is None:
             raise InputError("an expectation needs a value, a formula or a published figure")
         if self.verdict != "agrees" and self.value is None and self.formula is None:
             raise InputError(f"a {self.verdict} can only be confirmed by an independent value or formula")
-        return self

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 
 from pinarm.engine.quantities import Quantities
@@ -144,7 +145,7 @@ class Result:
         """Return a hash of what determines the numbers: the scenario and the model's text."""
         relevant = {key: value for key, value in self.data.items() if key not in ("expect", "title")}
         mechanism = self.trajectory.mechanism
-        described = mechanism.description.model_dump(mode="json")
+        described = msgspec.to_builtins(mechanism.description, enc_hook=float)
         text = json.dumps([relevant, described, mechanism.xml], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 

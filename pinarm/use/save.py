@@ -9,6 +9,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from pinarm.engine.trajectory import Series
@@ -108,14 +109,13 @@ def _resolved(result: Result, folder: Path) -> str:
     """Return the scenario with every argument of the model and every default written out."""
     from ruamel.yaml import YAML
 
-    content = result.content.model_dump(mode="json", by_alias=True, exclude_none=True)
     written = _moved(result.data, result.folder, folder)
     units = result.trajectory.mechanism.argument_units
     written["arguments"] = {
         name: f"{value!r} {units[name]}" if name in units else value
         for name, value in result.trajectory.mechanism.arguments.items()
     }
-    written["accuracy"] = content["accuracy"]
+    written["accuracy"] = msgspec.to_builtins(result.content.accuracy)
     source = Path(str(written["mechanism"]))
     if source.suffix:
         written["mechanism"] = os.path.relpath(result.folder / source, folder)

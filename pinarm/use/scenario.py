@@ -10,8 +10,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import msgspec
 import numpy as np
-from pydantic import Field, PlainValidator
 
 from pinarm.engine.balance import power_balance
 from pinarm.engine.mechanism import Mechanism
@@ -21,7 +21,7 @@ from pinarm.errors import DynamicsError, InputError, NumericsError
 from pinarm.input.documents import Document
 from pinarm.input.expressions import Expression
 from pinarm.input.roots import inside, root_of
-from pinarm.input.schema import Measured, Model, described
+from pinarm.input.schema import Measured, Model
 from pinarm.input.units import read_quantity
 from pinarm.mechanics.description import Gravity
 from pinarm.problems import KINDS, Problem, problem_class
@@ -30,20 +30,25 @@ from pinarm.use.expectation import Expectation
 from pinarm.use.result import Result
 
 
-def _argument(value: Any) -> Measured:
-    """Read a number with or without a unit; the mechanism decides whether it needs one."""
-    if isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise InputError("an argument is a number, with a unit where it has one")
-    number, written = read_quantity(str(value))
-    measured = Measured(number)
-    measured.unit = written
-    return measured
+class Argument(Measured):
+    """A value of an argument; the mechanism decides whether it needs a unit."""
+
+    @classmethod
+    def read(cls, value: object, *, bare: bool = True) -> Argument:
+        """Read a number with or without a unit.
+
+        Raises:
+            InputError: It is none.
+        """
+        if isinstance(value, bool) or not isinstance(value, str | int | float):
+            raise InputError("an argument is a number, with a unit where it has one")
+        number, written = read_quantity(str(value))
+        measured = cls(number)
+        measured.unit = written
+        return measured
 
 
-Argument = Annotated[float, PlainValidator(_argument), described("a number, with its unit where it has one")]
-
-
-class ScenarioFile(Model):
+class ScenarioFile(Model, frozen=True):
     """Content of a scenario file.
 
     Attributes:
@@ -61,14 +66,14 @@ class ScenarioFile(Model):
     """
 
     pinarm: Literal[1]
-    title: str = ""
     mechanism: str
+    problem: Any
+    outputs: Annotated[list[str], msgspec.Meta(min_length=1)]
+    title: str = ""
     arguments: dict[str, Argument] = {}
     gravity: Gravity | Literal["none"] | None = None
-    problem: Any
     symbols: dict[str, str] = {}
-    outputs: list[str] = Field(min_length=1)
-    accuracy: Accuracy = Field(default_factory=Accuracy)
+    accuracy: Accuracy = msgspec.field(default_factory=Accuracy)
     expect: list[Expectation] = []
 
 

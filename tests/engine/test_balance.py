@@ -32,12 +32,12 @@ def arm():
 
 
 def effort(joint, law):
-    return JointEffort(kind="joint_effort", joint=joint, effort=law)
+    return JointEffort(joint=joint, effort=law)
 
 
 LOADS = {
-    "spring": JointSpring(kind="joint_spring", joint="O", stiffness=5.0, damping=0.4, rest=0.2),
-    "damper": JointSpring(kind="joint_spring", joint="B", damping=0.02),
+    "spring": JointSpring(joint="O", stiffness=5.0, damping=0.4, rest=0.2),
+    "damper": JointSpring(joint="B", damping=0.02),
     "push": effort("B", Trapezoid(start=0.0, end=1.0, acceleration=9.0, begin=0.3)),
     "swing": effort("O", Harmonic(amplitude=2.0, pulsation=5.0)),
 }
@@ -46,19 +46,19 @@ LOADS = {
 @pytest.fixture(scope="module")
 def inverse(arm):
     motion = {"O": Harmonic(amplitude=1.0, pulsation=3.0), "phi": Polynomial(start=0.0, end=2.0, duration=1.0)}
-    return solve(Inverse(kind="inverse", time=TimeGrid(end=2.0, samples=81), motion=motion, loads=LOADS), arm)
+    return solve(Inverse(time=TimeGrid(end=2.0, samples=81), motion=motion, loads=LOADS), arm)
 
 
 @pytest.fixture(scope="module")
 def statics(arm):
     over = {"phi": {"from": -1.0, "to": 1.0, "samples": 31}}
-    return solve(Statics(kind="statics", hold={"O": 0.3}, over=over, loads={"spring": LOADS["spring"]}), arm)
+    return solve(Statics(hold={"O": 0.3}, over=over, loads={"spring": LOADS["spring"]}), arm)
 
 
 @pytest.fixture(scope="module")
 def forward(arm):
     initial = {"position": {"O": 0.4}, "velocity": {"B": 3.0}}
-    return solve(Forward(kind="forward", time=TimeGrid(end=2.0, samples=81), initial=initial, loads=LOADS), arm, 1e-12)
+    return solve(Forward(time=TimeGrid(end=2.0, samples=81), initial=initial, loads=LOADS), arm, 1e-12)
 
 
 class TestPowerBalance:
@@ -74,9 +74,7 @@ class TestPowerBalance:
             name: Harmonic(mean=0.02 * k, amplitude=0.01 + 0.1 * k, pulsation=1.0 + k)
             for k, name in enumerate(panda.joints)
         }
-        figures = power_balance(
-            solve(Inverse(kind="inverse", time=TimeGrid(end=1.0, samples=21), motion=motion), panda)
-        )
+        figures = power_balance(solve(Inverse(time=TimeGrid(end=1.0, samples=21), motion=motion), panda))
         assert max(figures.values()) < HONEST
 
     @pytest.mark.parametrize("joint", [0, 1])
@@ -108,12 +106,12 @@ class TestPowerBalance:
         drive = {"joint": "second", "ratio": 100, "rotor_inertia": "1e-5 kg*m^2"}
         geared = mechanism(chain(*bodies), drives={"motor": drive})
         motion = {"first": Harmonic(amplitude=1.0, pulsation=2.0), "second": Harmonic(amplitude=1.0, pulsation=3.0)}
-        run = solve(Inverse(kind="inverse", time=TimeGrid(end=1.0, samples=21), motion=motion), geared)
+        run = solve(Inverse(time=TimeGrid(end=1.0, samples=21), motion=motion), geared)
         assert max(power_balance(run).values()) < HONEST
 
     def test_nothing_moves_and_nothing_pulls(self, mechanism, chain):
         still = mechanism(chain({"name": "first"}), gravity="none")
-        run = solve(Inverse(kind="inverse", time=TimeGrid(end=1.0), motion={"first": Constant(value=0.0)}), still)
+        run = solve(Inverse(time=TimeGrid(end=1.0), motion={"first": Constant(value=0.0)}), still)
         assert power_balance(run) == {"equilibrium": 0.0, "power": 0.0}
 
 
@@ -124,9 +122,7 @@ class TestEnergyBalance:
     def test_it_shrinks_with_the_tolerance(self, arm):
         time, found = TimeGrid(end=2.0, samples=5), []
         for tolerance in (1e-5, 1e-8, 1e-11):
-            run = solve(
-                Forward(kind="forward", time=time, initial={"position": {"O": 0.4}}, loads=LOADS), arm, tolerance
-            )
+            run = solve(Forward(time=time, initial={"position": {"O": 0.4}}, loads=LOADS), arm, tolerance)
             found.append(run.figures["energy"])
         assert found[1] < found[0] / 100
         assert found[2] < found[1] / 100
@@ -151,5 +147,5 @@ class TestEnergyBalance:
 
     def test_free_motion_keeps_its_energy(self, arm):
         time = TimeGrid(end=5.0, samples=5)
-        run = solve(Forward(kind="forward", time=time, initial={"position": {"O": 0.4}}), arm, 1e-12)
+        run = solve(Forward(time=time, initial={"position": {"O": 0.4}}), arm, 1e-12)
         assert 0.0 < run.figures["energy"] < 1e-10

@@ -115,8 +115,8 @@ class TestIdentities:
 
 def loaded(pendulum):
     forces = [
-        JointSpring(kind="joint_spring", joint="first", stiffness=20.0, damping=0.5, rest=0.3),
-        JointEffort(kind="joint_effort", joint="second", effort=Harmonic(amplitude=4.0, pulsation=3.0)),
+        JointSpring(joint="first", stiffness=20.0, damping=0.5, rest=0.3),
+        JointEffort(joint="second", effort=Harmonic(amplitude=4.0, pulsation=3.0)),
     ]
     return Dynamics.of(
         pendulum.model, {str(k): force.bind(pendulum.model, pendulum.joints) for k, force in enumerate(forces)}

@@ -21,7 +21,7 @@ MOTION = {
 
 
 def solve(mechanism, motion, end=2.0, samples=41):
-    problem = Inverse(kind="inverse", time=TimeGrid(end=end, samples=samples), motion=motion)
+    problem = Inverse(time=TimeGrid(end=end, samples=samples), motion=motion)
     return problem.solve(mechanism, Accuracy(), lambda *path: nullcontext())
 
 

@@ -42,7 +42,7 @@ def panda():
 
 def solve(mechanism, motion, *, end=1.0, samples=41, position=None, velocity=None, loads=None):
     problem = Forward(
-        kind="forward", time=TimeGrid(end=end, samples=samples), motion=motion, loads=loads or {},
+        time=TimeGrid(end=end, samples=samples), motion=motion, loads=loads or {},
         initial=InitialState(position=position or {}, velocity=velocity or {}),
     )  # fmt: skip
     return problem.solve(mechanism, FINE, lambda *path: nullcontext())
@@ -103,7 +103,7 @@ class TestArmWithPrescribedAbsoluteAngle:
             ends = [np.polynomial.Polynomial.fit(t[part], values[part], 7).deriv()(t[part][k])
                     for part, k in ((slice(0, 9), 0), (slice(-9, None), -1))]  # fmt: skip
             points = list(zip(t.tolist(), values.tolist(), strict=True))
-            return JointEffort(kind="joint_effort", joint=joint, effort=Spline(points=points, speeds=ends))
+            return JointEffort(joint=joint, effort=Spline(points=points, speeds=ends))
 
         start = {"O": run.q[0, 0], "B": run.q[0, 1]}, {"O": run.v[0, 0], "B": run.v[0, 1]}
         loads = {name: effort(name, run.tau[:, k]) for k, name in enumerate(("O", "B"))}
@@ -175,7 +175,7 @@ def selections(nv):
 
 @pytest.mark.parametrize("rows", list(selections(9)), ids=range(14))
 def test_accelerations_are_those_of_multipliers(panda, rows):
-    spring = JointSpring(kind="joint_spring", joint=next(iter(panda.joints)), stiffness=50.0, damping=3.0, rest=0.2)
+    spring = JointSpring(joint=next(iter(panda.joints)), stiffness=50.0, damping=3.0, rest=0.2)
     dynamics = Dynamics.of(panda.model, {"spring": spring.bind(panda.model, panda.joints)})
     reduction, data = Reduction.of(panda.model, rows, [f"w{k}" for k in range(len(rows))]), panda.model.createData()
     rng = np.random.default_rng(3)

@@ -24,7 +24,7 @@ def arm(mechanism, chain):
 
 @pytest.fixture
 def run(arm):
-    return solve(Inverse(kind="inverse", time=TimeGrid(end=3.0, samples=7), motion={"arm": LAW}), arm)
+    return solve(Inverse(time=TimeGrid(end=3.0, samples=7), motion={"arm": LAW}), arm)
 
 
 def test_direction_at_standstill_is_that_of_the_motion_beside_it(run):
@@ -34,12 +34,12 @@ def test_direction_at_standstill_is_that_of_the_motion_beside_it(run):
 
 def test_direction_of_a_motion_that_turns_back(arm):
     motion = {"arm": Harmonic(amplitude=1.0, pulsation=2.0)}
-    back = solve(Inverse(kind="inverse", time=TimeGrid(end=3.0, samples=31), motion=motion), arm)
+    back = solve(Inverse(time=TimeGrid(end=3.0, samples=31), motion=motion), arm)
     assert np.array_equal(back.direction(0), np.sign(back.v[:, 0]))
 
 
 def test_direction_at_rest_is_none(arm):
-    rest = solve(Inverse(kind="inverse", time=TimeGrid(end=3.0, samples=3), motion={"arm": Constant(value=1.0)}), arm)
+    rest = solve(Inverse(time=TimeGrid(end=3.0, samples=3), motion={"arm": Constant(value=1.0)}), arm)
     assert rest.direction(0).tolist() == [0, 0, 0]
 
 
@@ -58,8 +58,8 @@ def test_within_gives_the_same_motion_at_other_instants(run, stretch):
 
 def test_within_a_forward_run_is_its_dense_output(arm):
     time = TimeGrid(end=2.0, samples=3)
-    coarse = solve(Forward(kind="forward", time=time), arm)
-    fine = solve(Forward(kind="forward", time=TimeGrid(end=2.0, samples=33)), arm)
+    coarse = solve(Forward(time=time), arm)
+    fine = solve(Forward(time=TimeGrid(end=2.0, samples=33)), arm)
     part = coarse.within(0, np.linspace(0.0, 2.0, 33))
     for name in ("q", "v", "a"):
         assert np.array_equal(getattr(part, name), getattr(fine, name))

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
-from pydantic import Field, ValidationError
 
-from pinarm.errors import UnitError
-from pinarm.input.schema import FROM_FILE, AnyQuantity, Level, Measured, Model, Time, quantity
+from pinarm.errors import InputError, UnitError
+from pinarm.input.schema import AnyQuantity, Level, Measured, Model, Time, convert, quantity, reading_from
 from pinarm.input.units import unit
 from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.drives import Drive
@@ -16,17 +17,26 @@ from pinarm.mechanics.forces.joint import JointSpring
 from pinarm.mechanics.laws import Cycloidal, Polynomial
 
 
-class Piece(Model):
+class Piece(Model, rename={"angle": "from"}):
     """Something to fill in."""
 
     length: quantity("m") = 0.0  # type: ignore[valid-type]
     torque: AnyQuantity = 0.0
     time: Time = 0.0
-    angle: Level = Field(default=0.0, alias="from")
+    angle: Level = 0.0
+
+
+def built(model: type[Model], data: Any) -> Any:
+    """Build a model as from a file, and let its own error out."""
+    with reading_from(Path()):
+        try:
+            return msgspec.convert(data, model, dec_hook=convert)
+        except msgspec.ValidationError as error:
+            raise error.__cause__ or InputError(str(error)) from None
 
 
 def from_file(**data: Any) -> Piece:
-    return Piece.model_validate(data, context=FROM_FILE)
+    return built(Piece, data)
 
 
 def test_a_quantity_is_read_in_si_and_remembers_its_unit() -> None:
@@ -39,7 +49,7 @@ def test_a_quantity_is_read_in_si_and_remembers_its_unit() -> None:
 @pytest.mark.parametrize("value", [0.25, 1, "0.25", "1e-3"])
 @pytest.mark.parametrize("field", ["length", "torque"])
 def test_a_file_must_give_the_unit(field: str, value: float | str) -> None:
-    with pytest.raises(ValidationError, match="has no unit"):
+    with pytest.raises(InputError, match="has no unit"):
         from_file(**{field: value})
 
 
@@ -54,12 +64,10 @@ def test_python_may_give_numbers_in_si() -> None:
 
 def hint(read: Callable[..., Any], **data: Any) -> str:
     """Return what the refusal of a bare number suggests."""
-    with pytest.raises(ValidationError, match="has no unit") as caught:
+    with pytest.raises(InputError, match="has no unit") as caught:
         read(**data)
-    [detail] = caught.value.errors()
-    error = detail["ctx"]["error"]
-    assert isinstance(error, UnitError)
-    return error.hint
+    assert isinstance(caught.value, UnitError)
+    return caught.value.hint
 
 
 def test_the_hint_shows_a_unit_that_would_be_right() -> None:
@@ -70,22 +78,22 @@ def test_the_hint_shows_a_unit_that_would_be_right() -> None:
 def test_the_hint_does_not_show_seconds_for_an_angle() -> None:
     """``from`` of a range is called ``start`` inside, as the first instant of a run is."""
 
-    class Sweep(Model):
-        start: Level = Field(alias="from")
+    class Sweep(Model, rename={"start": "from"}):
+        start: Level
 
-    assert hint(lambda **data: Sweep.model_validate(data, context=FROM_FILE), **{"from": -60}) == ""
+    assert hint(lambda **data: built(Sweep, data), **{"from": -60}) == ""
 
 
 @pytest.mark.parametrize("value", ["1 kg", "1 s", "1 rad", "1 m^2"])
 def test_a_wrong_dimension_is_refused(value: str) -> None:
-    with pytest.raises(ValidationError, match="not a unit of this quantity"):
+    with pytest.raises(InputError, match="not a unit of this quantity"):
         from_file(length=value)
 
 
 def test_check_compares_dimensions_not_names() -> None:
     value = from_file(torque="1 J").torque
     value.check(unit("N*m"))
-    with pytest.raises(UnitError, match="'J' is not a unit"):
+    with pytest.raises(InputError, match="'J' is not a unit"):
         value.check(unit("N"))
     Measured(1.0).check(unit("N"))  # a bare number of Python's is in SI
 
@@ -94,15 +102,15 @@ def test_check_compares_dimensions_not_names() -> None:
     "value", [math.nan, math.inf, -math.inf, "1e999 m", "nan", "inf m", pytest.param(10**399, id="400 digits")]
 )
 def test_only_finite_numbers(value: float | str) -> None:
-    with pytest.raises(ValidationError):
+    with pytest.raises(InputError):
         Piece(length=value)
-    with pytest.raises(ValidationError):
+    with pytest.raises(InputError):
         Piece(torque=value)
 
 
 @pytest.mark.parametrize("value", [True, False, None, [1], {"m": 1}, b"1 m"])
 def test_only_numbers_and_text(value: Any) -> None:
-    with pytest.raises(ValidationError):
+    with pytest.raises(InputError):
         from_file(length=value)
 
 
@@ -120,13 +128,13 @@ def test_only_numbers_and_text(value: Any) -> None:
 )
 def test_bounds_of_a_quantity_hold(model: type[Model], data: dict[str, Any]) -> None:
     mended = {key: value.lstrip("-").replace("0 s", "1 s") if key != "from" else value for key, value in data.items()}
-    model.model_validate(mended, context=FROM_FILE)
-    with pytest.raises(ValidationError, match="greater than"):
-        model.model_validate(data, context=FROM_FILE)
+    built(model, mended)
+    with pytest.raises(InputError, match="out of bounds"):
+        built(model, data)
 
 
 def test_pieces_are_immutable_and_know_their_keys() -> None:
-    with pytest.raises(ValidationError):
+    with pytest.raises(InputError):
         from_file(lenght="1 m")
-    with pytest.raises(ValidationError):
+    with pytest.raises(AttributeError):
         from_file(length="1 m").length = 2.0

@@ -51,13 +51,13 @@ def motion(t, n):
 
 
 DEFINITIONS = {
-    "sum": AngleSum(kind="sum", of=["turn", "tilt", "roll"]),
-    "length": AngleSum(kind="sum", of=["slide"]),
-    **{f"tip along {axis}": PointCoordinate(kind="point", point="tip_link", along=axis) for axis in AXES},
-    "tip along a slant": PointCoordinate(kind="point", point="tip_link", along=(2.0, -1.0, 0.5)),
-    "reach": Distance(kind="distance", between=("base", "tip_link")),
-    "reach of the tilting link": Distance(kind="distance", between=("tip_link", "slide_link")),
-    **{f"rotation about {axis}": Rotation(kind="rotation", body="tip_link", about=axis) for axis in "xyz"},
+    "sum": AngleSum(of=["turn", "tilt", "roll"]),
+    "length": AngleSum(of=["slide"]),
+    **{f"tip along {axis}": PointCoordinate(point="tip_link", along=axis) for axis in AXES},
+    "tip along a slant": PointCoordinate(point="tip_link", along=(2.0, -1.0, 0.5)),
+    "reach": Distance(between=("base", "tip_link")),
+    "reach of the tilting link": Distance(between=("tip_link", "slide_link")),
+    **{f"rotation about {axis}": Rotation(body="tip_link", about=axis) for axis in "xyz"},
 }
 TIP_AT_REST = np.array([0.6, 0.3, 0.8])
 """Sum of the placements of the joints."""
@@ -109,7 +109,7 @@ def test_second_rate_is_the_second_difference_of_the_value(model, name):
 
 @pytest.mark.parametrize("along", [(2.0, -1.0, 0.5), (-200.0, 100.0, -50.0), (0.0, 1e-100, 0.0), (1e100, 0.0, 0.0)])
 def test_a_slanted_direction_counts_by_its_direction_only(model, along):
-    coordinate = PointCoordinate(kind="point", point="tip_link", along=along).bind(model, joints_of(model))
+    coordinate = PointCoordinate(point="tip_link", along=along).bind(model, joints_of(model))
     value, *_ = evaluate(coordinate, model, np.zeros(4), np.zeros(4), np.zeros(4))
     direction = np.array(along) / max(along, key=abs)
     sign = np.sign(max(along, key=abs))
@@ -119,7 +119,7 @@ def test_a_slanted_direction_counts_by_its_direction_only(model, along):
 @pytest.mark.parametrize("along", [(0.0, 0.0, 0.0), (np.inf, 0.0, 0.0), (np.nan, 1.0, 0.0)])
 def test_a_direction_without_a_length_is_refused(model, along):
     with pytest.raises(InputError, match="is no direction"):
-        PointCoordinate(kind="point", point="tip_link", along=along).bind(model, joints_of(model))
+        PointCoordinate(point="tip_link", along=along).bind(model, joints_of(model))
 
 
 def test_axes_are_directions():
@@ -128,7 +128,7 @@ def test_axes_are_directions():
 
 @pytest.mark.parametrize("between", [("base", "tip_link"), ("tip_link", "base")])
 def test_distance_by_hand(model, between):
-    coordinate = Distance(kind="distance", between=between).bind(model, joints_of(model))
+    coordinate = Distance(between=between).bind(model, joints_of(model))
     v, a = np.array([0.0, 2.0, 0.0, 0.0]), np.array([0.0, -3.0, 0.0, 0.0])
     # the tip slides along x: l^2 = x^2 + c^2, l' = x x' / l, l'' = (x'^2 + x x'' - l'^2) / l
     length = np.linalg.norm(TIP_AT_REST)
@@ -158,7 +158,7 @@ class TestRotation:
     def at(self, ball, w, v, a):
         """Return all three components with their rates, shape (3, 3)."""
         q = pin.Quaternion(pin.exp3(w)).coeffs()
-        coordinates = [Rotation(kind="rotation", body="body", about=x).bind(ball, {}) for x in "xyz"]
+        coordinates = [Rotation(body="body", about=x).bind(ball, {}) for x in "xyz"]
         return np.array([evaluate(coordinate, ball, q, v, a) for coordinate in coordinates]).T
 
     @pytest.mark.parametrize("angle", BALL_STATES)
@@ -220,7 +220,7 @@ def test_joints_have_names_places_and_units(model):
 
 
 def test_sum_is_weighted_by_how_often_a_joint_is_named(model):
-    coordinate = AngleSum(kind="sum", of=["turn", "roll", "turn"]).bind(model, joints_of(model))
+    coordinate = AngleSum(of=["turn", "roll", "turn"]).bind(model, joints_of(model))
     assert coordinate.weights.tolist() == [2.0, 0.0, 0.0, 1.0]
     assert coordinate.unit == unit("rad")
 
@@ -238,12 +238,12 @@ def test_places_differ_where_another_joint_has_more_numbers_in_q_than_in_v():
 @pytest.mark.parametrize(
     ("definition", "message"),
     [
-        (AngleSum(kind="sum", of=["turn", "slide"]), "cannot mix angles and lengths"),
-        (AngleSum(kind="sum", of=["turn", "tild"]), "no joint 'tild'"),
-        (PointCoordinate(kind="point", point="tap_link", along="x"), "no link 'tap_link'"),
-        (Distance(kind="distance", between=("tap_link", "base")), "no link 'tap_link'"),
-        (Distance(kind="distance", between=("base", "tap_link")), "no link 'tap_link'"),
-        (Rotation(kind="rotation", body="tap_link", about="x"), "no link 'tap_link'"),
+        (AngleSum(of=["turn", "slide"]), "cannot mix angles and lengths"),
+        (AngleSum(of=["turn", "tild"]), "no joint 'tild'"),
+        (PointCoordinate(point="tap_link", along="x"), "no link 'tap_link'"),
+        (Distance(between=("tap_link", "base")), "no link 'tap_link'"),
+        (Distance(between=("base", "tap_link")), "no link 'tap_link'"),
+        (Rotation(body="tap_link", about="x"), "no link 'tap_link'"),
     ],
 )
 def test_impossible_coordinates_are_refused(model, definition, message):

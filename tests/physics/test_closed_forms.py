@@ -23,7 +23,7 @@ SLIDER = {"name": "slide", "kind": "prismatic", "axis": "1 0 0", "mass": 2.0}
 
 
 def run(mechanism, end, samples=101, tolerance=1e-12, **content):
-    problem = Forward(kind="forward", time=TimeGrid(end=end, samples=samples), **content)
+    problem = Forward(time=TimeGrid(end=end, samples=samples), **content)
     return problem.solve(mechanism, Accuracy(tolerance=tolerance), lambda *path: nullcontext())
 
 
@@ -74,7 +74,7 @@ def test_bearing_of_a_spinning_rod_feels_its_centrifugal_force_and_tilting_momen
     tilted = f'<origin xyz="{x:.17g} 0 {z:.17g}" rpy="0 {tilt - np.pi / 2:.17g} 0"/>'
     rod = mechanism(xml.replace(f'<origin xyz="{length / 2} 0 0"/>', tilted), gravity="none")
     motion = {"shaft": ConstantSpeed(speed=w)}
-    turn = Inverse(kind="inverse", time=TimeGrid(end=0.4, samples=41), motion=motion)
+    turn = Inverse(time=TimeGrid(end=0.4, samples=41), motion=motion)
     turned = turn.solve(rod, Accuracy(), lambda *path: nullcontext())
     found, q = Quantities(turned), turned.q[:, 0]
     force = -mass * length / 2 * np.sin(tilt) * w**2
@@ -98,7 +98,7 @@ def test_double_pendulum_of_two_rods_ends_where_all_references_say(mechanism, ch
 
 class TestSpringAndDamper:
     stiffness, damping, mass = 50.0, 3.0, 2.0
-    loads = {"spring": JointSpring(kind="joint_spring", joint="slide", stiffness=50.0, damping=3.0, rest=0.1)}
+    loads = {"spring": JointSpring(joint="slide", stiffness=50.0, damping=3.0, rest=0.1)}
 
     def test_underdamped_free_motion(self, mechanism, chain):
         slider = mechanism(chain(SLIDER))
@@ -113,7 +113,7 @@ class TestSpringAndDamper:
 
     def test_the_effort_that_holds_it_is_the_force_of_the_spring(self, mechanism, chain):
         slider, motion = mechanism(chain(SLIDER)), {"slide": Constant(value=0.4)}
-        held = Inverse(kind="inverse", time=TimeGrid(end=1.0, samples=2), motion=motion, loads=self.loads)
+        held = Inverse(time=TimeGrid(end=1.0, samples=2), motion=motion, loads=self.loads)
         tau = held.solve(slider, Accuracy(), lambda *path: nullcontext()).tau
         assert tau[:, 0] == pytest.approx(50.0 * 0.3, rel=1e-15)
 
@@ -121,7 +121,7 @@ class TestSpringAndDamper:
 def test_slider_under_a_force_that_steps_follows_its_parabolas(mechanism, chain):
     slider = mechanism(chain(SLIDER))
     law = Trapezoid(start=0.0, end=4.0, acceleration=16.0, begin=0.25)  # N: two parabolas of 0.5 s each
-    loads = {"push": JointEffort(kind="joint_effort", joint="slide", effort=law)}
+    loads = {"push": JointEffort(joint="slide", effort=law)}
     pushed = run(slider, 2.0, samples=9, loads=loads)
     x1, x2 = (np.clip(pushed.grid.t - start, 0.0, None) for start in (0.25, 0.75))
     x3 = np.clip(pushed.grid.t - 1.25, 0.0, None)

@@ -28,7 +28,7 @@ def place(*path):
 
 
 def solve(mechanism, starts, **given):
-    return Equilibria(kind="equilibria", starts=starts, **given).solve(mechanism, Accuracy(), place)
+    return Equilibria(starts=starts, **given).solve(mechanism, Accuracy(), place)
 
 
 def squares(run, row):
@@ -144,7 +144,7 @@ def test_an_arm_held_level_falls_though_no_small_step_changes_the_force(arm):
 @pytest.mark.parametrize("ratio", [0.3, 0.99, 1.0 - 1e-6, 1.0 + 1e-6, 1.01, 4.0])
 def test_a_spring_holds_a_pendulum_upright_if_it_is_stiffer_than_its_weight(mechanism, chain, ratio):
     stiffness = ratio * MASS * G * LENGTH
-    spring = {"hold": JointSpring(kind="joint_spring", joint="bob", stiffness=stiffness)}
+    spring = {"hold": JointSpring(joint="bob", stiffness=stiffness)}
     run = solve(mechanism(chain(UPRIGHT)), [{}], loads=spring)
     assert run.q[0, 0] == 0.0
     assert squares(run, 1) == pytest.approx([(stiffness - MASS * G * LENGTH) / (MASS * LENGTH**2)], rel=1e-9)
@@ -155,7 +155,7 @@ def test_a_spring_holds_a_pendulum_upright_if_it_is_stiffer_than_its_weight(mech
 def test_beside_the_unstable_position_there_are_two_stable_ones(mechanism, chain, ratio):
     """The pitchfork: ``sin q / q = k / (m g L)``, by bisection, and ``w^2 = (k - m g L cos q) / (m L^2)``."""
     weight = MASS * G * LENGTH
-    spring = {"hold": JointSpring(kind="joint_spring", joint="bob", stiffness=ratio * weight)}
+    spring = {"hold": JointSpring(joint="bob", stiffness=ratio * weight)}
     low, high = 1e-9, math.pi
     for _ in range(200):
         middle = 0.5 * (low + high)
@@ -169,7 +169,7 @@ def test_beside_the_unstable_position_there_are_two_stable_ones(mechanism, chain
 
 
 def test_at_the_fork_itself_the_upright_position_is_indifferent(mechanism, chain):
-    spring = {"hold": JointSpring(kind="joint_spring", joint="bob", stiffness=MASS * G * LENGTH)}
+    spring = {"hold": JointSpring(joint="bob", stiffness=MASS * G * LENGTH)}
     run = solve(mechanism(chain(UPRIGHT)), [{}, {"bob": 0.3}, {"bob": -0.2}], loads=spring)
     assert len(run) == 1
     assert stability(run, 1) == 0.0
@@ -179,7 +179,7 @@ def test_at_the_fork_itself_the_upright_position_is_indifferent(mechanism, chain
 @pytest.mark.parametrize("stiffness", [1e-2, 30.0, 1e7])
 def test_a_mass_sags_on_a_spring_by_its_weight_over_the_stiffness(mechanism, chain, stiffness):
     slider = mechanism(chain({"name": "z", "kind": "prismatic", "axis": "0 0 1", "mass": 2.3}))
-    run = solve(slider, [{"z": 0.4}, {}], loads={"s": JointSpring(kind="joint_spring", joint="z", stiffness=stiffness)})
+    run = solve(slider, [{"z": 0.4}, {}], loads={"s": JointSpring(joint="z", stiffness=stiffness)})
     assert len(run) == 1
     assert run.q[0, 0] == pytest.approx(-2.3 * G / stiffness, rel=1e-14)
     assert squares(run, 1) == pytest.approx([stiffness / 2.3], rel=1e-12)
@@ -199,7 +199,7 @@ def truss(mechanism, chain, beside):
 def test_a_spring_across_a_slide_snaps_through(mechanism, chain, size):
     """Free length L > distance a: ``x = +-sqrt(L^2 - a^2)`` with ``k x^2 / L^2``, and 0 with ``-k (L/a - 1)``."""
     k, a, free = 450.0, 0.3 * size, 0.5 * size
-    spring = PointSpring(kind="point_spring", between=("anchor", "x_link"), stiffness=k, free_length=free)
+    spring = PointSpring(between=("anchor", "x_link"), stiffness=k, free_length=free)
     run = solve(truss(mechanism, chain, a), [{"x": 0.35 * size}, {"x": 1e-4 * size}, {"x": -0.35 * size}],
                 loads={"s": spring})  # fmt: skip
     assert run.q[:, 0] == pytest.approx([0.4 * size, 0.0, -0.4 * size], abs=1e-14 * size)
@@ -236,8 +236,8 @@ def test_the_stiffness_is_the_second_derivative_of_the_potential_energy(mechanis
     bodies = [{"name": n, "axis": axis, "com": "0.1 0.2 -0.4", "at": "0.1 0.1 -0.3"}
               for n, axis in (("a", "0 1 0"), ("b", "1 0 0"), ("c", "0 0.6 0.8"))]  # fmt: skip
     model = mechanism(chain(*bodies).replace("</robot>", f'{ANCHOR}<origin xyz="0.7 0.2 0.5"/></joint></robot>'))
-    line = PointSpring(kind="point_spring", between=("anchor", "c_link"), stiffness=30.0, free_length=0.4, force=2.0)
-    coil = JointSpring(kind="joint_spring", joint="b", stiffness=8.0, rest=0.3)
+    line = PointSpring(between=("anchor", "c_link"), stiffness=30.0, free_length=0.4, force=2.0)
+    coil = JointSpring(joint="b", stiffness=8.0, rest=0.3)
     balance = balance_of(model, {"line": line, "coil": coil})
     q, still = np.array([0.4, -0.9, 0.7]), np.zeros((1, 3))
     stiffness, _, _ = balance.terms(q)
@@ -264,7 +264,7 @@ def test_a_held_absolute_angle_leaves_a_pendulum_and_tells_the_torque_that_holds
 
 
 def test_a_start_is_moved_to_what_is_held(arm):
-    _, starts = Equilibria(kind="equilibria", starts=[{"O": 0.5}], hold={"phi": 0.7}).prepare(arm, place)
+    _, starts = Equilibria(starts=[{"O": 0.5}], hold={"phi": 0.7}).prepare(arm, place)
     assert starts[0] == pytest.approx([0.6, 0.1])
 
 
@@ -316,9 +316,9 @@ def test_a_column_under_a_force_that_follows_it_flutters_beyond_its_critical_loa
     column = chain({**TIP, "name": "a", "mass": 2.0, "com": f"0 0 {length}"},
                    {**TIP, "name": "b", "mass": 1.0, "at": f"0 0 {length}", "com": f"0 0 {length}"})  # fmt: skip
     loads = {
-        "a": JointSpring(kind="joint_spring", joint="a", stiffness=k),
-        "b": JointSpring(kind="joint_spring", joint="b", stiffness=k),
-        "push": Wrench(kind="wrench", point="b_link", axes="b_link", force=(0.0, 0.0, -load * k / length)),
+        "a": JointSpring(joint="a", stiffness=k),
+        "b": JointSpring(joint="b", stiffness=k),
+        "push": Wrench(point="b_link", axes="b_link", force=(0.0, 0.0, -load * k / length)),
     }
     run = solve(mechanism(column, gravity="none"), [{}], loads=loads)
     assert stability(run, 1) == stable
@@ -326,7 +326,7 @@ def test_a_column_under_a_force_that_follows_it_flutters_beyond_its_critical_loa
 
 def test_a_constant_torque_leans_a_pendulum(mechanism, chain):
     torque = 0.6 * MASS * G * LENGTH
-    push = {"t": JointEffort(kind="joint_effort", joint="bob", effort=Constant(value=torque))}
+    push = {"t": JointEffort(joint="bob", effort=Constant(value=torque))}
     run = solve(mechanism(chain(BOB)), [{"bob": 0.3}, {"bob": 2.2}], loads=push)
     lean = math.asin(0.6)  # a positive turn about y swings the bob to -x
     assert np.sort(run.q[:, 0]) == pytest.approx([lean, math.pi - lean], abs=1e-14)
@@ -338,8 +338,8 @@ def test_a_constant_torque_leans_a_pendulum(mechanism, chain):
 
 def test_a_start_that_leads_nowhere_is_named_with_what_is_left(mechanism, chain):
     pair = mechanism(chain(BOB, {"name": "z", "kind": "prismatic", "axis": "0 0 1", "mass": 2.0}))
-    loads = {"s": JointSpring(kind="joint_spring", joint="z", stiffness=1e5)}
-    wall = {"t": JointEffort(kind="joint_effort", joint="bob", effort=Constant(value=1e3))}
+    loads = {"s": JointSpring(joint="z", stiffness=1e5)}
+    wall = {"t": JointEffort(joint="bob", effort=Constant(value=1e3))}
     assert len(solve(pair, [{}], loads=loads)) == 1
     message = r"starts\[0\] leads to no equilibrium: a force of .* N\*m is left on bob"
     with pytest.raises(AssemblyError, match=message) as caught:
@@ -353,8 +353,8 @@ def test_a_start_that_leads_nowhere_is_named_with_what_is_left(mechanism, chain)
 def test_the_starts_before_a_failing_one_are_kept(mechanism, chain):
     """A spring across a slide that is pushed: on the far side the force has a smallest value, but no zero."""
     k, beside, free = 100.0, 2.0, 2.4
-    spring = PointSpring(kind="point_spring", between=("anchor", "x_link"), stiffness=k, free_length=free)
-    push = JointEffort(kind="joint_effort", joint="x", effort=Constant(value=12.0))
+    spring = PointSpring(between=("anchor", "x_link"), stiffness=k, free_length=free)
+    push = JointEffort(joint="x", effort=Constant(value=12.0))
     model = truss(mechanism, chain, beside)
     good = solve(model, [{"x": 1.6}], loads={"s": spring, "p": push})
     with pytest.raises(AssemblyError, match=r"starts\[1\]") as caught:
@@ -383,7 +383,7 @@ REFUSED = {
 def test_what_is_refused(arm, case):
     given, message = REFUSED[case]
     with pytest.raises(InputError, match=message):
-        Equilibria(kind="equilibria", **given).prepare(arm, place)
+        Equilibria(**given).prepare(arm, place)
 
 
 def test_a_law_is_refused_even_in_the_mechanism_itself(mechanism, chain):

@@ -31,8 +31,7 @@ def arm(**arguments):
 
 
 def solve(mechanism, motion, *, kind=Kinematics, start=None, time=None):
-    name = "inverse" if kind is Inverse else "kinematics"
-    problem = kind(kind=name, time=time or TimeGrid(end=2.0, samples=41), motion=motion, start=start or {})
+    problem = kind(time=time or TimeGrid(end=2.0, samples=41), motion=motion, start=start or {})
     return problem.solve(mechanism, Accuracy(), place)
 
 

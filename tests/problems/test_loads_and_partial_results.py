@@ -46,8 +46,8 @@ def arm(mechanism, chain):
 def pushes(law):
     """A torque, and a force across the lever at its tip, that follow a law."""
     return {
-        "torque": JointEffort(kind="joint_effort", joint="arm", effort=law),
-        "force": Wrench(kind="wrench", point="tip", force=(0.0, 1.0, 0.0), axes="tip", factor=law),
+        "torque": JointEffort(joint="arm", effort=law),
+        "force": Wrench(point="tip", force=(0.0, 1.0, 0.0), axes="tip", factor=law),
     }
 
 
@@ -61,7 +61,7 @@ def values(law, t):
 @pytest.mark.parametrize("push", ["torque", "force"])
 def test_efforts_of_a_held_joint_are_those_of_the_load(arm, law, push):
     loads = {push: pushes(law)[push]}
-    problem = Inverse(kind="inverse", time=TIME, motion={"arm": Constant(value=0.4)}, loads=loads)
+    problem = Inverse(time=TIME, motion={"arm": Constant(value=0.4)}, loads=loads)
     run = problem.solve(arm, Accuracy(), place)
     expected = values(law, run.grid.t) * (LEVER if push == "force" else 1.0)
     assert run.tau[:, 0] == pytest.approx(-expected, abs=1e-14)
@@ -71,7 +71,7 @@ def test_efforts_of_a_held_joint_are_those_of_the_load(arm, law, push):
 @every_law
 @pytest.mark.parametrize("push", ["torque", "force"])
 def test_acceleration_of_a_free_joint_is_that_of_the_load(arm, law, push):
-    problem = Forward(kind="forward", time=TIME, loads={push: pushes(law)[push]})
+    problem = Forward(time=TIME, loads={push: pushes(law)[push]})
     run = problem.solve(arm, Accuracy(tolerance=1e-12), place)
     expected = values(law, run.grid.t) * (LEVER if push == "force" else 1.0) / INERTIA
     assert run.a[:, 0] == pytest.approx(expected, abs=1e-13)
@@ -81,10 +81,8 @@ def test_acceleration_of_a_free_joint_is_that_of_the_load(arm, law, push):
 def test_a_prescribed_joint_bears_the_load_too(mechanism, chain, law):
     """The second joint is held by its drive; the load on it goes into the drive, and the first joint stays at rest."""
     pair = mechanism(chain({"name": "first"}, {"name": "second", "at": "1 0 0"}), gravity="none")
-    loads = {"torque": JointEffort(kind="joint_effort", joint="second", effort=law)}
-    run = Forward(kind="forward", time=TIME, motion={"second": Constant(value=0.4)}, loads=loads).solve(
-        pair, Accuracy(), place
-    )
+    loads = {"torque": JointEffort(joint="second", effort=law)}
+    run = Forward(time=TIME, motion={"second": Constant(value=0.4)}, loads=loads).solve(pair, Accuracy(), place)
     assert run.tau[:, 1] == pytest.approx(-values(law, run.grid.t), abs=1e-13)
     assert run.tau[:, 0] == pytest.approx(0.0, abs=1e-13)
 
@@ -114,8 +112,8 @@ PARTIAL = {"swing": Harmonic(amplitude=1.0, pulsation=3.0), "jumps": LAWS["trape
 @pytest.mark.parametrize("cause", ["Ctrl-C", "max_steps"])
 def test_what_a_run_that_ends_early_keeps_is_the_run_until_there(mechanism, chain, stop_at, law, motion, cause):
     pair = mechanism(chain({"name": "first", "com": "0.5 0 0"}, {"name": "second", "at": "1 0 0", "com": "0.3 0 0"}))
-    loads = {"torque": JointEffort(kind="joint_effort", joint="first", effort=law)}
-    problem = Forward(kind="forward", time=TIME, motion=motion, loads=loads)
+    loads = {"torque": JointEffort(joint="first", effort=law)}
+    problem = Forward(time=TIME, motion=motion, loads=loads)
     whole = problem.solve(pair, Accuracy(), place)
     if cause == "Ctrl-C":
         stop_at(2.5)
@@ -136,7 +134,7 @@ def test_what_a_run_that_ends_early_keeps_is_the_run_until_there(mechanism, chai
 
 def test_an_interruption_before_the_first_step_leaves_nothing(arm, stop_at):
     stop_at(1e-9)  # the slope at the start is known
-    problem = Forward(kind="forward", time=TIME, loads={"torque": pushes(LAWS["trapezoid"])["torque"]})
+    problem = Forward(time=TIME, loads={"torque": pushes(LAWS["trapezoid"])["torque"]})
     with pytest.raises((Interrupted, KeyboardInterrupt)) as caught:
         problem.solve(arm, Accuracy(), place)
     assert getattr(caught.value, "partial", None) is None
@@ -149,12 +147,10 @@ def test_pieces_of_a_law_that_lie_between_two_rows_are_no_difficulty(arm, kind, 
     law, time = LAWS["s-curve"], TimeGrid(end=3.0, samples=samples)
     loads = {name: pushes(law)[name] for name in ("torque", "force")}
     if kind == "inverse":
-        run = Inverse(kind="inverse", time=time, motion={"arm": Constant(value=0.4)}, loads=loads).solve(
-            arm, Accuracy(), place
-        )
+        run = Inverse(time=time, motion={"arm": Constant(value=0.4)}, loads=loads).solve(arm, Accuracy(), place)
         found = -run.tau[:, 0]
     else:
-        run = Forward(kind="forward", time=time, loads=loads).solve(arm, Accuracy(), place)
+        run = Forward(time=time, loads=loads).solve(arm, Accuracy(), place)
         found = run.a[:, 0] * INERTIA
     assert len(run) == samples
     assert found == pytest.approx(values(law, run.grid.t) * (1.0 + LEVER), abs=1e-13)

@@ -146,9 +146,11 @@ def test_a_saved_scenario_finds_its_table_again(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "t.csv").write_text("t [s],angle [deg]\n0,0\n1,30\n2,0\n")
     (tmp_path / "in" / "rod.urdf").write_text(
-        '<robot name="rod"><link name="base"/><link name="rod"><inertial><origin xyz="0 0 -0.5"/><mass value="1"/>'
+        '<robot name="rod"><link name="base"/><link name="rod">'
+        '<inertial><origin xyz="0 0 -0.5"/><mass value="1"/>'
         '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-        '<joint name="pin" type="continuous"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/></joint></robot>'
+        '<joint name="pin" type="continuous"><parent link="base"/><child link="rod"/>'
+        '<axis xyz="0 1 0"/></joint></robot>'
     )
     (tmp_path / "in" / "s.yaml").write_text(
         "pinarm: 1\nmechanism: rod.urdf\nproblem: {kind: inverse, time: {end: 2 s, samples: 5}, "

@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from pydantic import Field
-
 from pinarm.mechanics.forces.contract import ForceElement
 from pinarm.mechanics.forces.joint import JointEffort, JointFriction, JointSpring, TorqueSpeed
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 
-Force = Annotated[
-    JointSpring | JointEffort | JointFriction | TorqueSpeed | PointSpring | Wrench, Field(discriminator="kind")
-]
+Force = JointSpring | JointEffort | JointFriction | TorqueSpeed | PointSpring | Wrench
 """Any force element. A new one is a module or class beside these and one entry here."""
 
 __all__ = ["Force", "ForceElement"]

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Annotated, Literal
 
 import numpy as np
 import pinocchio as pin
-from pydantic import Field, field_validator
 
 from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError
-from pinarm.input.schema import AnyQuantity, Measured, Model
+from pinarm.input.schema import AnyQuantity, Measured, Model, NotNegative, Positive
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import METRE, Joint, joint_of
 from pinarm.mechanics.forces.contract import ForceElement
@@ -161,13 +159,12 @@ class MotorCurve(ForceElement):
         return np.asarray(-np.interp(rate, self.speeds, self.efforts) * rate)
 
 
-class JointSpring(Model):
+class JointSpring(Model, frozen=True, tag_field="kind", tag="joint_spring"):
     """Spring and damper between a joint's two links."""
 
-    kind: Literal["joint_spring"]
     joint: str
-    stiffness: Annotated[AnyQuantity, Field(ge=0)] = 0.0
-    damping: Annotated[AnyQuantity, Field(ge=0)] = 0.0
+    stiffness: NotNegative = 0.0
+    damping: NotNegative = 0.0
     rest: AnyQuantity = 0.0
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
@@ -181,13 +178,12 @@ class JointSpring(Model):
                             self.rest * one)  # fmt: skip
 
 
-class JointFriction(Model):
+class JointFriction(Model, frozen=True, tag_field="kind", tag="joint_friction"):
     """Dry friction between a joint's two links, regularised: see ``DryFriction``."""
 
-    kind: Literal["joint_friction"]
     joint: str
-    friction: Annotated[AnyQuantity, Field(ge=0)]
-    creep: Annotated[AnyQuantity, Field(gt=0)] = CREEP
+    friction: NotNegative
+    creep: Positive = CREEP
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
         """Return the element of one model."""
@@ -196,10 +192,9 @@ class JointFriction(Model):
         return DryFriction(np.array([joint.v]), np.array([float(self.friction)]), np.array([float(self.creep)]))
 
 
-class JointEffort(Model):
+class JointEffort(Model, frozen=True, tag_field="kind", tag="joint_effort"):
     """Torque or force at a joint over time."""
 
-    kind: Literal["joint_effort"]
     joint: str
     effort: Law
 
@@ -210,20 +205,16 @@ class JointEffort(Model):
         return AppliedEffort(joint.v, self.effort)
 
 
-class TorqueSpeed(Model):
+class TorqueSpeed(Model, frozen=True, tag_field="kind", tag="torque_speed"):
     """A motor's curve at its joint: pairs of velocity and effort."""
 
-    kind: Literal["torque_speed"]
     joint: str
-    curve: list[tuple[AnyQuantity, AnyQuantity]] = Field(min_length=2)
+    curve: list[tuple[AnyQuantity, AnyQuantity]]
 
-    @field_validator("curve")
-    @classmethod
-    def _ascending(cls, curve: list[tuple[float, float]]) -> list[tuple[float, float]]:
-        speeds = [speed for speed, _ in curve]
-        if any(b <= a for a, b in pairwise(speeds)):
-            raise InputError("the velocities of the curve do not ascend", expected="each larger than the one before")
-        return curve
+    def check(self) -> None:
+        """Refuse a curve that is no function of the velocity."""
+        if len(self.curve) < 2 or any(b <= a for (a, _), (b, _) in pairwise(self.curve)):
+            raise InputError("the velocities of the curve do not ascend", expected="two points or more, ascending")
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
         """Return the element of one model."""

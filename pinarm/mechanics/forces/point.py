@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Literal
 
+import msgspec
 import numpy as np
 import pinocchio as pin
-from pydantic import Field
 
 from pinarm.arrays import Array
 from pinarm.errors import DynamicsError
@@ -159,7 +158,7 @@ class TwoPointSpring(ForceElement):
         return length, direction, direction @ (two - one)
 
 
-class Wrench(Model):
+class Wrench(Model, frozen=True, tag_field="kind", tag="wrench"):
     """Force and moment at the origin of a link.
 
     Attributes:
@@ -170,12 +169,11 @@ class Wrench(Model):
         factor: Law over time that multiplies them.
     """
 
-    kind: Literal["wrench"]
     point: str
     force: tuple[Force, Force, Force] = (0.0, 0.0, 0.0)
     moment: tuple[Moment, Moment, Moment] = (0.0, 0.0, 0.0)
     axes: str = "world"
-    factor: Law = Field(default_factory=lambda: Constant(value=1.0))
+    factor: Law = msgspec.field(default_factory=lambda: Constant(value=1.0))
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
         """Return the element of one model."""
@@ -184,14 +182,13 @@ class Wrench(Model):
         return AppliedWrench(model, frame_of(model, self.point), axes, wrench, self.factor, model.createData())
 
 
-class PointSpring(Model):
+class PointSpring(Model, frozen=True, tag_field="kind", tag="point_spring"):
     """Spring, damper and constant pull between the origins of two links."""
 
-    kind: Literal["point_spring"]
     between: tuple[str, str]
-    stiffness: Annotated[Stiffness, Field(ge=0)] = 0.0
-    damping: Annotated[Damping, Field(ge=0)] = 0.0
-    free_length: Annotated[Length, Field(ge=0)] = 0.0
+    stiffness: Stiffness = 0.0
+    damping: Damping = 0.0
+    free_length: Length = 0.0
     force: Force = 0.0
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
