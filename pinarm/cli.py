@@ -199,14 +199,15 @@ def _keep_partial(error: PinarmError, options: argparse.Namespace) -> int:
 
 def report(result: Result) -> str:
     """Return the summary of a run as text: ranges of the outputs with units, accuracy, cost."""
-    from pinarm.use.result import MEASURES
+    from pinarm.use.result import COSTS, MEASURES
 
     run = result.trajectory
     lines = [f"{result.content.title or result.name}", _ranges(result)]
     accuracy = [f"{name} {result.figures[name]:.1e}" for name in MEASURES if name in result.figures]
-    lines.append(f"accuracy: relative residuals: {', '.join(accuracy)}")
-    cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name not in MEASURES]
+    lines += [f"accuracy: relative residuals: {', '.join(accuracy)}"] if accuracy else []
+    cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name in COSTS]
     lines.append(f"rows: {len(run)}" + (f"; {', '.join(cost)}" if cost else ""))
+    lines += [f"{name}: {value:.9g}" for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
     lines += [f"note: {note}" for note in run.mechanism.notes]
     return "\n".join(_printable(line) for line in lines)
 

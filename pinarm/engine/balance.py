@@ -26,8 +26,11 @@ def power_balance(trajectory: Trajectory) -> dict[str, float]:
 
     Returns:
         ``equilibrium``: largest residual, and ``power``: largest residual of power along the motion, each relative to
-        the largest sum of the absolute terms over the rows.
+        the largest sum of the absolute terms over the rows; weights count with the full length of their path, so that
+        a position in which every moment vanishes has terms to compare with. Nothing where no efforts were asked for.
     """
+    if trajectory.unasked:
+        return {}
     rows = np.linspace(0, len(trajectory) - 1, min(len(trajectory), SAMPLE)).astype(int)
     model, data = trajectory.mechanism.model, trajectory.mechanism.model.createData()
     loads = trajectory.gather(lambda dynamics, part: dynamics.loads(
@@ -46,7 +49,8 @@ def power_balance(trajectory: Trajectory) -> dict[str, float]:
             demands = (inertia * acceleration, twist.cross(inertia * twist), inertia * -fall)
             parts = jacobian.T @ np.array([demand.vector for demand in demands]).T
             residuals[k] -= parts.sum(axis=1)
-            terms[k] += np.abs(parts).sum(axis=1)
+            moved = np.linalg.norm(jacobian[:3] - np.cross(inertia.lever, jacobian[3:].T).T, axis=0)
+            terms[k] += np.abs(parts).sum(axis=1) + inertia.mass * np.linalg.norm(fall.linear) * moved
     v = trajectory.v[rows]
     powers, scale = (residuals * v).sum(axis=1), (terms * np.abs(v)).sum(axis=1)
     return {"equilibrium": _relative(residuals, terms), "power": _relative(powers, scale)}

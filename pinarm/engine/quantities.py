@@ -162,6 +162,7 @@ class Quantities:
         part = words[1]
         if part in RATES and len(words) == 2:
             return self._rate_of(name, words[0], part)
+        self._require_efforts(name)
         if part in ("effort", "power") and len(words) == 2:
             effort = self._effort(joint.v)
             if part == "effort":
@@ -175,6 +176,10 @@ class Quantities:
             origin = np.array([place.translation for place in self._placements(joint.index)])
             vectors = wrench[:, 3:] + np.cross(origin - self._about(name, words, origin), wrench[:, :3])
         return Series(name, NEWTON if part == "force" else NEWTON_METRE, self._component(name, words, vectors))
+
+    def _require_efforts(self, name: str) -> None:
+        if self.trajectory.unasked:
+            raise InputError(f"'{name}': {self.trajectory.unasked}", hint="kind: inverse")
 
     def _placements(self, joint: int) -> list[pin.SE3]:
         run = self.trajectory
@@ -223,6 +228,7 @@ class Quantities:
         speed = drive.speed(self.trajectory.v[:, index])
         if words[1] == "speed":
             return Series(name, unit("rad/s"), speed)
+        self._require_efforts(name)
         a = self.trajectory.a[:, index]
         torque = drive.torque(self._effort(index), self.trajectory.direction(index), a)
         return Series(name, NEWTON_METRE, torque) if words[1] == "torque" else Series(name, WATT, torque * speed)

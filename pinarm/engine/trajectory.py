@@ -61,6 +61,7 @@ class Trajectory:
         dynamics: The equation of motion with all the forces of the run.
         again: The same run at other instants.
         figures: What was measured of its accuracy and cost, by name.
+        unasked: Why the run has no efforts; empty where it has.
     """
 
     mechanism: Mechanism
@@ -74,6 +75,7 @@ class Trajectory:
     dynamics: Dynamics = field(repr=False)
     again: Callable[[Grid], Trajectory] = field(repr=False)
     figures: Mapping[str, float] = field(default_factory=dict)
+    unasked: str = ""
 
     @classmethod
     def still(cls, mechanism: Mechanism, parameter: str, measured: Unit) -> Trajectory:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, ClassVar
 
 import msgspec
@@ -15,6 +16,8 @@ from pinarm.mechanics.laws import Law
 from pinarm.mechanics.motion import Grid
 from pinarm.problems.common import Accuracy, Place, TimeGrid, check_levels, check_motion
 from pinarm.problems.inverse import driven
+
+UNASKED = "the problem is kinematic and asks for no forces"
 
 
 class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):
@@ -51,4 +54,10 @@ class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):
         laws = [*self.motion.values(), *(law for force in mechanism.forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"):
-            return driven(mechanism, imposed, grid, self.start, mechanism.forces, *self.parameter(mechanism))
+            run = driven(mechanism, imposed, grid, self.start, mechanism.forces, *self.parameter(mechanism))
+        return _without_efforts(run)
+
+
+def _without_efforts(run: Trajectory) -> Trajectory:
+    """Return the motion alone: efforts would be zeros or noise for a model whose masses play no part."""
+    return replace(run, unasked=UNASKED, again=lambda grid: _without_efforts(run.again(grid)))

@@ -125,7 +125,8 @@ class Result:
             },
             "outputs": {series.name: self._headline(series) for series in self.columns()[1:]},
             "accuracy": {name: self.figures[name] for name in self.figures if name in MEASURES},
-            "cost": {name: int(self.figures[name]) for name in self.figures if name not in MEASURES},
+            "cost": {name: int(value) for name, value in self.figures.items() if name in COSTS},
+            "findings": {name: x for name, x in self.figures.items() if name not in (*MEASURES, *COSTS)},
             "notes": list(mechanism.notes),
             "versions": {"pinarm": pinarm.__version__, "pinocchio": pinocchio.__version__, "numpy": np.__version__},
             "input": self.digest(),
@@ -159,3 +160,6 @@ MEASURES = {
     "energy": "energy that nothing accounts for, relative to the energy exchanged",
 }
 """Figures that tell the accuracy of a run, and what they mean."""
+
+COSTS = ("steps", "evaluations", "rejected steps")
+"""Figures that count work; what is neither is part of the answer."""

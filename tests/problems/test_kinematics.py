@@ -126,3 +126,12 @@ def test_mistakes_in_a_file_are_located(override, error, message):
     with pytest.raises(error, match=message) as caught:
         pinarm.load(ROOT / "scenarios" / "magic_arms_kinematics.yaml", [override]).validate()
     assert str(caught.value).startswith("--set")
+
+
+@pytest.mark.parametrize("name", ["joint.O.effort", "joint.B.power", "joint.B.force.x", "joint.O.moment.z"])
+def test_forces_are_refused_and_not_zero(name):
+    run = solve(arm(), {"O": Constant(value=0.3), "B": Constant(value=0.4)})
+    with pytest.raises(InputError, match="kinematic") as caught:
+        Quantities(run)[name]
+    assert caught.value.hint == "kind: inverse"
+    assert Quantities(run)["joint.O.position"].values[0] == 0.3
