@@ -147,6 +147,8 @@ def joint_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw
     Raises:
         AssemblyError: A position is singular.
     """
+    if not dw.any() and not ddw.any():  # at rest, which a singular position does not hinder
+        return np.zeros((len(q), mechanism.model.nv)), np.zeros((len(q), mechanism.model.nv))
     solver = _Solver(mechanism, imposed)
     pairs = [solver.rates(row, dw, ddw, float(i)) for i, row in enumerate(q)]
     return np.array([v for v, _ in pairs]), np.array([a for _, a in pairs])

@@ -35,6 +35,7 @@ def power_balance(trajectory: Trajectory) -> dict[str, float]:
     model, data = trajectory.mechanism.model, trajectory.mechanism.model.createData()
     loads = trajectory.gather(lambda dynamics, part: dynamics.loads(
         trajectory.grid.t[part], trajectory.q[part], trajectory.v[part]))  # fmt: skip
+    pull = float(np.linalg.norm(model.gravity.linear))
     residuals, terms = np.zeros((len(rows), model.nv)), np.zeros((len(rows), model.nv))
     for k, row in enumerate(rows):
         q, v, a = trajectory.q[row], trajectory.v[row], trajectory.a[row]
@@ -49,8 +50,8 @@ def power_balance(trajectory: Trajectory) -> dict[str, float]:
             demands = (inertia * acceleration, twist.cross(inertia * twist), inertia * -fall)
             parts = jacobian.T @ np.array([demand.vector for demand in demands]).T
             residuals[k] -= parts.sum(axis=1)
-            moved = np.linalg.norm(jacobian[:3] - np.cross(inertia.lever, jacobian[3:].T).T, axis=0)
-            terms[k] += np.abs(parts).sum(axis=1) + inertia.mass * np.linalg.norm(fall.linear) * moved
+            path = jacobian[:3] - pin.skew(inertia.lever) @ jacobian[3:]  # of the mass centre, for unit velocities
+            terms[k] += np.abs(parts).sum(axis=1) + inertia.mass * pull * np.sqrt((path * path).sum(axis=0))
     v = trajectory.v[rows]
     powers, scale = (residuals * v).sum(axis=1), (terms * np.abs(v)).sum(axis=1)
     return {"equilibrium": _relative(residuals, terms), "power": _relative(powers, scale)}

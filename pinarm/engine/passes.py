@@ -133,11 +133,10 @@ class Passes:
         for i in range(part.start, part.stop):
             q, v, a = run.q[i], run.v[i], run.a[i]
             pin.forwardKinematics(model, data, q)
-            for joint in range(model.njoints):
-                outside[joint] = pin.Force.Zero()
-            for force in dynamics.forces.values():
-                for joint, wrench in force.wrenches(run.grid.t[i], q, v).items():
-                    outside[joint] = outside[joint] + data.oMi[joint].actInv(pin.Force(wrench))
+            acting = [force.wrenches(run.grid.t[i], q, v) for force in dynamics.forces.values()]
+            for joint in {joint for wrenches in acting for joint in wrenches}:
+                total = sum((wrenches[joint] for wrenches in acting if joint in wrenches), np.zeros(6))
+                outside[joint] = data.oMi[joint].actInv(pin.Force(total))
             pin.rnea(model, data, q, v, a, outside)
             for joint in range(1, model.njoints):
                 turn, wrench = data.oMi[joint].rotation, data.f[joint]

@@ -75,7 +75,7 @@ def contained(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PA
         raise InputError(
             f"the path {_short(path)} leads out of the root folder",
             expected=f"a path under {' or '.join(str(folder) for folder in allowed)}",
-            hint="copy the file there, name another root (--root), or put an empty .pinarm-root in a folder above both",
+            hint="copy the file there, or put an empty .pinarm-root in a folder above both",
         )
     return resolved
 
