@@ -87,7 +87,8 @@ class Quantities:
         links = [frame.name for frame in mechanism.model.frames if frame.type == pin.FrameType.BODY]
         sets = ["all", *mechanism.joints]
         return [
-            self.trajectory.parameter, "g", *self.symbols, *mechanism.symbols, *mechanism.arguments,
+            self.trajectory.parameter, "g", *self.symbols, *mechanism.symbols,
+            *mechanism.arguments, *mechanism.coordinates,
             *(f"joint.{name}.{part}" for name in mechanism.joints
               for part in (*RATES, "effort", "power", *(f"{kind}.{axis}" for kind in WRENCH for axis in AXES))),
             *(f"coordinate.{name}.{rate}" for name in mechanism.coordinates for rate in RATES),
