@@ -1,7 +1,8 @@
 """From the motion of coordinates to that of the joints: positions, velocities and accelerations, exact to rounding.
 
-With n coordinates w imposed on n joints: ``w(q) = w_d(t)`` by Newton's method, then ``J v = w_d'`` and
-``J a = w_d'' - J' v``. Nothing is differentiated numerically.
+With coordinates w imposed on a mechanism, the constraints phi of its loops and couplings, and J the rows of both:
+``phi(q) = 0`` and ``w(q) = w_d(t)`` by Newton's method, then ``J v = (0, w_d')`` and ``J a = (0, w_d'') - J' v``.
+There may be more rows than unknowns where a loop is overconstrained. Nothing is differentiated numerically.
 """
 
 from __future__ import annotations
@@ -14,9 +15,11 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.engine.closure import Closure, Split
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, joint_of
+from pinarm.mechanics.couplings import Coupling
 from pinarm.mechanics.motion import Grid, MotionLaw, Values
 
 CLOSED = 1e-12
@@ -66,15 +69,9 @@ class Imposed:
         """Return imposed coordinates that leave others free.
 
         Raises:
-            InputError: A coordinate does not exist, or is not a joint's or a sum of joint coordinates.
+            InputError: A coordinate does not exist, or nothing is left free.
         """
         coordinates = tuple(mechanism.coordinate(name) for name in motion)
-        for name, coordinate in zip(motion, coordinates, strict=True):
-            if not isinstance(coordinate, LinearCoordinate):
-                raise InputError(
-                    f"'{name}' cannot be prescribed while other coordinates are free",
-                    expected="coordinates of joints, or sums of them",
-                )
         if len(coordinates) >= mechanism.model.nv:
             raise InputError("every coordinate follows a law: nothing is left to integrate", hint="kind: inverse")
         return cls(tuple(motion), coordinates, tuple(motion.values()))
@@ -83,17 +80,43 @@ class Imposed:
         model = mechanism.model
         if model.nq != model.nv:
             raise InputError("a motion can be imposed on joints with one coordinate only; this model has others")
-        if len(self.names) < model.nv:
+        rows = mechanism.closure.size  # redundant ones among them leave more freedom than this says
+        if len(self.names) < model.nv - rows:
+            raise self._miscounted(mechanism, model.nv - rows)
+        if len(self.names) > model.nv - min(rows, 1):
+            raise self._miscounted(mechanism, model.nv - min(rows, 1))
+
+    def check_mobility(self, mechanism: Mechanism, q: Array) -> None:
+        """Raise where there are more or fewer coordinates than the assembled mechanism has degrees of freedom.
+
+        Raises:
+            InputError: Says which could be added, or how many are too many.
+        """
+        mechanism.closure.place(q)
+        mobility = Split.of(mechanism.closure.rows()).free.shape[1]
+        if len(self.names) != mobility:
+            raise self._miscounted(mechanism, mobility)
+
+    def _miscounted(self, mechanism: Mechanism, mobility: int) -> InputError:
+        missing = mobility - len(self.names)
+        if missing > 0:
             free = [name for name in mechanism.joints if name not in self.names]
-            raise InputError(
-                f"{model.nv} coordinates have to follow a law and {len(self.names)} do",
-                expected=f"laws for {model.nv - len(self.names)} more, such as of the joints {', '.join(free)}",
+            return InputError(
+                f"{mobility} coordinates have to follow a law and {len(self.names)} do",
+                expected=f"laws for {missing} more, such as of the joints {', '.join(free)}",
             )
-        if len(self.names) > model.nv:
-            raise InputError(
-                f"{len(self.names)} coordinates follow a law, but the mechanism has only {model.nv} degrees of freedom",
-                expected=f"{model.nv} of {', '.join(self.names)}",
-            )
+        return InputError(
+            f"{len(self.names)} coordinates follow a law, but the mechanism has only {mobility} degrees of freedom",
+            expected=f"{mobility} of {', '.join(self.names)}" if mobility else "a mechanism that can move",
+        )
+
+    def ordered(self, places: Sequence[int]) -> Imposed:
+        """Return the same coordinates in another order."""
+        return Imposed(
+            tuple(self.names[k] for k in places),
+            tuple(self.coordinates[k] for k in places),
+            tuple(self.laws[k] for k in places),
+        )
 
     def on(self, start: float, end: float) -> Callable[[float], tuple[Array, Array, Array]]:
         """Return ``t -> w, w', w''`` of all coordinates on a stretch without jumps, each of shape (k,)."""
@@ -126,9 +149,20 @@ def follow(
         AssemblyError: The positions cannot be reached; ``data`` holds the closest configuration and its gap.
     """
     q0 = start_configuration(mechanism, start)
-    if all(isinstance(coordinate, LinearCoordinate) for coordinate in imposed.coordinates):
-        return _follow_linear(imposed, grid)
-    return _follow_by_steps(_Solver(mechanism, imposed), imposed, grid, q0)
+    couplings = [one for one in mechanism.constraints if isinstance(one, Coupling)]
+    linear = all(isinstance(coordinate, LinearCoordinate) for coordinate in imposed.coordinates)
+    if linear and len(couplings) == len(mechanism.constraints):
+        return _follow_linear(mechanism, couplings, imposed, grid)
+    return _follow_by_steps(mechanism, imposed, grid, q0)
+
+
+def assembled(closure: Closure, imposed: Imposed, q: Array, w: Array, t: float) -> Array:
+    """Return the configuration near q in which the loops are closed and the coordinates have the values w, shape (k,).
+
+    Raises:
+        AssemblyError: There is none that damped steps reach; ``data`` holds the closest configuration and its gap.
+    """
+    return _Solver(closure, imposed).assemble(q, w, t)
 
 
 def joint_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
@@ -149,7 +183,7 @@ def joint_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw
     """
     if not dw.any() and not ddw.any():  # at rest, which a singular position does not hinder
         return np.zeros((len(q), mechanism.model.nv)), np.zeros((len(q), mechanism.model.nv))
-    solver = _Solver(mechanism, imposed)
+    solver = _Solver(mechanism.closure, imposed)
     pairs = [solver.rates(row, dw, ddw, float(i)) for i, row in enumerate(q)]
     return np.array([v for v, _ in pairs]), np.array([a for _, a in pairs])
 
@@ -167,20 +201,27 @@ def start_configuration(mechanism: Mechanism, start: Mapping[str, float]) -> Arr
     return q
 
 
-def _follow_linear(imposed: Imposed, grid: Grid) -> tuple[Array, Array, Array]:
+def _follow_linear(
+    mechanism: Mechanism, couplings: Sequence[Coupling], imposed: Imposed, grid: Grid
+) -> tuple[Array, Array, Array]:
     """Solve for all instants at once: the rows are constant and there is no drift."""
     linear = [c for c in imposed.coordinates if isinstance(c, LinearCoordinate)]
-    rows = np.array([coordinate.weights for coordinate in linear])
-    _check_rank(rows, imposed.names, grid.t[0])
-    values: list[Values] = [grid.evaluate(law) for law in imposed.laws]
+    rows = np.array([one.weights for one in [*(coupling.coordinate for coupling in couplings), *linear]])
+    if len(rows) != mechanism.model.nv:
+        imposed.check_mobility(mechanism, pin.neutral(mechanism.model))
+    _check_rank(rows, (*(coupling.name for coupling in couplings), *imposed.names), grid.t[0])
+    still, n = np.zeros(len(grid.t)), len(grid.t)
+    values: list[Values] = [(np.full(n, one.constant), still, still) for one in couplings]
+    values += [grid.evaluate(law) for law in imposed.laws]
     solved = [np.linalg.solve(rows, np.array([value[k] for value in values])).T for k in range(3)]
     q = np.empty_like(solved[0])
     q[:, linear[0].places] = solved[0]
     return q, np.ascontiguousarray(solved[1]), np.ascontiguousarray(solved[2])
 
 
-def _follow_by_steps(solver: _Solver, imposed: Imposed, grid: Grid, q: Array) -> tuple[Array, Array, Array]:
+def _follow_by_steps(mechanism: Mechanism, imposed: Imposed, grid: Grid, q: Array) -> tuple[Array, Array, Array]:
     """Continue from instant to instant, each predicted from the one before by its velocity and acceleration."""
+    solver = _Solver(mechanism.closure, imposed)
     n, nv = len(grid.t), solver.model.nv
     motion = np.empty((3, n, nv))
     t, v, a = grid.t[0], np.zeros(nv), np.zeros(nv)
@@ -189,6 +230,7 @@ def _follow_by_steps(solver: _Solver, imposed: Imposed, grid: Grid, q: Array) ->
         for row in range(rows.start, rows.stop):
             if row == 0:
                 q = solver.assemble(q, target(t)[0], t)
+                imposed.check_mobility(mechanism, q)
                 v, a = solver.rates(q, *target(t)[1:], t)
             else:
                 q, v, a = solver.advance(q, v, a, t, grid.t[row], target)
@@ -198,22 +240,25 @@ def _follow_by_steps(solver: _Solver, imposed: Imposed, grid: Grid, q: Array) ->
 
 
 class _Solver:
-    """Newton's method on the imposed coordinates of one mechanism."""
+    """Newton's method on the constraints and the imposed coordinates of one mechanism."""
 
-    def __init__(self, mechanism: Mechanism, imposed: Imposed) -> None:
-        self.model = mechanism.model
-        self.data = mechanism.model.createData()
-        self.names, self.coordinates = imposed.names, imposed.coordinates
+    def __init__(self, closure: Closure, imposed: Imposed) -> None:
+        self.closure, self.model, self.data = closure, closure.model, closure.data
+        self.coordinates = imposed.coordinates
+        owners = self.closure.owners()
+        self.names = (*(constraint.name for constraint, _ in owners), *imposed.names)
+        self.units = [*(one.unit(row) for one, row in owners), *(c.unit for c in imposed.coordinates)]
 
     def gap(self, q: Array, w: Array) -> Array:
-        """Return ``w - w(q)``, shape (k,); leaves Jacobians and frames of q in the buffers."""
-        pin.computeJointJacobians(self.model, self.data, q)
-        pin.updateFramePlacements(self.model, self.data)
-        return np.array([wanted - c.value(self.data, q) for wanted, c in zip(w, self.coordinates, strict=True)])
+        """Return ``(-phi(q), w - w(q))``, shape (m + k,); leaves Jacobians and frames of q in the buffers."""
+        self.closure.place(q)
+        reached = np.array([coordinate.value(self.data, q) for coordinate in self.coordinates])
+        return np.concatenate([-self.closure.gap(q), w - reached])
 
     def rows(self) -> Array:
-        """Return J at the configuration last given to ``gap``, shape (k, nv)."""
-        return np.array([coordinate.row(self.model, self.data) for coordinate in self.coordinates])
+        """Return J at the configuration last given to ``gap``, shape (m + k, nv)."""
+        own = [coordinate.row(self.model, self.data) for coordinate in self.coordinates]
+        return np.vstack([self.closure.rows(), *own])
 
     def assemble(self, q: Array, w: Array, t: float) -> Array:
         """Return the configuration with ``w(q) = w`` that damped least-squares steps reach from q.
@@ -252,7 +297,7 @@ class _Solver:
         for _ in range(2):
             gap = self.gap(q, w)
             if np.linalg.cond(rows := self.rows()) < 1 / SINGULAR:
-                q = pin.integrate(self.model, q, np.linalg.solve(rows, gap))
+                q = pin.integrate(self.model, q, _solve(rows, gap))
         return q
 
     def advance(
@@ -284,7 +329,7 @@ class _Solver:
             gap = self.gap(q, w)
             rows = self.rows()
             try:
-                step = np.linalg.solve(rows, gap)
+                step = _solve(rows, gap)
             except np.linalg.LinAlgError:
                 return None
             size = float(np.abs(step).max())
@@ -303,34 +348,44 @@ class _Solver:
             AssemblyError: The position is singular: the coordinates do not determine the velocities.
         """
         self.gap(q, np.zeros(len(dw)))
-        rows = self.rows()
+        rows, still = self.rows(), np.zeros(self.closure.size)
         _check_rank(rows, self.names, t)
-        v = np.linalg.solve(rows, dw)
-        pin.forwardKinematics(self.model, self.data, q, v, np.zeros(self.model.nv))
-        drift = np.array([coordinate.drift(self.model, self.data) for coordinate in self.coordinates])
-        return v, np.linalg.solve(rows, ddw - drift)
+        v = _solve(rows, np.concatenate([still, dw]))
+        drift = self.closure.drift(q, v)
+        own = np.array([coordinate.drift(self.model, self.data) for coordinate in self.coordinates])
+        return v, _solve(rows, np.concatenate([-drift, ddw - own]))
 
     def _closed(self, gap: Array, w: Array) -> bool:
-        return bool((np.abs(gap) <= CLOSED * (1.0 + np.abs(w))).all())
+        k = self.closure.size
+        return bool((np.abs(gap[:k]) <= CLOSED).all() and (np.abs(gap[k:]) <= CLOSED * (1.0 + np.abs(w))).all())
 
     def _unreachable(self, q: Array, gap: Array, t: float) -> AssemblyError:
         worst = int(np.abs(gap).argmax())
+        missed = "stays open" if worst < self.closure.size else "misses its value"
         configuration = ", ".join(
             f"{self.model.names[i]} = {q[self.model.joints[i].idx_q]:.6g}" for i in range(1, self.model.njoints)
         )
         return AssemblyError(
-            f"the motion is out of reach at {t:.9g}: {self.names[worst]} misses its value by {abs(gap[worst]):.3g} "
-            f"{self.coordinates[worst].unit}",
+            f"the motion is out of reach at {t:.9g}: {self.names[worst]} {missed} by {abs(gap[worst]):.3g} "
+            f"{self.units[worst]}",
             expected=f"a motion that the mechanism can follow; the closest it comes is {configuration}",
             hint="other values of the law, or another start that chooses the branch",
             t=t, q=q, gap=gap,
         )  # fmt: skip
 
 
+def _solve(rows: Array, right: Array) -> Array:
+    """Return x with ``rows x = right``; where there are more rows than unknowns they agree, to rounding."""
+    if rows.shape[0] == rows.shape[1]:
+        return np.asarray(np.linalg.solve(rows, right))
+    return np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0])
+
+
 def _check_rank(rows: Array, names: Sequence[str], t: float) -> None:
+    nv = rows.shape[1]
     singular = np.linalg.svd(rows, compute_uv=False)
-    if singular[-1] < SINGULAR * singular[0]:
-        weak = np.linalg.svd(rows)[0][:, -1]
+    if len(rows) < nv or singular[nv - 1] < SINGULAR * singular[0]:
+        weak = np.linalg.svd(rows)[0][:, min(len(rows), nv) - 1]
         tied = [name for name, weight in zip(names, weak, strict=True) if abs(weight) > 0.1]
         raise AssemblyError(
             f"the position is singular at {t:.9g}: the coordinates {', '.join(tied)} do not move independently there",

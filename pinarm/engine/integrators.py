@@ -19,6 +19,9 @@ from pinarm.errors import IntegrationError, Interrupted
 Acceleration = Callable[[float, Array, Array], Array]
 """``(t, q, v) -> a``; q and v are buffers that the next call overwrites."""
 
+Settle = Callable[[float, Array, Array], tuple[Array, Array]]
+"""``(t, q, v) -> q, v``: the nearest state that meets the constraints."""
+
 SAFETY, SLOWEST, FASTEST = 0.9, 1 / 3, 6.0
 """Step control of Hairer, Norsett and Wanner, section II.4: aim below the tolerance, change the step in bounds."""
 
@@ -75,11 +78,13 @@ class Stretch:
         start: Its first instant [s].
         end: Its last instant [s].
         acceleration: Smooth up to both ends; at a jump each side has its own.
+        settle: Brings the state back onto the constraints after every accepted step; none where there are none.
     """
 
     start: float
     end: float
     acceleration: Acceleration
+    settle: Settle | None = None
 
 
 @dataclass(frozen=True)
@@ -238,6 +243,12 @@ class _Stepper:
         denominator = squares[0] + sum(0.01 * square for square in squares[1:])
         return float(abs(h) * squares[0] / max((denominator * errors.shape[1]) ** 0.5, TINY))
 
+    def settle(self, t: float, settle: Settle, acceleration: Acceleration) -> None:
+        """Bring the state onto the constraints, and its slope with it."""
+        nq = self.manifold.nq
+        self.y[:nq], self.y[nq:] = settle(t, self.y[:nq].copy(), self.y[nq:].copy())
+        self.begin(t, self.y, acceleration)
+
     def accept(self) -> None:
         """Move on to the end of the step, whose slope is already known."""
         self.y[:] = self.new
@@ -334,6 +345,9 @@ def _advance(solution: Solution, stepper: _Stepper, stretch: Stretch, index: int
             solution.steps.append(Step(t, taken, stepper.y.copy(), stepper.slopes.copy(), index))
             stepper.accept()
             t = end if last else t + taken
+            if stretch.settle is not None:
+                stepper.settle(t, stretch.settle, stretch.acceleration)
+                solution.evaluations += 1
             grown = taken * min(ceiling, max(SLOWEST, SAFETY * error**exponent)) if error else taken * ceiling
             h = max(h, grown) if last else grown
             ceiling = FASTEST

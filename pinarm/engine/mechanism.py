@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.engine.closure import Closure, Constraint
 from pinarm.engine.dynamics import Dynamics
 from pinarm.errors import InputError, ModelError, UnitError, choices
 from pinarm.input.documents import Document
@@ -44,6 +45,7 @@ class Mechanism:
         xml: The URDF text behind it.
         joints: Joints with one coordinate, by name.
         coordinates: Coordinates of the joints and those defined beside them, by name.
+        constraints: Loop joints and couplings; none of an open chain.
         drives: Motors and gears, by name.
         forces: Force elements, by name.
         symbols: Published symbols and the formulas they stand for.
@@ -58,6 +60,7 @@ class Mechanism:
     xml: str = field(repr=False)
     joints: Mapping[str, Joint]
     coordinates: Mapping[str, Coordinate]
+    constraints: tuple[Constraint, ...]
     drives: Mapping[str, Drive]
     forces: Mapping[str, ForceElement]
     symbols: Mapping[str, Expression]
@@ -112,6 +115,11 @@ class Mechanism:
         """Return the accelerations under given efforts; see ``Dynamics.forward``."""
         return self.dynamics.on(t, np.nextafter(t, np.inf)).forward(t, q, v, tau)
 
+    @cached_property
+    def closure(self) -> Closure:
+        """Return the rows of the constraints."""
+        return Closure.of(self.model, self.constraints)
+
     @property
     def gravity(self) -> float:
         """Magnitude of gravity [m/s^2]."""
@@ -142,6 +150,15 @@ def _build(
     model.gravity.linear = np.zeros(3) if isinstance(description.gravity, str) else description.gravity.vector()
     with here("coordinates"):
         coordinates = coordinates_of(model, joints, description.coordinates)
+    constraints: list[Constraint] = []
+    for name, loop in description.loops.items():
+        with here("loops", name):
+            constraints.append(loop.bind(model, name))
+    for name, coupling in description.couplings.items():
+        with here("couplings", name):
+            if name in description.loops:
+                raise InputError(f"the coupling '{name}' has the name of a loop joint", expected="a name of its own")
+            constraints.append(coupling.bind(joints, model, name))
     forces: dict[str, ForceElement] = {}
     for name, force in description.forces.items():
         with here("forces", name):
@@ -156,8 +173,8 @@ def _build(
         with here("drives", name):
             _mount(model, joints, drive)
     return cls(
-        description.title or model.name, model, xml, joints, coordinates, dict(description.drives), forces, symbols,
-        resolved, {name: units[name] for name in resolved if name in units}, description, robot.notes,
+        description.title or model.name, model, xml, joints, coordinates, tuple(constraints), dict(description.drives),
+        forces, symbols, resolved, {name: units[name] for name in resolved if name in units}, description, robot.notes,
     )  # fmt: skip
 
 

@@ -28,6 +28,7 @@ class Reduction:
 
     Attributes:
         model: Pinocchio's model.
+        rows: W, shape (k, nv).
         basis: T, shape (nv, nu).
         particular: P, shape (nv, k).
         free_v: Indices in v of the independent velocities u, shape (nu,).
@@ -38,6 +39,7 @@ class Reduction:
     """
 
     model: pin.Model
+    rows: Array
     basis: Array
     particular: Array
     free_v: Indices
@@ -65,7 +67,7 @@ class Reduction:
         particular[bound_v] = solve
         bound_q = scalar_q[bound_v]
         free_q = np.setdiff1d(np.arange(model.nq), bound_q)
-        return cls(model, basis, particular, free_v, free_q, bound_v, bound_q, scalar_q)
+        return cls(model, rows, basis, particular, free_v, free_q, bound_v, bound_q, scalar_q)
 
     def configuration(self, free: Array, w: Array) -> Array:
         """Return q from the independent coordinates and the targets, shape (nq,)."""

@@ -10,9 +10,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.systems import parts
+from pinarm.engine.systems.contract import parts
 from pinarm.input.units import Unit
 from pinarm.mechanics.motion import Grid
 
@@ -57,7 +58,9 @@ class Trajectory:
         q: Configurations, shape (n, nq).
         v: Velocities, shape (n, nv).
         a: Accelerations, shape (n, nv).
-        tau: Efforts of the drives, rotors included [N*m or N], shape (n, nv).
+        tau: Efforts of the drives at joints, rotors included [N*m or N], shape (n, nv).
+        lam: Multipliers of the constraints [N or N*m], shape (n, m).
+        closure: The constraints that they belong to: those of the mechanism, then guided task coordinates.
         dynamics: The equation of motion with all the forces of the run.
         again: The same run at other instants.
         figures: What was measured of its accuracy and cost, by name.
@@ -72,6 +75,8 @@ class Trajectory:
     v: Array = field(repr=False)
     a: Array = field(repr=False)
     tau: Array = field(repr=False)
+    lam: Array = field(repr=False)
+    closure: Closure = field(repr=False)
     dynamics: Dynamics = field(repr=False)
     again: Callable[[Grid], Trajectory] = field(repr=False)
     figures: Mapping[str, float] = field(default_factory=dict)
@@ -82,8 +87,9 @@ class Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         q, idle = np.atleast_2d(pin.neutral(mechanism.model)), np.zeros((1, mechanism.model.nv))
         dynamics, grid = mechanism.dynamics, Grid(np.zeros(1), (0.0, 0.0), (0, 1))
-        again = partial(cls._still_again, mechanism, parameter, measured)
-        return cls(mechanism, parameter, measured, grid, q, idle, idle, idle, dynamics, again)
+        again, closure = partial(cls._still_again, mechanism, parameter, measured), mechanism.closure
+        lam = np.zeros((1, closure.size))
+        return cls(mechanism, parameter, measured, grid, q, idle, idle, idle, lam, closure, dynamics, again)
 
     @classmethod
     def _still_again(cls, mechanism: Mechanism, parameter: str, measured: Unit, grid: Grid) -> Trajectory:

@@ -108,6 +108,7 @@ Time, Duration = quantity("s"), quantity("s", above=0.0)
 Angle, Pulsation, Length = quantity("rad"), quantity("rad/s"), quantity("m", least=0.0)
 Force, Moment, Acceleration = quantity("N"), quantity("N*m"), quantity("m/s^2", least=0.0)
 Inertia, Mass = quantity("kg*m^2", least=0.0), quantity("kg", least=0.0)
+Span, Lead = quantity("m", above=0.0), quantity("m")
 Stiffness, Damping = quantity("N/m", least=0.0), quantity("N*s/m", least=0.0)
 
 

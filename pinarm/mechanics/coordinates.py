@@ -116,6 +116,13 @@ class Coordinate(Protocol):
         """Return J' v; ``data`` holds the forward kinematics of (q, v, 0)."""
         ...
 
+    def wrenches(self, model: pin.Model, data: pin.Data, effort: float) -> dict[int, Array]:
+        """Return what a force along the coordinate does to links from outside of their joints.
+
+        Joint index -> [f; m] at the world's origin, world axes; ``data`` holds the placements of frames.
+        """
+        ...
+
 
 @dataclass(frozen=True)
 class LinearCoordinate:
@@ -142,6 +149,10 @@ class LinearCoordinate:
     def drift(self, model: pin.Model, data: pin.Data) -> float:
         """Return 0: the row is constant."""
         return 0.0
+
+    def wrenches(self, model: pin.Model, data: pin.Data, effort: float) -> dict[int, Array]:
+        """Return nothing: the efforts act between the links of the joints."""
+        return {}
 
 
 @dataclass(frozen=True)
@@ -171,6 +182,10 @@ class FrameCoordinate:
         """Return u . (J_p' v): the acceleration that the point has while a = 0."""
         acceleration = pin.getFrameClassicalAcceleration(model, data, self.frame, pin.LOCAL_WORLD_ALIGNED)
         return float(self.axis @ acceleration.linear)
+
+    def wrenches(self, model: pin.Model, data: pin.Data, effort: float) -> dict[int, Array]:
+        """Return the force along the axis at the link's origin."""
+        return pull(model, data, self.frame, effort * self.axis)
 
 
 @dataclass(frozen=True)
@@ -209,6 +224,11 @@ class DistanceCoordinate:
         length = self.value(data, np.empty(0))
         along, rate = self._apart(data) / length, v2 - v1
         return float(along @ (a2 - a1) + (rate @ rate - (along @ rate) ** 2) / length)
+
+    def wrenches(self, model: pin.Model, data: pin.Data, effort: float) -> dict[int, Array]:
+        """Return the forces that push the two points apart."""
+        force = effort * self._apart(data) / self.value(data, np.empty(0))
+        return {**pull(model, data, self.first, -force), **pull(model, data, self.second, force)}
 
     def _apart(self, data: pin.Data) -> Array:
         return np.asarray(data.oMf[self.second].translation - data.oMf[self.first].translation)
@@ -250,6 +270,17 @@ class RotationCoordinate:
         w = pin.log3(turn)
         rate = b @ omega
         return float((b @ alpha + _rate_of_b(w, rate) @ omega)[self.component])
+
+    def wrenches(self, model: pin.Model, data: pin.Data, effort: float) -> dict[int, Array]:
+        """Return the moment with the same power, ``effort B^T e_k`` in the link's axes."""
+        turn = data.oMf[self.frame].rotation
+        moment = effort * (turn @ pin.Jlog3(turn)[self.component])
+        return {model.frames[self.frame].parentJoint: np.concatenate([np.zeros(3), moment])}
+
+
+def pull(model: pin.Model, data: pin.Data, frame: int, force: Array) -> dict[int, Array]:
+    """Return a force at a frame's origin as what it does to its link: joint index -> [f; m] at the world's origin."""
+    return {model.frames[frame].parentJoint: np.concatenate([force, np.cross(data.oMf[frame].translation, force)])}
 
 
 def _rate_of_b(w: Array, rate: Array) -> Array:
@@ -338,6 +369,14 @@ def sum_of(model: pin.Model, joints: Mapping[str, Joint], names: Sequence[str]) 
     for name in names:
         weights[joints[name].v] += 1.0
     return LinearCoordinate(units.pop(), weights, places)
+
+
+def coordinate_at(model: pin.Model, index: int) -> LinearCoordinate:
+    """Return the coordinate of the joint whose velocity stands at an index in v; the joint has one coordinate."""
+    joint = next(joint for joint in model.joints if joint.idx_v == index)
+    weights, places = np.zeros(model.nv), np.full(model.nv, joint.idx_q, dtype=np.intp)
+    weights[index] = 1.0
+    return LinearCoordinate(METRE if joint.shortname().startswith("JointModelP") else RADIAN, weights, places)
 
 
 def coordinates_of(

@@ -10,8 +10,10 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.input.schema import Acceleration, Model
 from pinarm.mechanics.coordinates import AXES, Axis, CoordinateDefinition
+from pinarm.mechanics.couplings import CouplingDefinition
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import Force
+from pinarm.mechanics.loops import Loop
 
 STANDARD_GRAVITY = 9.81
 """Magnitude used where a file gives only a direction [m/s^2]."""
@@ -43,6 +45,8 @@ class MechanismDescription(Model, frozen=True):
         arguments: Unit of every xacro argument of the model, so that a scenario can give them with units.
         gravity: ``none`` for none.
         coordinates: Coordinates beside those of the joints.
+        loops: Joints that close loops of the tree.
+        couplings: Gears, racks and screws between joints.
         drives: Motors and gears.
         forces: Springs, dampers and loads that belong to the mechanism.
         symbols: Published symbols and what they stand for: a quantity, or a formula of quantities.
@@ -54,6 +58,8 @@ class MechanismDescription(Model, frozen=True):
     arguments: dict[str, str] = {}
     gravity: Gravity | Literal["none"] = msgspec.field(default_factory=Gravity)
     coordinates: dict[str, CoordinateDefinition] = {}
+    loops: dict[str, Loop] = {}
+    couplings: dict[str, CouplingDefinition] = {}
     drives: dict[str, Drive] = {}
     forces: dict[str, Force] = {}
     symbols: dict[str, str] = {}

@@ -20,7 +20,7 @@ from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import AssemblyError, InputError
 from pinarm.input.schema import Level, Model
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.coordinates import METRE
+from pinarm.mechanics.coordinates import METRE, LinearCoordinate
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.forces.joint import effort_unit
 from pinarm.mechanics.laws import Constant
@@ -79,6 +79,9 @@ class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
         """Check all names and units; return the balance of forces, and the configuration of every start."""
         if len(mechanism.joints) < mechanism.model.nv:
             raise InputError("equilibria are found for joints with one coordinate only; this model has others")
+        if mechanism.constraints:
+            raise InputError("equilibria are found for open chains only; this mechanism has loops or couplings",
+                             hint="kind: forward with damping, or kind: statics over a coordinate")  # fmt: skip
         held = {name: Constant(value=value) for name, value in self.hold.items()}
         check_motion(mechanism, held, lambda _, name: place("hold", name))
         with place("hold"):
@@ -192,6 +195,10 @@ class Balance:
         model = mechanism.model
         if len(held) >= model.nv:
             raise InputError("every coordinate is held: nothing is left to balance", hint="kind: statics")
+        for name in held:
+            if not isinstance(mechanism.coordinate(name), LinearCoordinate):
+                raise InputError(f"'{name}' cannot be held while the mechanism looks for its balance",
+                                 expected="coordinates of joints, or sums of them")  # fmt: skip
         imposed = Imposed.some(mechanism, held)
         rows = np.array([c.row(model, model.createData()) for c in imposed.coordinates]).reshape(-1, model.nv)
         return cls(
@@ -346,7 +353,8 @@ class Balance:
         states = np.concatenate(rows)
         still = np.zeros_like(states)
         efforts = np.array([-self.force(state) for state in states]) @ (self.reduction.particular @ self.rows)
-        return Trajectory(mechanism, "row", unit("1"), grid, states, still, still, efforts, self.dynamics,
+        return Trajectory(mechanism, "row", unit("1"), grid, states, still, still, efforts,
+                          np.zeros((len(states), 0)), mechanism.closure, self.dynamics,
                           partial(self._again, mechanism, q), figures)  # fmt: skip
 
     def _again(self, mechanism: Mechanism, q: Array, grid: Grid) -> Trajectory:

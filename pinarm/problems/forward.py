@@ -9,13 +9,12 @@ from typing import ClassVar
 import msgspec
 import numpy as np
 
-from pinarm.arrays import Array
 from pinarm.engine.assembly import Imposed, start_configuration
 from pinarm.engine.balance import energy_balance
 from pinarm.engine.dynamics import Dynamics
-from pinarm.engine.integrators import Solution, Stretch, integrate
+from pinarm.engine.integrators import Solution, integrate
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.systems import System, system_of
+from pinarm.engine.systems import Initial, System, system_of
 from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import InputError, IntegrationError, Interrupted
 from pinarm.input.schema import Level, Model, Rate
@@ -43,7 +42,8 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
 
     Attributes:
         time: Instants of the table.
-        initial: State at the first of them.
+        initial: State at the first of them; what loops or laws determine follows from the rest.
+        start: Rough joint coordinates at the first instant: they choose the branch of a loop where there are several.
         motion: Coordinate -> law over time, for those that are prescribed; the efforts that this takes come out.
         loads: Applied forces, springs and dampers of this run.
     """
@@ -51,6 +51,7 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
     kind: ClassVar[str] = "forward"
     time: TimeGrid
     initial: InitialState = msgspec.field(default_factory=InitialState)
+    start: dict[str, Level] = {}
     motion: dict[str, Law] = {}
     loads: dict[str, Force] = {}
 
@@ -58,15 +59,14 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         """Return the name and unit of what runs along the rows."""
         return "t", unit("s")
 
-    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Dynamics, System, Array, Array]:
+    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Dynamics, System, Initial]:
         """Check all names and units; return the equation of motion, what is integrated, and the initial state."""
         check_motion(mechanism, self.motion, place)
         dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, place))
-        named = {*self.initial.position, *self.initial.velocity} & mechanism.joints.keys()
-        given = tuple(sorted(mechanism.joints[name].v for name in named))
+        initial = self._start(mechanism, place)
         with place("motion"):
-            system = system_of(dynamics, Imposed.some(mechanism, self.motion), given)
-        return dynamics, system, *self._start(mechanism, place)
+            system = system_of(mechanism.closure, dynamics, Imposed.some(mechanism, self.motion), initial)
+        return dynamics, system, initial
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
         """Return the motion, with what its energy says of its accuracy.
@@ -74,13 +74,13 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         Raises:
             IntegrationError: The motion could not be followed to its end; ``partial`` holds it until then.
         """
-        dynamics, system, q, v = self.prepare(mechanism, place)
+        dynamics, system, initial = self.prepare(mechanism, place)
         laws = [*self.motion.values(), *(law for force in dynamics.forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         spans = list(pairwise(grid.cuts))
         with place("initial"):
-            begin = system.begin(q, v, *spans[0])
-        stretches = [Stretch(low, high, system.acceleration(dynamics, low, high)) for low, high in spans]
+            begin = system.begin(initial, *spans[0])
+        stretches = [system.stretch(dynamics, low, high) for low, high in spans]
         run = _Run(mechanism, dynamics, system)
         try:
             solution = integrate(
@@ -95,8 +95,9 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
             raise
         return run.trajectory(solution, grid, self._figures(solution, dynamics, spans))
 
-    def _start(self, mechanism: Mechanism, place: Place) -> tuple[Array, Array]:
+    def _start(self, mechanism: Mechanism, place: Place) -> Initial:
         """Return the initial state of the mechanism."""
+        check_levels(mechanism, self.start, place, "start")
         check_levels(mechanism, self.initial.position, place, "initial", "position")
         check_levels(mechanism, self.initial.velocity, place, "initial", "velocity", per=unit("s"))
         for part, values in (("position", self.initial.position), ("velocity", self.initial.velocity)):
@@ -104,11 +105,15 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
                 if name in self.motion:
                     with place("initial", part, name):
                         raise InputError(f"'{name}' follows a law", expected="initial values of free joints only")
-        q = start_configuration(mechanism, self.initial.position)
+        q = start_configuration(mechanism, {**self.start, **self.initial.position})
         v = np.zeros(mechanism.model.nv)
         for name, value in self.initial.velocity.items():
             v[mechanism.joints[name].v] = value
-        return q, v
+        positions, velocities = (
+            tuple(mechanism.joints[name].v for name in given)
+            for given in (self.initial.position, self.initial.velocity)
+        )
+        return Initial(q, v, positions, velocities)
 
     def _figures(self, solution: Solution, dynamics: Dynamics, spans: list[tuple[float, float]]) -> dict[str, float]:
         """Return the cost of a run and, where no drive works, the balance of its energy."""
@@ -132,9 +137,10 @@ class _Run:
 
     def trajectory(self, solution: Solution, grid: Grid, figures: dict[str, float]) -> Trajectory:
         """Return the solution at the instants of a grid; accelerations are those of the equation of motion there."""
-        q, v, a, tau = self.system.complete(self.dynamics, grid, *solution.states(grid.t))
+        motion = self.system.complete(self.dynamics, grid, *solution.states(grid.t))
         return Trajectory(
-            self.mechanism, "t", unit("s"), grid, q, v, a, tau, self.dynamics,
+            self.mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau, motion.lam,
+            self.system.closure, self.dynamics,
             lambda other: self.trajectory(solution, other, {}), figures,
         )  # fmt: skip
 

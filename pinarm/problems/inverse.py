@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated, ClassVar
 
 import msgspec
+import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.assembly import Imposed, follow, joint_rates
 from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.efforts import Actuation, actuation
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.trajectory import Trajectory
 from pinarm.input.schema import Level, Model
@@ -28,6 +31,8 @@ class Inverse(Model, frozen=True, tag_field="kind", tag="inverse"):
     Attributes:
         time: Instants of the table.
         motion: Coordinate -> law over time.
+        drives: Coordinates that the drives act along, as many as there are degrees of freedom; every joint of an open
+            chain where none is named, and the coordinates of ``motion`` where there are loops.
         start: Rough joint coordinates at the first instant: they choose the branch where there are several.
         loads: Applied forces, springs and dampers of this run.
     """
@@ -35,6 +40,7 @@ class Inverse(Model, frozen=True, tag_field="kind", tag="inverse"):
     kind: ClassVar[str] = "inverse"
     time: TimeGrid
     motion: Annotated[dict[str, Law], msgspec.Meta(min_length=1)]
+    drives: list[str] = []
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
@@ -42,32 +48,35 @@ class Inverse(Model, frozen=True, tag_field="kind", tag="inverse"):
         """Return the name and unit of what runs along the rows."""
         return "t", unit("s")
 
-    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, dict[str, ForceElement]]:
-        """Check all names and units; return the imposed coordinates and the forces."""
+    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement]]:
+        """Check all names and units; return the imposed coordinates, the drives and the forces."""
         check_motion(mechanism, self.motion, place)
         check_levels(mechanism, self.start, place, "start")
         forces = bind_loads(mechanism, self.loads, place)
+        with place("drives"):
+            drives = actuation(mechanism, self.drives, list(self.motion))
         with place("motion"):
-            return Imposed.of(mechanism, self.motion), forces
+            return Imposed.of(mechanism, self.motion), drives, forces
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
         """Return the motion of the joints and the efforts of the drives."""
-        imposed, forces = self.prepare(mechanism, place)
+        imposed, drives, forces = self.prepare(mechanism, place)
         laws = [*self.motion.values(), *(law for force in forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"):
-            return driven(mechanism, imposed, grid, self.start, forces, *self.parameter(mechanism))
+            return driven(mechanism, imposed, drives, grid, self.start, forces, *self.parameter(mechanism))
 
 
 def driven(
-    mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Mapping[str, float], forces: Mapping[str, ForceElement],
-    parameter: str, measured: Unit, *, rates: Rates | None = None,
+    mechanism: Mechanism, imposed: Imposed, drives: Actuation, grid: Grid, start: Mapping[str, float],
+    forces: Mapping[str, ForceElement], parameter: str, measured: Unit, *, rates: Rates | None = None,
 ) -> Trajectory:  # fmt: skip
     """Return an imposed motion with the efforts that it takes.
 
     Args:
         mechanism: The mechanism.
         imposed: Coordinates and their laws.
+        drives: What carries the load.
         grid: Instants.
         start: Rough joint coordinates at the first of them.
         forces: All force elements of the run.
@@ -83,10 +92,26 @@ def driven(
         q, v, a = follow(mechanism, imposed, part, near)
         if rates is not None:
             v, a = joint_rates(mechanism, imposed, q, *rates)
+        idle = np.zeros((len(q), drives.closure.size))
         # at another instant the branch is that of the nearest row, which the first pass has found
-        draft = Trajectory(mechanism, parameter, measured, part, q, v, a, v, dynamics, lambda other: on(
-            other, {name: q[abs(part.t - other.t[0]).argmin(), index] for name, index in joints.items()}))  # fmt: skip
-        tau = draft.gather(lambda local, rows: local.inverse(part.t[rows], q[rows], v[rows], a[rows]))
-        return Trajectory(mechanism, parameter, measured, part, q, v, a, tau, dynamics, draft.again)
+        draft = Trajectory(
+            mechanism,
+            parameter,
+            measured,
+            part,
+            q,
+            v,
+            a,
+            v,
+            idle,
+            drives.closure,
+            dynamics,
+            lambda other: on(
+                other, {name: q[abs(part.t - other.t[0]).argmin(), index] for name, index in joints.items()}
+            ),
+        )
+        demand = draft.gather(lambda local, rows: local.inverse(part.t[rows], q[rows], v[rows], a[rows]))
+        tau, lam = drives.efforts(part.t, q, demand)
+        return replace(draft, tau=tau, lam=lam)
 
     return on(grid, start)

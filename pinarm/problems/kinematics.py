@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar
 import msgspec
 
 from pinarm.engine.assembly import Imposed
+from pinarm.engine.efforts import Nothing
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.trajectory import Trajectory
 from pinarm.input.schema import Level, Model
@@ -54,7 +55,8 @@ class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):
         laws = [*self.motion.values(), *(law for force in mechanism.forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"):
-            run = driven(mechanism, imposed, grid, self.start, mechanism.forces, *self.parameter(mechanism))
+            run = driven(mechanism, imposed, Nothing(mechanism.closure), grid, self.start, mechanism.forces,
+                         *self.parameter(mechanism))  # fmt: skip
         return _without_efforts(run)
 
 

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from pinarm.engine.assembly import Imposed
+from pinarm.engine.efforts import Actuation, actuation
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import InputError, choices
@@ -46,6 +47,7 @@ class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
     Attributes:
         over: The coordinate that is swept, with its range; none for a single position.
         hold: Coordinate -> value, for all the others.
+        drives: Coordinates that the drives act along; see ``kind: inverse``.
         start: Rough joint coordinates at the first position: they choose the branch where there are several.
         loads: Applied forces and springs of this run.
     """
@@ -53,6 +55,7 @@ class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
     kind: ClassVar[str] = "statics"
     over: Annotated[dict[str, Range], msgspec.Meta(max_length=1)] = {}
     hold: dict[str, Level] = {}
+    drives: list[str] = []
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
@@ -60,17 +63,20 @@ class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
         """Return the name and unit of what runs along the rows."""
         return _parameter(self.over, mechanism)
 
-    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, dict[str, ForceElement]]:
-        """Check all names and units; return the imposed coordinates and the forces."""
-        return _imposed(mechanism, self.over, self.hold, place), _forces(self.start, self.loads, mechanism, place)
+    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement]]:
+        """Check all names and units; return the imposed coordinates, the drives and the forces."""
+        imposed = _imposed(mechanism, self.over, self.hold, place)
+        with place("drives"):
+            drives = actuation(mechanism, self.drives, imposed.names)
+        return imposed, drives, _forces(self.start, self.loads, mechanism, place)
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
         """Return the positions, at rest, and the efforts of the drives."""
-        imposed, forces = self.prepare(mechanism, place)
+        imposed, drives, forces = self.prepare(mechanism, place)
         still = np.zeros(len(imposed.names))
         with place():
-            return driven(mechanism, imposed, _grid(self.over), self.start, forces, *self.parameter(mechanism),
-                          rates=(still, still))  # fmt: skip
+            return driven(mechanism, imposed, drives, _grid(self.over), self.start, forces,
+                          *self.parameter(mechanism), rates=(still, still))  # fmt: skip
 
 
 class State(Model, frozen=True, tag_field="kind", tag="state"):
@@ -83,6 +89,7 @@ class State(Model, frozen=True, tag_field="kind", tag="state"):
         hold: Coordinate -> value, for all the others.
         velocity: Coordinate -> velocity, at every row.
         acceleration: Coordinate -> acceleration, at every row.
+        drives: Coordinates that the drives act along; see ``kind: inverse``.
         start: Rough joint coordinates at the first position: they choose the branch where there are several.
         loads: Applied forces, springs and dampers of this run.
     """
@@ -92,6 +99,7 @@ class State(Model, frozen=True, tag_field="kind", tag="state"):
     hold: dict[str, Level] = {}
     velocity: dict[str, Rate] = {}
     acceleration: dict[str, SecondRate] = {}
+    drives: list[str] = []
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
@@ -99,8 +107,8 @@ class State(Model, frozen=True, tag_field="kind", tag="state"):
         """Return the name and unit of what runs along the rows."""
         return _parameter(self.over, mechanism)
 
-    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, dict[str, ForceElement], Rates]:
-        """Check all names and units; return the imposed coordinates, the forces, and the coordinates' rates."""
+    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement], Rates]:
+        """Check all names and units; return the imposed coordinates, the drives, the forces, and the given rates."""
         imposed = _imposed(mechanism, self.over, self.hold, place)
         rates = np.zeros((2, len(imposed.names)))
         for order, key, given in ((1, "velocity", self.velocity), (2, "acceleration", self.acceleration)):
@@ -112,14 +120,16 @@ class State(Model, frozen=True, tag_field="kind", tag="state"):
                     if isinstance(value, Measured):
                         value.check(mechanism.coordinate(name).unit / unit("s") ** order)
                     rates[order - 1, imposed.names.index(name)] = value
-        return imposed, _forces(self.start, self.loads, mechanism, place), (rates[0], rates[1])
+        with place("drives"):
+            drives = actuation(mechanism, self.drives, imposed.names)
+        return imposed, drives, _forces(self.start, self.loads, mechanism, place), (rates[0], rates[1])
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
         """Return the states and the efforts of the drives."""
-        imposed, forces, rates = self.prepare(mechanism, place)
+        imposed, drives, forces, rates = self.prepare(mechanism, place)
         with place():
-            return driven(mechanism, imposed, _grid(self.over), self.start, forces, *self.parameter(mechanism),
-                          rates=rates)  # fmt: skip
+            return driven(mechanism, imposed, drives, _grid(self.over), self.start, forces,
+                          *self.parameter(mechanism), rates=rates)  # fmt: skip
 
 
 def _parameter(over: Mapping[str, Range], mechanism: Mechanism) -> tuple[str, Unit]:

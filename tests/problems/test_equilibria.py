@@ -369,7 +369,7 @@ REFUSED = {
     "unknown hold": ({"starts": [{}], "hold": {"psi": 0.1}}, "no coordinate 'psi'"),
     "start held": ({"starts": [{"O": 0.1}], "hold": {"O": 0.1}}, "'O' is held"),
     "all held": ({"starts": [{}], "hold": {"O": 0.1, "B": 0.0}}, "nothing is left to balance"),
-    "task": ({"starts": [{}], "hold": {"A_height": 0.1}}, "'A_height' cannot be prescribed"),
+    "task": ({"starts": [{}], "hold": {"A_height": 0.1}}, "'A_height' cannot be held"),
     "unit": ({"starts": [{"O": "3 m"}]}, "'m' is not a unit"),
     "law": (
         {"starts": [{}], "loads": {"t": {"kind": "joint_effort", "joint": "O",

@@ -1,0 +1,217 @@
+"""What ties the coordinates of one mechanism: loop joints, couplings and guided coordinates, as rows ``G v = 0``.
+
+An open chain has no rows; nothing else distinguishes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.input.units import Unit
+from pinarm.mechanics.coordinates import Coordinate
+
+RANK = 1e-7
+"""Singular value of G, its rows of length 1, relative to the largest, below which rows count as dependent: closed to
+rounding, a redundant loop leaves 1e-12."""
+
+
+class Constraint(Protocol):
+    """Rows of G that belong together, such as those of one joint."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """Number m of rows."""
+        ...
+
+    def unit(self, row: int) -> Unit:
+        """Return the unit of the gap in a row: m or rad."""
+        ...
+
+    def gap(self, data: pin.Data, q: Array) -> Array:
+        """Return what is not closed [m or rad], shape (m,); ``data`` holds the placements of frames."""
+        ...
+
+    def rows(self, model: pin.Model, data: pin.Data) -> Array:
+        """Return G, shape (m, nv); ``data`` holds the Jacobians of joints and the placements of frames."""
+        ...
+
+    def drift(self, model: pin.Model, data: pin.Data) -> Array:
+        """Return G' v, shape (m,); ``data`` holds the forward kinematics of (q, v, 0) and the placements of frames."""
+        ...
+
+    def wrenches(self, model: pin.Model, data: pin.Data, lam: Array) -> dict[int, Array]:
+        """Return what multipliers do to the links: joint index -> [f; m] at the world's origin, world axes."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Guide:
+    """A coordinate that is held to a value by a force along itself; the multiplier is that force.
+
+    Attributes:
+        name: Name of the coordinate.
+        coordinate: The coordinate.
+        size: One row.
+    """
+
+    name: str
+    coordinate: Coordinate
+    size: int = 1
+
+    def unit(self, row: int) -> Unit:
+        """Return the coordinate's unit."""
+        return self.coordinate.unit
+
+    def gap(self, data: pin.Data, q: Array) -> Array:
+        """Return the coordinate's value: what it is held to is the user's to subtract."""
+        return np.array([self.coordinate.value(data, q)])
+
+    def rows(self, model: pin.Model, data: pin.Data) -> Array:
+        """Return its row."""
+        return self.coordinate.row(model, data)[None]
+
+    def drift(self, model: pin.Model, data: pin.Data) -> Array:
+        """Return its drift."""
+        return np.array([self.coordinate.drift(model, data)])
+
+    def wrenches(self, model: pin.Model, data: pin.Data, lam: Array) -> dict[int, Array]:
+        """Return the force on the links whose points the coordinate measures."""
+        return self.coordinate.wrenches(model, data, float(lam[0]))
+
+
+@dataclass(frozen=True, eq=False)
+class Closure:
+    """Constraints of one mechanism, stacked.
+
+    Attributes:
+        model: Pinocchio's model.
+        constraints: In the order of their rows.
+        data: Pinocchio's buffers; every call overwrites them.
+    """
+
+    model: pin.Model
+    constraints: tuple[Constraint, ...]
+    data: pin.Data = field(repr=False)
+
+    @classmethod
+    def of(cls, model: pin.Model, constraints: Sequence[Constraint] = ()) -> Closure:
+        """Return the closure of a model."""
+        return cls(model, tuple(constraints), model.createData())
+
+    def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> Closure:
+        """Return the closure with the rows of guided coordinates after its own."""
+        guides = [Guide(name, coordinate) for name, coordinate in zip(names, coordinates, strict=True)]
+        return Closure.of(self.model, (*self.constraints, *guides))
+
+    @property
+    def size(self) -> int:
+        """Number m of rows."""
+        return sum(constraint.size for constraint in self.constraints)
+
+    def slices(self) -> dict[str, slice]:
+        """Return the rows of every constraint, by its name."""
+        found, start = {}, 0
+        for constraint in self.constraints:
+            found[constraint.name] = slice(start, start + constraint.size)
+            start += constraint.size
+        return found
+
+    def owners(self) -> list[tuple[Constraint, int]]:
+        """Return the constraint of every row, and the row's place in it."""
+        return [(constraint, row) for constraint in self.constraints for row in range(constraint.size)]
+
+    def place(self, q: Array) -> None:
+        """Fill the buffers for ``gap`` and ``rows`` at a configuration, shape (nq,)."""
+        pin.computeJointJacobians(self.model, self.data, q)
+        pin.updateFramePlacements(self.model, self.data)
+
+    def gap(self, q: Array) -> Array:
+        """Return what is not closed at the configuration last placed [m or rad], shape (m,)."""
+        return np.concatenate([np.zeros(0), *(one.gap(self.data, q) for one in self.constraints)])
+
+    def rows(self) -> Array:
+        """Return G at the configuration last placed, shape (m, nv)."""
+        return np.concatenate(
+            [np.zeros((0, self.model.nv)), *(c.rows(self.model, self.data) for c in self.constraints)]
+        )
+
+    def drift(self, q: Array, v: Array) -> Array:
+        """Return G' v, shape (m,); the configuration is the one last placed."""
+        pin.forwardKinematics(self.model, self.data, q, v, np.zeros(self.model.nv))
+        return np.concatenate([np.zeros(0), *(one.drift(self.model, self.data) for one in self.constraints)])
+
+    def wrenches(self, lam: Array) -> dict[int, Array]:
+        """Return what multipliers, shape (m,), do to the links at the configuration last placed.
+
+        Joint index -> [f; m] at the world's origin, world axes [N, N*m], shape (6,).
+        """
+        total: dict[int, Array] = {}
+        for constraint, rows in zip(self.constraints, self.slices().values(), strict=True):
+            for joint, wrench in constraint.wrenches(self.model, self.data, lam[rows]).items():
+                total[joint] = total.get(joint, np.zeros(6)) + wrench
+        return total
+
+
+@dataclass(frozen=True)
+class Split:
+    """The rows of G taken apart: what they determine, what they leave free, and which of them are redundant.
+
+    With D the scaling that gives rows the length 1: ``D G = U S V^T``, cut at the rank r.
+
+    Attributes:
+        scale: Diagonal of D, shape (m,).
+        left: U, shape (m, r).
+        values: S, descending, shape (r,).
+        right: V^T, shape (r, nv).
+        free: T, a basis of the motions that the rows allow, ``G T = 0``, shape (nv, nv - r).
+        redundant: N, a basis of the multipliers that do nothing, ``N^T D G = 0``, shape (m, m - r).
+    """
+
+    scale: Array
+    left: Array
+    values: Array
+    right: Array
+    free: Array
+    redundant: Array
+
+    @classmethod
+    def of(cls, rows: Array, least: float = RANK) -> Split:
+        """Return the parts of the rows G, shape (m, nv)."""
+        if not len(rows):
+            nv = rows.shape[1]
+            return cls(np.ones(0), np.zeros((0, 0)), np.zeros(0), np.zeros((0, nv)), np.eye(nv), np.zeros((0, 0)))
+        length = np.sqrt((rows * rows).sum(axis=1))
+        scale = 1.0 / np.where(length > 0.0, length, 1.0)
+        u, s, vt = np.linalg.svd(rows * scale[:, None])
+        r = int((s > least * max(s[0], 1e-300)).sum())
+        return cls(scale, u[:, :r], s[:r], vt[:r], vt[r:].T, u[:, r:])
+
+    def particular(self, right: Array) -> Array:
+        """Return the shortest x with ``G x = right`` in the sense of least squares, shape (nv,)."""
+        return np.asarray(self.right.T @ ((self.left.T @ (self.scale * right)) / self.values))
+
+    def multipliers(self, force: Array) -> Array:
+        """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (m,)."""
+        return np.asarray(self.scale * (self.left @ ((self.right @ force) / self.values)))
+
+    def solve(self, mass: Array, force: Array, right: Array) -> Array:
+        """Return the x that minimises ``x^T M x / 2 - force . x`` while ``G x = right``, shape (nv,).
+
+        Gauss's principle: with the loads less the bias forces and ``right = -G' v`` it is the acceleration. M may be
+        singular in directions that the rows hold.
+        """
+        x = self.particular(right)
+        if self.free.shape[1]:
+            x = x + self.free @ np.linalg.solve(self.free.T @ mass @ self.free, self.free.T @ (force - mass @ x))
+        return x

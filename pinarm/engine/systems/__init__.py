@@ -1,0 +1,55 @@
+"""Systems: what is integrated of a mechanism, chosen by what ties its coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.engine.assembly import Imposed
+from pinarm.engine.closure import Closure
+from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.integrators import Flat
+from pinarm.engine.reduction import Reduction
+from pinarm.engine.systems.constrained import ConstrainedSystem
+from pinarm.engine.systems.contract import Initial, Motion, System
+from pinarm.engine.systems.free import FreeSystem
+from pinarm.engine.systems.reduced import FreePart, ReducedSystem
+from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.laws import Constant
+
+__all__ = ["Initial", "Motion", "System", "system_of"]
+
+
+def system_of(closure: Closure, dynamics: Dynamics, imposed: Imposed, initial: Initial) -> System:
+    """Return what has to be integrated while the imposed coordinates follow their laws.
+
+    Args:
+        closure: Constraints of the mechanism.
+        dynamics: Its equation of motion with all the forces of the run.
+        imposed: Coordinates with laws, none for free motion.
+        initial: The initial state; joints with given values stay free if they can.
+
+    Raises:
+        InputError: They cannot be prescribed independently.
+    """
+    couplings = [one for one in closure.constraints if isinstance(one, Coupling)]
+    linear = [one for one in imposed.coordinates if isinstance(one, LinearCoordinate)]
+    if len(linear) < len(imposed.coordinates) or len(couplings) < len(closure.constraints):
+        return ConstrainedSystem.of(closure, dynamics, imposed)
+    rows = [one.weights for one in [*(coupling.coordinate for coupling in couplings), *linear]]
+    if not rows:
+        return FreeSystem(dynamics.manifold, closure)
+    held = Imposed(
+        (*(one.name for one in couplings), *imposed.names),
+        (*(one.coordinate for one in couplings), *linear),
+        (*(Constant(value=one.constant) for one in couplings), *imposed.laws),
+    )
+    given = tuple(sorted({*initial.positions, *initial.velocities}))
+    reduction = Reduction.of(closure.model, np.array(rows), held.names, given)
+    nq, nv = len(reduction.free_q), len(reduction.free_v)
+    if closure.model.nq == closure.model.nv:
+        return ReducedSystem(held, reduction, Flat(nq, nv), closure)
+    neutral = np.asarray(pin.neutral(closure.model))
+    space = FreePart(dynamics.manifold, reduction, neutral, nq, nv)
+    return ReducedSystem(held, reduction, space, closure)

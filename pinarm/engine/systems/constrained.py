@@ -1,0 +1,200 @@
+"""Mechanisms with loops, or with task coordinates that follow laws: all coordinates are integrated and kept closed.
+
+The acceleration is that of Gauss's principle, ``min (a - a0)^T M (a - a0)`` with ``G a = -G' v``, a0 being that of the
+tree without its constraints. After every accepted step the state is brought back onto the constraints by the least
+change, measured by the masses: positions by Newton's method, velocities in one step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.assembly import Imposed, assembled
+from pinarm.engine.closure import Closure, Split
+from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.integrators import Acceleration, Manifold, Settle, Stretch
+from pinarm.engine.systems.contract import Initial, Motion
+from pinarm.errors import AssemblyError, InputError
+from pinarm.mechanics.coordinates import LinearCoordinate, coordinate_at
+from pinarm.mechanics.laws import Constant
+from pinarm.mechanics.motion import Grid
+
+CLOSED = 1e-13
+"""Gap at which a state counts as closed [m or rad]; Newton's method ends near 1e-16."""
+
+ITERATIONS = 12
+
+CONSISTENT = 1e-9
+"""Largest difference of given velocities to what the loops allow that typed digits explain [rad/s or m/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConstrainedSystem:
+    """The whole state of a mechanism under its constraints.
+
+    Attributes:
+        imposed: Coordinates that follow laws.
+        manifold: Space of its configurations.
+        own: Constraints of the mechanism.
+        rows: The same, then one row for each imposed coordinate.
+        closure: The same without joint coordinates that follow laws, whose multipliers are efforts at joints.
+    """
+
+    imposed: Imposed
+    manifold: Manifold
+    own: Closure
+    rows: Closure
+    closure: Closure
+
+    @classmethod
+    def of(cls, own: Closure, dynamics: Dynamics, imposed: Imposed) -> ConstrainedSystem:
+        """Return the system of a mechanism with its own constraints, some of whose coordinates follow laws."""
+        is_linear = [isinstance(one, LinearCoordinate) for one in imposed.coordinates]
+        imposed = imposed.ordered(sorted(range(len(is_linear)), key=is_linear.__getitem__))
+        others = is_linear.count(False)
+        return cls(
+            imposed, dynamics.manifold, own, own.with_guides(imposed.names, imposed.coordinates),
+            own.with_guides(imposed.names[:others], imposed.coordinates[:others]),
+        )  # fmt: skip
+
+    def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
+        """Return the closed state nearest to the initial one that has what is given of it.
+
+        Raises:
+            AssemblyError: The loops cannot be closed with the given coordinates.
+            InputError: A law contradicts the loops, or given velocities do.
+        """
+        w, dw, _ = self.imposed.on(start, end)(start)
+        given = [coordinate_at(self.rows.model, index) for index in initial.positions]
+        values = [one.value(self.rows.data, initial.q) for one in given]
+        everything = Imposed(
+            (*self.imposed.names, *(self._name(index) for index in initial.positions)),
+            (*self.imposed.coordinates, *given),
+            (*self.imposed.laws, *(Constant(value=value) for value in values)),
+        )
+        q = assembled(self.own, everything, initial.q, np.array([*w, *values]), start)
+        self.rows.place(q)
+        self._check_independent(Split.of(self.rows.rows()))
+        return q, self._velocity(q, initial, dw)
+
+    def _name(self, index: int) -> str:
+        model = self.rows.model
+        return next(str(model.names[joint.id]) for joint in model.joints if joint.idx_v == index)
+
+    def _check_independent(self, split: Split) -> None:
+        k = len(self.imposed.names)
+        own = Split.of(self.rows.rows()[: self.own.size])
+        if len(split.values) < len(own.values) + k:
+            raise InputError(
+                f"the laws of {', '.join(self.imposed.names)} and the loops determine the same motion twice",
+                expected="laws that leave the loops their freedom",
+            )
+
+    def _velocity(self, q: Array, initial: Initial, dw: Array) -> Array:
+        """Return the velocity of least kinetic energy that the constraints allow and that has what is given."""
+        model = self.rows.model
+        nv, mass = model.nv, mass_matrix(model, self.rows.data, q)
+        self.rows.place(q)
+        rows, right = self.rows.rows(), self._rates(dw)
+        given = np.eye(nv)[list(initial.velocities)]
+        values = initial.v[list(initial.velocities)]
+        split = Split.of(np.vstack([rows, given]))
+        v = split.solve(mass, np.zeros(nv), np.concatenate([right, values]))
+        if np.abs(np.concatenate([rows @ v - right, given @ v - values])).max(initial=0.0) > CONSISTENT:
+            nearest = Split.of(rows).solve(mass, mass @ initial.v, right)
+            names = [self._name(index) for index in initial.velocities]
+            closest = ", ".join(f"{name} = {nearest[i]:.6g}" for name, i in zip(names, initial.velocities, strict=True))
+            raise InputError(
+                f"the given velocities of {', '.join(names)} contradict the loops or each other",
+                expected=f"velocities that the loops allow; the nearest are {closest}",
+                hint="give those of independent joints only: the others follow",
+            )
+        return v
+
+    def _rates(self, targets: Array) -> Array:
+        """Return the right-hand side of the rows: 0 for the constraints, then what the laws ask for."""
+        return np.concatenate([np.zeros(self.rows.size - len(targets)), targets])
+
+    def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
+        """Return the motion on an interval without jumps."""
+        return Stretch(start, end, self._acceleration(dynamics.on(start, end), start, end), self._settle(start, end))
+
+    def _acceleration(self, dynamics: Dynamics, start: float, end: float) -> Acceleration:
+        model, data, rows, targets = self.rows.model, dynamics.data, self.rows, self.imposed.on(start, end)
+
+        def constrained(t: float, q: Array, v: Array) -> Array:
+            rows.place(q)
+            split = Split.of(rows.rows())
+            right = self._rates(targets(t)[2]) - rows.drift(q, v)
+            force = dynamics.loads(t, q, v) - pin.nonLinearEffects(model, data, q, v)
+            return split.solve(mass_matrix(model, data, q), force, right)
+
+        return constrained
+
+    def _settle(self, start: float, end: float) -> Settle:
+        targets = self.imposed.on(start, end)
+
+        def settle(t: float, q: Array, v: Array) -> tuple[Array, Array]:
+            w, dw, _ = targets(t)
+            return self.settled(q, v, w, dw, t)
+
+        return settle
+
+    def settled(self, q: Array, v: Array, w: Array, dw: Array, t: float) -> tuple[Array, Array]:
+        """Return the closed state nearest to (q, v), the distance measured by the masses.
+
+        Raises:
+            AssemblyError: Newton's method does not close it.
+        """
+        model, rows, values = self.rows.model, self.rows, self._rates(w)
+        mass = mass_matrix(model, rows.data, q)
+        for _ in range(ITERATIONS):
+            rows.place(q)
+            gap = values - rows.gap(q)
+            split = Split.of(rows.rows())
+            if np.abs(gap).max() <= CLOSED * (1.0 + np.abs(values).max()):
+                return q, split.solve(mass, mass @ v, self._rates(dw))
+            q = pin.integrate(model, q, split.solve(mass, np.zeros(model.nv), gap))
+        worst = int(np.abs(gap).argmax())
+        constraint, row = rows.owners()[worst]
+        raise AssemblyError(
+            f"at t = {t:.9g} s {constraint.name} stays open by {abs(gap[worst]):.3g} {constraint.unit(row)}",
+            expected="a motion on which the loops stay closed", t=t, q=q, gap=gap,
+        )  # fmt: skip
+
+    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
+        """Return the motion, closed at every row, with accelerations, efforts and multipliers."""
+        model, n, m = self.rows.model, len(q), self.closure.size
+        motion = Motion(q.copy(), v.copy(), np.empty_like(v), np.zeros_like(v), np.zeros((n, m)))
+        weights = np.array([one.weights for one in self.imposed.coordinates if isinstance(one, LinearCoordinate)])
+        weights = weights.reshape(-1, model.nv)
+        for start, end, part in grid.stretches():
+            targets, local = self.imposed.on(start, end), dynamics.on(start, end)
+            for i in range(part.start, part.stop):
+                t = float(grid.t[i])
+                w, dw, ddw = targets(t)
+                state = self.settled(q[i], v[i], w, dw, t)
+                a, lam = self._solved(local, t, *state, ddw)
+                motion.q[i], motion.v[i], motion.a[i] = *state, a
+                motion.tau[i], motion.lam[i] = lam[m:] @ weights, lam[:m]
+        return motion
+
+    def _solved(self, dynamics: Dynamics, t: float, q: Array, v: Array, ddw: Array) -> tuple[Array, Array]:
+        """Return the acceleration, shape (nv,), and the least multipliers of all rows."""
+        model, rows = self.rows.model, self.rows
+        rows.place(q)
+        split = Split.of(rows.rows())
+        mass = mass_matrix(model, dynamics.data, q)
+        force = dynamics.loads(t, q, v) - pin.nonLinearEffects(model, dynamics.data, q, v)
+        a = split.solve(mass, force, self._rates(ddw) - rows.drift(q, v))
+        return a, split.multipliers(mass @ a - force)
+
+
+def mass_matrix(model: pin.Model, data: pin.Data, q: Array) -> Array:
+    """Return M, of which Pinocchio computes the upper half only, shape (nv, nv)."""
+    upper = np.triu(pin.crba(model, data, q).reshape(model.nv, model.nv))
+    return np.asarray(upper + np.triu(upper, 1).T)

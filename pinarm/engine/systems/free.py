@@ -1,0 +1,40 @@
+"""A tree that moves freely: its own coordinates are integrated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.closure import Closure
+from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.integrators import Manifold, Stretch
+from pinarm.engine.systems.contract import Initial, Motion, parts
+from pinarm.mechanics.motion import Grid
+
+
+@dataclass(frozen=True)
+class FreeSystem:
+    """All coordinates are integrated; no drive acts.
+
+    Attributes:
+        manifold: The mechanism's space of configurations.
+        closure: No constraints.
+    """
+
+    manifold: Manifold
+    closure: Closure
+
+    def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
+        """Return the state itself."""
+        return initial.q, initial.v
+
+    def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
+        """Return the motion of the free tree."""
+        return Stretch(start, end, dynamics.on(start, end).acceleration())
+
+    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
+        """Return the states with the accelerations of the equation of motion."""
+        a = np.concatenate([part.forward(grid.t[rows], q[rows], v[rows]) for rows, part in parts(dynamics, grid)])
+        return Motion(q, v, a, np.zeros_like(v), np.zeros((len(q), 0)))

@@ -1,0 +1,111 @@
+"""Linear couplings and prescribed joint coordinates: they are eliminated, the independent coordinates integrated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.assembly import Imposed
+from pinarm.engine.closure import Closure
+from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.integrators import Acceleration, Manifold, Stretch
+from pinarm.engine.reduction import Reduction
+from pinarm.engine.systems.contract import Initial, Motion, parts
+from pinarm.errors import InputError
+from pinarm.mechanics.motion import Grid
+
+CONTRADICTION = 1e-9
+"""Difference between an initial value and what the laws say that typed digits explain [rad, m, rad/s or m/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedSystem:
+    """Linear couplings hold and some coordinates follow laws; what is left is integrated.
+
+    Attributes:
+        imposed: The sums that couplings keep constant, then the prescribed coordinates, with their laws.
+        reduction: What they leave free.
+        manifold: Space of the free coordinates.
+        closure: The couplings.
+    """
+
+    imposed: Imposed
+    reduction: Reduction
+    manifold: Manifold
+    closure: Closure
+
+    def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
+        """Return the free part of the state.
+
+        Raises:
+            InputError: The laws contradict an initial value that was given.
+        """
+        reduction, (w, dw, _) = self.reduction, self.imposed.on(start, end)(start)
+        free_q, free_v = initial.q[reduction.free_q], initial.v[reduction.free_v]
+        q, v = reduction.configuration(free_q, w), reduction.velocity(free_v, dw)
+        for index in {*initial.positions, *initial.velocities}:
+            place = reduction.scalar_q[index]
+            if abs(q[place] - initial.q[place]) + abs(v[index] - initial.v[index]) > CONTRADICTION:
+                raise InputError(
+                    f"the initial values contradict the laws of {', '.join(self.imposed.names)}",
+                    expected="initial values of what the laws leave free",
+                )
+        return free_q, free_v
+
+    def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
+        """Return the motion of the free coordinates."""
+        return Stretch(start, end, self._acceleration(dynamics, start, end))
+
+    def _acceleration(self, dynamics: Dynamics, start: float, end: float) -> Acceleration:
+        return self.reduction.acceleration(dynamics.on(start, end), self.imposed.on(start, end))
+
+    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
+        """Return the whole motion, and the efforts by inverse dynamics."""
+        reduction, targets = self.reduction, np.array([grid.evaluate(law) for law in self.imposed.laws])  # (k, 3, n)
+        whole_q = np.array([reduction.configuration(q[i], targets[:, 0, i]) for i in range(len(q))])
+        whole_v = v @ reduction.basis.T + targets[:, 1].T @ reduction.particular.T
+        rates = np.empty_like(v)
+        for start, end, rows in grid.stretches():
+            acceleration = self._acceleration(dynamics, start, end)
+            for i in range(rows.start, rows.stop):
+                rates[i] = acceleration(grid.t[i], q[i], v[i])
+        a = rates @ reduction.basis.T + targets[:, 2].T @ reduction.particular.T
+        demand = np.concatenate(
+            [part.inverse(grid.t[rows], whole_q[rows], whole_v[rows], a[rows]) for rows, part in parts(dynamics, grid)]
+        )
+        efforts = demand @ reduction.particular  # W^T efforts = demand, and W P = 1
+        m = self.closure.size
+        return Motion(whole_q, whole_v, a, efforts[:, m:] @ reduction.rows[m:], efforts[:, :m])
+
+
+@dataclass(frozen=True)
+class FreePart:
+    """The free coordinates of a mechanism that has quaternions among them.
+
+    Attributes:
+        whole: Space of the whole mechanism.
+        reduction: What is free.
+        neutral: A configuration to fill up with, shape (nq,).
+        nq: Numbers in the free part of q.
+        nv: Numbers in the free part of v.
+    """
+
+    whole: Manifold
+    reduction: Reduction
+    neutral: Array
+    nq: int
+    nv: int
+
+    def velocity(self, q: Array, v: Array) -> Array:
+        """Return the rate of the free part."""
+        whole_q, whole_v = self.neutral.copy(), np.zeros(self.whole.nv)
+        whole_q[self.reduction.free_q], whole_v[self.reduction.free_v] = q, v
+        return self.whole.velocity(whole_q, whole_v)[self.reduction.free_q]
+
+    def project(self, q: Array) -> Array:
+        """Return the free part with its quaternions at unit length."""
+        whole = np.broadcast_to(self.neutral, (*q.shape[:-1], self.whole.nq)).copy()
+        whole[..., self.reduction.free_q] = q
+        return self.whole.project(whole)[..., self.reduction.free_q]

@@ -1,0 +1,388 @@
+"""Loop joints: joints of any kind between two links that the tree has already joined another way.
+
+With frame 1 on the first link and frame 2 on the second, ``p`` is the place of frame 2's origin and R its orientation,
+both seen from frame 1, and ``omega`` the angular velocity of 2 in 1. A row of the constraint is
+``e . p' + w . omega = 0``, with a direction e of translation and a direction w of rotation, in the axes of frame 1. Its
+multiplier lam is a force ``lam e`` at the origin of frame 2 and a moment ``lam w``, of the first link on the second.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError
+from pinarm.input.schema import Model, Span
+from pinarm.input.units import Unit
+from pinarm.mechanics.coordinates import METRE, RADIAN, Direction, frame_of, unit_vector
+
+LOCAL = pin.ReferenceFrame.LOCAL
+
+
+class Pair(Protocol):
+    """What a kind of joint allows between its two frames; all vectors in the axes of frame 1."""
+
+    @property
+    def size(self) -> int:
+        """Number m of rows."""
+        ...
+
+    @property
+    def lengths(self) -> int:
+        """Number of rows that measure lengths; they come first, the others measure angles."""
+        ...
+
+    @property
+    def points(self) -> Array | None:
+        """Points that coincide in both frames and say the same as the rows, shape (k, 3); none if no points can."""
+        ...
+
+    def gap(self, p: Array, turn: Array) -> Array:
+        """Return what is not closed [m or rad], shape (m,)."""
+        ...
+
+    def directions(self, p: Array, turn: Array) -> tuple[Array, Array]:
+        """Return e and w of every row, each of shape (m, 3)."""
+        ...
+
+    def bend(self, p: Array, turn: Array, dp: Array, omega: Array) -> Array:
+        """Return ``e' . p' + w' . omega`` of every row: what the change of the directions does, shape (m,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class LowerPair:
+    """A joint whose free motions have fixed directions in frame 1, as all the lower pairs have.
+
+    Attributes:
+        held: Directions in which the origins stay together, shape (k, 3).
+        aligned: Directions about which the frames do not turn against each other, shape (l, 3), l = 0, 2 or 3.
+        axis: The common axis where l = 2, shape (3,).
+        points: See ``Pair``.
+    """
+
+    held: Array
+    aligned: Array
+    axis: Array
+    points: Array | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return len(self.held) + len(self.aligned)
+
+    @property
+    def lengths(self) -> int:
+        """Number of rows that measure lengths."""
+        return len(self.held)
+
+    def gap(self, p: Array, turn: Array) -> Array:
+        """Return the open distances, then the angles.
+
+        Two angles are those of the cross product of the axes, scaled to the full angle, which unlike components of
+        ``log R`` does not change sign where the free rotation passes half a turn.
+        """
+        if len(self.aligned) == 3:
+            angles = pin.log3(turn)
+        else:
+            other = turn @ self.axis
+            cross, cosine = np.cross(self.axis, other), float(self.axis @ other)
+            sine = float(np.linalg.norm(cross))
+            angles = cross * (np.arctan2(sine, cosine) / sine if sine > 1e-8 else 1.0)
+            if sine <= 1e-8 and cosine < 0.0:  # turned over, about any axis across
+                angles = self.aligned.sum(axis=0) * np.pi
+        return np.concatenate([self.held @ p, self.aligned @ angles])
+
+    def directions(self, p: Array, turn: Array) -> tuple[Array, Array]:
+        """Return the constant directions."""
+        k, still = len(self.held), np.zeros((self.size, 3))
+        e, w = still.copy(), still
+        e[:k], w[k:] = self.held, self.aligned
+        return e, w
+
+    def bend(self, p: Array, turn: Array, dp: Array, omega: Array) -> Array:
+        """Return zeros."""
+        return np.zeros(self.size)
+
+
+@dataclass(frozen=True)
+class Cross:
+    """A universal joint: the origins stay together, an axis of frame 1 and one of frame 2 stay at right angles.
+
+    Attributes:
+        first: Axis in frame 1, shape (3,).
+        second: Axis in frame 2, shape (3,).
+    """
+
+    first: Array
+    second: Array
+    size: int = 4
+    lengths: int = 3
+    points: Array | None = None
+
+    def gap(self, p: Array, turn: Array) -> Array:
+        """Return the distance, and the angle by which the axes miss a right one."""
+        return np.append(p, np.arcsin(np.clip(self.first @ turn @ self.second, -1.0, 1.0)))
+
+    def directions(self, p: Array, turn: Array) -> tuple[Array, Array]:
+        """Return the directions; rotation is held about the normal of both axes."""
+        e, w = np.eye(4, 3), np.zeros((4, 3))
+        w[3] = np.cross(turn @ self.second, self.first)
+        return e, w
+
+    def bend(self, p: Array, turn: Array, dp: Array, omega: Array) -> Array:
+        """Return what the turning of the second axis does."""
+        turning = np.cross(np.cross(omega, turn @ self.second), self.first)
+        return np.array([0.0, 0.0, 0.0, turning @ omega])
+
+
+@dataclass(frozen=True)
+class Tie:
+    """A rod without mass, ball joints at both ends.
+
+    Attributes:
+        length: [m].
+    """
+
+    length: float
+    size: int = 1
+    lengths: int = 1
+    points: Array | None = None
+
+    def gap(self, p: Array, turn: Array) -> Array:
+        """Return by how much the distance differs from the length."""
+        return np.array([np.linalg.norm(p) - self.length])
+
+    def directions(self, p: Array, turn: Array) -> tuple[Array, Array]:
+        """Return the direction of the rod."""
+        return (p / np.linalg.norm(p))[None], np.zeros((1, 3))
+
+    def bend(self, p: Array, turn: Array, dp: Array, omega: Array) -> Array:
+        """Return the centripetal term ``(|p'|^2 - (u . p')^2) / |p|``."""
+        length = float(np.linalg.norm(p))
+        along = float(p @ dp) / length
+        return np.array([(float(dp @ dp) - along * along) / length])
+
+
+@dataclass(frozen=True, eq=False)
+class LoopJoint:
+    """A loop joint of one mechanism, ready for evaluation.
+
+    Attributes:
+        name: Its name.
+        kind: Its kind, as files call it.
+        first: Index of frame 1.
+        second: Index of frame 2.
+        pair: What the joint allows.
+    """
+
+    name: str
+    kind: str
+    first: int
+    second: int
+    pair: Pair = field(repr=False)
+
+    @property
+    def size(self) -> int:
+        """Number m of rows."""
+        return self.pair.size
+
+    def unit(self, row: int) -> Unit:
+        """Return the unit of the gap in a row: m or rad."""
+        return METRE if row < self.pair.lengths else RADIAN
+
+    def gap(self, data: pin.Data, q: Array) -> Array:
+        """Return what is not closed [m or rad], shape (m,); the placements of frames in ``data`` are those of q."""
+        return self.pair.gap(*_placed(data.oMf[self.first], data.oMf[self.second]))
+
+    def rows(self, model: pin.Model, data: pin.Data) -> Array:
+        """Return G, shape (m, nv); the joint Jacobians in ``data`` are those of q."""
+        p, turn = _placed(data.oMf[self.first], data.oMf[self.second])
+        one, two = (
+            pin.getFrameJacobian(model, data, frame, LOCAL).reshape(6, -1) for frame in (self.first, self.second)
+        )
+        e, w = self.pair.directions(p, turn)
+        translation = turn @ two[:3] - one[:3] + pin.skew(p) @ one[3:]
+        return np.asarray(e @ translation + w @ (turn @ two[3:] - one[3:]))
+
+    def drift(self, model: pin.Model, data: pin.Data) -> Array:
+        """Return G' v, shape (m,); ``data`` holds the forward kinematics of (q, v, 0) and the placements of frames."""
+        p, turn = _placed(data.oMf[self.first], data.oMf[self.second])
+        v1, v2 = (pin.getFrameVelocity(model, data, frame, LOCAL) for frame in (self.first, self.second))
+        a1, a2 = (pin.getFrameClassicalAcceleration(model, data, frame, LOCAL) for frame in (self.first, self.second))
+        spin, omega = v1.angular, turn @ v2.angular - v1.angular
+        dp = turn @ v2.linear - v1.linear - np.cross(spin, p)
+        ddp = turn @ a2.linear - a1.linear - np.cross(a1.angular, p) - np.cross(spin, np.cross(spin, p) + 2.0 * dp)
+        domega = turn @ a2.angular - a1.angular + np.cross(omega, spin)
+        e, w = self.pair.directions(p, turn)
+        return np.asarray(e @ ddp + w @ domega + self.pair.bend(p, turn, dp, omega))
+
+    def wrenches(self, model: pin.Model, data: pin.Data, lam: Array) -> dict[int, Array]:
+        """Return what the multipliers do to the links: joint index -> [f; m] at the world's origin, world axes."""
+        wrench = self.wrench(data, lam)
+        place = data.oMf[self.second].translation
+        moved = np.concatenate([wrench[:3], wrench[3:] + np.cross(place, wrench[:3])])
+        joints = model.frames[self.second].parentJoint, model.frames[self.first].parentJoint
+        return {joints[0]: moved, joints[1]: -moved}
+
+    def wrench(self, data: pin.Data, lam: Array) -> Array:
+        """Return [f; m] of the first link on the second, at the origin of frame 2, world axes [N, N*m], shape (6,)."""
+        one = data.oMf[self.first]
+        e, w = self.pair.directions(*_placed(one, data.oMf[self.second]))
+        return np.concatenate([one.rotation @ (lam @ e), one.rotation @ (lam @ w)])
+
+
+def _placed(one: pin.SE3, two: pin.SE3) -> tuple[Array, Array]:
+    """Return the place and the orientation of frame 2 in frame 1."""
+    between = one.actInv(two)
+    return between.translation, between.rotation
+
+
+def _across(axis: Array) -> Array:
+    """Return two unit vectors at right angles to an axis and to each other, shape (2, 3)."""
+    least = np.eye(3)[int(np.abs(axis).argmin())]
+    one = np.cross(axis, least)
+    one /= np.linalg.norm(one)
+    return np.array([one, np.cross(axis, one)])
+
+
+NOTHING, ALL = np.zeros((0, 3)), np.eye(3)
+
+
+class LoopDefinition(Model, frozen=True):
+    """What every loop joint says.
+
+    Attributes:
+        between: The two links whose frames the joint ties; a fixed link without mass serves as a named frame.
+    """
+
+    between: tuple[str, str]
+
+    def bound(self, model: pin.Model, name: str, pair: Pair) -> LoopJoint:
+        """Return the loop joint of one model.
+
+        Raises:
+            InputError: A link does not exist, or both belong to one rigid body.
+        """
+        first, second = (frame_of(model, link) for link in self.between)
+        if model.frames[first].parentJoint == model.frames[second].parentJoint:
+            raise InputError(
+                f"{' and '.join(self.between)} belong to one rigid body: a joint between them closes no loop",
+                expected="links that move against each other",
+            )
+        return LoopJoint(name, str(self.__struct_config__.tag), first, second, pair)
+
+
+class Fixed(LoopDefinition, frozen=True, tag_field="kind", tag="fixed"):
+    """The frames coincide."""
+
+    def bind(self, model: pin.Model, name: str) -> LoopJoint:
+        """Return the loop joint of one model."""
+        points = np.vstack([np.zeros(3), ALL[:2]])
+        return self.bound(model, name, LowerPair(ALL, ALL, ALL[2], points))
+
+
+class Revolute(LoopDefinition, frozen=True, tag_field="kind", tag="revolute"):
+    """The frames turn against each other about a common axis; the origins coincide."""
+
+    axis: Direction = "z"
+
+    def bind(self, model: pin.Model, name: str) -> LoopJoint:
+        """Return the loop joint of one model."""
+        axis = unit_vector(self.axis)
+        return self.bound(model, name, LowerPair(ALL, _across(axis), axis, np.array([np.zeros(3), axis])))
+
+
+class Prismatic(LoopDefinition, frozen=True, tag_field="kind", tag="prismatic"):
+    """Frame 2 slides along an axis without turning."""
+
+    axis: Direction = "z"
+
+    def bind(self, model: pin.Model, name: str) -> LoopJoint:
+        """Return the loop joint of one model."""
+        axis = unit_vector(self.axis)
+        return self.bound(model, name, LowerPair(_across(axis), ALL, axis))
+
+
+class Cylindrical(LoopDefinition, frozen=True, tag_field="kind", tag="cylindrical"):
+    """Frame 2 slides along an axis and turns about it."""
+
+    axis: Direction = "z"
+
+    def bind(self, model: pin.Model, name: str) -> LoopJoint:
+        """Return the loop joint of one model."""
+        axis = unit_vector(self.axis)
+        return self.bound(model, name, LowerPair(_across(axis), _across(axis), axis))
+
+
+class Spherical(LoopDefinition, frozen=True, tag_field="kind", tag="spherical"):
+    """A ball joint: the origins coincide."""
+
+    def bind(self, model: pin.Model, name: str) -> LoopJoint:
+        """Return the loop joint of one model."""
+        return self.bound(model, name, LowerPair(ALL, NOTHING, ALL[2], np.zeros((1, 3))))
+
+
+class Universal(LoopDefinition, frozen=True, tag_field="kind", tag="universal"):
+    """The origins coincide; an axis of frame 1 and an axis of frame 2, those of the cross, stay at right angles.
+
+    Attributes:
+        axes: The axis of the cross in frame 1, and that in frame 2.
+    """
+
+    axes: tuple[Direction, Direction] = ("x", "y")
+
+    def bind(self, model: pin.Model, name: str) -> LoopJoint:
+        """Return the loop joint of one model."""
+        return self.bound(model, name, Cross(unit_vector(self.axes[0]), unit_vector(self.axes[1])))
+
+
+class Planar(LoopDefinition, frozen=True, tag_field="kind", tag="planar"):
+    """Two planes slide on each other; the axis is their normal."""
+
+    axis: Direction = "z"
+
+    def bind(self, model: pin.Model, name: str) -> LoopJoint:
+        """Return the loop joint of one model."""
+        axis = unit_vector(self.axis)
+        return self.bound(model, name, LowerPair(axis[None], _across(axis), axis))
+
+
+class PointOnLine(LoopDefinition, frozen=True, tag_field="kind", tag="point_on_line"):
+    """The origin of frame 2 stays on a line through that of frame 1."""
+
+    axis: Direction = "z"
+
+    def bind(self, model: pin.Model, name: str) -> LoopJoint:
+        """Return the loop joint of one model."""
+        axis = unit_vector(self.axis)
+        return self.bound(model, name, LowerPair(_across(axis), NOTHING, axis))
+
+
+class PointOnPlane(LoopDefinition, frozen=True, tag_field="kind", tag="point_on_plane"):
+    """The origin of frame 2 stays in a plane through that of frame 1; the axis is its normal."""
+
+    axis: Direction = "z"
+
+    def bind(self, model: pin.Model, name: str) -> LoopJoint:
+        """Return the loop joint of one model."""
+        axis = unit_vector(self.axis)
+        return self.bound(model, name, LowerPair(axis[None], NOTHING, axis))
+
+
+class Rod(LoopDefinition, frozen=True, tag_field="kind", tag="rod", kw_only=True):
+    """The origins keep their distance, as by a rod without mass with ball joints at its ends."""
+
+    length: Span
+
+    def bind(self, model: pin.Model, name: str) -> LoopJoint:
+        """Return the loop joint of one model."""
+        return self.bound(model, name, Tie(float(self.length)))
+
+
+Loop = Fixed | Revolute | Prismatic | Cylindrical | Spherical | Universal | Planar | PointOnLine | PointOnPlane | Rod
+"""Any loop joint. A new kind is one class above, with a ``Pair`` that says what it holds, and one entry here."""
