@@ -37,12 +37,15 @@ def power_balance(trajectory: Trajectory) -> dict[str, float]:
         trajectory.grid.t[part], trajectory.q[part], trajectory.v[part]))  # fmt: skip
     pull = float(np.linalg.norm(model.gravity.linear))
     residuals, terms = np.zeros((len(rows), model.nv)), np.zeros((len(rows), model.nv))
+    closure = trajectory.closure
     for k, row in enumerate(rows):
+        closure.place(trajectory.q[row])
+        held = closure.load(trajectory.lam[row])
         q, v, a = trajectory.q[row], trajectory.v[row], trajectory.a[row]
         pin.computeJointJacobians(model, data, q)
         pin.forwardKinematics(model, data, q, v, a)
-        supplied = trajectory.tau[row] + loads[row] - model.armature * a
-        residuals[k], terms[k] = supplied, np.abs(supplied)
+        supplied = trajectory.tau[row] + loads[row] + held - model.armature * a
+        residuals[k], terms[k] = supplied, np.abs(supplied) + np.abs(held)
         for joint in range(1, model.njoints):
             jacobian = pin.getJointJacobian(model, data, joint, pin.LOCAL).reshape(6, -1)
             inertia, twist, acceleration = model.inertias[joint], data.v[joint], data.a[joint]

@@ -151,6 +151,21 @@ class Closure:
         pin.forwardKinematics(self.model, self.data, q, v, np.zeros(self.model.nv))
         return np.concatenate([np.zeros(0), *(one.drift(self.model, self.data) for one in self.constraints)])
 
+    def load(self, lam: Array) -> Array:
+        """Return G^T lam at the configuration last placed, through the links' Jacobians, shape (nv,).
+
+        Couplings, which act within joints, have no wrenches and contribute by their rows.
+        """
+        total = np.zeros(self.model.nv)
+        for constraint, rows in zip(self.constraints, self.slices().values(), strict=True):
+            wrenches = constraint.wrenches(self.model, self.data, lam[rows])
+            for joint, wrench in wrenches.items():
+                jacobian = pin.getJointJacobian(self.model, self.data, joint, pin.ReferenceFrame.WORLD)
+                total += jacobian.reshape(6, -1).T @ wrench
+            if not wrenches:
+                total += constraint.rows(self.model, self.data).T @ lam[rows]
+        return total
+
     def wrenches(self, lam: Array) -> dict[int, Array]:
         """Return what multipliers, shape (m,), do to the links at the configuration last placed.
 

@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.trajectory import Trajectory
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, frame_of
 
@@ -119,27 +118,3 @@ class Passes:
         still = np.zeros(model.nv)
         weights = np.array([pin.computeGeneralizedGravity(model, data, q) for q in run.q]).reshape(len(run), len(still))
         return np.asarray(-(weights * run.v).sum(axis=1))
-
-    @cached_property
-    def reactions(self) -> Array:
-        """Wrench of the parent on the child at every joint's origin, world axes [N, N*m], shape (n, njoints, 6)."""
-        return self.run.gather(self._reactions)
-
-    def _reactions(self, dynamics: Dynamics, part: slice) -> Array:
-        run, model, data = self.run, self.model, self.data
-        rows = np.zeros((part.stop - part.start, model.njoints, 6))
-        outside = pin.StdVec_Force()
-        outside.extend([pin.Force.Zero() for _ in range(model.njoints)])
-        for i in range(part.start, part.stop):
-            q, v, a = run.q[i], run.v[i], run.a[i]
-            pin.forwardKinematics(model, data, q)
-            acting = [force.wrenches(run.grid.t[i], q, v) for force in dynamics.forces.values()]
-            for joint in {joint for wrenches in acting for joint in wrenches}:
-                total = sum((wrenches[joint] for wrenches in acting if joint in wrenches), np.zeros(6))
-                outside[joint] = data.oMi[joint].actInv(pin.Force(total))
-            pin.rnea(model, data, q, v, a, outside)
-            for joint in range(1, model.njoints):
-                turn, wrench = data.oMi[joint].rotation, data.f[joint]
-                row = rows[i - part.start, joint]
-                row[:3], row[3:] = turn @ wrench.linear, turn @ wrench.angular
-        return rows

@@ -6,7 +6,9 @@
 ``joint.J.effort .power``                      of its drive, without the rotor's own share
 ``joint.J.force.x``, ``joint.J.moment.x``      action of the parent on the child, at the joint's origin
 ``joint.J.moment.about.P.x``                   the same moment about the origin of link P
+``loop.L.force.x``, ``loop.L.moment.x``        action of the first link on the second, at the second one's frame
 ``coordinate.C.position`` (and so on)          of any coordinate
+``coordinate.C.effort``                        of a drive along a task coordinate
 ``point.P.position.x`` (and so on)             of the origin of link P
 ``body.B.angular_velocity.x``                  of link B; likewise ``angular_acceleration``
 ``drive.D.torque .speed .power``               at the motor
@@ -34,6 +36,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.passes import Passes
+from pinarm.engine.reactions import Reactions
 from pinarm.engine.trajectory import Series, Trajectory
 from pinarm.errors import InputError, choices
 from pinarm.input.expressions import CONSTANTS, Expression
@@ -41,6 +44,9 @@ from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import METRE
 from pinarm.mechanics.forces.contract import power
 from pinarm.mechanics.forces.joint import effort_unit
+
+UNDETERMINED = 1e-9
+"""What a self-stress of length 1 may add to a component that it does not act on: rounding leaves 1e-13."""
 
 AXES = ("x", "y", "z", "norm")
 SECOND, JOULE, WATT, NEWTON, NEWTON_METRE = unit("s"), unit("J"), unit("W"), unit("N"), unit("N*m")
@@ -59,12 +65,19 @@ class Quantities:
     Attributes:
         trajectory: The motion.
         symbols: Formulas by name, beside those of the mechanism.
+        undetermined: ``refuse``, or ``minimum_norm`` for reactions that rigid bodies do not determine.
     """
 
     trajectory: Trajectory
     symbols: Mapping[str, Expression] = field(default_factory=dict)
+    undetermined: str = "refuse"
     _known: dict[str, Series] = field(default_factory=dict, repr=False)
     _open: list[str] = field(default_factory=list, repr=False)
+
+    @cached_property
+    def reactions(self) -> Reactions:
+        """What the joints transmit."""
+        return Reactions(self.trajectory)
 
     @cached_property
     def passes(self) -> Passes:
@@ -91,6 +104,7 @@ class Quantities:
             *mechanism.arguments, *mechanism.coordinates,
             *(f"joint.{name}.{part}" for name in mechanism.joints
               for part in (*RATES, "effort", "power", *(f"{kind}.{axis}" for kind in WRENCH for axis in AXES))),
+            *(f"loop.{name}.{kind}.{axis}" for name in self.reactions.loops for kind in WRENCH for axis in AXES),
             *(f"coordinate.{name}.{rate}" for name in mechanism.coordinates for rate in RATES),
             *(f"point.{name}.{rate}.{axis}" for name in links for rate in RATES for axis in AXES),
             *(f"body.{name}.{rate}.{axis}" for name in links for rate in TURNS for axis in AXES),
@@ -138,7 +152,8 @@ class Quantities:
         dimension = expression.dimension({inner: series.unit for inner, series in found.items()})
         alone = found.get(expression.text.strip())
         measured = alone.unit if alone else Unit(1.0, dimension.dimension) if dimension else None
-        return Series(name, measured, np.broadcast_to(np.asarray(values, float), len(self.trajectory)))
+        doubt = next((series.doubt for series in found.values() if series.doubt), "")
+        return Series(name, measured, np.broadcast_to(np.asarray(values, float), len(self.trajectory)), doubt)
 
     def figure(self, text: str) -> Array:
         """Return the value of a formula that holds printed figures, which come without units; shape () or (n,)."""
@@ -171,24 +186,42 @@ class Quantities:
             return Series(name, WATT, effort * self.trajectory.v[:, joint.v])
         if part not in WRENCH:
             raise self._unknown(name)
-        wrench = self.passes.reactions[:, joint.index]
-        vectors = wrench[:, :3]
-        if part == "moment":
-            origin = np.array([place.translation for place in self._placements(joint.index)])
-            vectors = wrench[:, 3:] + np.cross(origin - self._about(name, words, origin), wrench[:, :3])
-        return Series(name, NEWTON if part == "force" else NEWTON_METRE, self._component(name, words, vectors))
+        found, index = self.reactions, joint.index
+        added = [stressed[:, index] for stressed in found.stressed_joints]
+        return self._wrench(name, words, found.origins[:, index], found.joints[:, index], added)
+
+    def _of_loop(self, name: str, words: list[str]) -> Series:
+        found = self.reactions
+        if words[0] not in found.loops or len(words) < 3 or words[1] not in WRENCH:
+            raise self._unknown(name)
+        self._require_efforts(name)
+        origins, wrench = found.loop_origins(words[0]), found.loop(words[0])
+        return self._wrench(name, words, origins, wrench, found.stressed_loop(words[0]))
+
+    def _wrench(self, name: str, words: list[str], origins: Array, wrench: Array, added: list[Array]) -> Series:
+        """Return a component of a wrench, unless self-stresses can add anything to it.
+
+        Raises:
+            InputError: They can, and the scenario does not ask for the least values.
+        """
+
+        def component(wrench: Array) -> Array:
+            if words[1] == "force":
+                return self._component(name, words, wrench[:, :3])
+            arm = origins - self._about(name, words, origins)
+            return self._component(name, words, wrench[:, 3:] + np.cross(arm, wrench[:, :3]))
+
+        doubt = ""
+        if any(np.abs(component(part)).max(initial=0.0) > UNDETERMINED for part in added):
+            doubt = f"hyperstatic of degree {len(added)}: rigid bodies do not determine it"
+            if self.undetermined != "minimum_norm":
+                raise InputError(f"'{name}': {doubt}", expected="a component that is determined, or a joint loosened",
+                                 hint="undetermined: minimum_norm, for the least multipliers")  # fmt: skip
+        return Series(name, NEWTON if words[1] == "force" else NEWTON_METRE, component(wrench), doubt)
 
     def _require_efforts(self, name: str) -> None:
         if self.trajectory.unasked:
             raise InputError(f"'{name}': {self.trajectory.unasked}", hint="kind: inverse")
-
-    def _placements(self, joint: int) -> list[pin.SE3]:
-        run = self.trajectory
-        model, data, found = run.mechanism.model, run.mechanism.model.createData(), []
-        for q in run.q:
-            pin.forwardKinematics(model, data, q)
-            found.append(data.oMi[joint].copy())
-        return found
 
     def _effort(self, v: int) -> Array:
         """Return the effort between the links, without what accelerates the drive's own rotor."""
@@ -205,7 +238,22 @@ class Quantities:
         return Series(name, _turning(measured, coordinate.unit, order), values)
 
     def _of_coordinate(self, name: str, words: list[str]) -> Series:
+        run, along = self.trajectory, ".".join(words[:-1])
+        if words[-1] == "effort" and along in run.mechanism.coordinates:
+            return self._along(name, along)
         return self._rate_of(name, ".".join(words[:-1]), words[-1])
+
+    def _along(self, name: str, along: str) -> Series:
+        """Return the effort of a drive along a coordinate: a joint's, or one that has a multiplier of its own."""
+        run = self.trajectory
+        self._require_efforts(name)
+        if along in run.mechanism.joints:
+            return self._of_joint(name, [along, "effort"])
+        rows = run.closure.slices().get(along)
+        if rows is None or along in run.mechanism.closure.slices():
+            raise InputError(f"no drive acts along '{along}'", expected="a coordinate named in drives:")
+        measured = NEWTON if run.mechanism.coordinates[along].unit == METRE else NEWTON_METRE
+        return Series(name, measured, run.lam[:, rows.start])
 
     def _of_point(self, name: str, words: list[str]) -> Series:
         if len(words) < 3 or words[1] not in RATES:
@@ -301,6 +349,7 @@ class Quantities:
 
 _KINDS: dict[str, Callable[[Quantities, str, list[str]], Series]] = {
     "joint": Quantities._of_joint,
+    "loop": Quantities._of_loop,
     "coordinate": Quantities._of_coordinate,
     "point": Quantities._of_point,
     "body": Quantities._of_body,

@@ -29,11 +29,13 @@ class Series:
         name: As it was asked for.
         unit: SI unit of the values; ``None`` where an argument of unknown unit takes part.
         values: One per row of the trajectory, shape (n,).
+        doubt: Why the values are one choice of many; empty where they are determined.
     """
 
     name: str
     unit: Unit | None
     values: Array
+    doubt: str = ""
 
     @property
     def label(self) -> str:

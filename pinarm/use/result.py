@@ -127,7 +127,7 @@ class Result:
             "accuracy": {name: self.figures[name] for name in self.figures if name in MEASURES},
             "cost": {name: int(value) for name, value in self.figures.items() if name in COSTS},
             "findings": {name: x for name, x in self.figures.items() if name not in (*MEASURES, *COSTS)},
-            "notes": list(mechanism.notes),
+            "notes": self.notes(),
             "versions": {"pinarm": pinarm.__version__, "pinocchio": pinocchio.__version__, "numpy": np.__version__},
             "input": self.digest(),
         }
@@ -141,6 +141,11 @@ class Result:
             "unit": str(series.unit or "?"), "min": values[low], "at_min": t[low], "max": values[high],
             "at_max": t[high], "start": values[0], "end": values[-1],
         }  # fmt: skip
+
+    def notes(self) -> list[str]:
+        """Return what is not modelled as the files have it, and which outputs are one choice of many."""
+        doubts = [f"{series.name}: least multipliers; {series.doubt}" for series in self.columns() if series.doubt]
+        return [*self.trajectory.mechanism.notes, *doubts]
 
     def digest(self) -> str:
         """Return a hash of what determines the numbers: the scenario and the model's text."""

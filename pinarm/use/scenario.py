@@ -61,6 +61,8 @@ class ScenarioFile(Model, frozen=True):
         problem: The question.
         symbols: Names for quantities or formulas, beside those of the mechanism.
         outputs: Quantities of the table and the plots.
+        undetermined: What to do with reactions that rigid bodies do not determine: ``refuse`` them, or give those of
+            the least multipliers (``minimum_norm``), marked as such.
         accuracy: How accurate the answer is wanted.
         expect: The answer key: what the answer must be, and what was published.
     """
@@ -73,6 +75,7 @@ class ScenarioFile(Model, frozen=True):
     arguments: dict[str, Argument] = {}
     gravity: Gravity | Literal["none"] | None = None
     symbols: dict[str, str] = {}
+    undetermined: Literal["refuse", "minimum_norm"] = "refuse"
     accuracy: Accuracy = msgspec.field(default_factory=Accuracy)
     expect: list[Expectation] = []
 
@@ -160,7 +163,7 @@ class Scenario:
         return result
 
     def _result(self, trajectory: Trajectory, figures: Mapping[str, float]) -> Result:
-        quantities = Quantities(trajectory, self.symbols)
+        quantities = Quantities(trajectory, self.symbols, self.content.undetermined)
         return Result(self.name, self.problem.kind, self.content, self.document.data, quantities, figures, self.folder)
 
     def validate(self) -> None:
