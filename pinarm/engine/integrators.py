@@ -28,6 +28,9 @@ SAFETY, SLOWEST, FASTEST = 0.9, 1 / 3, 6.0
 TINY = 1e-300
 """Keeps quotients of squares that underflow finite."""
 
+NOISE = 1e-6
+"""Error of a step, relative to ``1 + |y|``, that blown-up rounding explains close to a singular position."""
+
 SHORTEST = 16.0
 """Smallest step in units in the last place of t: below it, adding a stage's fraction of h no longer changes t."""
 
@@ -79,12 +82,15 @@ class Stretch:
         end: Its last instant [s].
         acceleration: Smooth up to both ends; at a jump each side has its own.
         settle: Brings the state back onto the constraints after every accepted step; none where there are none.
+        floor: Returns the step that is taken although its error is above the tolerance, as long as it is below
+            ``NOISE`` [s]: close to a singular position, where rounding is blown up, shorter steps are no better.
     """
 
     start: float
     end: float
     acceleration: Acceleration
     settle: Settle | None = None
+    floor: Callable[[], float] = float
 
 
 @dataclass(frozen=True)
@@ -117,6 +123,7 @@ class Solution:
         steps: Accepted steps, in order of time.
         evaluations: Number of accelerations computed for the steps.
         rejected: Number of steps that were tried and refused.
+        floored: Number of steps that were taken at their floor, with an error above the tolerance.
     """
 
     tableau: Tableau
@@ -125,6 +132,7 @@ class Solution:
     steps: list[Step] = field(default_factory=list)
     evaluations: int = 0
     rejected: int = 0
+    floored: int = 0
     _starts: Array | None = field(default=None, repr=False)
     _interpolants: dict[int, Array] = field(default_factory=dict, repr=False)
 
@@ -341,7 +349,9 @@ def _advance(solution: Solution, stepper: _Stepper, stretch: Stretch, index: int
         taken = end - t if last else h
         error = stepper.attempt(t, taken, stretch.acceleration)
         solution.evaluations += stepper.tableau.stages
-        if error <= 1.0:
+        floor = stretch.floor() if error * stepper.tolerance < NOISE else 0.0
+        if error <= 1.0 or taken <= 1.001 * floor:
+            solution.floored += error > 1.0
             solution.steps.append(Step(t, taken, stepper.y.copy(), stepper.slopes.copy(), index))
             stepper.accept()
             t = end if last else t + taken
@@ -353,7 +363,7 @@ def _advance(solution: Solution, stepper: _Stepper, stretch: Stretch, index: int
             ceiling = FASTEST
         else:  # a step whose error is not even a number is refused like one that is too large
             solution.rejected += 1
-            h = taken * (max(SLOWEST, SAFETY * error**exponent) if error < 1e300 else 0.1)
+            h = max(taken * (max(SLOWEST, SAFETY * error**exponent) if error < 1e300 else 0.1), floor)
             ceiling = 1.0
     return h
 

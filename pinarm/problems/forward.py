@@ -122,6 +122,8 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
             "evaluations": float(solution.evaluations),
             "rejected steps": float(solution.rejected),
         }
+        if solution.floored:
+            cost["steps at the noise floor"] = float(solution.floored)
         if self.motion:
             return cost
         return {**cost, **energy_balance(solution, [dynamics.on(low, high) for low, high in spans])}

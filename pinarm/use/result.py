@@ -166,5 +166,5 @@ MEASURES = {
 }
 """Figures that tell the accuracy of a run, and what they mean."""
 
-COSTS = ("steps", "evaluations", "rejected steps")
+COSTS = ("steps", "evaluations", "rejected steps", "steps at the noise floor")
 """Figures that count work; what is neither is part of the answer."""

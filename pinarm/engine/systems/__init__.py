@@ -9,10 +9,12 @@ from pinarm.engine.assembly import Imposed
 from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Flat
+from pinarm.engine.native import PointClosure
 from pinarm.engine.reduction import Reduction
 from pinarm.engine.systems.constrained import ConstrainedSystem
 from pinarm.engine.systems.contract import Initial, Motion, System
 from pinarm.engine.systems.free import FreeSystem
+from pinarm.engine.systems.points import PointSystem
 from pinarm.engine.systems.reduced import FreePart, ReducedSystem
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings import Coupling
@@ -36,7 +38,9 @@ def system_of(closure: Closure, dynamics: Dynamics, imposed: Imposed, initial: I
     couplings = [one for one in closure.constraints if isinstance(one, Coupling)]
     linear = [one for one in imposed.coordinates if isinstance(one, LinearCoordinate)]
     if len(linear) < len(imposed.coordinates) or len(couplings) < len(closure.constraints):
-        return ConstrainedSystem.of(closure, dynamics, imposed)
+        general = ConstrainedSystem.of(closure, dynamics, imposed)
+        points = None if imposed.names else PointClosure.of(closure, initial.q)
+        return PointSystem(general, points) if points else general
     rows = [one.weights for one in [*(coupling.coordinate for coupling in couplings), *linear]]
     if not rows:
         return FreeSystem(dynamics.manifold, closure)

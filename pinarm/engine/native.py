@@ -1,0 +1,167 @@
+"""Pinocchio's own route for loops that are closed by points: proximal constraint dynamics, 2 to 5 us an evaluation.
+
+A loop joint whose frames are tied by points that coincide (a ball joint one, a revolute two on its axis, a rigid
+connection three) has the same acceleration as its rows. Points that add nothing to the rank at any configuration, such
+as the second one of a revolute in a planar loop, are left out; the joint's own gap tells whether it is closed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.closure import RANK, Closure, Constraint
+from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.integrators import Acceleration
+from pinarm.mechanics.loops import LoopJoint
+
+ACCURATE, TRUNCATED = (1e-10, 8), (1e-8, 3)
+"""Proximal term, relative to the smallest Delassus diagonal, and iterations: usually, and close to a singularity, where
+the accurate setting would follow rounding errors along the direction that the rows lose."""
+
+PROJECTION = 1e-8
+"""Proximal term of projections; their Newton iteration removes what it leaves."""
+
+
+@dataclass(frozen=True, eq=False)
+class PointClosure:
+    """Loops of one mechanism as pairs of coinciding points.
+
+    Attributes:
+        model: Pinocchio's model.
+        data: Buffers of the decomposition.
+        points: Pinocchio's constraints.
+        states: Their buffers.
+        cholesky: Decomposition of the mass matrix and the rows together.
+        scale: Smallest Delassus diagonal that is not 0 [1/kg].
+        rank: Rank of the rows at a configuration of no special kind.
+    """
+
+    model: pin.Model
+    data: pin.Data = field(repr=False)
+    points: pin.StdVec_RigidConstraintModel = field(repr=False)
+    states: pin.StdVec_RigidConstraintData = field(repr=False)
+    cholesky: pin.ConstraintCholeskyDecomposition = field(repr=False)
+    scale: float
+    rank: int
+
+    @classmethod
+    def of(cls, closure: Closure, q: Array) -> PointClosure | None:
+        """Return the loops as points near a configuration; ``None`` where a constraint is not one of points.
+
+        Also where the mass matrix of the tree is singular, for which this route is not exact.
+        """
+        model = closure.model
+        tied = [_points_of(model, constraint) for constraint in closure.constraints]
+        if not tied or any(points is None for points in tied):
+            return None
+        needed, rank = _independent(model, [point for points in tied for point in points or ()])
+        points, states = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
+        for point in needed:
+            points.append(point)
+            states.append(point.createData())
+        data = model.createData()
+        pin.initConstraintDynamics(model, data, points, states)
+        inverse = _inverse_mass(model, q)
+        if inverse is None:
+            return None
+        rows = _rows(model, data, needed, q)
+        diagonal = np.einsum("ij,jk,ik->i", rows, inverse, rows)
+        scale = float(diagonal[diagonal > RANK**2 * diagonal.max()].min())
+        cholesky = pin.ConstraintCholeskyDecomposition(model, data, points, states)
+        return cls(model, data, points, states, cholesky, scale, rank)
+
+    def acceleration(self, dynamics: Dynamics, setting: tuple[float, int]) -> Acceleration:
+        """Return the constrained motion's ``(t, q, v) -> a`` under the forces of ``dynamics``."""
+        model, data, points, states = self.model, self.data, self.points, self.states
+        settings = pin.ProximalSettings(1e-12, setting[0] * self.scale, setting[1])
+        solve, forces, tau = pin.constraintDynamics, tuple(dynamics.forces.values()), np.zeros(self.model.nv)
+
+        def constrained(t: float, q: Array, v: Array) -> Array:
+            tau[:] = 0.0
+            for force in forces:
+                force.add_load(t, q, v, tau)
+            return solve(model, data, q, v, tau, points, states, settings)  # type: ignore[no-any-return]
+
+        return constrained
+
+    def factorise(self, q: Array) -> None:
+        """Decompose mass matrix and rows at a configuration."""
+        pin.crba(self.model, self.data, q, pin.Convention.WORLD)
+        for point, state in zip(self.points, self.states, strict=True):
+            point.calc(self.model, self.data, state)
+        self.cholesky.compute(self.model, self.data, self.points, self.states, PROJECTION * self.scale)
+
+    def gap(self) -> Array:
+        """Return how far the points are apart at the configuration last factorised [m], shape (m,)."""
+        return np.concatenate([state.c1Mc2.translation for state in self.states])
+
+    def rows(self) -> Array:
+        """Return the rows at the configuration last factorised; their product with v is minus the gap's rate."""
+        return np.asarray(pin.getConstraintsJacobian(self.model, self.data, self.points, self.states)).reshape(
+            -1, self.model.nv
+        )
+
+    def step(self, right: Array) -> Array:
+        """Return the least change x, measured by the masses, with ``rows x = right``, shape (nv,)."""
+        return np.asarray(self.cholesky.solve(np.concatenate([right, np.zeros(self.model.nv)]))[len(right) :])
+
+
+def _points_of(model: pin.Model, constraint: Constraint) -> list[pin.RigidConstraintModel] | None:
+    if not isinstance(constraint, LoopJoint) or constraint.pair.points is None:
+        return None
+    one, two = model.frames[constraint.first], model.frames[constraint.second]
+    found = []
+    for point in constraint.pair.points:
+        shift = pin.SE3(np.eye(3), np.asarray(point, float))
+        found.append(
+            pin.RigidConstraintModel(
+                pin.ContactType.CONTACT_3D, model, one.parentJoint, one.placement * shift, two.parentJoint,
+                two.placement * shift, pin.LOCAL,
+            )
+        )  # fmt: skip
+    return found
+
+
+def _rows(model: pin.Model, data: pin.Data, points: Sequence[pin.RigidConstraintModel], q: Array) -> Array:
+    pin.computeJointJacobians(model, data, q)
+    rows = []
+    for point in points:
+        state = point.createData()
+        point.calc(model, data, state)
+        rows.append(np.asarray(pin.getConstraintJacobian(model, data, point, state)).reshape(-1, model.nv))
+    return np.vstack(rows)
+
+
+def _independent(
+    model: pin.Model, points: Sequence[pin.RigidConstraintModel]
+) -> tuple[list[pin.RigidConstraintModel], int]:
+    """Leave out points that add nothing to the rank, at two configurations of no special kind; return it too."""
+    data, generator = model.createData(), np.random.default_rng(0)
+    places = [pin.integrate(model, pin.neutral(model), generator.uniform(-1.0, 1.0, model.nv)) for _ in range(2)]
+    kept: list[pin.RigidConstraintModel] = []
+    ranks = [0, 0]
+    for point in points:
+        found = [int(np.linalg.matrix_rank(_rows(model, data, [*kept, point], q), RANK)) for q in places]
+        if found != ranks:
+            kept.append(point)
+            ranks = found
+    return kept, ranks[0]
+
+
+def _inverse_mass(model: pin.Model, q: Array) -> Array | None:
+    """Return the inverse of M, shape (nv, nv); ``None`` where M is singular."""
+    upper = np.triu(pin.crba(model, model.createData(), q).reshape(model.nv, model.nv))
+    mass = upper + np.triu(upper, 1).T
+    size = np.sqrt(np.diag(mass))
+    if (size == 0.0).any() or np.linalg.eigvalsh(mass / np.outer(size, size))[0] < MASSLESS:
+        return None
+    return np.asarray(np.linalg.inv(mass))
+
+
+MASSLESS = 1e-10
+"""Smallest eigenvalue of M, scaled to a diagonal of ones, for which the tree's own inverse is trusted."""

@@ -1,0 +1,111 @@
+"""Loops that are closed by points, and nothing prescribed: integrated by Pinocchio's own constrained dynamics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.closure import Closure
+from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.integrators import Manifold, Stretch
+from pinarm.engine.native import ACCURATE, TRUNCATED, PointClosure
+from pinarm.engine.systems.constrained import CLOSED, ConstrainedSystem
+from pinarm.engine.systems.contract import Initial, Motion
+from pinarm.mechanics.motion import Grid
+
+ITERATIONS = 12
+
+FLOOR = 0.3
+"""Least step close to singular positions, relative to the last one that was taken far from them."""
+
+STALLED = 1e-9
+"""Gap below which Newton's method may end because rounding lets it shrink no more [m]."""
+
+NEAR, CLOSE = 0.2, 0.03
+"""Smallest singular value of the rows, relative to the largest: below the first every stage is brought back onto the
+constraints, below the second the proximal term is the truncating one. Overconstrained loops are always below."""
+
+
+@dataclass(frozen=True, eq=False)
+class PointSystem:
+    """The whole state of a mechanism whose loops are closed by points.
+
+    Attributes:
+        general: The same system by its rows: it begins and completes the motion.
+        points: The loops as points.
+    """
+
+    general: ConstrainedSystem
+    points: PointClosure
+
+    @property
+    def manifold(self) -> Manifold:
+        """Return the space of configurations."""
+        return self.general.manifold
+
+    @property
+    def closure(self) -> Closure:
+        """Return the constraints."""
+        return self.general.closure
+
+    def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
+        """Return the closed state nearest to the initial one."""
+        return self.general.begin(initial, start, end)
+
+    def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
+        """Return the motion on an interval without jumps."""
+        motion = _PointMotion(self.points, dynamics.on(start, end))
+        return Stretch(start, end, motion.acceleration, motion.settle, motion.floor)
+
+    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
+        """Return the motion, closed at every row, with accelerations and multipliers."""
+        return self.general.complete(dynamics, grid, q, v)
+
+
+class _PointMotion:
+    """The motion on one stretch; it looks at every accepted state how close a singular position is."""
+
+    def __init__(self, points: PointClosure, dynamics: Dynamics) -> None:
+        self.points = points
+        self.usual = points.acceleration(dynamics, ACCURATE)
+        self.truncated = points.acceleration(dynamics, TRUNCATED)
+        self.free, self.near = self.truncated, True
+        self.t, self.step, self.least = -np.inf, 0.0, 0.0
+
+    def acceleration(self, t: float, q: Array, v: Array) -> Array:
+        """Return the acceleration, near singular positions that of the closed state."""
+        if self.near:
+            q, v = self.closed(q, v)
+        return self.free(t, q, v)
+
+    def floor(self) -> float:
+        """Return the least step here: a fraction of the last one that was taken far from singular positions [s]."""
+        return self.least
+
+    def settle(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the closed state, and choose by it how to go on."""
+        q, v = self.closed(q, v)
+        values = np.linalg.svd(self.points.rows(), compute_uv=False)
+        regularity = values[self.points.rank - 1] / values[0]
+        self.near = regularity < NEAR
+        self.free = self.truncated if regularity < CLOSE else self.usual
+        if not self.near:
+            self.step = t - self.t
+        self.least = FLOOR * self.step if self.near else 0.0
+        self.t = t
+        return q, v
+
+    def closed(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the closed state nearest to (q, v), the distance measured by the masses."""
+        points, before = self.points, np.inf
+        for _ in range(ITERATIONS):
+            points.factorise(q)
+            gap = points.gap()
+            size = float(np.abs(gap).max())
+            if size <= CLOSED or (size < STALLED and size > 0.5 * before):
+                break
+            q, before = pin.integrate(points.model, q, points.step(gap)), size
+        return q, v - points.step(points.rows() @ v)
