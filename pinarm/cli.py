@@ -77,6 +77,12 @@ def _parser() -> argparse.ArgumentParser:
     validate.add_argument("paths", nargs="+", type=Path, metavar="PATH")
     validate.set_defaults(command=_validate)
 
+    explain = commands.add_parser(
+        "explain", parents=[common, overrides], help="coordinates, mobility, loops, redundancy"
+    )
+    explain.add_argument("path", metavar="SCENARIO|MODEL")
+    explain.set_defaults(command=_explain)
+
     schema = commands.add_parser("schema", parents=[common], help="print the JSON Schema for editors")
     schema.add_argument("of", nargs="?", choices=["scenario", "mechanism"], default="scenario")
     schema.set_defaults(command=_schema)
@@ -147,6 +153,19 @@ def _validate(options: argparse.Namespace) -> int:
     for _, mistake in mistakes:
         _tell(mistake)
     return BAD_INPUT if mistakes else OK
+
+
+def _explain(options: argparse.Namespace) -> int:
+    from pinarm.use.explain import explain
+
+    found = explain(options.path, options.overrides)
+    if options.json:
+        import msgspec
+
+        _print_json({"mechanism": found.mechanism.title, **msgspec.to_builtins(found.mobility)})
+    else:
+        print(_printable(str(found)))
+    return OK
 
 
 def _schema(options: argparse.Namespace) -> int:

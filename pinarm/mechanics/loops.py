@@ -386,3 +386,25 @@ class Rod(LoopDefinition, frozen=True, tag_field="kind", tag="rod", kw_only=True
 
 Loop = Fixed | Revolute | Prismatic | Cylindrical | Spherical | Universal | Planar | PointOnLine | PointOnPlane | Rod
 """Any loop joint. A new kind is one class above, with a ``Pair`` that says what it holds, and one entry here."""
+
+
+def looser(pair: Pair) -> list[tuple[str, Pair]]:
+    """Return the lower pairs about the same axis that hold part of what a lower pair holds, by their kind."""
+    if not isinstance(pair, LowerPair):
+        return []
+    across, along = _across(pair.axis), pair.axis[None]
+    kinds = {
+        "revolute": (ALL, across), "prismatic": (across, ALL), "cylindrical": (across, across),
+        "spherical": (ALL, NOTHING), "planar": (along, across), "point_on_line": (across, NOTHING),
+        "point_on_plane": (along, NOTHING),
+    }  # fmt: skip
+    return [
+        (kind, LowerPair(held, aligned, pair.axis))
+        for kind, (held, aligned) in kinds.items()
+        if len(held) + len(aligned) < pair.size and _within(held, pair.held) and _within(aligned, pair.aligned)
+    ]
+
+
+def _within(some: Array, all_: Array) -> bool:
+    """Tell whether directions lie in the span of others; both are orthonormal."""
+    return bool(np.abs(some - some @ all_.T @ all_).max(initial=0.0) < 1e-9)
