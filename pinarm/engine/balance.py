@@ -87,12 +87,15 @@ def _losses(solution: Solution, dynamics: list[Dynamics]) -> Array:
     if not any(part.forces for part in dynamics):
         return np.zeros(len(solution.steps))
     nodes, weights = np.polynomial.legendre.leggauss(GAUSS_NODES)
-    losses = []
-    for step in solution.steps:
-        t = step.t + 0.5 * step.h * (nodes + 1.0)
-        q, v = solution.states(t)
-        losses.append(0.5 * step.h * float(weights @ dynamics[step.stretch].dissipated_power(t, q, v)))
-    return np.array(losses)
+    h = np.array([step.h for step in solution.steps])
+    t = (np.array([step.t for step in solution.steps])[:, None] + 0.5 * h[:, None] * (nodes + 1.0)).ravel()
+    q, v = solution.states(t)
+    stretch = np.repeat([step.stretch for step in solution.steps], GAUSS_NODES)
+    powers = np.zeros(len(t))
+    for index in np.unique(stretch):
+        rows = stretch == index
+        powers[rows] = dynamics[index].dissipated_power(t[rows], q[rows], v[rows])
+    return np.asarray(0.5 * h * (powers.reshape(-1, GAUSS_NODES) @ weights))
 
 
 def _relative(residuals: Array, terms: Array) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -19,7 +20,7 @@ from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Acceleration
 from pinarm.mechanics.loops import LoopJoint
 
-ACCURATE, TRUNCATED = (1e-10, 8), (1e-8, 3)
+ACCURATE, TRUNCATED = (1e-10, 3), (1e-8, 3)
 """Proximal term, relative to the smallest Delassus diagonal, and iterations: usually, and close to a singularity, where
 the accurate setting would follow rounding errors along the direction that the rows lose."""
 
@@ -89,16 +90,21 @@ class PointClosure:
 
         return constrained
 
+    @cached_property
+    def pairs(self) -> list[tuple[pin.RigidConstraintModel, pin.RigidConstraintData]]:
+        """Return references to the points and their buffers: going through Pinocchio's vectors takes longer than they."""
+        return [(self.points[k], self.states[k]) for k in range(len(self.points))]
+
     def factorise(self, q: Array) -> None:
         """Decompose mass matrix and rows at a configuration."""
         pin.crba(self.model, self.data, q, pin.Convention.WORLD)
-        for point, state in zip(self.points, self.states, strict=True):
+        for point, state in self.pairs:
             point.calc(self.model, self.data, state)
         self.cholesky.compute(self.model, self.data, self.points, self.states, PROJECTION * self.scale)
 
     def gap(self) -> Array:
         """Return how far the points are apart at the configuration last factorised [m], shape (m,)."""
-        return np.concatenate([state.c1Mc2.translation for state in self.states])
+        return np.concatenate([state.c1Mc2.translation for _, state in self.pairs])
 
     def rows(self) -> Array:
         """Return the rows at the configuration last factorised; their product with v is minus the gap's rate."""

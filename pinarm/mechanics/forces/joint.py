@@ -15,7 +15,7 @@ from pinarm.input.schema import AnyQuantity, Measured, Model, NotNegative, Posit
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import METRE, Joint, joint_of
 from pinarm.mechanics.forces.contract import ForceElement
-from pinarm.mechanics.laws import Law
+from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.motion import MotionLaw, Values
 
 CREEP = 1e-3
@@ -99,11 +99,13 @@ class AppliedEffort(ForceElement):
         v: Index in v.
         law: The effort [N*m or N] over time.
         function: The smooth piece of the law on the present stretch.
+        constant: Its value there if it is constant.
     """
 
     v: int
     law: MotionLaw
     function: Callable[[Array], Values] | None = None
+    constant: float | None = None
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load to ``tau``."""
@@ -123,9 +125,12 @@ class AppliedEffort(ForceElement):
 
     def on(self, start: float, end: float) -> AppliedEffort:
         """Return the element with the piece of its law on the stretch."""
-        return replace(self, function=self.law.on(start, end))
+        constant = float(self.law.value) if isinstance(self.law, Constant) else None
+        return replace(self, function=self.law.on(start, end), constant=constant)
 
-    def _effort(self, t: Array | float) -> Array:
+    def _effort(self, t: Array | float) -> Array | float:
+        if self.constant is not None:
+            return self.constant
         if self.function is None:
             raise ValueError("a law is evaluated on a stretch of time: take the element's on(start, end)")
         return self.function(np.asarray(t, float))[0]

@@ -17,6 +17,8 @@ from pinarm.mechanics.forces.contract import ForceElement
 from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.motion import MotionLaw, Values
 
+ALIGNED = pin.LOCAL_WORLD_ALIGNED
+
 
 @dataclass(frozen=True)
 class AppliedWrench(ForceElement):
@@ -113,9 +115,14 @@ class TwoPointSpring(ForceElement):
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load ``-tension dl/dq`` to ``tau``."""
-        for state, rate, load in zip(np.atleast_2d(q), np.atleast_2d(v), _loads(tau), strict=True):
-            length, _, row = self._line(state)
-            load -= self._tension(length, float(row @ rate)) * row
+        if q.ndim > 1:
+            for state, rate, load in zip(
+                q.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1]), _loads(tau), strict=True
+            ):
+                self.add_load(t, state, rate, load)
+            return
+        length, _, row = self._line(q)
+        tau -= self._tension(length, float(row.dot(v))) * row
 
     def potential_energy(self, q: Array) -> Array:
         """Return the energy of the spring and of the constant pull."""
@@ -143,19 +150,17 @@ class TwoPointSpring(ForceElement):
 
     def _line(self, q: Array) -> tuple[float, Array, Array]:
         """Return length [m], direction from the first to the second point, and dl/dq, shape (nv,)."""
-        pin.computeJointJacobians(self.model, self.data, q)
-        pin.updateFramePlacements(self.model, self.data)
-        one, two = (
-            pin.getFrameJacobian(self.model, self.data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)[:3]
-            for frame in self.frames
-        )
-        apart = self.data.oMf[self.frames[1]].translation - self.data.oMf[self.frames[0]].translation
-        length = float(np.linalg.norm(apart))
+        model, data, (first, second) = self.model, self.data, self.frames
+        one = pin.computeFrameJacobian(model, data, q, first, ALIGNED).reshape(6, -1)[:3]
+        begin = pin.updateFramePlacement(model, data, first).translation
+        two = pin.computeFrameJacobian(model, data, q, second, ALIGNED).reshape(6, -1)[:3]
+        apart = pin.updateFramePlacement(model, data, second).translation - begin
+        length = float(apart.dot(apart)) ** 0.5
         if length == 0.0:
             names = " and ".join(self.model.frames[frame].name for frame in self.frames)
             raise DynamicsError(f"the points {names} of a two-point spring meet: its direction is undetermined", q=q)
         direction = apart / length
-        return length, direction, direction @ (two - one)
+        return length, direction, direction.dot(two - one)
 
 
 class Wrench(Model, frozen=True, tag_field="kind", tag="wrench"):
