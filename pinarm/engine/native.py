@@ -14,10 +14,11 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.engine.closure import RANK, Closure, Constraint
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Acceleration
+from pinarm.engine.reduction import Targets
 from pinarm.mechanics.loops import LoopJoint
 
 ACCURATE, TRUNCATED = (1e-10, 3), (1e-8, 3)
@@ -38,6 +39,8 @@ class PointClosure:
         points: Pinocchio's constraints.
         states: Their buffers.
         cholesky: Decomposition of the mass matrix and the rows together.
+        driven: Indices in v of the joints whose acceleration is prescribed.
+        inertia: The armature that holds each of them to it, shape (k,).
         scale: Smallest Delassus diagonal that is not 0 [1/kg].
         rank: Rank of the rows at a configuration of no special kind.
     """
@@ -47,16 +50,22 @@ class PointClosure:
     points: pin.StdVec_RigidConstraintModel = field(repr=False)
     states: pin.StdVec_RigidConstraintData = field(repr=False)
     cholesky: pin.ConstraintCholeskyDecomposition = field(repr=False)
+    driven: Indices
+    inertia: Array
     scale: float
     rank: int
 
     @classmethod
-    def of(cls, closure: Closure, q: Array) -> PointClosure | None:
+    def of(cls, closure: Closure, q: Array, driven: Sequence[int] = ()) -> PointClosure | None:
         """Return the loops as points near a configuration; ``None`` where a constraint is not one of points.
 
-        Also where the mass matrix of the tree is singular, for which this route is not exact.
+        Also where the mass matrix of the tree is singular, for which this route is not exact. The joints at the
+        indices ``driven`` in v get an armature of 1e12 times the inertia of the tree, so that a load of armature times
+        acceleration prescribes their acceleration to 1e-12 of it.
         """
-        model = closure.model
+        model, held = pin.Model(closure.model), np.array(driven, dtype=np.intp)
+        inertia = np.full(len(held), HEAVY * _largest_inertia(model, q))
+        model.armature[held] += inertia
         tied = [_points_of(model, constraint) for constraint in closure.constraints]
         if not tied or any(points is None for points in tied):
             return None
@@ -71,19 +80,24 @@ class PointClosure:
         if inverse is None:
             return None
         rows = _rows(model, data, needed, q)
+        rows[:, held] = 0.0
         diagonal = np.einsum("ij,jk,ik->i", rows, inverse, rows)
         scale = float(diagonal[diagonal > RANK**2 * diagonal.max()].min())
         cholesky = pin.ConstraintCholeskyDecomposition(model, data, points, states)
-        return cls(model, data, points, states, cholesky, scale, rank)
+        return cls(model, data, points, states, cholesky, held, inertia, scale, rank)
 
-    def acceleration(self, dynamics: Dynamics, setting: tuple[float, int]) -> Acceleration:
-        """Return the constrained motion's ``(t, q, v) -> a`` under the forces of ``dynamics``."""
+    def acceleration(self, dynamics: Dynamics, setting: tuple[float, int], targets: Targets) -> Acceleration:
+        """Return the constrained motion's ``(t, q, v) -> a`` under the forces of ``dynamics`` and the given laws."""
         model, data, points, states = self.model, self.data, self.points, self.states
         settings = pin.ProximalSettings(1e-12, setting[0] * self.scale, setting[1])
         solve, forces, tau = pin.constraintDynamics, tuple(dynamics.forces.values()), np.zeros(self.model.nv)
 
+        driven, inertia = self.driven, self.inertia
+
         def constrained(t: float, q: Array, v: Array) -> Array:
             tau[:] = 0.0
+            if len(driven):
+                tau[driven] = inertia * targets(t)[2]
             for force in forces:
                 force.add_load(t, q, v, tau)
             return solve(model, data, q, v, tau, points, states, settings)  # type: ignore[no-any-return]
@@ -92,8 +106,12 @@ class PointClosure:
 
     @cached_property
     def pairs(self) -> list[tuple[pin.RigidConstraintModel, pin.RigidConstraintData]]:
-        """Return references to the points and their buffers: going through Pinocchio's vectors takes longer than they."""
+        """Return references to the points and their buffers: a walk through Pinocchio's vectors costs more than they."""
         return [(self.points[k], self.states[k]) for k in range(len(self.points))]
+
+    def joint_at(self, index: int) -> int:
+        """Return the joint whose velocity stands at an index in v."""
+        return next(int(joint.id) for joint in self.model.joints if joint.idx_v == index)
 
     def factorise(self, q: Array) -> None:
         """Decompose mass matrix and rows at a configuration."""
@@ -168,6 +186,13 @@ def _inverse_mass(model: pin.Model, q: Array) -> Array | None:
         return None
     return np.asarray(np.linalg.inv(mass))
 
+
+def _largest_inertia(model: pin.Model, q: Array) -> float:
+    return float(np.diag(pin.crba(model, model.createData(), q).reshape(model.nv, model.nv)).max())
+
+
+HEAVY = 1e12
+"""Armature that prescribes an acceleration, relative to the largest inertia of the tree."""
 
 MASSLESS = 1e-10
 """Smallest eigenvalue of M, scaled to a diagonal of ones, for which the tree's own inverse is trusted."""

@@ -138,6 +138,12 @@ class LinearCoordinate:
     weights: Array
     places: Indices
 
+    @property
+    def joint(self) -> int | None:
+        """Index in v of the joint whose own coordinate it is; ``None`` of a sum."""
+        found = np.flatnonzero(self.weights)
+        return int(found[0]) if len(found) == 1 and self.weights[found[0]] == 1.0 else None
+
     def value(self, data: pin.Data, q: Array) -> float:
         """Return the weighted sum."""
         return float(self.weights @ q[self.places])

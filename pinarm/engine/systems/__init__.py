@@ -39,7 +39,8 @@ def system_of(closure: Closure, dynamics: Dynamics, imposed: Imposed, initial: I
     linear = [one for one in imposed.coordinates if isinstance(one, LinearCoordinate)]
     if len(linear) < len(imposed.coordinates) or len(couplings) < len(closure.constraints):
         general = ConstrainedSystem.of(closure, dynamics, imposed)
-        points = None if imposed.names else PointClosure.of(closure, initial.q)
+        driven = [one.joint for one in linear if one.joint is not None]
+        points = PointClosure.of(closure, initial.q, driven) if len(driven) == len(imposed.names) else None
         return PointSystem(general, points) if points else general
     rows = [one.weights for one in [*(coupling.coordinate for coupling in couplings), *linear]]
     if not rows:

@@ -1,4 +1,4 @@
-"""Loops that are closed by points, and nothing prescribed: integrated by Pinocchio's own constrained dynamics."""
+"""Loops that are closed by points: integrated by Pinocchio's own constrained dynamics."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Manifold, Stretch
 from pinarm.engine.native import ACCURATE, TRUNCATED, PointClosure
+from pinarm.engine.reduction import Targets
 from pinarm.engine.systems.constrained import CLOSED, ConstrainedSystem
 from pinarm.engine.systems.contract import Initial, Motion
 from pinarm.mechanics.motion import Grid
@@ -57,7 +58,7 @@ class PointSystem:
 
     def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
         """Return the motion on an interval without jumps."""
-        motion = _PointMotion(self.points, dynamics.on(start, end))
+        motion = _PointMotion(self.points, dynamics.on(start, end), self.general.imposed.on(start, end))
         return Stretch(start, end, motion.acceleration, motion.settle, motion.floor)
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
@@ -68,10 +69,11 @@ class PointSystem:
 class _PointMotion:
     """The motion on one stretch; it looks at every accepted state how close a singular position is."""
 
-    def __init__(self, points: PointClosure, dynamics: Dynamics) -> None:
-        self.points = points
-        self.usual = points.acceleration(dynamics, ACCURATE)
-        self.truncated = points.acceleration(dynamics, TRUNCATED)
+    def __init__(self, points: PointClosure, dynamics: Dynamics, targets: Targets) -> None:
+        self.points, self.targets = points, targets
+        self.places = [points.model.joints[int(points.joint_at(v))].idx_q for v in points.driven]
+        self.usual = points.acceleration(dynamics, ACCURATE, targets)
+        self.truncated = points.acceleration(dynamics, TRUNCATED, targets)
         self.free, self.near = self.truncated, True
         self.t, self.step, self.least = -np.inf, 0.0, 0.0
 
@@ -87,6 +89,8 @@ class _PointMotion:
 
     def settle(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the closed state, and choose by it how to go on."""
+        if self.places:
+            q[self.places], v[self.points.driven], _ = self.targets(t)
         q, v = self.closed(q, v)
         values = np.linalg.svd(self.points.rows(), compute_uv=False)
         regularity = values[self.points.rank - 1] / values[0]
