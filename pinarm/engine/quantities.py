@@ -39,7 +39,8 @@ from pinarm.engine.passes import Passes
 from pinarm.engine.reactions import Reactions
 from pinarm.engine.trajectory import Series, Trajectory
 from pinarm.errors import InputError, choices
-from pinarm.input.expressions import CONSTANTS, Expression
+from pinarm.input.expressions import Expression
+from pinarm.input.grammar import CONSTANTS
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import METRE
 from pinarm.mechanics.forces.contract import power
