@@ -18,6 +18,9 @@ from pinarm.arrays import Array
 from pinarm.input.schema import Measured, Model, measured_fields
 from pinarm.input.units import Unit, unit
 
+RENAMED = {"start": "from", "end": "to"}
+"""Keys of files that are words of Python."""
+
 Values = tuple[Array, Array, Array]
 """s, s' and s'' at the same instants, each of shape (n,)."""
 
@@ -108,6 +111,17 @@ class MotionLaw(Model, frozen=True):
             if middle <= piece.end:
                 return piece.function
         raise AssertionError("the pieces of a law reach to infinity")
+
+
+def check_all(values: Sequence[float], expected: Unit) -> None:
+    """Check the units that values were written in.
+
+    Raises:
+        UnitError: One has another dimension.
+    """
+    for value in values:
+        if isinstance(value, Measured):
+            value.check(expected)
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from pinarm.errors import InputError, choices
 from pinarm.input.schema import Level, Measured, Model, Rate, SecondRate
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.forces import Force, ForceElement
-from pinarm.mechanics.laws import RENAMED, Constant, ConstantSpeed
-from pinarm.mechanics.motion import Grid, MotionLaw
+from pinarm.mechanics.laws import Constant, ConstantSpeed
+from pinarm.mechanics.motion import RENAMED, Grid, MotionLaw
 from pinarm.problems.common import Accuracy, Place, bind_loads, check_levels, check_motion
 from pinarm.problems.inverse import Rates, driven
 

@@ -26,8 +26,8 @@ from pinarm.mechanics.laws import (
     Succession,
     Table,
     Trapezoid,
-    read_once,
 )
+from pinarm.mechanics.laws.points import read_once
 from pinarm.mechanics.motion import Grid
 
 MEMBERS = typing.get_args(Law)
