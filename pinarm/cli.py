@@ -227,6 +227,8 @@ def report(result: Result) -> str:
     cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name in COSTS]
     lines.append(f"rows: {len(run)}" + (f"; {', '.join(cost)}" if cost else ""))
     lines += [f"{name}: {value:.9g}" for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
+    lines += [f"payload {name}: {float(payload.mass):.9g} kg at {payload.point}"
+              for name, payload in run.mechanism.payloads.items()]  # fmt: skip
     lines += [f"note: {note}" for note in result.notes()]
     return "\n".join(_printable(line) for line in lines)
 

@@ -17,7 +17,7 @@ from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.reduction import Reduction
 from pinarm.engine.trajectory import Trajectory
-from pinarm.errors import AssemblyError, InputError
+from pinarm.errors import AssemblyError, InputError, Key
 from pinarm.input.schema import Level, Model
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import METRE, LinearCoordinate
@@ -90,7 +90,7 @@ class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
             check_levels(mechanism, start, partial(place, "starts", index))
             for name in start:
                 if name in held:
-                    with place("starts", index, name):
+                    with place("starts", index, Key(name)):
                         raise InputError(f"'{name}' is held", expected="starting values of the other joints")
         return balance, [balance.nearest(start_configuration(mechanism, start)) for start in self.starts]
 

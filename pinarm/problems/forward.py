@@ -16,7 +16,7 @@ from pinarm.engine.integrators import Solution, integrate
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.systems import Initial, System, system_of
 from pinarm.engine.trajectory import Trajectory
-from pinarm.errors import InputError, IntegrationError, Interrupted
+from pinarm.errors import InputError, IntegrationError, Interrupted, Key
 from pinarm.input.schema import Level, Model, Rate
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.forces import Force
@@ -103,7 +103,7 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         for part, values in (("position", self.initial.position), ("velocity", self.initial.velocity)):
             for name in values:
                 if name in self.motion:
-                    with place("initial", part, name):
+                    with place("initial", part, Key(name)):
                         raise InputError(f"'{name}' follows a law", expected="initial values of free joints only")
         q = start_configuration(mechanism, {**self.start, **self.initial.position})
         v = np.zeros(mechanism.model.nv)

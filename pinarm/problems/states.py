@@ -12,8 +12,8 @@ from pinarm.engine.assembly import Imposed
 from pinarm.engine.efforts import Actuation, actuation
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.trajectory import Trajectory
-from pinarm.errors import InputError, choices
-from pinarm.input.schema import Level, Measured, Model, Rate, SecondRate
+from pinarm.errors import InputError, Key, choices
+from pinarm.input.schema import Level, Model, Rate, SecondRate, check_unit
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Constant, ConstantSpeed
@@ -113,12 +113,12 @@ class State(Model, frozen=True, tag_field="kind", tag="state"):
         rates = np.zeros((2, len(imposed.names)))
         for order, key, given in ((1, "velocity", self.velocity), (2, "acceleration", self.acceleration)):
             for name, value in given.items():
-                with place(key, name):
+                with place(key, Key(name)):
                     if name not in imposed.names:
                         expected, hint = choices(name, imposed.names)
                         raise InputError(f"the position does not say '{name}'", expected=expected, hint=hint)
-                    if isinstance(value, Measured):
-                        value.check(mechanism.coordinate(name).unit / unit("s") ** order)
+                with place(key, name):
+                    check_unit(value, mechanism.coordinate(name).unit / unit("s") ** order)
                     rates[order - 1, imposed.names.index(name)] = value
         with place("drives"):
             drives = actuation(mechanism, self.drives, imposed.names)

@@ -10,13 +10,13 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError
-from pinarm.input.schema import Duration, Level, Model, Time
+from pinarm.errors import InputError, within
+from pinarm.input.schema import Abscissa, Extent, Level, Model, check_unit
 from pinarm.input.units import Unit
 from pinarm.mechanics.laws.points import SpeedPoints, Spline, Table
 from pinarm.mechanics.laws.rest_to_rest import Cycloidal, Polynomial, SCurve, Trapezoid
 from pinarm.mechanics.laws.steady import Constant, ConstantAcceleration, ConstantSpeed, Harmonic
-from pinarm.mechanics.motion import RENAMED, MotionLaw, Piece, Values, polynomial
+from pinarm.mechanics.motion import RENAMED, SECOND, MotionLaw, Piece, Values, polynomial
 
 
 class Segment(Model, frozen=True):
@@ -27,7 +27,7 @@ class Segment(Model, frozen=True):
         motion: The law, in a time of its own that begins at 0.
     """
 
-    duration: Duration
+    duration: Extent
     motion: Law
 
 
@@ -39,13 +39,16 @@ class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rena
 
     segments: Annotated[list[Segment], msgspec.Meta(min_length=1)]
     start: Level = 0.0
-    begin: Time = 0.0
+    begin: Abscissa = 0.0
 
-    def check_units(self, of: Unit) -> None:
+    def check_units(self, of: Unit, along: Unit = SECOND) -> None:
         """Check every law; see ``MotionLaw.check_units``."""
-        super().check_units(of)
-        for segment in self.segments:
-            segment.motion.check_units(of)
+        super().check_units(of, along)
+        for row, segment in enumerate(self.segments):
+            with within("segments", row, "duration"):
+                check_unit(segment.duration, along)
+            with within("segments", row, "motion"):
+                segment.motion.check_units(of, along)
 
     def pieces(self) -> Sequence[Piece]:
         """Return the pieces of all the laws, moved in time and value."""

@@ -11,11 +11,11 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError, UnitError
+from pinarm.errors import InputError, UnitError, within
 from pinarm.input.roots import inside, root_of
-from pinarm.input.schema import Level, Rate, Time, folder_read
-from pinarm.input.units import Unit, unit
-from pinarm.mechanics.motion import RENAMED, MotionLaw, Piece, Values, check_all, polynomial
+from pinarm.input.schema import Abscissa, Level, Rate, check_each, folder_read
+from pinarm.input.units import Unit
+from pinarm.mechanics.motion import RENAMED, SECOND, MotionLaw, Piece, Values, polynomial
 
 
 class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", rename=RENAMED):
@@ -24,17 +24,17 @@ class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", r
     The acceleration jumps at every point.
     """
 
-    points: list[tuple[Time, Rate]]
+    points: list[tuple[Abscissa, Rate]]
     start: Level = 0.0
 
     def check(self) -> None:
         """Refuse instants that do not ascend, and too few of them."""
         check_ascending([t for t, _ in self.points], 1)
 
-    def check_units(self, of: Unit) -> None:
+    def check_units(self, of: Unit, along: Unit = SECOND) -> None:
         """Check the position and every speed; see ``MotionLaw.check_units``."""
-        super().check_units(of)
-        check_all([speed for _, speed in self.points], of / unit("s"))
+        super().check_units(of, along)
+        check_points(self.points, along, of / along)
 
     def pieces(self) -> Sequence[Piece]:
         """Return constant speed, a parabola between each two points, constant speed."""
@@ -50,17 +50,18 @@ class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", r
 class Spline(MotionLaw, frozen=True, tag_field="law", tag="spline", rename=RENAMED):
     """Cubic spline through points, s'' continuous inside, with given speeds at its ends; constant speed beyond them."""
 
-    points: list[tuple[Time, Level]]
+    points: list[tuple[Abscissa, Level]]
     speeds: tuple[Rate, Rate] = (0.0, 0.0)
 
     def check(self) -> None:
         """Refuse instants that do not ascend, and too few of them."""
         check_ascending([t for t, _ in self.points], 2)
 
-    def check_units(self, of: Unit) -> None:
+    def check_units(self, of: Unit, along: Unit = SECOND) -> None:
         """Check every point and the end speeds; see ``MotionLaw.check_units``."""
-        check_all([value for _, value in self.points], of)
-        check_all(list(self.speeds), of / unit("s"))
+        check_points(self.points, along, of)
+        with within("speeds"):
+            check_each(self.speeds, of / along, of / along)
 
     def pieces(self) -> Sequence[Piece]:
         """Return constant speed, one piece for all cubics (only their third derivative jumps), constant speed."""
@@ -81,21 +82,25 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
         msgspec.structs.force_setattr(self, "file", str(path))
         read_once(self.file)
 
-    def check_units(self, of: Unit) -> None:
+    def check_units(self, of: Unit, along: Unit = SECOND) -> None:
         """Check the column's unit and the end speeds; see ``MotionLaw.check_units``."""
-        measured = read_once(self.file)[2]
-        if measured.dimension != of.dimension:
-            raise UnitError(f"the table {self.file} is in {measured}", expected=f"a unit such as {of}")
-        check_all(list(self.speeds), of / unit("s"))
+        _, _, *units = read_once(self.file)
+        for column, (found, wanted) in enumerate(zip(units, (along, of), strict=True), 1):
+            if found.dimension != wanted.dimension:
+                with within("file"):
+                    said = f"column {column} of the table {Path(self.file).name} is in {found}"
+                    raise UnitError(said, expected=f"a unit such as {wanted}")
+        with within("speeds"):
+            check_each(self.speeds, of / along, of / along)
 
     def pieces(self) -> Sequence[Piece]:
         """Return constant speed, the spline, constant speed."""
-        times, values, _ = read_once(self.file)
+        times, values, _, _ = read_once(self.file)
         return spline_pieces(np.array(times), np.array(values), self.speeds)
 
 
-def read_once(path: str) -> tuple[tuple[float, ...], tuple[float, ...], Unit]:
-    """Return the instants, values and unit of a table; it is read again only when the file has changed."""
+def read_once(path: str) -> tuple[tuple[float, ...], tuple[float, ...], Unit, Unit]:
+    """Return the two columns of a table and their units; it is read again only when the file has changed."""
     from pinarm.input.tables import read_table
 
     state = Path(path).stat()
@@ -119,8 +124,19 @@ def spline_pieces(times: Array, values: Array, speeds: tuple[float, float]) -> l
     ]
 
 
+def check_points(points: Sequence[tuple[float, float]], along: Unit, of: Unit) -> None:
+    """Check the units of points.
+
+    Raises:
+        UnitError: One has another dimension.
+    """
+    for row, point in enumerate(points):
+        with within("points", row):
+            check_each(point, along, of)
+
+
 def check_ascending(times: Sequence[float], least: int) -> None:
-    """Raise where there are too few instants, or they do not ascend.
+    """Raise where there are too few points, or they do not ascend.
 
     Raises:
         InputError: Names the first that does not.
@@ -129,4 +145,4 @@ def check_ascending(times: Sequence[float], least: int) -> None:
         raise InputError(f"{len(times)} points are too few", expected=f"at least {least}")
     for row, (before, after) in enumerate(pairwise(times)):
         if not after > before:
-            raise InputError(f"the instants do not ascend: {before:g} s, then {after:g} s (point {row + 2})")
+            raise InputError(f"the points do not ascend: {before:g}, then {after:g} (point {row + 2})")

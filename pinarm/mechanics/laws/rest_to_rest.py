@@ -10,7 +10,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError
-from pinarm.input.schema import Duration, Level, Rate, SecondRate, ThirdRate, Time
+from pinarm.input.schema import Abscissa, Extent, Level, Rate, SecondRate, ThirdRate
 from pinarm.mechanics.motion import RENAMED, ROUNDING, MotionLaw, Piece, Values, polynomial
 
 
@@ -29,7 +29,7 @@ class Trapezoid(MotionLaw, frozen=True, tag_field="law", tag="trapezoid", rename
     end: Level
     acceleration: SecondRate
     speed: Rate | None = None
-    begin: Time = 0.0
+    begin: Abscissa = 0.0
 
     def check(self) -> None:
         """Refuse limits that would never let it arrive."""
@@ -63,9 +63,9 @@ class Polynomial(MotionLaw, frozen=True, tag_field="law", tag="polynomial", rena
 
     start: Level
     end: Level
-    duration: Duration
+    duration: Extent
     degree: Literal[3, 5, 7] = 5
-    begin: Time = 0.0
+    begin: Abscissa = 0.0
 
     _SHAPES: ClassVar[dict[int, tuple[float, ...]]] = {
         3: (0, 0, 3, -2),
@@ -96,8 +96,8 @@ class Cycloidal(MotionLaw, frozen=True, tag_field="law", tag="cycloidal", rename
 
     start: Level
     end: Level
-    duration: Duration
-    begin: Time = 0.0
+    duration: Extent
+    begin: Abscissa = 0.0
 
     def pieces(self) -> Sequence[Piece]:
         """Return rest, motion, rest."""
@@ -123,7 +123,7 @@ class SCurve(MotionLaw, frozen=True, tag_field="law", tag="s_curve", rename=RENA
     jerk: ThirdRate
     acceleration: SecondRate | None = None
     speed: Rate | None = None
-    begin: Time = 0.0
+    begin: Abscissa = 0.0
 
     def check(self) -> None:
         """Refuse limits that would never let it arrive."""

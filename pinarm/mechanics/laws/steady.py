@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.input.schema import Angle, Level, Pulsation, Rate, SecondRate, Time
+from pinarm.input.schema import Abscissa, Angle, Level, Pulsation, Rate, SecondRate
 from pinarm.mechanics.motion import RENAMED, MotionLaw, Piece, Values, polynomial
 
 
@@ -27,7 +27,7 @@ class ConstantSpeed(MotionLaw, frozen=True, tag_field="law", tag="constant_speed
 
     speed: Rate
     start: Level = 0.0
-    begin: Time = 0.0
+    begin: Abscissa = 0.0
 
     def pieces(self) -> Sequence[Piece]:
         """Return the one piece."""
@@ -40,7 +40,7 @@ class ConstantAcceleration(MotionLaw, frozen=True, tag_field="law", tag="constan
     acceleration: SecondRate
     start: Level = 0.0
     speed: Rate = 0.0
-    begin: Time = 0.0
+    begin: Abscissa = 0.0
 
     def pieces(self) -> Sequence[Piece]:
         """Return the one piece."""
@@ -55,7 +55,7 @@ class Harmonic(MotionLaw, frozen=True, tag_field="law", tag="harmonic", rename=R
     pulsation: Pulsation
     mean: Level = 0.0
     phase: Angle = 0.0
-    begin: Time = 0.0
+    begin: Abscissa = 0.0
 
     def pieces(self) -> Sequence[Piece]:
         """Return the one piece."""
