@@ -17,6 +17,7 @@ from pinarm.input.schema import Model, Time, check_unit
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import joint_of
 from pinarm.mechanics.forces import Force, ForceElement
+from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.motion import MotionLaw
 
 Place = Callable[..., AbstractContextManager[None]]
@@ -90,6 +91,21 @@ def check_levels(
             measured = joint_of(mechanism.joints, name).unit
         with place(*at, name):
             check_unit(value, measured / per if per else measured)
+
+
+def bind_constant_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -> dict[str, ForceElement]:
+    """Return the force elements of states without time; see ``bind_loads``.
+
+    Raises:
+        InputError: A load names something that does not exist, or changes with time.
+    """
+    forces = bind_loads(mechanism, loads, place)
+    for name, force in forces.items():
+        if not all(isinstance(law, Constant) for law in force.laws()):
+            with place("loads", name):
+                raise InputError(f"the force '{name}' follows a law over time and has no value at rest",
+                                 hint="law: constant")  # fmt: skip
+    return forces
 
 
 def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -> dict[str, ForceElement]:

@@ -18,7 +18,7 @@ from pinarm.input.units import Unit, unit
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.mechanics.motion import RENAMED, Grid, MotionLaw
-from pinarm.problems.common import Accuracy, Place, bind_loads, check_levels, check_motion
+from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, check_motion
 from pinarm.problems.inverse import Rates, driven
 
 
@@ -59,9 +59,9 @@ class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
-    def parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:
-        """Return the name and unit of what runs along the rows."""
-        return _parameter(self.over, mechanism)
+    def still(self, mechanism: Mechanism) -> Trajectory:
+        """Return one row at the neutral configuration: enough to see which quantities there are."""
+        return Trajectory.still(mechanism, *_parameter(self.over, mechanism))
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement]]:
         """Check all names and units; return the imposed coordinates, the drives and the forces."""
@@ -76,7 +76,7 @@ class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
         still = np.zeros(len(imposed.names))
         with place():
             return driven(mechanism, imposed, drives, _grid(self.over), self.start, forces,
-                          *self.parameter(mechanism), rates=(still, still))  # fmt: skip
+                          *_parameter(self.over, mechanism), rates=(still, still))  # fmt: skip
 
 
 class State(Model, frozen=True, tag_field="kind", tag="state"):
@@ -103,9 +103,9 @@ class State(Model, frozen=True, tag_field="kind", tag="state"):
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
-    def parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:
-        """Return the name and unit of what runs along the rows."""
-        return _parameter(self.over, mechanism)
+    def still(self, mechanism: Mechanism) -> Trajectory:
+        """Return one row at the neutral configuration: enough to see which quantities there are."""
+        return Trajectory.still(mechanism, *_parameter(self.over, mechanism))
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement], Rates]:
         """Check all names and units; return the imposed coordinates, the drives, the forces, and the given rates."""
@@ -129,7 +129,7 @@ class State(Model, frozen=True, tag_field="kind", tag="state"):
         imposed, drives, forces, rates = self.prepare(mechanism, place)
         with place():
             return driven(mechanism, imposed, drives, _grid(self.over), self.start, forces,
-                          *self.parameter(mechanism), rates=rates)  # fmt: skip
+                          *_parameter(self.over, mechanism), rates=rates)  # fmt: skip
 
 
 def _parameter(over: Mapping[str, Range], mechanism: Mechanism) -> tuple[str, Unit]:
@@ -164,9 +164,4 @@ def _forces(
 ) -> dict[str, ForceElement]:
     """Return the forces of states without time."""
     check_levels(mechanism, start, place, "start")
-    forces = bind_loads(mechanism, loads, place)
-    for law in (law for force in forces.values() for law in force.laws()):
-        if not isinstance(law, Constant):
-            with place("loads"):
-                raise InputError("a load that follows a law over time has no value at rest", hint="law: constant")
-    return forces
+    return bind_constant_loads(mechanism, loads, place)

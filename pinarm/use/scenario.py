@@ -179,8 +179,7 @@ class Scenario:
             PinarmError: Something is wrong; the message says where.
         """
         self.problem.prepare(self.mechanism, self._place)
-        row = Trajectory.still(self.mechanism, *self.problem.parameter(self.mechanism))
-        quantities = Quantities(row, self.symbols)
+        quantities = Quantities(self.problem.still(self.mechanism), self.symbols)
         with np.errstate(all="ignore"):
             for index, name in enumerate(self.content.outputs):
                 with self.document.locating("outputs", index):

@@ -51,8 +51,8 @@ def test_free_motion_swings_the_payloads(laden: Callable[..., Any]) -> None:
 
 def test_equilibria_feel_the_payloads(laden: Callable[..., Any], folder: Path) -> None:
     (folder / "equilibria.yaml").write_text(EQUILIBRIA + RUN)
-    figures = pinarm.load(folder / "equilibria.yaml").run().figures
-    assert figures["equilibrium 1: smallest w^2"] == pytest.approx(PULL / TURN, rel=1e-12)
+    result = pinarm.load(folder / "equilibria.yaml").run()
+    assert result["equilibrium.frequency2_1"].values == pytest.approx([PULL / TURN], rel=1e-12)
 
 
 def test_the_summary_lists_payloads_and_the_hash_knows_them(laden: Callable[..., Any], folder: Path) -> None:
