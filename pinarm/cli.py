@@ -23,6 +23,7 @@ from pinarm.errors import InputError, NumericsError, PinarmError
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from pinarm.engine.trajectory import Series
     from pinarm.input.units import Unit
     from pinarm.use.check import Finding
     from pinarm.use.expectation import Expectation
@@ -227,19 +228,34 @@ def report(result: Result) -> str:
     cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name in COSTS]
     lines.append(f"rows: {len(run)}" + (f"; {', '.join(cost)}" if cost else ""))
     lines += [f"{name}: {value:.9g}" for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
+    lines += [f"payload {name}: {float(payload.mass):.9g} kg at {payload.point}"
+              for name, payload in run.mechanism.payloads.items()]  # fmt: skip
     lines += [f"note: {note}" for note in result.notes()]
     return "\n".join(_printable(line) for line in lines)
 
 
 def _ranges(result: Result) -> str:
-    parameter = result.trajectory.parameter
-    head = ["", "unit", "min", f"at {parameter}", "max", f"at {parameter}"]
-    rows = [head]
-    for name, entry in result.summary()["outputs"].items():
-        numbers = (entry["min"], entry["at_min"], entry["max"], entry["at_max"])
-        rows.append([_printable(name)[:48], entry["unit"], *(f"{number:.7g}" for number in numbers)])
-    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
+    """Return the range of every output; a few rows that stand for themselves are shown as they are."""
+    run = result.trajectory
+    if run.parameter == "row" and len(run) <= FEW:
+        rows = [["", "unit", *(f"row {number:g}" for number in run.grid.t)]]
+        rows += [[*_heading(series), *(f"{number:.7g}" for number in series.values + 0.0)]  # -0 becomes 0
+                 for series in result.columns()[1:]]  # fmt: skip
+    else:
+        rows = [["", "unit", "min", f"at {run.parameter}", "max", f"at {run.parameter}"]]
+        for series, entry in zip(result.columns()[1:], result.summary()["outputs"].values(), strict=True):
+            numbers = (entry["min"], entry["at_min"], entry["max"], entry["at_max"])
+            rows.append([*_heading(series), *(f"{number:.7g}" for number in numbers)])
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     return "\n".join("  ".join(_justified(row, widths)).rstrip() for row in rows)
+
+
+FEW = 6
+"""Rows that a terminal shows beside each other."""
+
+
+def _heading(series: Series) -> tuple[str, str]:
+    return _printable(series.name)[:48], str(series.unit or "?")
 
 
 def _justified(row: Sequence[str], widths: Sequence[int]) -> list[str]:

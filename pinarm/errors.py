@@ -6,7 +6,8 @@ traceback and exits with ``exit_code``: 2 for input that has to be mended, 3 whe
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -50,6 +51,9 @@ class PinarmError(Exception):
         expected: What was expected, or what there is to choose from.
         hint: What to try.
         location: Where; added later by whoever knows the file (see ``at``).
+
+    Attributes:
+        path: Keys and indices that lead to the mistake, from what its finder was given (see ``within``).
     """
 
     exit_code: ClassVar[int] = 2
@@ -60,6 +64,7 @@ class PinarmError(Exception):
         self.expected = expected
         self.hint = hint
         self.location = location
+        self.path: tuple[str | int, ...] = ()
 
     def at(self, location: Location) -> PinarmError:
         """Return this error with a place; a place that is already known is more exact and stays."""
@@ -131,6 +136,22 @@ class Interrupted(NumericsError):
     """The user interrupted the computation; ``partial`` holds what there was."""
 
     exit_code: ClassVar[int] = 130
+
+
+class Key(str):
+    """The last step of a path that leads to a key itself, not to what stands beside it."""
+
+    __slots__ = ()
+
+
+@contextmanager
+def within(*path: str | int) -> Iterator[None]:
+    """Say of errors that come out of the block by which keys and indices their mistake is found."""
+    try:
+        yield
+    except PinarmError as error:
+        error.path = (*path, *error.path)
+        raise
 
 
 def choices(found: str, available: Iterable[str], *, most: int = 12) -> tuple[str, str]:

@@ -16,7 +16,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.closure import Closure, Constraint
 from pinarm.engine.dynamics import Dynamics
-from pinarm.errors import InputError, ModelError, UnitError, choices
+from pinarm.errors import InputError, Key, ModelError, UnitError, choices, within
 from pinarm.input.documents import Document
 from pinarm.input.expansion import expand
 from pinarm.input.expressions import Expression
@@ -30,6 +30,7 @@ from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import ForceElement
 from pinarm.mechanics.forces.joint import SpringDamper
 from pinarm.mechanics.model import build_model
+from pinarm.mechanics.payload import Payload, laden
 
 Locate = Callable[..., AbstractContextManager[None]]
 """``with locate("forces", "spring"):`` gives errors of the block that place of a file."""
@@ -52,6 +53,7 @@ class Mechanism:
         arguments: Values of the model's arguments [SI].
         argument_units: Their units, as far as the mechanism file says them.
         description: What the mechanism file says.
+        payloads: What links carry beside the model's own masses, by name.
         notes: What is not modelled as the files have it.
     """
 
@@ -67,6 +69,7 @@ class Mechanism:
     arguments: Mapping[str, float]
     argument_units: Mapping[str, Unit]
     description: MechanismDescription = field(repr=False)
+    payloads: Mapping[str, Payload] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @classmethod
@@ -76,6 +79,7 @@ class Mechanism:
         arguments: Mapping[str, float | str] | None = None,
         *,
         gravity: Gravity | Literal["none"] | None = None,
+        payloads: Mapping[str, Payload] | None = None,
         locate: Locate = lambda *path: nullcontext(),
     ) -> Mechanism:
         """Load a mechanism file, a URDF or xacro file, or a robot of example-robot-data by its name.
@@ -84,7 +88,8 @@ class Mechanism:
             path: ``models/arm/mechanism.yaml``, ``arm.urdf``, ``arm.urdf.xacro``, or a name such as ``panda``.
             arguments: Values for the model's arguments: numbers in SI, or text with units.
             gravity: Replaces that of the file.
-            locate: Gives errors in ``("arguments", name)`` their place in the caller's file.
+            payloads: Carried beside those of the file, by name.
+            locate: Gives errors in ``("arguments", name)`` and ``("payloads", name)`` their place in the caller's file.
 
         Raises:
             InputError: The mechanism file has a mistake.
@@ -100,7 +105,7 @@ class Mechanism:
             description = MechanismDescription(pinarm=1, robot=str(path))
         if gravity is not None:
             description = msgspec.structs.replace(description, gravity=gravity)
-        return _build(cls, description, folder, arguments or {}, here, locate)
+        return _build(cls, description, folder, arguments or {}, payloads or {}, here, locate)
 
     @cached_property
     def dynamics(self) -> Dynamics:
@@ -139,14 +144,15 @@ class Mechanism:
 
 def _build(
     cls: type[Mechanism], description: MechanismDescription, folder: Path, arguments: Mapping[str, float | str],
-    here: Locate, caller: Locate,
+    payloads: Mapping[str, Payload], here: Locate, caller: Locate,
 ) -> Mechanism:  # fmt: skip
-    """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` those of the arguments."""
+    """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's."""
     units, given = _arguments(description, arguments, here, caller)
     with here("robot"):
         xml, resolved = _robot_text(description.robot, folder, given)
         robot = build_model(xml)
-    model, joints = robot.model, joints_of(robot.model)
+    model, carried = _loaded(robot.model, description.payloads, payloads, here, caller)
+    joints = joints_of(model)
     model.gravity.linear = np.zeros(3) if isinstance(description.gravity, str) else description.gravity.vector()
     with here("coordinates"):
         coordinates = coordinates_of(model, joints, description.coordinates)
@@ -174,7 +180,8 @@ def _build(
             _mount(model, joints, drive)
     return cls(
         description.title or model.name, model, xml, joints, coordinates, tuple(constraints), dict(description.drives),
-        forces, symbols, resolved, {name: units[name] for name in resolved if name in units}, description, robot.notes,
+        forces, symbols, resolved, {name: units[name] for name in resolved if name in units}, description, carried,
+        robot.notes,
     )  # fmt: skip
 
 
@@ -187,10 +194,11 @@ def _arguments(
         with here("arguments", name):
             units[name] = unit(text)
     for name, value in arguments.items():
-        with caller("arguments", name):
+        with caller("arguments", Key(name)):
             if units and name not in units:
                 expected, hint = choices(name, units, most=40)
                 raise InputError(f"the model has no argument '{name}'", expected=expected, hint=hint)
+        with caller("arguments", name):
             given[name] = _argument(name, value, units)
     return units, given
 
@@ -233,6 +241,20 @@ def _number(name: str, text: str) -> float:
         raise ModelError(f"the argument {name} has the value '{text}'", expected="a number") from None
 
 
+def _loaded(
+    model: pin.Model, own: Mapping[str, Payload], given: Mapping[str, Payload], here: Locate, caller: Locate
+) -> tuple[pin.Model, dict[str, Payload]]:
+    """Return the model with the payloads of its file and of the caller, and all of them by name."""
+    carried: dict[str, Payload] = {}
+    for place, payloads in ((here, own), (caller, given)):
+        for name, payload in payloads.items():
+            with place("payloads", name):
+                if name in carried:
+                    raise InputError(f"the mechanism has a payload '{name}' already", expected="a name of its own")
+                model, carried[name] = laden(model, [payload]), payload
+    return model, carried
+
+
 def _damping(model: pin.Model, damping: Array) -> SpringDamper:
     """Return the joints' viscous damping, which Pinocchio stores and does not apply."""
     joints = [joint for joint in model.joints[1:] if joint.nv == 1 and damping[joint.idx_v]]
@@ -246,6 +268,7 @@ def _mount(model: pin.Model, joints: Mapping[str, Joint], drive: Drive) -> None:
     Raises:
         InputError: The joint does not exist.
     """
-    joint_of(joints, drive.joint)
+    with within("joint"):
+        joint = joint_of(joints, drive.joint)
     armature: Any = model.armature
-    armature[joints[drive.joint].v] += drive.armature
+    armature[joint.v] += drive.armature

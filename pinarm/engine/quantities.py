@@ -18,6 +18,8 @@
 ``momentum.S.angular.about.P.x``               about the origin of link P
 ``dynamic.S.force.x``, ``.moment.about.P.x``   rates of the momenta of the bodies, summed likewise
 ``power.gravity``, ``power.F``                 of the weights, and of the force element F
+``equilibrium.stability .starts``              of ``kind: equilibria``: 1 stable, 0 indifferent, -1 unstable
+``equilibrium.frequency2_K .stiffness_K``      and the K-th smallest w^2 and eigenvalue of the stiffness
 =============================================  ==================================================================
 
 Vectors are in world axes; ``.along.B`` before the component gives them in the axes of link B:
@@ -39,7 +41,8 @@ from pinarm.engine.passes import Passes
 from pinarm.engine.reactions import Reactions
 from pinarm.engine.trajectory import Series, Trajectory
 from pinarm.errors import InputError, choices
-from pinarm.input.expressions import CONSTANTS, Expression
+from pinarm.input.expressions import Expression
+from pinarm.input.grammar import CONSTANTS
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import METRE
 from pinarm.mechanics.forces.contract import power
@@ -101,7 +104,7 @@ class Quantities:
         sets = ["all", *mechanism.joints]
         return [
             self.trajectory.parameter, "g", *self.symbols, *mechanism.symbols,
-            *mechanism.arguments, *mechanism.coordinates,
+            *mechanism.arguments, *mechanism.coordinates, *self.trajectory.further,
             *(f"joint.{name}.{part}" for name in mechanism.joints
               for part in (*RATES, "effort", "power", *(f"{kind}.{axis}" for kind in WRENCH for axis in AXES))),
             *(f"loop.{name}.{kind}.{axis}" for name in self.reactions.loops for kind in WRENCH for axis in AXES),
@@ -128,7 +131,9 @@ class Quantities:
         if name == "g":
             return Series(name, unit("m/s^2"), np.full(rows, mechanism.gravity))
         if name in mechanism.coordinates:
-            return self._rate_of(f"coordinate.{name}.position", name, "position")
+            return self._rate_of(name, name, "position")
+        if name in self.trajectory.further:
+            return self.trajectory.further[name]
         kind, _, rest = name.partition(".")
         finder = _KINDS.get(kind)
         if finder is not None and rest:

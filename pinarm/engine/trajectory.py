@@ -67,6 +67,7 @@ class Trajectory:
         again: The same run at other instants.
         figures: What was measured of its accuracy and cost, by name.
         unasked: Why the run has no efforts; empty where it has.
+        further: What the problem found beside the motion, by name.
     """
 
     mechanism: Mechanism
@@ -83,6 +84,7 @@ class Trajectory:
     again: Callable[[Grid], Trajectory] = field(repr=False)
     figures: Mapping[str, float] = field(default_factory=dict)
     unasked: str = ""
+    further: Mapping[str, Series] = field(default_factory=dict)
 
     @classmethod
     def still(cls, mechanism: Mechanism, parameter: str, measured: Unit) -> Trajectory:

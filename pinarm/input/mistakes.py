@@ -54,7 +54,9 @@ def explain(error: msgspec.ValidationError, data: Any, path: Keys, model: type[M
     """Return the error to raise for a mistake at a path of the data."""
     cause, (message, _, _) = error.__cause__, str(error).partition(" - at `$")
     if isinstance(cause, PinarmError):
-        return type(cause)(cause.message, expected=cause.expected, hint=cause.hint, location=cause.location)
+        mistake = type(cause)(cause.message, expected=cause.expected, hint=cause.hint, location=cause.location)
+        mistake.path = cause.path
+        return mistake
     if found := re.fullmatch(r"Object contains unknown field `(.*)`", message, re.DOTALL):
         expected, hint = choices(found[1], _keys(model, data, path), most=40)
         return InputError(f"unknown key '{found[1]}'", expected=expected, hint=hint)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Self, Union, get_args, get_origin
 import msgspec
 import numpy as np
 
-from pinarm.errors import InputError, PinarmError, UnitError
+from pinarm.errors import InputError, PinarmError, UnitError, within
 from pinarm.input.units import Unit, read_quantity, unit
 
 _folder: ContextVar[Path | None] = ContextVar("folder", default=None)
@@ -43,6 +43,7 @@ class Measured(float):
     unit: Unit | None = None
     expected: ClassVar[Unit | None] = None
     order: ClassVar[int | None] = None
+    along: ClassVar[int | None] = None
     least: ClassVar[float | None] = None
     above: ClassVar[float | None] = None
 
@@ -97,7 +98,8 @@ def quantity(text: str = "", **expected: float | None) -> Any:
 
     Args:
         text: A unit whose dimension it must have; any where it is empty.
-        expected: ``least`` or ``above``, bounds in SI; ``order``, which derivative a field of a motion law is.
+        expected: ``least`` or ``above``, bounds in SI; for the fields of a law ``order``, which derivative of its value
+            it is, or ``along``, which power of what the law runs along.
     """
     return type("Measured", (Measured,), {"expected": unit(text) if text else None, **expected})
 
@@ -105,7 +107,8 @@ def quantity(text: str = "", **expected: float | None) -> Any:
 AnyQuantity, NotNegative, Positive = quantity(), quantity(least=0.0), quantity(above=0.0)
 Level, Rate, SecondRate, ThirdRate = quantity(order=0), quantity(order=1), quantity(order=2), quantity(order=3)
 Time, Duration = quantity("s"), quantity("s", above=0.0)
-Angle, Pulsation, Length = quantity("rad"), quantity("rad/s"), quantity("m", least=0.0)
+Abscissa, Extent, Pulsation = quantity(along=1), quantity(along=1, above=0.0), quantity(along=-1)
+Angle, Length = quantity("rad"), quantity("m", least=0.0)
 Force, Moment, Acceleration = quantity("N"), quantity("N*m"), quantity("m/s^2", least=0.0)
 Inertia, Mass = quantity("kg*m^2", least=0.0), quantity("kg", least=0.0)
 Span, Lead = quantity("m", above=0.0), quantity("m")
@@ -156,6 +159,27 @@ def convert(kind: type, value: object) -> object:
 @cache
 def _fields(model: type[Model]) -> tuple[msgspec.structs.FieldInfo, ...]:
     return msgspec.structs.fields(model)
+
+
+def check_unit(value: float, expected: Unit) -> None:
+    """Check the unit that a value was written in; plain numbers have none.
+
+    Raises:
+        UnitError: It has another dimension.
+    """
+    if isinstance(value, Measured):
+        value.check(expected)
+
+
+def check_each(values: Sequence[float], *expected: Unit) -> None:
+    """Check the units that the values of a list were written in, each against its own.
+
+    Raises:
+        UnitError: One has another dimension.
+    """
+    for index, (value, wanted) in enumerate(zip(values, expected, strict=True)):
+        with within(index):
+            check_unit(value, wanted)
 
 
 @cache

@@ -19,19 +19,19 @@ Column = tuple[float, ...]
 
 
 @lru_cache(maxsize=64)
-def read_table(name: str, stamp: tuple[int, int]) -> tuple[Column, Column, Unit]:
-    """Read instants and values from the first two columns of a CSV file.
+def read_table(name: str, stamp: tuple[int, int]) -> tuple[Column, Column, Unit, Unit]:
+    """Read the first two columns of a CSV file, values over instants or over a coordinate.
 
     Args:
         name: The file, as an absolute path that may be read.
         stamp: What changes when the file does, so that an old table is not taken for the new one.
 
     Returns:
-        Instants [s], values in SI, and the unit of the values.
+        Both columns in SI, and their units.
 
     Raises:
         InputError: The file cannot be read, has no heading, a cell is no finite number, or
-            the instants do not ascend; says in which line.
+            the first column does not ascend; says in which line.
     """
     path = Path(name)
     file = path.name
@@ -44,20 +44,18 @@ def read_table(name: str, stamp: tuple[int, int]) -> tuple[Column, Column, Unit]
         raise InputError(f"the table {file} is not CSV text ({error})") from None
     if len(rows) < 3 or len(rows[0]) < 2:
         raise InputError(f"the table {file} is too short", expected="a heading and at least two rows of two columns")
-    (time_unit, measured), numbers = (_unit(cell, file) for cell in rows[0][:2]), []
+    (along, measured), numbers = (_unit(cell, file) for cell in rows[0][:2]), []
     for line, row in enumerate(rows[1:], start=2):
         if row:
             t, value = (_number(row, column, file, line) for column in (0, 1))
-            numbers.append((t * time_unit.factor, value * measured.factor))
+            numbers.append((t * along.factor, value * measured.factor))
             if len(numbers) > 1 and not numbers[-1][0] > numbers[-2][0]:
-                raise InputError("the instants do not ascend", expected="each later than the one before").at(
+                raise InputError("the first column does not ascend", expected="each more than the one before").at(
                     Location(file, line, 1, ",".join(row))
                 )
     if len(numbers) < 2:
         raise InputError(f"the table {file} is too short", expected="at least two rows of numbers")
-    if time_unit.dimension != unit("s").dimension:
-        raise InputError(f"the first column of {file} is in {time_unit}", expected="instants, such as t [s]")
-    return tuple(t for t, _ in numbers), tuple(value for _, value in numbers), measured
+    return tuple(t for t, _ in numbers), tuple(value for _, value in numbers), along, measured
 
 
 def _unit(cell: str, file: str) -> Unit:
@@ -78,7 +76,7 @@ def _number(row: list[str], column: int, file: str, line: int) -> float:
     except (ValueError, IndexError):
         number = math.nan
     if not math.isfinite(number):
-        raise InputError("a finite number is missing", expected="an instant and a value").at(
+        raise InputError("a finite number is missing", expected="two numbers").at(
             Location(file, line, 1, ",".join(row))
         )
     return number

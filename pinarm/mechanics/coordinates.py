@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.errors import InputError, choices
+from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.schema import Model
 from pinarm.input.units import Unit, unit
 
@@ -82,6 +82,18 @@ def frame_of(model: pin.Model, name: str) -> int:
     links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
     expected, hint = choices(name, links)
     raise InputError(f"the model has no link '{name}'", expected=expected, hint=hint)
+
+
+def frames_of(model: pin.Model, between: tuple[str, str]) -> tuple[int, int]:
+    """Return the indices of the frames of two links; mistakes are those of a key ``between``.
+
+    Raises:
+        InputError: The model has no link of that name.
+    """
+    with within("between", 0):
+        first = frame_of(model, between[0])
+    with within("between", 1):
+        return first, frame_of(model, between[1])
 
 
 def joint_of(joints: Mapping[str, Joint], name: str) -> Joint:
@@ -311,7 +323,8 @@ class AngleSum(Model, frozen=True, tag_field="kind", tag="sum"):
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
         """Return the coordinate of one model."""
-        return sum_of(model, joints, self.of)
+        with within("of"):
+            return sum_of(model, joints, self.of)
 
 
 class PointCoordinate(Model, frozen=True, tag_field="kind", tag="point"):
@@ -327,7 +340,10 @@ class PointCoordinate(Model, frozen=True, tag_field="kind", tag="point"):
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
         """Return the coordinate of one model."""
-        return FrameCoordinate(frame_of(model, self.point), unit_vector(self.along))
+        with within("along"):
+            axis = unit_vector(self.along)
+        with within("point"):
+            return FrameCoordinate(frame_of(model, self.point), axis)
 
 
 class Distance(Model, frozen=True, tag_field="kind", tag="distance"):
@@ -337,7 +353,7 @@ class Distance(Model, frozen=True, tag_field="kind", tag="distance"):
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
         """Return the coordinate of one model."""
-        return DistanceCoordinate(frame_of(model, self.between[0]), frame_of(model, self.between[1]))
+        return DistanceCoordinate(*frames_of(model, self.between))
 
 
 class Rotation(Model, frozen=True, tag_field="kind", tag="rotation"):
@@ -352,7 +368,8 @@ class Rotation(Model, frozen=True, tag_field="kind", tag="rotation"):
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
         """Return the coordinate of one model."""
-        return RotationCoordinate(frame_of(model, self.body), "xyz".index(self.about))
+        with within("body"):
+            return RotationCoordinate(frame_of(model, self.body), "xyz".index(self.about))
 
 
 CoordinateDefinition = AngleSum | PointCoordinate | Distance | Rotation
@@ -395,7 +412,9 @@ def coordinates_of(
     """
     found: dict[str, Coordinate] = {name: sum_of(model, joints, [name]) for name in joints}
     for name, definition in definitions.items():
-        if name in joints:
-            raise InputError(f"the coordinate '{name}' has the name of a joint", expected="a name of its own")
-        found[name] = definition.bind(model, joints)
+        with within(Key(name)):
+            if name in joints:
+                raise InputError(f"the coordinate '{name}' has the name of a joint", expected="a name of its own")
+        with within(name):
+            found[name] = definition.bind(model, joints)
     return found

@@ -14,6 +14,7 @@ from pinarm.mechanics.couplings import CouplingDefinition
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.loops import Loop
+from pinarm.mechanics.payload import Payload
 
 STANDARD_GRAVITY = 9.81
 """Magnitude used where a file gives only a direction [m/s^2]."""
@@ -49,6 +50,7 @@ class MechanismDescription(Model, frozen=True):
         couplings: Gears, racks and screws between joints.
         drives: Motors and gears.
         forces: Springs, dampers and loads that belong to the mechanism.
+        payloads: What links carry beside the model's own masses.
         symbols: Published symbols and what they stand for: a quantity, or a formula of quantities.
     """
 
@@ -62,4 +64,5 @@ class MechanismDescription(Model, frozen=True):
     couplings: dict[str, CouplingDefinition] = {}
     drives: dict[str, Drive] = {}
     forces: dict[str, Force] = {}
+    payloads: dict[str, Payload] = {}
     symbols: dict[str, str] = {}

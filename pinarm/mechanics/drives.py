@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError
+from pinarm.errors import InputError, within
 from pinarm.input.schema import Inertia, Model
 
 
@@ -37,7 +37,8 @@ class Drive(Model, frozen=True):
     def check(self) -> None:
         """Refuse ratios that turn nothing, or are no numbers."""
         if self.ratio == 0.0 or not math.isfinite(self.ratio):
-            raise InputError(f"a gear of ratio {self.ratio:g} cannot be", expected="a finite number other than 0")
+            with within("ratio"):
+                raise InputError(f"a gear of ratio {self.ratio:g} cannot be", expected="a finite number other than 0")
 
     @property
     def armature(self) -> float:

@@ -15,11 +15,17 @@ from itertools import pairwise
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.input.schema import Measured, Model, measured_fields
+from pinarm.errors import within
+from pinarm.input.schema import Model, check_unit, measured_fields
 from pinarm.input.units import Unit, unit
+
+RENAMED = {"start": "from", "end": "to"}
+"""Keys of files that are words of Python."""
 
 Values = tuple[Array, Array, Array]
 """s, s' and s'' at the same instants, each of shape (n,)."""
+
+SECOND = unit("s")
 
 ROUNDING = 1e-12
 """Instants that differ by less, relative to the duration, are one instant."""
@@ -75,16 +81,22 @@ class MotionLaw(Model, frozen=True):
     def pieces(self) -> Sequence[Piece]:
         """Return the smooth pieces, end to end, from ``-inf`` to ``inf``."""
 
-    def check_units(self, of: Unit) -> None:
-        """Check that every field was written in a unit that fits a law of quantities measured in ``of``.
+    def check_units(self, of: Unit, along: Unit = SECOND) -> None:
+        """Check that every field was written in a unit that fits.
+
+        Args:
+            of: Unit of the law's values.
+            along: Unit of what it runs along.
 
         Raises:
             UnitError: A field has another dimension.
         """
         for name, kind in measured_fields(type(self)).items():
-            value = getattr(self, name)
-            if kind.order is not None and isinstance(value, Measured):
-                value.check(of / unit("s") ** kind.order if kind.order else of)
+            with within(RENAMED.get(name, name)):
+                if kind.order is not None:
+                    check_unit(getattr(self, name), of / along**kind.order if kind.order else of)
+                elif kind.along is not None:
+                    check_unit(getattr(self, name), along**kind.along)
 
     def breakpoints(self) -> list[float]:
         """Return the instants at which one piece meets the next [s]."""

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 import pinocchio as pin
 
-from pinarm.errors import InputError
+from pinarm.errors import InputError, within
 from pinarm.input.schema import Inertia, Mass, Model
 from pinarm.mechanics.coordinates import frame_of
 from pinarm.mechanics.model import TRIANGLE
@@ -50,11 +50,11 @@ def laden(model: pin.Model, payloads: Iterable[Payload]) -> pin.Model:
     """
     loaded = pin.Model(model)
     for payload in payloads:
-        frame = loaded.frames[frame_of(loaded, payload.point)]
-        if frame.parentJoint == 0:
-            raise InputError(
-                f"the link '{payload.point}' does not move: a payload on it changes nothing", expected="a moving link"
-            )
+        with within("point"):
+            frame = loaded.frames[frame_of(loaded, payload.point)]
+            if frame.parentJoint == 0:
+                said = f"the link '{payload.point}' does not move: a payload on it changes nothing"
+                raise InputError(said, expected="a moving link")
         carried = pin.Inertia(float(payload.mass), np.zeros(3), np.diag(np.array(payload.inertia, float)))
         loaded.inertias[frame.parentJoint] += frame.placement.act(carried)
     return loaded

@@ -12,7 +12,6 @@ from pinarm.errors import InputError, choices
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.trajectory import Trajectory
-    from pinarm.input.units import Unit
     from pinarm.problems.common import Accuracy
 
 KINDS = {
@@ -34,8 +33,8 @@ class Problem(Protocol):
         """Name of the kind."""
         ...
 
-    def parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:
-        """Return the name and unit of what runs along the rows."""
+    def still(self, mechanism: Mechanism) -> Trajectory:
+        """Return one row at the neutral configuration: enough to see which quantities there are."""
         ...
 
     def prepare(self, mechanism: Mechanism, place: Callable[..., AbstractContextManager[None]]) -> object:

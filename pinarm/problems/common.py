@@ -12,11 +12,12 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
-from pinarm.errors import InputError
-from pinarm.input.schema import Measured, Model, Time
+from pinarm.errors import InputError, Key, within
+from pinarm.input.schema import Model, Time, check_unit
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import joint_of
 from pinarm.mechanics.forces import Force, ForceElement
+from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.motion import MotionLaw
 
 Place = Callable[..., AbstractContextManager[None]]
@@ -38,10 +39,11 @@ class TimeGrid(Model, frozen=True):
 
     def check(self) -> None:
         """Refuse a time that does not go forward."""
-        if not self.end - self.start < math.inf:
-            raise InputError("the time has no finite length")
-        if not self.end > self.start:
-            raise InputError(f"the time ends at {self.end:g} s, not after its start at {self.start:g} s")
+        with within("end"):
+            if not self.end - self.start < math.inf:
+                raise InputError("the time has no finite length")
+            if not self.end > self.start:
+                raise InputError(f"the time ends at {self.end:g} s, not after its start at {self.start:g} s")
 
     def instants(self) -> Array:
         """Return the instants [s], shape (samples,)."""
@@ -69,8 +71,10 @@ def check_motion(mechanism: Mechanism, motion: Mapping[str, MotionLaw], place: P
         UnitError: A field of the law has another dimension.
     """
     for name, law in motion.items():
+        with place("motion", Key(name)):
+            coordinate = mechanism.coordinate(name)
         with place("motion", name):
-            law.check_units(mechanism.coordinate(name).unit)
+            law.check_units(coordinate.unit)
 
 
 def check_levels(
@@ -83,11 +87,25 @@ def check_levels(
         UnitError: The value has another dimension.
     """
     for name, value in levels.items():
+        with place(*at, Key(name)):
+            measured = joint_of(mechanism.joints, name).unit
         with place(*at, name):
-            joint_of(mechanism.joints, name)
-            measured = mechanism.joints[name].unit
-            if isinstance(value, Measured):
-                value.check(measured / per if per else measured)
+            check_unit(value, measured / per if per else measured)
+
+
+def bind_constant_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -> dict[str, ForceElement]:
+    """Return the force elements of states without time; see ``bind_loads``.
+
+    Raises:
+        InputError: A load names something that does not exist, or changes with time.
+    """
+    forces = bind_loads(mechanism, loads, place)
+    for name, force in forces.items():
+        if not all(isinstance(law, Constant) for law in force.laws()):
+            with place("loads", name):
+                raise InputError(f"the force '{name}' follows a law over time and has no value at rest",
+                                 hint="law: constant")  # fmt: skip
+    return forces
 
 
 def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -> dict[str, ForceElement]:

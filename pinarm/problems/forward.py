@@ -16,9 +16,9 @@ from pinarm.engine.integrators import Solution, integrate
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.systems import Initial, System, system_of
 from pinarm.engine.trajectory import Trajectory
-from pinarm.errors import InputError, IntegrationError, Interrupted
+from pinarm.errors import InputError, IntegrationError, Interrupted, Key
 from pinarm.input.schema import Level, Model, Rate
-from pinarm.input.units import Unit, unit
+from pinarm.input.units import unit
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.laws import Law
 from pinarm.mechanics.motion import Grid
@@ -55,9 +55,9 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
     motion: dict[str, Law] = {}
     loads: dict[str, Force] = {}
 
-    def parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:
-        """Return the name and unit of what runs along the rows."""
-        return "t", unit("s")
+    def still(self, mechanism: Mechanism) -> Trajectory:
+        """Return one row at the neutral configuration: enough to see which quantities there are."""
+        return Trajectory.still(mechanism, "t", unit("s"))
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Dynamics, System, Initial]:
         """Check all names and units; return the equation of motion, what is integrated, and the initial state."""
@@ -103,7 +103,7 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         for part, values in (("position", self.initial.position), ("velocity", self.initial.velocity)):
             for name in values:
                 if name in self.motion:
-                    with place("initial", part, name):
+                    with place("initial", part, Key(name)):
                         raise InputError(f"'{name}' follows a law", expected="initial values of free joints only")
         q = start_configuration(mechanism, {**self.start, **self.initial.position})
         v = np.zeros(mechanism.model.nv)

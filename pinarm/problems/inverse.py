@@ -44,9 +44,9 @@ class Inverse(Model, frozen=True, tag_field="kind", tag="inverse"):
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
-    def parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:
-        """Return the name and unit of what runs along the rows."""
-        return "t", unit("s")
+    def still(self, mechanism: Mechanism) -> Trajectory:
+        """Return one row at the neutral configuration: enough to see which quantities there are."""
+        return Trajectory.still(mechanism, "t", unit("s"))
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement]]:
         """Check all names and units; return the imposed coordinates, the drives and the forces."""
@@ -64,7 +64,7 @@ class Inverse(Model, frozen=True, tag_field="kind", tag="inverse"):
         laws = [*self.motion.values(), *(law for force in forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"):
-            return driven(mechanism, imposed, drives, grid, self.start, forces, *self.parameter(mechanism))
+            return driven(mechanism, imposed, drives, grid, self.start, forces, "t", unit("s"))
 
 
 def driven(

@@ -12,7 +12,7 @@ from pinarm.engine.efforts import Nothing
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.trajectory import Trajectory
 from pinarm.input.schema import Level, Model
-from pinarm.input.units import Unit, unit
+from pinarm.input.units import unit
 from pinarm.mechanics.laws import Law
 from pinarm.mechanics.motion import Grid
 from pinarm.problems.common import Accuracy, Place, TimeGrid, check_levels, check_motion
@@ -38,9 +38,9 @@ class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):
     motion: Annotated[dict[str, Law], msgspec.Meta(min_length=1)]
     start: dict[str, Level] = {}
 
-    def parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:
-        """Return the name and unit of what runs along the rows."""
-        return "t", unit("s")
+    def still(self, mechanism: Mechanism) -> Trajectory:
+        """Return one row at the neutral configuration: enough to see which quantities there are."""
+        return _without_efforts(Trajectory.still(mechanism, "t", unit("s")))
 
     def prepare(self, mechanism: Mechanism, place: Place) -> Imposed:
         """Check all names and units; return the imposed coordinates."""
@@ -56,7 +56,7 @@ class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"):
             run = driven(mechanism, imposed, Nothing(mechanism.closure), grid, self.start, mechanism.forces,
-                         *self.parameter(mechanism))  # fmt: skip
+                         "t", unit("s"))  # fmt: skip
         return _without_efforts(run)
 
 

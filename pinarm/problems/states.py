@@ -12,13 +12,13 @@ from pinarm.engine.assembly import Imposed
 from pinarm.engine.efforts import Actuation, actuation
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.trajectory import Trajectory
-from pinarm.errors import InputError, choices
-from pinarm.input.schema import Level, Measured, Model, Rate, SecondRate
+from pinarm.errors import InputError, Key, choices
+from pinarm.input.schema import Level, Model, Rate, SecondRate, check_unit
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.forces import Force, ForceElement
-from pinarm.mechanics.laws import RENAMED, Constant, ConstantSpeed
-from pinarm.mechanics.motion import Grid, MotionLaw
-from pinarm.problems.common import Accuracy, Place, bind_loads, check_levels, check_motion
+from pinarm.mechanics.laws import Constant, ConstantSpeed
+from pinarm.mechanics.motion import RENAMED, Grid, MotionLaw
+from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, check_motion
 from pinarm.problems.inverse import Rates, driven
 
 
@@ -59,9 +59,9 @@ class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
-    def parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:
-        """Return the name and unit of what runs along the rows."""
-        return _parameter(self.over, mechanism)
+    def still(self, mechanism: Mechanism) -> Trajectory:
+        """Return one row at the neutral configuration: enough to see which quantities there are."""
+        return Trajectory.still(mechanism, *_parameter(self.over, mechanism))
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement]]:
         """Check all names and units; return the imposed coordinates, the drives and the forces."""
@@ -76,7 +76,7 @@ class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
         still = np.zeros(len(imposed.names))
         with place():
             return driven(mechanism, imposed, drives, _grid(self.over), self.start, forces,
-                          *self.parameter(mechanism), rates=(still, still))  # fmt: skip
+                          *_parameter(self.over, mechanism), rates=(still, still))  # fmt: skip
 
 
 class State(Model, frozen=True, tag_field="kind", tag="state"):
@@ -103,9 +103,9 @@ class State(Model, frozen=True, tag_field="kind", tag="state"):
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
-    def parameter(self, mechanism: Mechanism) -> tuple[str, Unit]:
-        """Return the name and unit of what runs along the rows."""
-        return _parameter(self.over, mechanism)
+    def still(self, mechanism: Mechanism) -> Trajectory:
+        """Return one row at the neutral configuration: enough to see which quantities there are."""
+        return Trajectory.still(mechanism, *_parameter(self.over, mechanism))
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement], Rates]:
         """Check all names and units; return the imposed coordinates, the drives, the forces, and the given rates."""
@@ -113,12 +113,12 @@ class State(Model, frozen=True, tag_field="kind", tag="state"):
         rates = np.zeros((2, len(imposed.names)))
         for order, key, given in ((1, "velocity", self.velocity), (2, "acceleration", self.acceleration)):
             for name, value in given.items():
-                with place(key, name):
+                with place(key, Key(name)):
                     if name not in imposed.names:
                         expected, hint = choices(name, imposed.names)
                         raise InputError(f"the position does not say '{name}'", expected=expected, hint=hint)
-                    if isinstance(value, Measured):
-                        value.check(mechanism.coordinate(name).unit / unit("s") ** order)
+                with place(key, name):
+                    check_unit(value, mechanism.coordinate(name).unit / unit("s") ** order)
                     rates[order - 1, imposed.names.index(name)] = value
         with place("drives"):
             drives = actuation(mechanism, self.drives, imposed.names)
@@ -129,7 +129,7 @@ class State(Model, frozen=True, tag_field="kind", tag="state"):
         imposed, drives, forces, rates = self.prepare(mechanism, place)
         with place():
             return driven(mechanism, imposed, drives, _grid(self.over), self.start, forces,
-                          *self.parameter(mechanism), rates=rates)  # fmt: skip
+                          *_parameter(self.over, mechanism), rates=rates)  # fmt: skip
 
 
 def _parameter(over: Mapping[str, Range], mechanism: Mechanism) -> tuple[str, Unit]:
@@ -164,9 +164,4 @@ def _forces(
 ) -> dict[str, ForceElement]:
     """Return the forces of states without time."""
     check_levels(mechanism, start, place, "start")
-    forces = bind_loads(mechanism, loads, place)
-    for law in (law for force in forces.values() for law in force.laws()):
-        if not isinstance(law, Constant):
-            with place("loads"):
-                raise InputError("a load that follows a law over time has no value at rest", hint="law: constant")
-    return forces
+    return bind_constant_loads(mechanism, loads, place)

@@ -15,11 +15,10 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.quantities import Quantities
-from pinarm.errors import InputError
-from pinarm.input.schema import Measured
-from pinarm.input.units import Unit, half_last_digit, read_quantity
+from pinarm.errors import InputError, within
+from pinarm.input.units import Unit, half_last_digit
 from pinarm.use import instants
-from pinarm.use.expectation import Expectation
+from pinarm.use.expectation import Expectation, in_si
 from pinarm.use.result import Result
 from pinarm.use.scenario import Scenario
 
@@ -85,9 +84,14 @@ def check(scenario: Scenario, result: Result | None = None) -> list[Finding]:
 def compare(result: Result, expectation: Expectation) -> Finding:
     """Compare a result with one expectation."""
     quantities = result.quantities
+    if isinstance(expectation.at, str):
+        with within("quantity"):
+            _ = quantities[expectation.quantity]
     if expectation.at != "all":
-        quantities = instants.at(quantities, expectation.at, expectation.quantity)
-    series = quantities[expectation.quantity]
+        with within("at"):
+            quantities = instants.at(quantities, expectation.at, expectation.quantity)
+    with within("quantity"):
+        series = quantities[expectation.quantity]
     wanted, tolerance = _wanted(quantities, expectation, series.unit)
     difference = np.abs(series.values - wanted) if wanted is not None else np.zeros(1)
     worst = int(np.nan_to_num(difference - tolerance, nan=np.inf).argmax())
@@ -111,17 +115,20 @@ def _wanted(quantities: Quantities, expectation: Expectation, measured: Unit | N
     """Return the independent value at every row, and how far from it the computed one may be."""
     if expectation.value is None and expectation.formula is None:
         return None, np.zeros(1)
-    absolute = _number(expectation.atol, measured) if expectation.atol is not None else 0.0
-    if absolute < 0.0:
-        raise InputError(f"the tolerance {expectation.atol} is negative")
+    with within("atol"):
+        absolute = in_si(expectation.atol, measured) if expectation.atol is not None else 0.0
+        if absolute < 0.0:
+            raise InputError(f"the tolerance {expectation.atol} is negative")
     if expectation.formula is not None:
-        formula = quantities[expectation.formula]
-        _same(formula.unit, measured, expectation.formula)
+        with within("formula"):
+            formula = quantities[expectation.formula]
+            _same(formula.unit, measured, expectation.formula)
         wanted = formula.values
         relative = FORMULA if expectation.rtol is None and expectation.atol is None else expectation.rtol or 0.0
         floor = FLOOR * float(np.abs(wanted).max())
         return wanted, absolute + floor + relative * np.abs(wanted)
-    wanted = np.full(1, _number(expectation.value, measured))
+    with within("value"):
+        wanted = np.full(1, in_si(expectation.value, measured))
     if expectation.rtol is None and expectation.atol is None:
         absolute = half_last_digit(str(expectation.value)) * ONE_UNIT
     return wanted, absolute + (expectation.rtol or 0.0) * np.abs(wanted)
@@ -132,18 +139,21 @@ def _published(
 ) -> tuple[float | None, bool, bool]:
     """Return the published number, whether the computed one differs from it, and whether rounding explains that."""
     if expectation.published_formula is not None:
-        formula = np.broadcast_to(quantities.figure(expectation.published_formula), values.shape)
+        with within("published_formula"):
+            formula = np.broadcast_to(quantities.figure(expectation.published_formula), values.shape)
         difference = np.abs(values - formula)
         worst = int(difference.argmax())
         agree = bool((difference <= FORMULA * np.abs(formula).max()).all())
         return float(formula[worst]), not agree, False
     if expectation.published is None:
         return None, False, False
-    printed, half = _number(expectation.published, measured), half_last_digit(expectation.published) * ONE_UNIT
+    with within("published"):
+        printed, half = in_si(expectation.published, measured), half_last_digit(expectation.published) * ONE_UNIT
     distance = float(np.abs(values - printed).max())
     explained = distance <= (READING * abs(printed) if expectation.verdict == "reading" else 2 * half)
     if expectation.because is not None:
-        explained = bool(np.abs(quantities.figure(expectation.because) - printed).max() <= half)
+        with within("because"):
+            explained = bool(np.abs(quantities.figure(expectation.because) - printed).max() <= half)
     return printed, not distance <= half, explained
 
 
@@ -161,18 +171,6 @@ def _verdict(expectation: Expectation, independent: bool, met: bool, off: bool, 
     if claim in ("rounding", "reading") and not explained:
         return "MISS", f"claimed as {claim}, but that does not lead to the printed digits"
     return claim, ""
-
-
-def _number(text: str | float | None, measured: Unit | None) -> float:
-    """Return a value in SI after a check of its dimension."""
-    number, written = read_quantity(str(text))
-    value = Measured(number)
-    value.unit = written
-    if measured is not None:
-        if written is None and number and measured.dimension != (0, 0, 0):
-            raise InputError(f"'{text}' has no unit", expected=f"a value such as {text} {measured}")
-        value.check(measured)
-    return number
 
 
 def _same(a: Unit | None, b: Unit | None, formula: str) -> None:

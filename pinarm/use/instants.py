@@ -9,9 +9,8 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.quantities import Quantities
 from pinarm.engine.trajectory import Trajectory
-from pinarm.errors import InputError
-from pinarm.input.schema import Measured
-from pinarm.input.units import read_quantity
+from pinarm.errors import InputError, Key, within
+from pinarm.use.expectation import in_si
 
 POINTS, ROUNDS = 17, 14
 """A bracket is cut in 16 parts 14 times: 16^14 is beyond the digits of a double, so it ends at rounding."""
@@ -48,22 +47,12 @@ def at(quantities: Quantities, where: str | dict[str, str | int | float], name: 
     if len(keys) != 1:
         raise InputError("an instant names one coordinate", expected="such as {t: 1.5 s, side: left}")
     (along, text), *_ = keys.items()
-    value = _value(quantities, along, text)
+    with within(Key(along)):
+        measured = quantities[along].unit
+    with within(along):
+        value = in_si(text, measured)
     places = _on_parameter(run, value) if along == run.parameter else _crossings(quantities, along, value)
     return _choose(quantities, places, where, name, f"{along} = {text}")
-
-
-def _value(quantities: Quantities, along: str, text: str | int | float) -> float:
-    """Return the wanted value of the coordinate in SI, its dimension checked."""
-    number, written = read_quantity(text) if isinstance(text, str) else (float(text), None)
-    measured = Measured(number)
-    measured.unit = written
-    expected = quantities[along].unit
-    if expected is not None:
-        if written is None and number and expected.dimension != (0, 0, 0):
-            raise InputError(f"'{text}' has no unit", expected=f"a value such as {text} {expected}")
-        measured.check(expected)
-    return number
 
 
 Spot = tuple[int, float]

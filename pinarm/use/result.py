@@ -123,6 +123,14 @@ class Result:
                 name: {"value": value, "unit": str(mechanism.argument_units.get(name, "?"))}
                 for name, value in mechanism.arguments.items()
             },
+            "payloads": {
+                name: {
+                    "point": payload.point,
+                    "mass": {"value": float(payload.mass), "unit": "kg"},
+                    "inertia": {"value": [float(x) for x in payload.inertia], "unit": "kg*m^2"},
+                }
+                for name, payload in mechanism.payloads.items()
+            },
             "outputs": {series.name: self._headline(series) for series in self.columns()[1:]},
             "accuracy": {name: self.figures[name] for name in self.figures if name in MEASURES},
             "cost": {name: int(value) for name, value in self.figures.items() if name in COSTS},

@@ -24,6 +24,7 @@ from pinarm.input.roots import inside, root_of
 from pinarm.input.schema import Measured, Model
 from pinarm.input.units import read_quantity
 from pinarm.mechanics.description import Gravity
+from pinarm.mechanics.payload import Payload
 from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.common import Accuracy
 from pinarm.use.expectation import Expectation
@@ -58,6 +59,7 @@ class ScenarioFile(Model, frozen=True):
             example-robot-data.
         arguments: Values for the model's arguments, with units.
         gravity: Replaces that of the mechanism; ``none`` for none.
+        payloads: What links carry in this run, beside the payloads of the mechanism.
         problem: The question.
         symbols: Names for quantities or formulas, beside those of the mechanism.
         outputs: Quantities of the table and the plots.
@@ -74,6 +76,7 @@ class ScenarioFile(Model, frozen=True):
     title: str = ""
     arguments: dict[str, Argument] = {}
     gravity: Gravity | Literal["none"] | None = None
+    payloads: dict[str, Payload] = {}
     symbols: dict[str, str] = {}
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"
     accuracy: Accuracy = msgspec.field(default_factory=Accuracy)
@@ -126,7 +129,10 @@ class Scenario:
             source: str | Path = wanted
             if Path(wanted).suffix:
                 source = inside((self.folder / wanted).absolute(), root_of(self.folder), {})
-            return Mechanism.load(source, self.content.arguments, gravity=gravity, locate=self.document.locating)
+            return Mechanism.load(
+                source, self.content.arguments, gravity=gravity, payloads=self.content.payloads,
+                locate=self.document.locating,
+            )  # fmt: skip
 
     @cached_property
     def symbols(self) -> Mapping[str, Expression]:
@@ -173,16 +179,14 @@ class Scenario:
             PinarmError: Something is wrong; the message says where.
         """
         self.problem.prepare(self.mechanism, self._place)
-        row = Trajectory.still(self.mechanism, *self.problem.parameter(self.mechanism))
-        quantities = Quantities(row, self.symbols)
+        quantities = Quantities(self.problem.still(self.mechanism), self.symbols)
         with np.errstate(all="ignore"):
             for index, name in enumerate(self.content.outputs):
                 with self.document.locating("outputs", index):
                     quantities[name]
             for index, expectation in enumerate(self.content.expect):
                 with self.document.locating("expect", index):
-                    for name in filter(None, (expectation.quantity, expectation.formula)):
-                        quantities[name]
+                    expectation.check_names(quantities)
 
     def _place(self, *path: str | int) -> AbstractContextManager[None]:
         return self.document.locating("problem", *path)

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from pinarm.errors import PinarmError
-from pinarm.input import expansion
-from pinarm.input.expansion import MAX_BYTES, MAX_COMMENTS, MAX_DEPTH, MAX_ELEMENTS, MAX_LINKS, MAX_TEXT, expand
+from pinarm.input import expander
+from pinarm.input.expansion import expand
+from pinarm.input.xmltext import MAX_BYTES, MAX_COMMENTS, MAX_DEPTH, MAX_ELEMENTS, MAX_LINKS, MAX_TEXT
 
 SECRET = "canary-in-a-coal-mine"
 SECONDS = 8.0  # MAX_SECONDS and a slow machine
@@ -263,7 +264,7 @@ def test_optional_includes_are_no_way_out(folder: Path, name: str) -> None:
 
 @by_name(BODIES)
 def test_bodies(folder: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(expansion, "MAX_SECONDS", 0.2)  # what the other bounds do not stop should not keep the tests
+    monkeypatch.setattr(expander, "MAX_SECONDS", 0.2)  # what the other bounds do not stop should not keep the tests
     attack(folder, f"{HEAD}{BODIES[name]}</robot>")
 
 
@@ -314,7 +315,7 @@ def test_each_bound_by_itself(folder: Path, name: str) -> None:
 
 
 def test_copies_and_moves_count_as_steps(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(expansion, "MAX_STEPS", 100)
+    monkeypatch.setattr(expander, "MAX_STEPS", 100)
     (folder / "part.xacro").write_text("<robot>" + "<!---->" * 200 + "</robot>")
     copied = macro("m", "<xacro:if value='0'>" + "<a/>" * 200 + "</xacro:if>") + "<xacro:m/>"
     for body in (copied, "<xacro:include filename='part.xacro'/>"):
@@ -361,5 +362,5 @@ def test_a_model_after_an_attack_is_expanded_as_before(folder: Path) -> None:
 
 
 def test_the_deadline_is_a_backstop(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(expansion, "MAX_SECONDS", -1.0)
+    monkeypatch.setattr(expander, "MAX_SECONDS", -1.0)
     attack(folder, HEAD + "<xacro:property name='a' value='1'/></robot>")

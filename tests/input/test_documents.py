@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from pinarm.errors import InputError, Location
+from pinarm.errors import InputError, Key, Location, within
 from pinarm.input.documents import MAX_BYTES, Document
 from pinarm.input.schema import Model, Time
 
@@ -81,15 +81,18 @@ problem:
 outputs:
   - alpha
   - {quantity: beta}
+empty:
 """
 
 
 @pytest.mark.parametrize(
     ("path", "line", "column", "width"),
     [
-        (("title",), 2, 1, 5), (("problem",), 3, 1, 7), (("problem", "time"), 4, 3, 4),
-        (("problem", "time", "end"), 4, 10, 3), (("problem", "time", "samples"), 4, 20, 7), (("outputs",), 5, 1, 7),
-        (("outputs", 0), 6, 5, 5), (("outputs", 1), 7, 5, 1), (("outputs", 1, "quantity"), 7, 6, 8),
+        (("title",), 2, 8, 3), ((Key("title"),), 2, 1, 5), (("problem",), 3, 1, 7), ((Key("problem"),), 3, 1, 7),
+        (("problem", "time"), 4, 3, 4), (("problem", "time", "end"), 4, 15, 3),
+        (("problem", "time", Key("end")), 4, 10, 3), (("problem", "time", "samples"), 4, 29, 1),
+        (("outputs",), 5, 1, 7), (("outputs", 0), 6, 5, 5), (("outputs", 1), 7, 5, 1),
+        (("outputs", 1, "quantity"), 7, 16, 4), (("outputs", 1, Key("quantity")), 7, 6, 8), (("empty",), 8, 1, 5),
     ],
 )  # fmt: skip
 def test_every_key_and_item_has_its_place(path: tuple[str | int, ...], line: int, column: int, width: int) -> None:
@@ -110,20 +113,23 @@ def test_an_error_from_within_gets_the_place_and_keeps_a_better_one() -> None:
     with pytest.raises(InputError) as caught, document.locating("problem", "time", "end"):
         raise InputError("too late")
     assert str(caught.value).splitlines() == [
-        "f.yaml:4:10: too late",
+        "f.yaml:4:15: too late",
         "    4 |   time: {end: 3 s, samples: 5}",
-        "      |          ^^^",
+        "      |               ^^^",
     ]
+    with pytest.raises(InputError) as caught, document.locating("problem"), within("time"), within(Key("samples")):
+        raise InputError("too many")
+    assert at(caught.value) == (4, 20)
     with pytest.raises(InputError) as caught, document.locating("problem"), document.locating("title"):
         raise InputError("no")
-    assert at(caught.value) == (2, 1)
+    assert at(caught.value) == (2, 8)
 
 
 def test_places_survive_a_byte_order_mark_and_windows_line_ends(tmp_path: Path) -> None:
     file = tmp_path / "f.yaml"
     file.write_bytes(b"\xef\xbb\xbf" + TEXT.replace("\n", "\r\n").encode())
     place = Document.read(file).locate(("problem", "time", "end"))
-    assert (place.line, place.column, place.text) == (4, 10, "  time: {end: 3 s, samples: 5}")
+    assert (place.line, place.column, place.text) == (4, 15, "  time: {end: 3 s, samples: 5}")
 
 
 # ------------------------------------------------------------------------------------------------------ refusals
@@ -295,11 +301,11 @@ class Whole(Model):
         ("time: {end: 1 s}\nparts:\n  - {end: 1 s, sampels: 2}\n", "unknown key 'sampels'", (3, 16), "samples"),
         ("time: {end: 1 s}\nnamed: {a: {end: 1 s, sampels: 2}}\n", "unknown key 'sampels'", (2, 23), "samples"),
         ("title: a\n", "the key 'time' is missing", (1, 1), ""),
-        ("time: {end: 1 s, samples: many}\n", "this is text", (1, 18), ""),
-        ("title: 3\ntime: {end: 1 s}\n", "this is a whole number", (1, 1), "'3'"),
-        ("time: {end: 1}\n", "'1' has no unit", (1, 8), "1 s"),
-        ("time: {end: 1 m}\n", "'m' is not a unit", (1, 8), ""),
-        ("time: {end: .nan}\n", "is not a finite number", (1, 8), ""),
+        ("time: {end: 1 s, samples: many}\n", "this is text", (1, 27), ""),
+        ("title: 3\ntime: {end: 1 s}\n", "this is a whole number", (1, 8), "'3'"),
+        ("time: {end: 1}\n", "'1' has no unit", (1, 13), "1 s"),
+        ("time: {end: 1 m}\n", "'m' is not a unit", (1, 13), ""),
+        ("time: {end: .nan}\n", "is not a finite number", (1, 13), ""),
         ("time: []\n", "this is a list", (1, 1), ""),
         ("- 1\n", "this is a list", (1, 1), ""),
     ],

@@ -13,7 +13,7 @@ from xml.dom import minidom
 import pytest
 
 from pinarm.errors import InputError, ModelError, PinarmError
-from pinarm.input import expansion, roots
+from pinarm.input import private_xacro, roots
 from pinarm.input.expansion import Expansion, expand
 from pinarm.input.robots import robot
 from pinarm.input.roots import contained, example_robot_data, inside, root_of
@@ -229,7 +229,7 @@ def test_loading_xacro_does_not_change_how_others_write_xml(monkeypatch: pytest.
     for name in [name for name in sys.modules if name.startswith("_pinarm_xacro")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setattr(minidom.Element, "writexml", mine)
-    expansion._xacro.__wrapped__()
+    private_xacro.private_xacro.__wrapped__()
     assert minidom.Element.writexml is mine
 
 
@@ -247,18 +247,18 @@ def test_threads_do_not_meet(tmp_path: Path) -> None:
         thread.join()
     assert all(f'v="{number + 1}"' in xml for number, xml in found.items())
     assert len(found) == 20
-    xacro, plain = expansion._xacro()
+    xacro, plain = private_xacro.private_xacro()
     assert all(vars(xacro)[name] is function for name, function in plain.items())
 
 
 def test_an_unknown_xacro_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patch:
-        patch.setattr(expansion, "_version", lambda site: "2.2.0")
+        patch.setattr(private_xacro, "_version", lambda site: "2.2.0")
         with pytest.raises(ModelError, match=r"xacro 2\.2\.0 is not known"):
-            expansion._xacro.__wrapped__()
-    monkeypatch.setattr(expansion, "_NEEDED", (*expansion._NEEDED, "moved"))
+            private_xacro.private_xacro.__wrapped__()
+    monkeypatch.setattr(private_xacro, "_NEEDED", (*private_xacro._NEEDED, "moved"))
     with pytest.raises(ModelError, match="has no moved"):
-        expansion._xacro.__wrapped__()
+        private_xacro.private_xacro.__wrapped__()
 
 
 def test_roots(tmp_path: Path) -> None:

@@ -26,8 +26,8 @@ from pinarm.mechanics.laws import (
     Succession,
     Table,
     Trapezoid,
-    read_once,
 )
+from pinarm.mechanics.laws.points import read_once
 from pinarm.mechanics.motion import Grid
 
 MEMBERS = typing.get_args(Law)
@@ -307,8 +307,26 @@ def test_nested_values_accept_the_unit_of_their_derivative_only(name):
 
 @pytest.mark.parametrize("field", ["begin", "duration"])
 def test_times_are_refused_in_other_units(field):
-    with pytest.raises(ValueError, match="not a unit of this quantity"):
-        Polynomial(**{"start": 0.0, "end": 1.0, "duration": 1.0, field: "2 m"})
+    law = Polynomial(**{"start": 0.0, "end": 1.0, "duration": 1.0, field: "2 m"})
+    law.check_units(unit("rad"), along=unit("m"))
+    with pytest.raises(UnitError, match="not a unit of this quantity") as caught:
+        law.check_units(unit("rad"))
+    assert caught.value.path == (field,)
+
+
+def test_rates_of_a_profile_are_per_unit_of_what_it_runs_along():
+    law = Trapezoid(start="0 mm", end="2 mm", acceleration="1 mm/rad^2", speed="1 mm/deg", begin="30 deg")
+    law.check_units(unit("m"), along=unit("rad"))
+    with pytest.raises(UnitError, match="not a unit of this quantity"):
+        law.check_units(unit("m"))
+    with pytest.raises(UnitError, match="not a unit of this quantity"):
+        law.check_units(unit("m"), along=unit("m"))
+    Harmonic(amplitude="1 mm", pulsation="3 1/m").check_units(unit("m"), along=unit("m"))
+    points = Succession(segments=segments(("20 deg", SpeedPoints(points=[("0 deg", "1 mm/rad")]))))
+    points.check_units(unit("m"), along=unit("rad"))
+    with pytest.raises(UnitError, match="not a unit") as caught:
+        points.check_units(unit("m"), along=unit("m"))
+    assert caught.value.path == ("segments", 0, "duration")
 
 
 @every_law
@@ -457,8 +475,10 @@ class TestTable:
         t = np.linspace(-1.0, 3.0, 41)
         assert across(law, t) == pytest.approx(across(Spline(points=points, speeds=(0.1, 0.2)), t), abs=1e-14)
         law.check_units(unit("rad"))
-        with pytest.raises(UnitError, match=r"table\.csv is in deg/s"):
+        with pytest.raises(UnitError, match=r"column 2 of the table table\.csv is in deg/s"):
             table(tmp_path, "t [s],w [deg/s]\n0,0\n1,1\n").check_units(unit("m"))
+        with pytest.raises(UnitError, match=r"column 1 of the table table\.csv is in deg"):
+            table(tmp_path, "crank [deg],x [m]\n0,0\n1,1\n").check_units(unit("m"))
 
     @pytest.mark.parametrize("text", ["\ufefft [s],x [m]\r\n0,0\r\n1,1\r\n", '"t [s]","x [m]",\n 0 , 0,\n"1",+1e0,\n'])
     def test_what_spreadsheets_write_is_read(self, tmp_path, text):
@@ -467,8 +487,8 @@ class TestTable:
     @pytest.mark.parametrize(
         ("text", "message"),
         [
-            ("t [s],x [m]\n0,0\n2,1\n1,2\n", r"table\.csv:4:1: the instants do not ascend"),
-            ("t [s],x [m]\n0,0\n0,1\n", r"table\.csv:3:1: the instants do not ascend"),
+            ("t [s],x [m]\n0,0\n2,1\n1,2\n", r"table\.csv:4:1: the first column does not ascend"),
+            ("t [s],x [m]\n0,0\n0,1\n", r"table\.csv:3:1: the first column does not ascend"),
             ("t [s],x [m]\n0,0\nnan,1\n", r"table\.csv:3:1: a finite number is missing"),
             ("t [s],x [m]\n0,0\n1,nan\n", r"table\.csv:3:1: a finite number is missing"),
             ("t [s],x [m]\n0,0\n1,-inf\n", r"table\.csv:3:1: a finite number is missing"),
@@ -481,7 +501,6 @@ class TestTable:
             ("t [s],x\n0,0\n1,1\n", r"table\.csv:1:1: the heading 'x' has no unit"),
             ("0,0\n1,1\n2,2\n", r"table\.csv:1:1: the heading '0' has no unit"),
             ("t [s],x [cubits]\n0,0\n1,1\n", "unknown unit 'cubits'"),
-            ("t [m],x [m]\n0,0\n1,1\n", r"the first column of table\.csv is in m"),
             ("t [s],x [m]\n0,0\n", "too short"),
             ("t [s],x [m]\n0,0\n\n", "too short"),
             ("t [s]\n0\n1\n", "too short"),

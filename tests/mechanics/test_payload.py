@@ -134,8 +134,8 @@ def test_what_no_body_has_is_refused(given, message):
 
 def test_units_are_those_of_the_file(build):
     payload = Document(
-        "s.yaml", None, {"point": "tool", "mass": "250 g", "inertia": ["1 kg*m^2", 0, "1 kg*m^2"]}, {}
+        "s.yaml", None, {"point": "tool", "mass": "250 g", "inertia": ["1 kg*m^2", 0, "1 kg*m^2"]}, {}, {}
     ).validate(Payload)
     assert payload.mass == pytest.approx(0.25, rel=1e-15)
     with pytest.raises(InputError, match="'m' is not a unit"):
-        Document("s.yaml", None, {"point": "tool", "mass": "2 m"}, {}).validate(Payload)
+        Document("s.yaml", None, {"point": "tool", "mass": "2 m"}, {}, {}).validate(Payload)

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 import pinarm
+from pinarm.engine.equilibrium import Balance
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.stiffness import slope
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.forces.joint import JointEffort, JointSpring
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 from pinarm.mechanics.laws import Constant, Harmonic
 from pinarm.problems.common import Accuracy
-from pinarm.problems.equilibria import Balance, Equilibria, slope
+from pinarm.problems.equilibria import Equilibria
 
 ROOT = Path(pinarm.__file__).parents[1]
 G = 9.81
@@ -31,14 +33,18 @@ def solve(mechanism, starts, **given):
     return Equilibria(starts=starts, **given).solve(mechanism, Accuracy(), place)
 
 
+def column(run, name, row):
+    return float(run.further[f"equilibrium.{name}"].values[row - 1])
+
+
 def squares(run, row):
     """Return w^2 of a row, in ascending order."""
-    more = [value for name, value in run.figures.items() if name.startswith(f"equilibrium {row}: w^2 ")]
-    return np.array([run.figures[f"equilibrium {row}: smallest w^2"], *more])
+    return np.array([column(run, f"frequency2_{k}", row) for k in range(1, run.mechanism.model.nv + 1)
+                     if f"equilibrium.frequency2_{k}" in run.further])  # fmt: skip
 
 
 def stability(run, row):
-    return run.figures[f"equilibrium {row}: stability"]
+    return column(run, "stability", row)
 
 
 def balance_of(mechanism, loads):
@@ -71,13 +77,13 @@ def test_every_start_of_a_basin_leads_to_its_equilibrium(mechanism, chain, low, 
     run = solve(mechanism(chain(BOB)), starts)
     assert run.q.shape == (1, 1)
     assert run.q[0, 0] == pytest.approx(expected, abs=1e-15)
-    assert run.figures["equilibrium 1: starts"] == 40.0
+    assert column(run, "starts", 1) == 40.0
 
 
 def test_full_turns_apart_is_the_same_position_and_half_a_turn_is_not(mechanism, chain):
     run = solve(mechanism(chain(BOB)), [{"bob": x} for x in (0.1, 0.1 + 2 * math.pi, -6 * math.pi, 3.0, -3.0, 9.4)])
     assert len(run) == 2
-    assert [run.figures[f"equilibrium {row}: starts"] for row in (1, 2)] == [3.0, 3.0]
+    assert [column(run, "starts", row) for row in (1, 2)] == [3.0, 3.0]
 
 
 def test_slides_a_multiple_of_two_pi_metres_apart_are_two_positions(mechanism, chain):
@@ -118,7 +124,7 @@ def test_the_four_equilibria_of_a_double_pendulum(mechanism, chain):
 
 
 def test_the_four_equilibria_of_the_two_rod_arm():
-    run = pinarm.load(ROOT / "scenarios" / "gen411_arm_equilibria.yaml").run()
+    run = pinarm.load(ROOT / "scenarios" / "gen411_arm_equilibria.yaml").run().trajectory
     l1 = l2 = 0.25
     m_a, m_b, m_ba = 0.1, 0.5, 1.0
     whole, tip = m_a + m_b + m_ba, m_a + m_ba / 2
@@ -128,7 +134,7 @@ def test_the_four_equilibria_of_the_two_rod_arm():
         stiffness = np.diag([-G * l1 * whole * s1, -G * l2 * tip * s2])
         assert squares(run, row) == pytest.approx(quadratic(mass, stiffness), rel=1e-12)
     assert run.figures["stable"] == 1.0
-    assert run.figures["equilibrium 1: starts"] == 2.0
+    assert column(run, "starts", 1) == 2.0
     assert len(run) == 4
 
 
@@ -162,7 +168,7 @@ def test_beside_the_unstable_position_there_are_two_stable_ones(mechanism, chain
         low, high = (middle, high) if math.sin(middle) / middle > ratio else (low, middle)
     run = solve(mechanism(chain(UPRIGHT)), [{"bob": 1.3 * low}, {"bob": -1.3 * low}, {"bob": 0.9 * low}], loads=spring)
     assert run.q[:, 0] == pytest.approx([low, -low], rel=1e-11)
-    assert run.figures["equilibrium 1: starts"] == 2.0
+    assert column(run, "starts", 1) == 2.0
     expected = (ratio - math.cos(low)) * weight / (MASS * LENGTH**2)
     assert squares(run, 1) == pytest.approx([expected], rel=1e-9)
     assert run.figures["stable"] == 2.0
@@ -279,9 +285,9 @@ def test_without_mass_in_a_direction_the_stiffness_decides_and_a_note_says_so(me
     run = solve(mechanism(bars), [{"a": 0.1, "b": -0.2}, {"a": 3.0, "b": 0.1}])
     weight = MASS * G
     middle, apart = 0.5 * (l1 + 2 * l2), 0.5 * math.hypot(l1, 2 * l2)  # of K = m g [[l1 + l2, l2], [l2, l2]]
-    assert run.figures["equilibrium 1: smallest stiffness"] == pytest.approx(weight * (middle - apart), rel=1e-12)
-    assert run.figures["equilibrium 1: stiffness 2"] == pytest.approx(weight * (middle + apart), rel=1e-12)
-    assert not any("w^2" in name for name in run.figures)
+    springs = [column(run, "stiffness_1", 1), column(run, "stiffness_2", 1)]
+    assert springs == pytest.approx([weight * (middle - apart), weight * (middle + apart)], rel=1e-12)
+    assert np.isnan(squares(run, 1)).all()
     assert [stability(run, 1), stability(run, 2)] == [1.0, -1.0]
     assert any("row 1" in note and "no mass" in note for note in run.mechanism.notes)
 
@@ -424,3 +430,13 @@ def test_a_row_is_found_by_its_number_and_extremes_stand_on_rows(mechanism, chai
     assert run.within(1, np.array([2.0, 1.7])).q[:, 0].tolist() == [run.q[1, 0]] * 2
     assert run.within(0, np.array([1.0])).q[:, 0].tolist() == [run.q[0, 0]]
     assert run.again(run.grid).q.tolist() == run.q.tolist()
+
+
+def test_its_quantities_are_known_before_it_is_solved():
+    file = ROOT / "scenarios" / "gen411_arm_equilibria.yaml"
+    pinarm.load(file, ["outputs=[equilibrium.stability, equilibrium.frequency2_2, equilibrium.stiffness_2]"]).validate()
+    alone = "problem.hold={phi: 0.4 rad}"
+    for held, name in ([], "equilibrium.frequency2_3"), ([alone], "equilibrium.frequency2_2"):
+        with pytest.raises(InputError, match=rf"there is no quantity '{name}'") as caught:
+            pinarm.load(file, [*held, "problem.starts=[{O: 1 rad}]", f"outputs=[{name}]"]).validate()
+        assert "equilibrium.frequency2_1" in caught.value.expected

@@ -135,3 +135,9 @@ def test_forces_are_refused_and_not_zero(name):
         Quantities(run)[name]
     assert caught.value.hint == "kind: inverse"
     assert Quantities(run)["joint.O.position"].values[0] == 0.3
+
+
+def test_forces_are_refused_before_anything_is_solved():
+    file = ROOT / "scenarios" / "magic_arms_kinematics.yaml"
+    with pytest.raises(InputError, match="asks for no forces"):
+        pinarm.load(file, ["outputs=[joint.alpha.effort]"]).validate()

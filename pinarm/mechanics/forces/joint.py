@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.errors import InputError
-from pinarm.input.schema import AnyQuantity, Measured, Model, NotNegative, Positive
+from pinarm.errors import InputError, within
+from pinarm.input.schema import AnyQuantity, Model, NotNegative, Positive, check_each, check_unit
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import METRE, Joint, joint_of
 from pinarm.mechanics.forces.contract import ForceElement
@@ -174,10 +174,9 @@ class JointSpring(Model, frozen=True, tag_field="kind", tag="joint_spring"):
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
         """Return the element of one model."""
-        joint = joint_of(joints, self.joint)
+        joint = _joint(joints, self.joint)
         effort = effort_unit(joint)
-        _check((self.stiffness, effort / joint.unit), (self.rest, joint.unit),
-               (self.damping, effort / joint.unit * unit("s")))  # fmt: skip
+        _check(self, stiffness=effort / joint.unit, rest=joint.unit, damping=effort / joint.unit * unit("s"))
         one = np.array([1.0])
         return SpringDamper(np.array([joint.q]), np.array([joint.v]), self.stiffness * one, self.damping * one,
                             self.rest * one)  # fmt: skip
@@ -192,8 +191,8 @@ class JointFriction(Model, frozen=True, tag_field="kind", tag="joint_friction"):
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
         """Return the element of one model."""
-        joint = joint_of(joints, self.joint)
-        _check((self.friction, effort_unit(joint)), (self.creep, joint.unit / unit("s")))
+        joint = _joint(joints, self.joint)
+        _check(self, friction=effort_unit(joint), creep=joint.unit / unit("s"))
         return DryFriction(np.array([joint.v]), np.array([float(self.friction)]), np.array([float(self.creep)]))
 
 
@@ -205,8 +204,9 @@ class JointEffort(Model, frozen=True, tag_field="kind", tag="joint_effort"):
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
         """Return the element of one model."""
-        joint = joint_of(joints, self.joint)
-        self.effort.check_units(effort_unit(joint))
+        joint = _joint(joints, self.joint)
+        with within("effort"):
+            self.effort.check_units(effort_unit(joint))
         return AppliedEffort(joint.v, self.effort)
 
 
@@ -223,14 +223,20 @@ class TorqueSpeed(Model, frozen=True, tag_field="kind", tag="torque_speed"):
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
         """Return the element of one model."""
-        joint = joint_of(joints, self.joint)
-        for speed, effort in self.curve:
-            _check((speed, joint.unit / unit("s")), (effort, effort_unit(joint)))
+        joint = _joint(joints, self.joint)
+        for row, point in enumerate(self.curve):
+            with within("curve", row):
+                check_each(point, joint.unit / unit("s"), effort_unit(joint))
         points = np.array(self.curve, float)
         return MotorCurve(joint.v, points[:, 0].copy(), points[:, 1].copy())
 
 
-def _check(*pairs: tuple[float, Unit]) -> None:
-    for value, expected in pairs:
-        if isinstance(value, Measured):
-            value.check(expected)
+def _joint(joints: Mapping[str, Joint], name: str) -> Joint:
+    with within("joint"):
+        return joint_of(joints, name)
+
+
+def _check(keys: Model, **expected: Unit) -> None:
+    for name, measured in expected.items():
+        with within(name):
+            check_unit(getattr(keys, name), measured)

@@ -10,9 +10,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.errors import DynamicsError
+from pinarm.errors import DynamicsError, within
 from pinarm.input.schema import Damping, Force, Length, Model, Moment, Stiffness
-from pinarm.mechanics.coordinates import Joint, frame_of
+from pinarm.input.units import DIMENSIONLESS
+from pinarm.mechanics.coordinates import Joint, frame_of, frames_of
 from pinarm.mechanics.forces.contract import ForceElement
 from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.motion import MotionLaw, Values
@@ -182,9 +183,14 @@ class Wrench(Model, frozen=True, tag_field="kind", tag="wrench"):
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
         """Return the element of one model."""
-        axes = 0 if self.axes == "world" else frame_of(model, self.axes)
+        with within("axes"):
+            axes = 0 if self.axes == "world" else frame_of(model, self.axes)
+        with within("point"):
+            frame = frame_of(model, self.point)
+        with within("factor"):
+            self.factor.check_units(DIMENSIONLESS)
         wrench = np.array([*self.force, *self.moment], float)
-        return AppliedWrench(model, frame_of(model, self.point), axes, wrench, self.factor, model.createData())
+        return AppliedWrench(model, frame, axes, wrench, self.factor, model.createData())
 
 
 class PointSpring(Model, frozen=True, tag_field="kind", tag="point_spring"):
@@ -198,7 +204,7 @@ class PointSpring(Model, frozen=True, tag_field="kind", tag="point_spring"):
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
         """Return the element of one model."""
-        frames = frame_of(model, self.between[0]), frame_of(model, self.between[1])
+        frames = frames_of(model, self.between)
         return TwoPointSpring(
             model, frames, self.stiffness, self.damping, self.free_length, self.force, model.createData()
         )

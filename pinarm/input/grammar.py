@@ -1,0 +1,274 @@
+"""The grammar of formulas: a small part of Python's, read and checked, and given a meaning by an algebra.
+
+Numbers, names with dots, ``+ - * / // % **``, comparisons, ``and or not``, ``a if test else b``, and a fixed table of
+functions. Python parses the text, but nothing is ever compiled or run: the tree is checked node by node when it is
+read, and an ``Algebra`` says afterwards what the nodes mean.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import Any, Protocol, TypeVar
+
+from pinarm.errors import ExpressionError, Location, PinarmError, choices
+
+MAX_LENGTH = 2000
+MAX_DEPTH = 200
+"""A sum of n terms is n levels deep; two Python frames a level stay well below the interpreter's 1000."""
+MAX_NODES = 1000
+MAX_INTEGER = 2**64
+MANY = 1000
+"""Most arguments of a function that takes any number of them."""
+
+CONSTANTS: Mapping[str, float] = {"pi": math.pi, "deg": math.pi / 180}
+"""Names that every formula knows; a name that is given to it wins."""
+
+T = TypeVar("T")
+
+_SYMBOLS: Mapping[type[ast.AST], str] = {
+    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.FloorDiv: "//", ast.Mod: "%", ast.Pow: "**",
+    ast.UAdd: "+", ast.USub: "-", ast.Not: "not", ast.And: "and", ast.Or: "or",
+    ast.Eq: "==", ast.NotEq: "!=", ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=",
+}  # fmt: skip
+
+
+class Algebra(Protocol[T]):
+    """What numbers, names and operations mean. Operations are named by their symbols."""
+
+    def constant(self, value: Any, /) -> T:
+        """Return what a literal means."""
+        ...
+
+    def name(self, name: str, /) -> T:
+        """Return what a name means."""
+        ...
+
+    def unary(self, symbol: str, operand: T, /) -> T:
+        """Apply ``+``, ``-`` or ``not``."""
+        ...
+
+    def binary(self, symbol: str, left: T, right: T, /) -> T:
+        """Apply an arithmetic operator."""
+        ...
+
+    def compare(self, symbols: Sequence[str], operands: Sequence[T], /) -> T:
+        """Compare neighbours, as in ``0 < x <= 1``."""
+        ...
+
+    def logic(self, symbol: str, operands: Sequence[Callable[[], T]], /) -> T:
+        """Apply ``and`` or ``or`` to operands that need not all be interpreted."""
+        ...
+
+    def choose(self, test: T, then: Callable[[], T], otherwise: Callable[[], T], /) -> T:
+        """Return one of two; the other need not be interpreted."""
+        ...
+
+    def call(self, function: str, arguments: Sequence[T], /) -> T:
+        """Apply a function."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Grammar:
+    """What a language allows beyond operators.
+
+    Attributes:
+        literals: Types of its literals.
+        arities: Functions -> least and greatest number of arguments.
+    """
+
+    literals: tuple[type, ...]
+    arities: Mapping[str, tuple[int, int]]
+
+
+def interpret(tree: ast.expr, algebra: Algebra[T], text: str) -> T:
+    """Return what a tree means in an algebra; errors name the column and the part of ``text``."""
+    try:
+        return _walk(tree, algebra)
+    except PinarmError as error:
+        raise _in_words(error, text.strip()) from None
+
+
+def _walk(node: ast.expr, algebra: Algebra[T]) -> T:
+    try:
+        return _meaning(node, algebra)
+    except PinarmError as error:
+        error.at(_place(node))
+        raise
+
+
+def _meaning(node: ast.expr, algebra: Algebra[T]) -> T:
+    match node:
+        case ast.Constant():
+            return algebra.constant(node.value)
+        case ast.Name() | ast.Attribute():
+            return algebra.name(_dotted(node))
+        case ast.UnaryOp():
+            return algebra.unary(_SYMBOLS[type(node.op)], _walk(node.operand, algebra))
+        case ast.BinOp():
+            return algebra.binary(_SYMBOLS[type(node.op)], _walk(node.left, algebra), _walk(node.right, algebra))
+        case ast.Compare():
+            operands = [_walk(operand, algebra) for operand in (node.left, *node.comparators)]
+            return algebra.compare([_SYMBOLS[type(operation)] for operation in node.ops], operands)
+        case ast.BoolOp():
+            return algebra.logic(_SYMBOLS[type(node.op)], [partial(_walk, value, algebra) for value in node.values])
+        case ast.IfExp():
+            then, otherwise = partial(_walk, node.body, algebra), partial(_walk, node.orelse, algebra)
+            return algebra.choose(_walk(node.test, algebra), then, otherwise)
+        case ast.Call():
+            return algebra.call(_dotted(node.func), [_walk(argument, algebra) for argument in node.args])
+    raise ExpressionError("this is not arithmetic")
+
+
+@lru_cache(maxsize=4096)
+def read_tree(text: str, grammar: Grammar) -> ast.expr:
+    """Parse a text and check every node of it.
+
+    Raises:
+        ExpressionError: With the column and a hint.
+    """
+    text = text.translate(_BLANKS).strip()
+    if not text:
+        raise ExpressionError("the formula is empty")
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(f"the formula is too long: {len(text)} characters", expected=f"at most {MAX_LENGTH}")
+    try:
+        tree = ast.parse(text, mode="eval").body
+    except SyntaxError as error:
+        place = Location("", 1, max(error.offset or 1, 1), width=1)
+        problem = ExpressionError(f"this is no formula: {error.msg}", expected=_LANGUAGE, hint=_syntax_hint(text))
+        raise _in_words(problem.at(place), text) from None
+    except (ValueError, RecursionError, MemoryError, OverflowError) as error:
+        raise ExpressionError(f"this is no formula: {error or 'it is nested too deeply'}", expected=_LANGUAGE) from None
+    _check(tree, grammar, text)
+    return tree
+
+
+_BLANKS = {ord("\n"): " ", ord("\r"): " ", ord("\t"): " "}
+_LANGUAGE = "numbers, names, + - * / // % **, comparisons, and, or, not, 'a if test else b', functions"
+
+
+def _syntax_hint(text: str) -> str:
+    if "=" in text.translate({ord(c): None for c in "<>!"}).replace("==", ""):
+        return "== to compare"
+    return "* between factors, and a word in plain letters for each name"
+
+
+def _check(tree: ast.expr, grammar: Grammar, text: str) -> None:
+    """Refuse what the grammar does not list, without recursion."""
+    pending, count = [(tree, 1)], 0
+    while pending:
+        node, depth = pending.pop()
+        count += 1
+        try:
+            if depth > MAX_DEPTH or count > MAX_NODES:
+                raise ExpressionError("the formula is nested too deeply or has too many parts", hint="smaller formulas")
+            pending += [(part, depth + 1) for part in _parts(node, grammar)]
+        except ExpressionError as error:
+            raise _in_words(error.at(_place(node)), text) from None
+
+
+def _parts(node: ast.expr, grammar: Grammar) -> list[ast.expr]:
+    """Return what a node is made of; a node that is not allowed is an error."""
+    match node:
+        case ast.Constant():
+            _check_literal(node.value, grammar)
+            return []
+        case ast.Name() | ast.Attribute():
+            _dotted(node)
+            return []
+        case ast.UnaryOp() if type(node.op) in _SYMBOLS:
+            return [node.operand]
+        case ast.BinOp() if type(node.op) in _SYMBOLS:
+            return [node.left, node.right]
+        case ast.Compare() if all(type(operation) in _SYMBOLS for operation in node.ops):
+            return [node.left, *node.comparators]
+        case ast.BoolOp():
+            return node.values
+        case ast.IfExp():
+            return [node.test, node.body, node.orelse]
+        case ast.Call(keywords=[]):
+            _check_call(_dotted(node.func), len(node.args), grammar)
+            return node.args
+    power = isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor)
+    raise ExpressionError("this is not arithmetic", expected=_LANGUAGE, hint="** for powers" if power else "")
+
+
+def _check_literal(value: Any, grammar: Grammar) -> None:
+    if type(value) not in grammar.literals:
+        raise ExpressionError(f"a {type(value).__name__} has no place in a formula", expected="numbers and names")
+    if isinstance(value, int | float) and not abs(value) < (MAX_INTEGER if isinstance(value, int) else math.inf):
+        raise ExpressionError("this number is too large", expected="integers below 2**64, others below 1e308")
+
+
+def _check_call(function: str, count: int, grammar: Grammar) -> None:
+    if function not in grammar.arities:
+        expected, hint = choices(function, grammar.arities, most=40)
+        raise ExpressionError(f"there is no function '{function}'", expected=expected, hint=hint)
+    least, most = grammar.arities[function]
+    if not least <= count <= most:
+        wanted = str(least) if least == most else f"{least} to {most}" if most < MANY else f"{least} or more"
+        raise ExpressionError(f"'{function}' is given {count} arguments", expected=f"{wanted} of them")
+
+
+def _dotted(node: ast.expr) -> str:
+    """Flatten ``joint.knee.effort``; the dots are part of the name, nothing is looked up on the way."""
+    words: list[str] = []
+    while isinstance(node, ast.Attribute):
+        words.append(node.attr)
+        node = node.value
+    if not isinstance(node, ast.Name):
+        raise ExpressionError("a dot belongs between the words of a name", expected="a name such as joint.knee.effort")
+    return ".".join([node.id, *reversed(words)])
+
+
+def names_in(tree: ast.expr, grammar: Grammar) -> Iterable[str]:
+    """Yield the names in a tree that has been checked."""
+    pending = [tree]
+    while pending:
+        node = pending.pop()
+        if isinstance(node, ast.Name | ast.Attribute):
+            yield _dotted(node)
+        else:
+            pending += _parts(node, grammar)
+
+
+def _place(node: ast.expr) -> Location:
+    """Return the place of a node within its formula, in bytes; no source, so that ``_in_words`` knows it."""
+    end = node.end_col_offset or node.col_offset + 1
+    return Location("", 1, node.col_offset + 1, width=end - node.col_offset)
+
+
+def _in_words(error: PinarmError, text: str) -> PinarmError:
+    """Move the place within the formula into the message: the location is for the file, which the caller knows."""
+    place = error.location
+    if place is None or place.source:
+        return error
+    raw = text.encode()
+    column = len(raw[: place.column - 1].decode(errors="ignore")) + 1
+    part = raw[place.column - 1 : place.column - 1 + place.width].decode(errors="ignore")
+    whole = f"column {column} of '{_short(text)}'"
+    error.message += f": '{_short(part)}'" + (f" at {whole}" if part != text else "") if part.strip() else f" ({whole})"
+    error.location = None
+    return error
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def look_up(name: str, *tables: Mapping[str, Any]) -> Any:
+    """Return the value of a name in the first table that has it.
+
+    Raises:
+        ExpressionError: None has; lists the names there are.
+    """
+    for table in tables:
+        if name in table:
+            return table[name]
+    expected, hint = choices(name, [known for table in tables for known in table], most=40)
+    raise ExpressionError(f"unknown name '{_short(name)}'", expected=expected, hint=hint)

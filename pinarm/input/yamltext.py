@@ -1,0 +1,171 @@
+"""YAML text to plain data, without recursion, with the place of every key and value.
+
+Numbers, text, booleans, lists and maps only. Tags, anchors and aliases are refused; depth and digits are bounded.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from pinarm.errors import InputError, Location, PinarmError
+
+MAX_DEPTH = 50
+MAX_DIGITS = 400
+"""Python refuses to convert integers beyond 4300 digits; no float needs more than this."""
+
+_WORDS: dict[str, Any] = {
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+    **dict.fromkeys(("null", "Null", "NULL", "~", "")),
+}
+_NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_INTEGER = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
+_SPECIAL = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+
+Path_ = tuple[str | int, ...]
+
+
+class Builder:
+    """Builds plain data from YAML events.
+
+    Args:
+        text: The YAML.
+        source: Its name in messages.
+
+    Attributes:
+        places: Path of keys and indices -> location of the value; a list or map in a map stands where its key does.
+        keys: Path -> location of the key.
+    """
+
+    def __init__(self, text: str, source: str) -> None:
+        from ruamel.yaml import YAML
+
+        self.text, self.source = text, source
+        self.lines = text.splitlines()
+        self.yaml = YAML(typ="safe", pure=True)
+        self.places: dict[Path_, Location] = {}
+        self.keys: dict[Path_, Location] = {}
+        self.stack: list[tuple[Any, Path_, list[str]]] = []
+        self.root: Any = None
+        self.documents = 0
+
+    def build(self) -> Any:
+        """Return the data.
+
+        Raises:
+            InputError: The text is not YAML of the kind described above.
+        """
+        from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+        try:
+            for event in self.yaml.parse(self.text):
+                self._take(event)
+        except MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            problem = f"this is not YAML: {error.problem or error.context}"
+            raise InputError(problem, hint=_yaml_hint(str(error.problem))).at(self._location(mark)) from None
+        except (YAMLError, ValueError, RecursionError, AttributeError) as error:
+            if isinstance(error, PinarmError):
+                raise
+            raise InputError(f"this is not YAML: {str(error).splitlines()[0]}").at(Location(self.source)) from None
+        return self.root
+
+    def _take(self, event: Any) -> None:
+        name = type(event).__name__
+        if name == "DocumentStartEvent":
+            self.documents += 1
+            if self.documents > 1 or event.version or event.tags:
+                raise self._refuse(event, "this begins another document, or is a directive", "one document")
+        if name == "AliasEvent" or getattr(event, "anchor", None):
+            raise self._refuse(event, "anchors and aliases are not read", "write the value out")
+        if name in ("ScalarEvent", "MappingStartEvent", "SequenceStartEvent") and getattr(event, "tag", None):
+            raise self._refuse(event, "tags are not read", "remove the word that begins with '!'")
+        if name == "MappingStartEvent":
+            self._open({}, event)
+        elif name == "SequenceStartEvent":
+            self._open([], event)
+        elif name in ("MappingEndEvent", "SequenceEndEvent"):
+            self.stack.pop()
+        elif name == "ScalarEvent":
+            self._scalar(event)
+
+    def _open(self, container: Any, event: Any) -> None:
+        if len(self.stack) >= MAX_DEPTH:
+            raise self._refuse(event, "the file is nested too deeply", f"at most {MAX_DEPTH} levels")
+        path = self._put(container, event)
+        self.stack.append((container, path, []))
+
+    def _scalar(self, event: Any) -> None:
+        if any("\ud800" <= c <= "\udfff" for c in event.value):
+            raise self._refuse(event, "this holds half of a surrogate pair", "characters of Unicode")
+        container, path, pending = self.stack[-1] if self.stack else (None, (), [])
+        if isinstance(container, dict) and not pending:
+            if event.value in container:
+                first = self.keys[(*path, event.value)].line
+                raise self._refuse(event, f"the key '{event.value}' stands twice (first in line {first})", "remove one")
+            pending.append(event.value)
+            self.keys[(*path, event.value)] = self._location(event.start_mark, len(event.value))
+        else:
+            self._put(self._value(event), event)
+
+    def _put(self, value: Any, event: Any) -> Path_:
+        """Add a value to the open container and return its path."""
+        if not self.stack:
+            self.root = value
+            self.places[()] = self._location(event.start_mark)
+            return ()
+        container, path, pending = self.stack[-1]
+        if isinstance(container, list):
+            container.append(value)
+            here = (*path, len(container) - 1)
+            self.places[here] = self._location(event.start_mark, _width(event))
+            return here
+        if not pending:
+            raise self._refuse(event, "a list or map cannot be a key", "a plain word as key")
+        here = (*path, pending.pop())
+        container[here[-1]] = value
+        plain = not isinstance(value, dict | list) and _width(event)
+        self.places[here] = self._location(event.start_mark, _width(event)) if plain else self.keys[here]
+        return here
+
+    def _value(self, event: Any) -> Any:
+        """Resolve a scalar by the YAML 1.2 core schema."""
+        text: str = event.value
+        if not event.implicit[0]:
+            return text
+        if text in _WORDS:
+            return _WORDS[text]
+        digits, prefixed = _NUMBER.fullmatch(text), _INTEGER.fullmatch(text)
+        if (digits or prefixed) and len(text) > MAX_DIGITS:
+            raise self._refuse(event, "this number has too many digits", f"at most {MAX_DIGITS}")
+        if digits:
+            return float(text) if set(text) & set(".eE") else int(text)
+        if prefixed:
+            return int(text, 0)
+        if _SPECIAL.fullmatch(text):
+            return float(text.replace(".", "").lower())
+        return text
+
+    def _location(self, mark: Any, width: int = 1) -> Location:
+        if mark is None:
+            return Location(self.source)
+        text = self.lines[mark.line] if mark.line < len(self.lines) else ""
+        return Location(self.source, mark.line + 1, mark.column + 1, text, max(width, 1))
+
+    def _refuse(self, event: Any, message: str, expected: str) -> PinarmError:
+        return InputError(message, expected=expected).at(self._location(event.start_mark))
+
+
+def _width(event: Any) -> int:
+    """Return how many characters of its first line an event takes; 0 where a value is left out."""
+    begin, end = event.start_mark, event.end_mark
+    return int(end.column - begin.column if end.line == begin.line else len(str(getattr(event, "value", ""))))
+
+
+def _yaml_hint(problem: str) -> str:
+    if "tab" in problem or "\\t" in problem:
+        return "indent with spaces"
+    if "mapping values are not allowed" in problem:
+        return "a space after the colon, the right indentation, or quotes around text that holds a colon"
+    return ""

@@ -1,0 +1,13 @@
+"""The laws of motion that a file may give, one family a module. A new law is one class and one entry in ``Law``."""
+
+from __future__ import annotations
+
+from pinarm.mechanics.laws.composed import Law, Segment, Succession
+from pinarm.mechanics.laws.points import SpeedPoints, Spline, Table
+from pinarm.mechanics.laws.rest_to_rest import Cycloidal, Polynomial, SCurve, Trapezoid
+from pinarm.mechanics.laws.steady import Constant, ConstantAcceleration, ConstantSpeed, Harmonic
+
+__all__ = [
+    "Constant", "ConstantAcceleration", "ConstantSpeed", "Cycloidal", "Harmonic", "Law", "Polynomial", "SCurve",
+    "Segment", "SpeedPoints", "Spline", "Succession", "Table", "Trapezoid",
+]  # fmt: skip

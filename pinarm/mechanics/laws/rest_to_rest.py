@@ -1,0 +1,164 @@
+"""Laws from rest to rest: at rest before they begin and after they have arrived."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError
+from pinarm.input.schema import Abscissa, Extent, Level, Rate, SecondRate, ThirdRate
+from pinarm.mechanics.motion import RENAMED, ROUNDING, MotionLaw, Piece, Values, polynomial
+
+
+def _rest_move_rest(begin: float, end: float, first: float, last: float, *moving: Piece) -> list[Piece]:
+    return [Piece(-math.inf, begin, polynomial(0.0, first)), *moving, Piece(end, math.inf, polynomial(0.0, last))]
+
+
+class Trapezoid(MotionLaw, frozen=True, tag_field="law", tag="trapezoid", rename=RENAMED):
+    """From rest to rest with a trapezoid of speed; a triangle where the limit of speed is not reached or not given.
+
+    Speeds up at ``acceleration`` to ``speed``, keeps it, slows down alike. The acceleration jumps four times (three for
+    a triangle): torques jump with it, and flexible machines ring.
+    """
+
+    start: Level
+    end: Level
+    acceleration: SecondRate
+    speed: Rate | None = None
+    begin: Abscissa = 0.0
+
+    def check(self) -> None:
+        """Refuse limits that would never let it arrive."""
+        if self.start != self.end and (self.acceleration == 0.0 or self.speed == 0.0):
+            raise InputError("a trapezoid that goes somewhere needs an acceleration and a speed other than 0")
+
+    def pieces(self) -> Sequence[Piece]:
+        """Return rest, speeding up, constant speed where there is any, slowing down, rest."""
+        distance, limit = self.end - self.start, abs(self.acceleration)
+        if distance == 0.0:
+            return [Piece(-math.inf, math.inf, polynomial(0.0, self.start))]
+        a = math.copysign(limit, distance)
+        peak = math.sqrt(abs(distance) * limit)
+        top = math.copysign(min(peak, abs(self.speed)) if self.speed else peak, distance)
+        t1 = self.begin + top / a
+        plateau = max(0.0, distance / top - top / a)
+        t2, t3 = t1 + plateau, t1 + plateau + top / a
+        s1 = self.start + top * top / (2 * a)
+        up = Piece(self.begin, t1, polynomial(self.begin, self.start, 0.0, a / 2))
+        level = [Piece(t1, t2, polynomial(t1, s1, top))] if plateau * limit > ROUNDING * abs(top) else []
+        down = Piece(t2, t3, polynomial(t3, self.end, 0.0, -a / 2))
+        return _rest_move_rest(self.begin, t3, self.start, self.end, up, *level, down)
+
+
+class Polynomial(MotionLaw, frozen=True, tag_field="law", tag="polynomial", rename=RENAMED):
+    """From rest to rest along the polynomial of lowest degree whose derivatives vanish at both ends.
+
+    With x = (t - begin)/duration: ``3 x^2 - 2 x^3`` (degree 3, the acceleration jumps at the ends),
+    ``10 x^3 - 15 x^4 + 6 x^5`` (5, it does not), ``35 x^4 - 84 x^5 + 70 x^6 - 20 x^7`` (7, nor does the jerk).
+    """
+
+    start: Level
+    end: Level
+    duration: Extent
+    degree: Literal[3, 5, 7] = 5
+    begin: Abscissa = 0.0
+
+    _SHAPES: ClassVar[dict[int, tuple[float, ...]]] = {
+        3: (0, 0, 3, -2),
+        5: (0, 0, 0, 10, -15, 6),
+        7: (0, 0, 0, 0, 35, -84, 70, -20),
+    }
+
+    def pieces(self) -> Sequence[Piece]:
+        """Return rest, motion, rest."""
+        distance = self.end - self.start
+        shape = polynomial(0.0, *self._SHAPES[self.degree])
+
+        def function(t: Array) -> Values:
+            s, ds, dds = shape((t - self.begin) / self.duration)
+            rate = distance / self.duration
+            return self.start + distance * s, rate * ds, rate / self.duration * dds
+
+        stop = self.begin + self.duration
+        move = Piece(self.begin, stop, function)
+        return _rest_move_rest(self.begin, stop, self.start, self.end, move)
+
+
+class Cycloidal(MotionLaw, frozen=True, tag_field="law", tag="cycloidal", rename=RENAMED):
+    """From rest to rest as a point of a rolling wheel: ``s = from + D (x - sin(2 pi x) / (2 pi))``.
+
+    x = (t - begin)/duration and D = to - from. The acceleration is a sine and begins and ends at 0.
+    """
+
+    start: Level
+    end: Level
+    duration: Extent
+    begin: Abscissa = 0.0
+
+    def pieces(self) -> Sequence[Piece]:
+        """Return rest, motion, rest."""
+        distance, duration, w = self.end - self.start, self.duration, 2 * math.pi / self.duration
+
+        def function(t: Array) -> Values:
+            x = w * (t - self.begin)
+            s = self.start + distance / (2 * math.pi) * (x - np.sin(x))
+            return s, distance / duration * (1 - np.cos(x)), distance / duration * w * np.sin(x)
+
+        stop = self.begin + duration
+        return _rest_move_rest(self.begin, stop, self.start, self.end, Piece(self.begin, stop, function))
+
+
+class SCurve(MotionLaw, frozen=True, tag_field="law", tag="s_curve", rename=RENAMED):
+    """From rest to rest with a bounded jerk: seven stretches of constant jerk, fewer where a limit is not reached.
+
+    The acceleration is continuous. Limits of acceleration and speed that are left out do not bind.
+    """
+
+    start: Level
+    end: Level
+    jerk: ThirdRate
+    acceleration: SecondRate | None = None
+    speed: Rate | None = None
+    begin: Abscissa = 0.0
+
+    def check(self) -> None:
+        """Refuse limits that would never let it arrive."""
+        limits = (self.jerk, self.acceleration, self.speed)
+        if self.start != self.end and any(limit == 0.0 for limit in limits):
+            raise InputError("an s_curve that goes somewhere needs limits other than 0")
+
+    def pieces(self) -> Sequence[Piece]:
+        """Return rest, the stretches of constant jerk that take any time, rest."""
+        distance = self.end - self.start
+        if distance == 0.0:
+            return [Piece(-math.inf, math.inf, polynomial(0.0, self.start))]
+        ramp, hold, cruise = self._durations(abs(distance))
+        jerk = math.copysign(abs(self.jerk), distance)
+        stretches = [(ramp, jerk), (hold, 0.0), (ramp, -jerk), (cruise, 0.0), (ramp, -jerk), (hold, 0.0), (ramp, jerk)]
+        total = 4 * ramp + 2 * hold + cruise
+        moving, t, state = [], self.begin, (self.start, 0.0, 0.0)
+        for duration, j in stretches:
+            if duration > ROUNDING * total:
+                s, v, a = state
+                function = polynomial(t, s, v, a / 2, j / 6)
+                moving.append(Piece(t, t + duration, function))
+                t += duration
+                state = (s + v * duration + a * duration**2 / 2 + j * duration**3 / 6,
+                         v + a * duration + j * duration**2 / 2, a + j * duration)  # fmt: skip
+        return _rest_move_rest(self.begin, t, self.start, self.end, *moving)
+
+    def _durations(self, distance: float) -> tuple[float, float, float]:
+        """Return how long the jerk, the full acceleration and the full speed last [s]."""
+        j = abs(self.jerk)
+        a = math.inf if self.acceleration is None else abs(self.acceleration)
+        v = math.inf if self.speed is None else abs(self.speed)
+        top = (distance / (2 * j)) ** (1 / 3) if a == math.inf or distance < 2 * a * (a / j) ** 2 else None
+        peak = j * top**2 if top is not None else (-(a**2) / j + math.sqrt((a**2 / j) ** 2 + 4 * a * distance)) / 2
+        v = min(v, peak)
+        ramp = min(math.sqrt(v / j), a / j)
+        hold = v / (j * ramp) - ramp
+        return ramp, max(0.0, hold), max(0.0, distance / v - 2 * ramp - hold)

@@ -1,0 +1,68 @@
+"""Laws that hold for all time: rest, constant speed, constant acceleration, oscillation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.input.schema import Abscissa, Angle, Level, Pulsation, Rate, SecondRate
+from pinarm.mechanics.motion import RENAMED, MotionLaw, Piece, Values, polynomial
+
+
+class Constant(MotionLaw, frozen=True, tag_field="law", tag="constant", rename=RENAMED):
+    """``s = value``, at rest."""
+
+    value: Level
+
+    def pieces(self) -> Sequence[Piece]:
+        """Return the one piece."""
+        return [Piece(-math.inf, math.inf, polynomial(0.0, self.value))]
+
+
+class ConstantSpeed(MotionLaw, frozen=True, tag_field="law", tag="constant_speed", rename=RENAMED):
+    """``s = from + speed (t - begin)``, for all t."""
+
+    speed: Rate
+    start: Level = 0.0
+    begin: Abscissa = 0.0
+
+    def pieces(self) -> Sequence[Piece]:
+        """Return the one piece."""
+        return [Piece(-math.inf, math.inf, polynomial(self.begin, self.start, self.speed))]
+
+
+class ConstantAcceleration(MotionLaw, frozen=True, tag_field="law", tag="constant_acceleration", rename=RENAMED):
+    """``s = from + speed (t - begin) + acceleration (t - begin)^2 / 2``, for all t."""
+
+    acceleration: SecondRate
+    start: Level = 0.0
+    speed: Rate = 0.0
+    begin: Abscissa = 0.0
+
+    def pieces(self) -> Sequence[Piece]:
+        """Return the one piece."""
+        function = polynomial(self.begin, self.start, self.speed, self.acceleration / 2)
+        return [Piece(-math.inf, math.inf, function)]
+
+
+class Harmonic(MotionLaw, frozen=True, tag_field="law", tag="harmonic", rename=RENAMED):
+    """``s = mean + amplitude sin(pulsation (t - begin) + phase)``, for all t."""
+
+    amplitude: Level
+    pulsation: Pulsation
+    mean: Level = 0.0
+    phase: Angle = 0.0
+    begin: Abscissa = 0.0
+
+    def pieces(self) -> Sequence[Piece]:
+        """Return the one piece."""
+
+        def function(t: Array) -> Values:
+            x = self.pulsation * (t - self.begin) + self.phase
+            s, c = self.amplitude * np.sin(x), self.amplitude * np.cos(x)
+            return self.mean + s, self.pulsation * c, -self.pulsation * (self.pulsation * s)
+
+        return [Piece(-math.inf, math.inf, function)]
