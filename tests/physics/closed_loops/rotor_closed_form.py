@@ -24,12 +24,16 @@ class Rotor:
     planes: tuple[float, float] = (-0.12, 0.12)
     radius: float = 0.08
 
-    def rotating(self, w, masses=(0.0, 0.0), angles=(0.0, 0.0)):
-        """Forces of A and B on the rotor in the rotor's axes [N], with correction masses in the planes."""
+    def rotating(self, w, masses=(0.0, 0.0), angles=(0.0, 0.0), axial_g=0.0):
+        """Forces of A and B on the rotor in the rotor's axes [N], with correction masses in the planes.
+
+        On a vertical shaft the weight acts beside the axis: a moment ``axial_g U`` that turns with the rotor too.
+        """
         moments = [mass * self.radius * np.exp(1j * angle) for mass, angle in zip(masses, angles, strict=True)]
         first = self.U + sum(moments)
         second = self.W + sum(z * moment for z, moment in zip(self.planes, moments, strict=True))
-        return tuple(-(w**2) * np.linalg.solve([[1.0, 1.0], [self.z_A, self.z_B]], [first, second]))
+        right = [-(w**2) * first, -(w**2) * second - axial_g * first]
+        return tuple(np.linalg.solve([[1.0, 1.0], [self.z_A, self.z_B]], right))
 
     def constant(self, g, masses=(0.0, 0.0)):
         """Forces of A and B on the rotor in the ground's axes for gravity along -y [N], G being in the plane z = 0."""
