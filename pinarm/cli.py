@@ -14,7 +14,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -223,8 +223,7 @@ def report(result: Result) -> str:
 
     run = result.trajectory
     lines = [f"{result.content.title or result.name}", _ranges(result)]
-    accuracy = [f"{name} {result.figures[name]:.1e}" for name in MEASURES if name in result.figures]
-    lines += [f"accuracy: relative residuals: {', '.join(accuracy)}"] if accuracy else []
+    lines += _worth(result.figures, result.trajectory.parameter)
     cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name in COSTS]
     lines.append(f"rows: {len(run)}" + (f"; {', '.join(cost)}" if cost else ""))
     lines += [f"{name}: {value:.9g}" for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
@@ -232,6 +231,21 @@ def report(result: Result) -> str:
               for name, payload in run.mechanism.payloads.items()]  # fmt: skip
     lines += [f"note: {note}" for note in result.notes()]
     return "\n".join(_printable(line) for line in lines)
+
+
+def _worth(figures: Mapping[str, float], parameter: str) -> list[str]:
+    """Return what a run says of its accuracy, a line for each kind of figure."""
+    from pinarm.use.result import CLOSURES, RESIDUALS
+
+    residuals, gaps = (
+        ", ".join(f"{name} {figures[name]:.1e}" for name in names if name in figures) for names in (RESIDUALS, CLOSURES)
+    )
+    lines = [f"accuracy: relative residuals: {residuals}"] if residuals else []
+    lines += [f"loops: {gaps}"] if gaps else []
+    if "regularity" in figures:
+        lines.append(f"regularity: {figures['regularity']:.2g} at {parameter} = {figures['least regular at']:.6g}, "
+                     "0 at a singular position")  # fmt: skip
+    return lines + ([f"condition of the masses: {figures['condition']:.2g}"] if "condition" in figures else [])
 
 
 def _ranges(result: Result) -> str:

@@ -106,7 +106,7 @@ class PointClosure:
 
     @cached_property
     def pairs(self) -> list[tuple[pin.RigidConstraintModel, pin.RigidConstraintData]]:
-        """Return references to the points and their buffers: a walk through Pinocchio's vectors costs more than they."""
+        """Return references to the points and their buffers: walking Pinocchio's vectors costs more than they do."""
         return [(self.points[k], self.states[k]) for k in range(len(self.points))]
 
     def joint_at(self, index: int) -> int:

@@ -167,10 +167,23 @@ class Result:
 PLATEAU = 1e-12
 """Relative difference below which neighbouring rows share an extreme: the first of them is named."""
 
-MEASURES = {
+RESIDUALS = {
     "equilibrium": "virtual power for every unit velocity, relative to its terms",
     "power": "balance of power along the motion, relative to its terms",
     "energy": "energy that nothing accounts for, relative to the energy exchanged",
+    "return trip": "accelerations from the efforts by forward dynamics, relative to the largest",
+}
+CLOSURES = {
+    "closure": "largest gap of a loop [m or rad]",
+    "closure rate": "largest velocity against a loop [m/s or rad/s]",
+    "closure acceleration": "largest acceleration against a loop [m/s^2 or rad/s^2]",
+}
+MEASURES = {
+    **RESIDUALS,
+    **CLOSURES,
+    "regularity": "smallest singular value of the loops' rows relative to the largest: 0 at a singular position",
+    "least regular at": "where along the run that is",
+    "condition": "condition number of the mass matrix of the free motions, scaled to a diagonal of ones",
 }
 """Figures that tell the accuracy of a run, and what they mean."""
 

@@ -16,6 +16,7 @@ import numpy as np
 from pinarm.engine.balance import power_balance
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities import Quantities
+from pinarm.engine.stamp import table_figures
 from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import DynamicsError, InputError, NumericsError
 from pinarm.input.documents import Document
@@ -160,7 +161,8 @@ class Scenario:
     def _solved(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""
         trajectory = self.problem.solve(self.mechanism, self.content.accuracy, self._place)
-        result = self._result(trajectory, {**trajectory.figures, **power_balance(trajectory)})
+        measured = {**trajectory.figures, **power_balance(trajectory), **table_figures(trajectory)}
+        result = self._result(trajectory, measured)
         for index, name in enumerate(self.content.outputs):
             with self.document.locating("outputs", index):
                 result.require_finite(name)

@@ -1,0 +1,117 @@
+"""What the rows of a table say of themselves: how well loops are closed, how regular positions are, and the way back.
+
+A fixed, even choice of rows is looked at, so that the cost of large tables stays bounded.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.closure import Split
+from pinarm.engine.trajectory import Trajectory
+
+SAMPLE = 64
+"""Number of rows that are looked at."""
+
+MASSLESS = 1e-12
+"""Eigenvalue of the mass matrix, scaled to a diagonal of ones, below which a direction has no mass."""
+
+
+def table_figures(run: Trajectory, most: int = SAMPLE) -> dict[str, float]:
+    """Return what the rows of a run are worth.
+
+    Args:
+        run: The motion.
+        most: Largest number of rows that are looked at.
+
+    Returns:
+        ``closure``, ``closure rate`` and ``closure acceleration``: largest gap of a loop [m or rad], and of its two
+        derivatives. ``regularity``: smallest singular value of the constraints' rows relative to the largest, 0 at a
+        singular position, and ``least regular at``, where that is. ``condition``: largest condition number of the mass
+        matrix of the free motions, scaled to a diagonal of ones. ``return trip``: largest difference of the
+        accelerations that the efforts give by forward dynamics to those of the table, relative to the largest
+        acceleration that loads, efforts and gyroscopic forces would give one by one.
+    """
+    rows = np.unique(np.linspace(0, len(run) - 1, min(len(run), most)).astype(np.intp))
+    found = [_Row.of(run, int(row)) for row in rows]
+    figures: dict[str, float] = {}
+    if run.mechanism.closure.size:
+        gaps = np.array([row.gaps for row in found]).max(axis=0)
+        figures.update(zip(("closure", "closure rate", "closure acceleration"), map(float, gaps), strict=True))
+        regular = [row.regularity for row in found]
+        least = int(np.argmin(regular))
+        figures |= {"regularity": regular[least], "least regular at": float(run.grid.t[rows[least]])}
+    conditions = [row.condition for row in found]
+    if run.unasked or not np.isfinite(conditions).all():
+        return figures
+    figures["condition"] = max(conditions)
+    return figures | {"return trip": _return_trip(run, rows, found)}
+
+
+@dataclass(frozen=True, eq=False)
+class _Row:
+    """What belongs to one row.
+
+    Attributes:
+        gaps: What is open of the loops, its rate and its acceleration.
+        regularity: Smallest singular value of the constraints relative to the largest.
+        condition: Condition number of the mass matrix of the free motions; infinite where one has no mass.
+        split: The rows of the constraints taken apart.
+        mass: M, shape (nv, nv).
+        right: ``-G' v``, shape (m,).
+        guided: Load of the drives along task coordinates, shape (nv,).
+    """
+
+    gaps: tuple[float, float, float]
+    regularity: float
+    condition: float
+    split: Split
+    mass: Array
+    right: Array
+    guided: Array
+
+    @classmethod
+    def of(cls, run: Trajectory, row: int) -> _Row:
+        """Return what belongs to a row of a run."""
+        closure, q, v, a = run.closure, run.q[row], run.v[row], run.a[row]
+        m = run.mechanism.closure.size
+        closure.place(q)
+        rows, gap = closure.rows(), closure.gap(q)
+        drift = closure.drift(q, v)
+        split, own, upper = Split.of(rows[:m]), rows[:m], np.triu(pin.crba(closure.model, closure.data, q))
+        mass = upper.reshape(closure.model.nv, -1) + np.triu(upper.reshape(closure.model.nv, -1), 1).T
+        largest = (float(np.abs(part).max(initial=0.0)) for part in (gap[:m], own @ v, own @ a + drift[:m]))
+        regularity = float(split.values[-1] / split.values[0]) if len(split.values) else 1.0
+        condition = _condition(split.free.T @ mass @ split.free)
+        guided = rows[m:].T @ run.lam[row, m:]
+        return cls(
+            (next(largest), next(largest), next(largest)), regularity, condition, split, mass, -drift[:m], guided
+        )
+
+
+def _return_trip(run: Trajectory, rows: Indices, found: list[_Row]) -> float:
+    still = np.zeros_like(run.a)
+    bias = run.gather(lambda dynamics, part: dynamics.inverse(run.grid.t[part], run.q[part], run.v[part], still[part]))
+    error, size = 0.0, float(np.abs(run.a[rows]).max(initial=0.0))
+    for row, one in zip(rows, found, strict=True):
+        supplied, resisting = run.tau[row] + one.guided, bias[row]
+        back = one.split.solve(one.mass, supplied - resisting, one.right)
+        error = max(error, float(np.abs(back - run.a[row]).max(initial=0.0)))
+        parts = (one.split.solve(one.mass, part, 0.0 * one.right) for part in (supplied, resisting))
+        size = max(size, *(float(np.abs(part).max(initial=0.0)) for part in parts))
+    return error / size if size else 0.0
+
+
+def _condition(mass: Array) -> float:
+    """Return the condition number of a mass matrix scaled to a diagonal of ones, infinite where it is singular."""
+    size = np.sqrt(np.maximum(np.diag(mass), 0.0))
+    if not len(mass):
+        return 1.0
+    if (size == 0.0).any():
+        return np.inf
+    values = np.linalg.eigvalsh(mass / np.outer(size, size))
+    return float(values[-1] / values[0]) if values[0] > MASSLESS else np.inf
