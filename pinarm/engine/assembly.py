@@ -110,13 +110,16 @@ class Imposed:
             expected=f"{mobility} of {', '.join(self.names)}" if mobility else "a mechanism that can move",
         )
 
-    def ordered(self, places: Sequence[int]) -> Imposed:
-        """Return the same coordinates in another order."""
-        return Imposed(
+    def linear_last(self) -> tuple[Imposed, int]:
+        """Return the same coordinates with those of joints, and sums of them, last; and how many others there are."""
+        is_linear = [isinstance(one, LinearCoordinate) for one in self.coordinates]
+        places = sorted(range(len(is_linear)), key=is_linear.__getitem__)
+        ordered = Imposed(
             tuple(self.names[k] for k in places),
             tuple(self.coordinates[k] for k in places),
             tuple(self.laws[k] for k in places),
         )
+        return ordered, is_linear.count(False)
 
     def on(self, start: float, end: float) -> Callable[[float], tuple[Array, Array, Array]]:
         """Return ``t -> w, w', w''`` of all coordinates on a stretch without jumps, each of shape (k,)."""
@@ -162,7 +165,8 @@ def assembled(closure: Closure, imposed: Imposed, q: Array, w: Array, t: float) 
     Raises:
         AssemblyError: There is none that damped steps reach; ``data`` holds the closest configuration and its gap.
     """
-    return _Solver(closure, imposed).assemble(q, w, t)
+    solver = _Solver(closure, imposed)
+    return solver.assemble(q, w, t) if solver.names else q
 
 
 def joint_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:

@@ -39,7 +39,7 @@ class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
     Attributes:
         starts: Rough joint coordinates, one map for each start; what is not given is 0. Where they contradict what is
             held the nearest configuration is taken that does not.
-        hold: Coordinate -> value, for joint coordinates, or sums of them, that drives hold.
+        hold: Coordinate -> value, for coordinates that drives hold.
         loads: Applied constant forces and springs of this run.
     """
 
@@ -59,9 +59,6 @@ class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
         """Check all names and units; return the balance of forces, and the configuration of every start."""
         if len(mechanism.joints) < mechanism.model.nv:
             raise InputError("equilibria are found for joints with one coordinate only; this model has others")
-        if mechanism.constraints:
-            raise InputError("equilibria are found for open chains only; this mechanism has loops or couplings",
-                             hint="kind: forward with damping, or kind: statics over a coordinate")  # fmt: skip
         held = {name: Constant(value=value) for name, value in self.hold.items()}
         check_motion(mechanism, held, lambda _, name: place("hold", name))
         forces = bind_constant_loads(mechanism, self.loads, place)
@@ -73,7 +70,7 @@ class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
                 if name in held:
                     with place("starts", index, Key(name)):
                         raise InputError(f"'{name}' is held", expected="starting values of the other joints")
-        return balance, [balance.nearest(start_configuration(mechanism, start)) for start in self.starts]
+        return balance, [start_configuration(mechanism, start) for start in self.starts]
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
         """Return the equilibria, one a row in the order in which they are found.
@@ -90,7 +87,8 @@ class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
         for index, q in enumerate(starts):
             with place("starts", index):
                 try:
-                    _merge(found, balance.equilibrium(q, f"starts[{index}]"), balance.turns)
+                    near = balance.nearest(q)
+                    _merge(found, balance.equilibrium(near, f"starts[{index}]"), balance.turns)
                 except AssemblyError as error:
                     error.partial = trajectory(balance, found) if found else None
                     raise
@@ -136,11 +134,12 @@ def _at(balance: Balance, found: Sequence[Equilibrium], grid: Grid) -> Trajector
     bounds = zip(grid.cuts, grid.cuts[1:], grid.rows, grid.rows[1:], strict=False)
     rows = [found[round(0.5 * (start + end)) - 1] for start, end, low, high in bounds for _ in range(low, high)]
     q = np.array([one.q for one in rows])
-    still, efforts = np.zeros_like(q), np.array([balance.efforts(one.q) for one in rows])
+    still, efforts = np.zeros_like(q), [balance.efforts(one.q) for one in rows]
     table = np.array([[one.starts, one.modes.stability, *one.modes.squares, *one.modes.stiffnesses] for one in rows])
     units = _units(balance.mechanism, len(rows[0].modes.squares))
     further = {name: Series(name, units[name], column) for name, column in zip(units, table.T, strict=True)}
     return Trajectory(
-        balance.mechanism, "row", unit("1"), grid, q, still, still, efforts, np.zeros((len(q), 0)),
-        balance.mechanism.closure, balance.dynamics, partial(_at, balance, found), further=further,
+        balance.mechanism, "row", unit("1"), grid, q, still, still, np.array([tau for tau, _ in efforts]),
+        np.array([lam for _, lam in efforts]), balance.closure, balance.dynamics, partial(_at, balance, found),
+        further=further,
     )  # fmt: skip

@@ -53,9 +53,7 @@ class ConstrainedSystem:
     @classmethod
     def of(cls, own: Closure, dynamics: Dynamics, imposed: Imposed) -> ConstrainedSystem:
         """Return the system of a mechanism with its own constraints, some of whose coordinates follow laws."""
-        is_linear = [isinstance(one, LinearCoordinate) for one in imposed.coordinates]
-        imposed = imposed.ordered(sorted(range(len(is_linear)), key=is_linear.__getitem__))
-        others = is_linear.count(False)
+        imposed, others = imposed.linear_last()
         return cls(
             imposed, dynamics.manifold, own, own.with_guides(imposed.names, imposed.coordinates),
             own.with_guides(imposed.names[:others], imposed.coordinates[:others]),
