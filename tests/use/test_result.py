@@ -94,7 +94,8 @@ def test_the_summary_has_the_headline_numbers(scenario: Callable[..., Any]) -> N
         "unit": "rad", "min": 0.0, "at_min": 0.0, "max": 1.0, "at_max": 2.0, "start": 0.0, "end": 1.0,
     }  # fmt: skip
     assert summary["rows"] == 10
-    assert all(0 <= value < 1e-13 for value in (summary["accuracy"][name] for name in ("equilibrium", "power", "return trip")))  # rounding, relative to the terms
+    residuals = [summary["accuracy"][name] for name in ("equilibrium", "power", "return trip")]
+    assert all(0 <= value < 1e-13 for value in residuals)  # rounding, relative to the terms
 
 
 def test_the_digest_is_that_of_what_decides_the_numbers(scenario: Callable[..., Any]) -> None:
