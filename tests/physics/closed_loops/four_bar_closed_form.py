@@ -10,7 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from planar_balance import Body, pin_joint, solve, weight, wrench
+
+from .planar_balance import Body, pin_joint, solve, weight, wrench
 
 
 @dataclass(frozen=True)

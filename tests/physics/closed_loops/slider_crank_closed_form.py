@@ -8,7 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from planar_balance import Body, pin_joint, solve, wrench
+
+from .planar_balance import Body, pin_joint, solve, wrench
 
 
 @dataclass(frozen=True)
