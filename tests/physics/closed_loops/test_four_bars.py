@@ -68,8 +68,8 @@ def test_change_point_linkage_stays_on_its_smooth_motion_at_every_turn(solve, sp
     theta3, theta4, *_ = CHANGE_POINT.slopes(theta2)
     assert np.cos(found["theta3"].values - theta3).min() > 1.0 - 1e-8
     assert np.cos(found["theta4"].values - theta4).min() > 1.0 - 1e-8
-    # errors of a step add up, and speeds near the separatrix magnify them
-    assert theta2 == pytest.approx(turning.at(found["t"].values), abs=max(3e4 * tolerance, 3e-7))
+    # errors of the steps add up, and slow turns magnify them; below 1e-6 the passages themselves leave what they like
+    assert theta2 == pytest.approx(turning.at(found["t"].values), abs=max(1e3 * tolerance, 1e-6))
 
 
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10, 1e-11])
@@ -79,7 +79,7 @@ def test_equal_four_bars_pass_their_flat_positions_on_the_parallelogram(solve, m
     found = solve(model, "forward", end=10.0, samples=21, tolerance=tolerance, initial=initial)
     turned = equal_four_bars.angle(found["t"].values, count)
     for upright in range(count + 1):
-        assert found[f"upright_{upright}"].values == pytest.approx(turned, abs=max(1e4 * tolerance, 1e-7))
+        assert found[f"upright_{upright}"].values == pytest.approx(turned, abs=max(3e3 * tolerance, 1e-7))
 
 
 @pytest.mark.parametrize("speed", [0.5, 2.0, 3.7])

@@ -26,7 +26,8 @@ def test_closure_and_torques_are_those_of_the_closed_form(solve, branch):
     linkage, w = Rssr(branch=branch), 6.0
     theta, phi, phd, torque, spin = linkage.turn(w)
     found = solve("rssr", "inverse", end=2 * np.pi / w, samples=257, drives=["theta", "spin"],
-                  motion={"theta": ConstantSpeed(speed=w), "spin": Constant(value=0.0)}, start=STARTS[branch])  # fmt: skip
+                  motion={"theta": ConstantSpeed(speed=w), "spin": Constant(value=0.0)},
+                  start=STARTS[branch])  # fmt: skip
     assert np.cos(found["phi"].values[:-1] - phi) == pytest.approx(1.0, abs=1e-13)
     assert found["phd"].values[:-1] == pytest.approx(phd, abs=1e-9)
     about_z, about_y = linkage.coupler(theta)

@@ -29,8 +29,10 @@ def test_torque_side_force_and_pin_forces_are_those_of_newton_and_euler(solve, h
         assert found[f"coordinate.psi.{name}"].values == pytest.approx(psi, rel=1e-9, abs=1e-8)
         assert found[f"joint.x.{name}"].values == pytest.approx(x, rel=1e-9, abs=1e-8)
     forces = crank.forces(theta, omega, alpha, pressed)
-    names = {"T": "C", "N": "N", "M": "joint.x.moment.z", "O.x": "joint.theta.force.x", "O.y": "joint.theta.force.y",
-             "A.x": "joint.A.force.x", "A.y": "joint.A.force.y", "B.x": "loop.B.force.x", "B.y": "loop.B.force.y"}  # fmt: skip
+    names = {
+        "T": "C", "N": "N", "M": "joint.x.moment.z", "O.x": "joint.theta.force.x", "O.y": "joint.theta.force.y",
+        "A.x": "joint.A.force.x", "A.y": "joint.A.force.y", "B.x": "loop.B.force.x", "B.y": "loop.B.force.y",
+    }  # fmt: skip
     for symbol, name in names.items():
         assert found[name].values == pytest.approx(forces[symbol], rel=1e-9, abs=1e-7)  # of forces of 1e4 N
 
