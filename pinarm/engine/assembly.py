@@ -151,7 +151,7 @@ def follow(
     Raises:
         AssemblyError: The positions cannot be reached; ``data`` holds the closest configuration and its gap.
     """
-    q0 = start_configuration(mechanism, start)
+    q0 = start_configuration(mechanism, {**start, **_imposed_at_start(mechanism, imposed, grid)})
     couplings = [one for one in mechanism.constraints if isinstance(one, Coupling)]
     linear = all(isinstance(coordinate, LinearCoordinate) for coordinate in imposed.coordinates)
     if linear and len(couplings) == len(mechanism.constraints):
@@ -203,6 +203,13 @@ def start_configuration(mechanism: Mechanism, start: Mapping[str, float]) -> Arr
         joint_of(mechanism.joints, name)
         q[mechanism.joints[name].q] = value
     return q
+
+
+def _imposed_at_start(mechanism: Mechanism, imposed: Imposed, grid: Grid) -> dict[str, float]:
+    """Return the first values of the laws that joints follow: a way there from elsewhere may end on another branch."""
+    begin, end, _ = grid.stretches()[0]
+    values = imposed.on(begin, end)(float(grid.t[0]))[0]
+    return {name: float(w) for name, w in zip(imposed.names, values, strict=True) if name in mechanism.joints}
 
 
 def _follow_linear(

@@ -23,7 +23,7 @@ CARRIED = 1e-9
 """Largest part of a load that no drive carries, relative to the load: rounding leaves 1e-13."""
 
 WEAK = 1e-9
-"""Smallest ratio of singular values of S T that still determines the drives' efforts."""
+"""Smallest singular value of S T, relative to the longest row of S, that still determines the drives' efforts."""
 
 
 class Actuation(Protocol):
@@ -105,15 +105,16 @@ class NamedDrives:
             self.closure.place(q[i])
             rows = self.closure.rows()
             split, drives = Split.of(rows[:m]), np.vstack([self.joints, rows[m:]])
-            effort = self._carried(t[i], split.free.T @ drives.T, split.free.T @ demand[i])
+            least = WEAK * float(np.linalg.norm(drives, axis=1).max())
+            effort = self._carried(t[i], split.free.T @ drives.T, split.free.T @ demand[i], least)
             tau[i], lam[i, m:] = effort[:k] @ self.joints, effort[k:]
             lam[i, :m] = split.multipliers(demand[i] - effort @ drives)
         return tau, lam
 
-    def _carried(self, t: float, ways: Array, load: Array) -> Array:
-        """Return the efforts that carry a load on the free motions, shape (k,)."""
+    def _carried(self, t: float, ways: Array, load: Array, least: float) -> Array:
+        """Return the efforts that carry a load on the free motions, shape (k,); ``least`` bounds singular values."""
         u, s, vt = np.linalg.svd(ways, full_matrices=False)
-        if len(self.names) > ways.shape[0] or s[-1] < WEAK * s[0]:
+        if len(self.names) > ways.shape[0] or s[-1] < least:
             weak = [name for name, share in zip(self.names, vt[-1], strict=True) if abs(share) > 0.1]
             raise DynamicsError(
                 f"at {t:.9g} the efforts of {', '.join(weak or self.names)} are not determined: "

@@ -1,8 +1,8 @@
 """Andrews' squeezing mechanism: reference values of the IVP Test Set, and its equations written anew.
 
-The points of the mechanism are sums of fixed vectors turned by sums of joint angles, ``p = p_0 + sum_k c_k exp(i s_k q)``
-(complex numbers x + i y), so that ``dp/dq`` and the drift ``-sum_k c_k (s_k v)^2 exp(i s_k q)`` are exact one-liners.
-Lagrange's equations with three closures follow, solved as a dense system at every stage.
+The points of the mechanism are sums of fixed vectors turned by sums of joint angles, in complex numbers x + i y
+``p = p_0 + sum_k c_k exp(i s_k q)``, so that ``dp/dq`` and the drift ``-sum_k c_k (s_k v)^2 exp(i s_k q)`` are exact
+one-liners. Lagrange's equations with three closures follow, solved as a dense system at every stage.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ NAMES = ("beta", "Theta", "gamma", "delta", "Phi", "epsilon", "Omega")
 START = np.array([-0.0617138900142765, 0.0, 0.455279819163070, 0.487364979543844, 0.222668390165886, 1.23054744454982,
                   -0.222668390165886])  # fmt: skip
 """Joint angles at rest, t = 0 [rad]."""
-PUBLISHED = np.array([15.81077119629904, -15.75637105984298, 0.04082224013073101, 0.5244099658805304, -0.5347301163226948,
-                      1.048080741042263, 0.5347301163226948])  # fmt: skip
+PUBLISHED = np.array([15.81077119629904, -15.75637105984298, 0.04082224013073101, 0.5244099658805304,
+                      -0.5347301163226948, 1.048080741042263, 0.5347301163226948])  # fmt: skip
 """At t = 0.03 s, as the test set prints them [rad]. They are the solution 1e-12 s later: beta turns at 1140 rad/s."""
 DRIVE, STIFFNESS, FREE_LENGTH = 0.033, 4530.0, 0.07785
 
@@ -95,10 +95,13 @@ def closure(q):
 
 def motion(t):
     """q, v at the instants t, each of shape (n, 7); unstabilised, 1e-13: the drift stays below 1e-13 m in 0.03 s."""
+
     def rate(_, y):
         return np.concatenate([y[7:], acceleration(y[:7], y[7:])[0]])
 
-    run = solve_ivp(rate, (0.0, t[-1]), np.concatenate([START, np.zeros(7)]), "DOP853", t_eval=t, rtol=1e-13, atol=1e-14)
+    run = solve_ivp(
+        rate, (0.0, t[-1]), np.concatenate([START, np.zeros(7)]), "DOP853", t_eval=t, rtol=1e-13, atol=1e-14
+    )
     return run.y[:7].T, run.y[7:].T
 
 

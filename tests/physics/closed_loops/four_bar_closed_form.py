@@ -10,7 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from planar_balance import Body, pin_joint, solve, weight, wrench
+
+from .planar_balance import Body, pin_joint, solve, weight, wrench
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class FourBar:
 
     def inertia(self, theta2):
         """Reduced inertia: twice the kinetic energy at omega2 = 1 [kg m^2]."""
-        theta3, theta4, d3, d4 = self.slopes(theta2)
+        theta3, _, d3, d4 = self.slopes(theta2)
         crank_tip = 1j * self.a * np.exp(1j * theta2)
         middle = crank_tip + 0.5j * self.b * d3 * np.exp(1j * theta3)
         return (self.m2 * self.a**2 / 3 + self.m3 * (abs(middle) ** 2 + (self.b * d3) ** 2 / 12)

@@ -9,8 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from planar_balance import Body, pin_joint, solve, weight, wrench
 from scipy.integrate import solve_ivp
+
+from .planar_balance import Body, pin_joint, solve, weight, wrench
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from periodic import rate
+
+from .periodic import rate
 
 
 @dataclass(frozen=True)

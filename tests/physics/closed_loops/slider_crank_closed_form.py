@@ -8,7 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from planar_balance import Body, pin_joint, solve, wrench
+
+from .planar_balance import Body, pin_joint, solve, wrench
 
 
 @dataclass(frozen=True)
@@ -37,8 +38,11 @@ class SliderCrank:
         return (psi, x), (psid, xd), (psidd, xdd)
 
     def forces(self, theta, omega, alpha=0.0, gas=0.0):
-        """Torque ``T`` on the crank, pin forces at O (ground on crank), A (crank on rod), B (rod on piston), and the
-        cylinder's side force ``N`` on the piston with its moment ``M`` about B; ``gas`` [N] acts on the piston along -x."""
+        """Forces by Newton and Euler for each body; ``gas`` [N] acts on the piston along -x.
+
+        Torque ``T`` on the crank, pin forces at O (ground on crank), A (crank on rod), B (rod on piston), and the
+        cylinder's side force ``N`` on the piston with its moment ``M`` about B.
+        """
         (psi, x), (psid, _), (psidd, xdd) = self.motion(theta, omega, alpha)
         u, v = np.exp(1j * theta), np.exp(1j * psi)
         at_a, at_b = self.r * u, x + 1j * self.e

@@ -1,0 +1,32 @@
+"""The shipped models and scenarios of closed loops, for tests against the references beside this file."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from pathlib import Path
+
+import pytest
+
+import pinarm
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.quantities import Quantities
+from pinarm.problems import problem_class
+from pinarm.problems.common import Accuracy, TimeGrid
+
+MODELS = Path(pinarm.__file__).parents[1] / "models"
+
+
+@pytest.fixture
+def solve():
+    """Return a function that solves a problem of a shipped model: its quantities."""
+
+    def solve(model, kind, *, arguments=None, gravity=None, end=1.0, samples=101, tolerance=1e-12, **content):
+        mechanism = model
+        if isinstance(model, str):
+            mechanism = Mechanism.load(MODELS / model / "mechanism.yaml", arguments or {}, gravity=gravity)
+        if kind in ("inverse", "forward", "kinematics"):
+            content["time"] = TimeGrid(end=end, samples=samples)
+        problem = problem_class(kind)(**content)
+        return Quantities(problem.solve(mechanism, Accuracy(tolerance=tolerance), lambda *path: nullcontext()))
+
+    return solve

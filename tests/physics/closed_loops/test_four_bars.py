@@ -1,0 +1,104 @@
+"""Four-bars: at constant speed, free, and through their aligned positions."""
+
+import numpy as np
+import pytest
+
+from pinarm.errors import PinarmError
+from pinarm.mechanics.laws import Harmonic
+
+from . import equal_four_bars
+from .energy_integral import EnergyIntegral
+from .four_bar_closed_form import ChangePoint, FourBar
+
+LINKAGE = FourBar(0.10, 0.35, 0.25, 0.40, 1.0, 3.5, 2.5)
+CROSSED = FourBar(0.10, 0.35, 0.25, 0.40, 1.0, 3.5, 2.5, open=False)
+CHANGE_POINT = ChangePoint(0.15, 0.35, 0.20, 0.40, 1.5, 3.5, 2.0)
+OPEN, TURNED_OVER = {"A": 0.8, "theta4": 1.8}, {"A": -0.8, "theta4": -1.8}
+PINS = {"O2": "joint.theta2", "A": "joint.A", "B": "loop.B", "O4": "joint.theta4"}
+
+
+@pytest.mark.parametrize(("linkage", "start"), [(LINKAGE, OPEN), (CROSSED, TURNED_OVER)])
+def test_torque_and_pin_forces_are_those_of_newton_and_euler_for_each_bar(solve, linkage, start):
+    law = Harmonic(mean=2.0, amplitude=3.5, pulsation=6.0)
+    found = solve("crank_rocker", "inverse", motion={"theta2": law}, drives=["theta2"], start={"theta2": 2.0, **start})
+    theta2, omega2 = found["theta2"].values, found["omega2"].values
+    alpha2 = found["joint.theta2.acceleration"].values
+    angles, omegas, alphas = linkage.rates(theta2, omega2, alpha2)
+    for name, angle, omega, alpha in zip(("theta3", "theta4"), angles, omegas, alphas, strict=True):
+        assert np.cos(found[name].values - angle) == pytest.approx(1.0, abs=1e-14)
+        assert found[f"coordinate.{name}.velocity"].values == pytest.approx(omega, rel=1e-9, abs=1e-9)
+        assert found[f"coordinate.{name}.acceleration"].values == pytest.approx(alpha, rel=1e-9, abs=1e-8)
+    forces = linkage.forces(theta2, omega2, alpha2)
+    assert found["T"].values == pytest.approx(forces["T"], rel=1e-9, abs=1e-9)
+    for pin, name in PINS.items():
+        for axis in "xy":
+            assert found[f"{name}.force.{axis}"].values == pytest.approx(forces[f"{pin}.{axis}"], rel=1e-9, abs=1e-8)
+
+
+def test_a_motor_at_the_rocker_takes_the_power_that_one_at_the_crank_takes(solve):
+    law = Harmonic(mean=0.9, amplitude=0.6, pulsation=6.0)  # away from the dead points of the rocker
+    common = {"motion": {"theta2": law}, "start": {"theta2": 0.9, **OPEN}}
+    crank = solve("crank_rocker", "inverse", drives=["theta2"], **common)
+    rocker = solve("crank_rocker", "inverse", drives=["theta4"], **common)
+    power = crank["joint.theta2.power"].values
+    assert np.ptp(power) > 1.0
+    assert rocker["joint.theta4.power"].values == pytest.approx(power, rel=1e-9, abs=1e-9)
+    assert rocker["joint.theta2.effort"].values == pytest.approx(0.0, abs=1e-12)
+
+
+def test_free_crank_and_rocker_follows_its_energy_integral(solve):
+    turning = EnergyIntegral(LINKAGE.inertia, LINKAGE.potential, 0.0, 12.0, 30.0)
+    initial = {"position": {"theta2": 0.0}, "velocity": {"theta2": 12.0}}
+    found = solve("crank_rocker", "forward", end=2.0, start=OPEN, initial=initial)
+    t, theta2 = found["t"].values, found["theta2"].values
+    assert theta2 == pytest.approx(turning.at(t), abs=1e-9)  # 1e-12 a step over 400 steps
+    assert found["omega2"].values == pytest.approx(turning.speed(theta2), rel=1e-9)
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10, 1e-12])
+@pytest.mark.parametrize("speed", [12.0, 13.5, -12.5, 17.3])
+def test_change_point_linkage_stays_on_its_smooth_motion_at_every_turn(solve, speed, tolerance):
+    turning = EnergyIntegral(CHANGE_POINT.inertia, CHANGE_POINT.potential, 0.0, speed, 4.2 * speed)
+    initial = {"position": {"theta2": 0.0}, "velocity": {"theta2": speed}}
+    found = solve(
+        "change_point_four_bar", "forward", end=3.0, samples=61, tolerance=tolerance, start=OPEN, initial=initial
+    )
+    theta2 = found["theta2"].values
+    assert abs(theta2[-1]) > 10 * np.pi
+    theta3, theta4, *_ = CHANGE_POINT.slopes(theta2)
+    assert np.cos(found["theta3"].values - theta3).min() > 1.0 - 1e-8
+    assert np.cos(found["theta4"].values - theta4).min() > 1.0 - 1e-8
+    # errors of the steps add up, and slow turns magnify them; below 1e-6 the passages themselves leave what they like
+    assert theta2 == pytest.approx(turning.at(found["t"].values), abs=max(1e3 * tolerance, 1e-6))
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10, 1e-11])
+@pytest.mark.parametrize(("model", "count"), [("four_bar", 1), ("two_four_bars", 2)])
+def test_equal_four_bars_pass_their_flat_positions_on_the_parallelogram(solve, model, count, tolerance):
+    initial = {"position": {"upright_0": 0.0}, "velocity": {"upright_0": 1.0}}
+    found = solve(model, "forward", end=10.0, samples=21, tolerance=tolerance, initial=initial)
+    turned = equal_four_bars.angle(found["t"].values, count)
+    for upright in range(count + 1):
+        assert found[f"upright_{upright}"].values == pytest.approx(turned, abs=max(3e3 * tolerance, 1e-7))
+
+
+@pytest.mark.parametrize("speed", [0.5, 2.0, 3.7])
+def test_equal_four_bars_pass_them_at_other_speeds_too(solve, speed):
+    initial = {"position": {"upright_0": 0.0}, "velocity": {"upright_0": speed}}
+    found = solve("two_four_bars", "forward", end=5.0, samples=21, tolerance=1e-9, initial=initial)
+    turned = equal_four_bars.angle(found["t"].values, 2, speed=speed)
+    assert found["upright_2"].values == pytest.approx(turned, abs=1e-5)
+
+
+@pytest.mark.slow
+def test_forty_four_bars_turn_as_published(solve):
+    initial = {"position": {"upright_0": 0.0}, "velocity": {"upright_0": 1.0}}
+    found = solve("forty_four_bars", "forward", end=10.0, samples=21, tolerance=1e-9, initial=initial)
+    assert found["upright_40"].values == pytest.approx(equal_four_bars.angle(found["t"].values, 40), abs=1e-5)
+
+
+def test_a_motor_at_the_rocker_carries_nothing_at_a_dead_point(solve):
+    """Crank and coupler in one line: the rocker stands still, and its motor cannot hold the crank."""
+    dead = np.arccos((0.40**2 + 0.45**2 - 0.25**2) / (2 * 0.40 * 0.45))
+    with pytest.raises(PinarmError, match="not determined"):
+        solve("crank_rocker", "statics", hold={"theta2": dead}, drives=["theta4"], start={"theta2": dead, **OPEN})

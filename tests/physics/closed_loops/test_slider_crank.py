@@ -1,0 +1,46 @@
+"""Slider-crank with an offset, a load on the piston and a crank that speeds up."""
+
+import numpy as np
+import pytest
+
+from pinarm.mechanics.forces.point import Wrench
+from pinarm.mechanics.laws import Harmonic
+from pinarm.mechanics.motion import Grid
+
+from .energy_integral import EnergyIntegral
+from .slider_crank_closed_form import SliderCrank
+
+START = {"theta": 0.0, "A": 0.0, "x": 0.19}
+
+
+@pytest.mark.parametrize("height", [0.0, 0.012])
+def test_torque_side_force_and_pin_forces_are_those_of_newton_and_euler(solve, height):
+    crank, factor = SliderCrank(e=height), Harmonic(mean=1.0, amplitude=0.8, pulsation=50.0)
+    gas = Wrench(point="B", force=(-900.0, 0.0, 0.0), factor=factor)
+    law = Harmonic(amplitude=8.0, pulsation=20.0)
+    found = solve("slider_crank", "inverse", arguments={"e": height}, end=0.4, samples=301, motion={"theta": law},
+                  drives=["theta"], start=START, loads={"gas": gas})  # fmt: skip
+    t, theta, omega = found["t"].values, found["theta"].values, found["w"].values
+    alpha, pressed = found["joint.theta.acceleration"].values, 900.0 * Grid.cover(t, [factor]).evaluate(factor)[0]
+    positions, velocities, accelerations = crank.motion(theta, omega, alpha)
+    for name, (psi, x) in zip(
+        ("position", "velocity", "acceleration"), (positions, velocities, accelerations), strict=True
+    ):
+        assert found[f"coordinate.psi.{name}"].values == pytest.approx(psi, rel=1e-9, abs=1e-8)
+        assert found[f"joint.x.{name}"].values == pytest.approx(x, rel=1e-9, abs=1e-8)
+    forces = crank.forces(theta, omega, alpha, pressed)
+    names = {
+        "T": "C", "N": "N", "M": "joint.x.moment.z", "O.x": "joint.theta.force.x", "O.y": "joint.theta.force.y",
+        "A.x": "joint.A.force.x", "A.y": "joint.A.force.y", "B.x": "loop.B.force.x", "B.y": "loop.B.force.y",
+    }  # fmt: skip
+    for symbol, name in names.items():
+        assert found[name].values == pytest.approx(forces[symbol], rel=1e-9, abs=1e-7)  # of forces of 1e4 N
+
+
+def test_free_slider_crank_follows_its_energy_integral(solve):
+    crank = SliderCrank()
+    turning = EnergyIntegral(crank.inertia, lambda theta: 0 * theta, 0.0, 30.0, 100.0)
+    initial = {"position": {"theta": 0.0}, "velocity": {"theta": 30.0}}
+    found = solve("slider_crank", "forward", end=2.0, start=START, initial=initial)
+    assert found["theta"].values == pytest.approx(turning.at(found["t"].values), abs=1e-9)
+    assert np.ptp(found["w"].values) > 1.0
