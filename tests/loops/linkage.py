@@ -122,7 +122,20 @@ class Linkage:
         length = {"length": f"{joint.length!r} m"} if joint.kind == "rod" else {}
         return {"kind": joint.kind, "between": [f"{name}_1", f"{name}_2"], **length}
 
-    def moved(self, change: Callable[[str, Body], Body]) -> Linkage:
+    def turned(self, turn: np.ndarray) -> Linkage:
+        """The linkage with everything but gravity turned about the origin."""
+        return replace(
+            self,
+            bodies={
+                name: Body(body.mass, turn @ body.com, turn @ body.inertia @ turn.T) for name, body in self.bodies.items()
+            },
+            joints={
+                name: replace(joint, place=turn @ joint.place, turn=turn @ joint.turn)
+                for name, joint in self.joints.items()
+            },
+        )
+
+    def changed(self, change: Callable[[str, Body], Body]) -> Linkage:
         """The linkage with other bodies."""
         return replace(self, bodies={name: change(name, body) for name, body in self.bodies.items()})
 
