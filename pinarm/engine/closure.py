@@ -20,6 +20,10 @@ RANK = 1e-7
 """Singular value of G, its rows of length 1, relative to the largest, below which rows count as dependent: closed to
 rounding, a redundant loop leaves 1e-12."""
 
+VANISHED = 1e-9
+"""Length of a row of G, relative to the longest, that is 0 but for rounding: what holds a plane linkage in its plane
+vanishes exactly where its axes are those of the world, and leaves 1e-16 where they are not."""
+
 
 class Constraint(Protocol):
     """Rows of G that belong together, such as those of one joint."""
@@ -207,7 +211,7 @@ class Split:
             nv = rows.shape[1]
             return cls(np.ones(0), np.zeros((0, 0)), np.zeros(0), np.zeros((0, nv)), np.eye(nv), np.zeros((0, 0)))
         length = np.sqrt((rows * rows).sum(axis=1))
-        scale = 1.0 / np.where(length > 0.0, length, 1.0)
+        scale = 1.0 / np.where(length > VANISHED * length.max(), length, 1.0)
         u, s, vt = np.linalg.svd(rows * scale[:, None])
         r = int((s > least * max(s[0], 1e-300)).sum())
         return cls(scale, u[:, :r], s[:r], vt[:r], vt[r:].T, u[:, r:])

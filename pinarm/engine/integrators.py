@@ -31,6 +31,9 @@ TINY = 1e-300
 NOISE = 1e-6
 """Error of a step, relative to ``1 + |y|``, that blown-up rounding explains close to a singular position."""
 
+NOISELESS = 1e-8
+"""Smallest trial of the first step, relative to the duration: a state that is 0 but for rounding would ask for less."""
+
 SHORTEST = 16.0
 """Smallest step in units in the last place of t: below it, adding a stage's fraction of h no longer changes t."""
 
@@ -274,7 +277,8 @@ def first_step(
 
     d0, d1 = norm(y), norm(slope)
     h0 = 1e-6 if min(d0, d1) < 1e-5 else 0.01 * d0 / d1
-    h0 = min(h0, stretch.end - stretch.start)
+    duration = stretch.end - stretch.start
+    h0 = min(max(h0, NOISELESS * duration), duration)
     ahead = y + h0 * slope
     q, v = manifold.project(ahead[:nq]), ahead[nq:]
     further = np.concatenate([manifold.velocity(q, v), stretch.acceleration(stretch.start + h0, q, v)])

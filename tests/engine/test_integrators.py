@@ -174,6 +174,14 @@ class TestTolerance:
         self.check(self.errors(top.acceleration(), top.manifold, ATTITUDE, SPIN, t, turned(t).T))
 
 
+@pytest.mark.parametrize("noise", [0.0, 3e-17, -1e-16, 1e-15])
+def test_a_start_at_rest_that_is_off_zero_by_rounding_begins_with_no_smaller_steps(noise):
+    stretch = Stretch(0.0, 1.0, lambda t, q, v: np.array([np.cos(t), 50.0]))
+    solution = integrate([stretch], PLANE, np.full(2, noise), np.zeros(2), tolerance=1e-12)
+    assert len(solution.steps) < 30
+    assert solution.states(np.ones(1))[0][0] == pytest.approx([1.0 - np.cos(1.0), 25.0], rel=1e-11)
+
+
 def test_free_rotation_follows_the_elliptic_functions(top):
     """Landau and Lifshitz, Mechanics, section 37, for M^2 > 2 E I2: rotation near the axis of the largest moment."""
     i1, i2, i3 = MOMENTS

@@ -1,0 +1,95 @@
+"""Any joint may be the one that closes: the same linkage, cut at each of its joints in turn."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from catalogue import four_bar, rssr, slider_crank, taken_from
+from linkage import GROUND
+from motions import driven, free, poses, power, states, wrench
+from newton_euler import newton_euler
+
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.quantities import Quantities
+from pinarm.mechanics.laws import Harmonic
+
+MODELS = Path(__file__).parents[2] / "models"
+CRANK = {"crank_angle": {"kind": "rotation", "body": "crank_com", "about": "y"}}
+LAW = Harmonic(amplitude=1.2, pulsation=2.5)
+
+
+def manipulator():
+    """The manipulator at alpha = 0.4, the plane turned so that y of the model is z of the world."""
+    loaded = Mechanism.load(MODELS / "manipulator" / "mechanism.yaml")
+    r, h, alpha = 0.75, 2.0, 0.4
+    given = {"alpha": alpha, "B": -alpha, "E": alpha, "x": -r * np.cos(alpha), "y": h - r * np.sin(alpha)}
+    q = np.zeros(loaded.model.nq)
+    for name, value in given.items():
+        q[loaded.joints[name].q] = value
+    names = {"arm": "crank", "support": "support", "link_3": "link_3", "cylinder": "cylinder", "rod": "rod"}
+    flat = taken_from(loaded, q, names)
+    return flat.turned(np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]))
+
+
+LINKAGES = {
+    "four-bar": four_bar(), "isostatic four-bar": four_bar(("revolute", "spherical", "cylindrical", "revolute")),
+    "rsur": rssr(), "slider-crank": slider_crank(), "manipulator": manipulator(),
+}  # fmt: skip
+CRANKS = {"manipulator": "alpha"}
+CUTS = {
+    name: [[joint] for joint in linkage.joints] if name != "manipulator" else [
+        ["F", "D"], ["B", "D"], ["E", "D"], ["alpha", "x"], ["alpha", "D"], ["F", "y"], ["E", "x"], ["F", "alpha"],
+    ] for name, linkage in LINKAGES.items()
+}  # fmt: skip
+by_linkage = pytest.mark.parametrize("name", LINKAGES)
+
+
+def crank_of(name):
+    return CRANKS.get(name, "O")
+
+
+def turning(name, folder, cut):
+    """The crank turned by a motor, which acts along the joint, or where that is cut between the ground and the link."""
+    mechanism = LINKAGES[name].build(folder, cut, coordinates=CRANK)
+    along = crank_of(name) if crank_of(name) in mechanism.joints else "crank_angle"
+    law = LAW if name != "manipulator" else Harmonic(amplitude=0.5, pulsation=2.0)
+    run = driven(mechanism, {along: law}, 1.4, 6)
+    return run, Quantities(run)[f"coordinate.{along}.effort"].values
+
+
+@by_linkage
+class TestCutAtEachJointInTurn:
+    def test_the_motion_under_weight_is_the_same(self, name, tmp_path):
+        runs = [free(LINKAGES[name].build(tmp_path, cut), 0.5) for cut in CUTS[name]]
+        assert {tuple(run.mechanism.closure.slices()) for run in runs} == {tuple(sorted_as(name, cut)) for cut in CUTS[name]}
+        first, *others = (states(LINKAGES[name], run) for run in runs)
+        for other in others:
+            assert other == pytest.approx(first, rel=1e-9, abs=1e-8)
+
+    def test_the_motor_torque_is_the_same_and_drives_the_energy(self, name, tmp_path):
+        found = [turning(name, tmp_path, cut) for cut in CUTS[name]]
+        for run, torque in found:
+            rows = poses(LINKAGES[name], run)
+            assert torque == pytest.approx(found[0][1], rel=1e-11, abs=1e-11)
+            speed = [pose.omega["crank"][1] for pose in rows]
+            right = [power(LINKAGES[name], pose) for pose in rows]
+            assert torque * speed == pytest.approx(right, rel=1e-10, abs=1e-10)
+
+    def test_the_same_reactions_are_determined_and_they_are_the_same(self, name, tmp_path):
+        linkage = LINKAGES[name]
+        found = [(run, torque) for run, torque in (turning(name, tmp_path, cut) for cut in CUTS[name])]
+        for joint in linkage.joints:
+            seen = []
+            for run, torque in found:
+                components = wrench(linkage, run, joint)
+                if joint == crank_of(name) and joint in run.mechanism.closure.slices():  # the motor acts beside it
+                    components["moment.y"] = components["moment.y"] + torque
+                seen.append(components)
+            for components in seen[1:]:
+                assert set(components) == set(seen[0])
+                for component, values in components.items():
+                    assert values == pytest.approx(seen[0][component], rel=1e-9, abs=1e-9)
+
+
+def sorted_as(name, cut):
+    return [joint for joint in LINKAGES[name].joints if joint in cut]

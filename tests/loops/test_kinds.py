@@ -1,0 +1,202 @@
+"""Every kind of loop joint is the same joint as in the tree, where simple joints make it, and as in Newton's equations.
+
+The linkage: body A turns about an axis fixed to the ground; a joint of the kind holds body B, to A or to the ground. In
+the tree, B hangs on that joint; or it floats, and the joint closes a loop.
+"""
+
+from typing import get_args
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from linkage import GROUND, SIMPLE, Linkage, Poses, random_body, random_joint
+from motions import driven, free, poses, power, states, wrench
+from newton_euler import newton_euler
+
+from pinarm.engine.quantities import Quantities
+from pinarm.mechanics.laws import Harmonic
+from pinarm.mechanics.loops import Loop
+
+KINDS = sorted(str(kind.__struct_config__.tag) for kind in get_args(Loop))
+ENDS = {"A-B": ("A", "B"), "B-A": ("B", "A"), "ground-B": (GROUND, "B"), "B-ground": ("B", GROUND)}
+IN_TREE, IN_LOOP = ["free"], ["joint"]
+
+
+@pytest.fixture
+def linkage(request):
+    kind, ends = request.param
+    generator = np.random.default_rng([KINDS.index(kind), list(ENDS).index(ends)])
+    return Linkage(
+        {"A": random_body(generator), "B": random_body(generator)},
+        {
+            "pivot": random_joint(generator, "revolute", GROUND, "A"),
+            "joint": random_joint(generator, kind, *ENDS[ends]),
+            "free": random_joint(generator, "free", GROUND, "B"),
+        },
+    )
+
+
+every_kind = pytest.mark.parametrize("linkage", [(kind, "A-B") for kind in KINDS], indirect=True, ids=KINDS)
+everywhere = pytest.mark.parametrize(
+    "linkage", [(kind, ends) for kind in KINDS for ends in ENDS], indirect=True,
+    ids=[f"{kind} {ends}" for kind in KINDS for ends in ENDS],
+)  # fmt: skip
+
+
+@everywhere
+class TestJointThatClosesALoop:
+    def test_it_moves_as_the_one_in_the_tree(self, linkage, tmp_path):
+        runs = [free(linkage.build(tmp_path, cut)) for cut in (IN_TREE, IN_LOOP)]
+        tree, loop = (states(linkage, run) for run in runs)
+        assert loop == pytest.approx(tree, abs=2e-9)  # local errors of 1e-12, velocities of 10 rad/s
+
+    def test_its_wrench_and_accelerations_are_those_of_newton_and_euler(self, linkage, tmp_path):
+        run = free(linkage.build(tmp_path, IN_LOOP))
+        for row, pose in enumerate(poses(linkage, run)):
+            right = newton_euler(linkage, pose)
+            assert right.redundant == 0
+            assert right.open < 1e-12
+            assert right.speed < 1e-11
+            for body in linkage.bodies:
+                assert pose.acceleration[body] == pytest.approx(right.acceleration[body], rel=1e-10, abs=1e-10)
+                assert pose.alpha[body] == pytest.approx(right.alpha[body], rel=1e-10, abs=1e-10)
+            found = [values[row] for values in wrench(linkage, run, "joint").values()]
+            assert found == pytest.approx(right.wrench["joint"], rel=1e-10, abs=1e-10)
+
+    def test_its_wrench_is_that_of_the_one_in_the_tree(self, linkage, tmp_path):
+        if linkage.joints["joint"].kind == "fixed":
+            pytest.skip("a fixed joint in the tree makes one body of two")
+        tree, loop = (
+            wrench(linkage, free(linkage.build(tmp_path, cut)), "joint") for cut in (IN_TREE, IN_LOOP)
+        )
+        assert len(loop) == len(tree) == 6
+        for component, values in tree.items():
+            assert loop[component] == pytest.approx(values, abs=2e-9)
+
+    def test_drives_along_tasks_give_the_same_efforts(self, linkage, tmp_path):
+        tasks = independent_tasks(linkage)
+        efforts = []
+        for cut in (IN_TREE, IN_LOOP):
+            mechanism = linkage.build(tmp_path, cut, coordinates={
+                **{f"at_{axis}": {"kind": "point", "point": "B_com", "along": axis} for axis in "xyz"},
+                **{f"about_{axis}": {"kind": "rotation", "body": "B_com", "about": axis} for axis in "xyz"},
+            })  # fmt: skip
+            motion = {"pivot": Harmonic(amplitude=0.4, pulsation=3.0)}
+            for k, task in enumerate(tasks):
+                motion[task] = Harmonic(mean=at_rest(linkage, task), amplitude=0.1, pulsation=2.0 + k)
+            run = driven(mechanism, motion, 0.6, drives=list(motion))
+            asked = Quantities(run)
+            found = {name: asked[f"coordinate.{name}.effort"].values for name in motion}
+            given = sum(found[name] * asked[f"coordinate.{name}.velocity"].values for name in motion)
+            right = [power(linkage, pose) for pose in poses(linkage, run)]
+            assert given == pytest.approx(right, rel=1e-10, abs=1e-10)
+            efforts.append(found)
+        for name, values in efforts[0].items():
+            assert efforts[1][name] == pytest.approx(values, rel=1e-9, abs=1e-9)
+
+
+def at_rest(linkage, task):
+    kind, axis = task.split("_")
+    return float(linkage.bodies["B"].com["xyz".index(axis)]) if kind == "at" else 0.0
+
+
+def independent_tasks(linkage):
+    """As many coordinates of body B as the joint leaves it free, and that move most independently at the start."""
+    joint = linkage.joints["joint"]
+    parts = joint.simple() if joint.second == "B" else [(k, -axis, at) for k, axis, at in joint.simple()]
+    com, columns = linkage.bodies["B"].com, []
+    for kind, axis, at in parts:
+        turning = np.concatenate([np.cross(axis, com - at), axis])
+        columns.append(turning if kind == "continuous" else np.concatenate([axis, np.zeros(3)]))
+    left, names = np.array(columns).reshape(-1, 6).T, [f"{k}_{axis}" for k in ("at", "about") for axis in "xyz"]
+    chosen = []
+    for _ in parts:
+        size = np.linalg.norm(left, axis=1)
+        best = int(size.argmax())
+        chosen.append(names[best])
+        left = left - np.outer(left @ left[best], left[best]) / size[best] ** 2
+    return chosen
+
+
+@pytest.fixture
+def loop(linkage, tmp_path):
+    """The mechanism with the joint in the loop, and a closed configuration that is no special one."""
+    mechanism = linkage.build(tmp_path, IN_LOOP)
+    return mechanism, free(mechanism).q[-1]
+
+
+@every_kind
+class TestRows:
+    def test_they_are_the_rates_of_the_gap_where_it_is_closed(self, loop, differentiate):
+        mechanism, q = loop
+        closure, model = mechanism.closure, mechanism.model
+        closure.place(q)
+        rows = closure.rows()
+        assert np.abs(closure.gap(q)).max() < 1e-12
+        for v in np.random.default_rng(0).normal(size=(5, model.nv)):
+            assert rows @ v == pytest.approx(differentiate(lambda t, v=v: gap(mechanism, q, t * v), 0.0), abs=1e-9)
+
+    def test_rows_of_lengths_are_so_anywhere(self, loop, differentiate):
+        mechanism, _ = loop
+        closure, model = mechanism.closure, mechanism.model
+        k = closure.constraints[0].pair.lengths
+        for q, v in np.random.default_rng(1).normal(size=(5, 2, model.nv)):
+            closure.place(q)
+            assert (closure.rows() @ v)[:k] == pytest.approx(
+                differentiate(lambda t, q=q, v=v: gap(mechanism, q, t * v), 0.0)[:k], abs=1e-8
+            )
+
+    def test_the_drift_is_what_the_change_of_the_rows_does(self, loop, differentiate):
+        mechanism, _ = loop
+        closure, model = mechanism.closure, mechanism.model
+
+        def rows(q):
+            closure.place(q)
+            return closure.rows()
+
+        for q, v in np.random.default_rng(2).normal(size=(5, 2, model.nv)):
+            change = differentiate(lambda t, q=q, v=v: rows(pin.integrate(model, q, t * v)), 0.0)
+            closure.place(q)
+            assert closure.drift(q, v) == pytest.approx(change @ v, abs=1e-8)
+
+    def test_multipliers_have_the_power_of_their_wrenches_also_while_the_joint_is_open(self, loop):
+        mechanism, _ = loop
+        closure, model, data = mechanism.closure, mechanism.model, mechanism.model.createData()
+        generator = np.random.default_rng(3)
+        for q, v in generator.normal(size=(5, 2, model.nv)):
+            lam = generator.normal(size=closure.size)
+            closure.place(q)
+            pin.forwardKinematics(model, data, q, v)
+            twists = {i: data.oMi[i].act(data.v[i]).vector for i in range(model.njoints)}
+            power = sum(twists[joint] @ wrench for joint, wrench in closure.wrenches(lam).items())
+            assert power == pytest.approx(lam @ closure.rows() @ v, abs=1e-12)
+            assert closure.load(lam) == pytest.approx(closure.rows().T @ lam, abs=1e-12)
+
+    def test_they_leave_the_freedom_that_the_kind_has(self, linkage, loop):
+        mechanism, q = loop
+        mechanism.closure.place(q)
+        rows = mechanism.closure.rows()
+        freedom = len(SIMPLE[linkage.joints["joint"].kind])
+        assert rows.shape[0] == 6 - freedom
+        assert np.linalg.matrix_rank(rows) == 6 - freedom
+
+
+def gap(mechanism, q, step):
+    moved = pin.integrate(mechanism.model, q, step)
+    mechanism.closure.place(moved)
+    return mechanism.closure.gap(moved)
+
+
+@pytest.mark.parametrize("kind", ["revolute", "cylindrical", "planar"])
+@pytest.mark.parametrize("tilt", [0.0, 1e-9, 1e-3, 1.0, 3.0, np.pi])
+def test_the_open_angle_is_the_tilt_of_the_axes_whatever_the_turn_about_them(kind, tilt, tmp_path):
+    generator = np.random.default_rng(0)
+    joints = {"joint": random_joint(generator, kind, GROUND, "A"), "free": random_joint(generator, "free", GROUND, "A")}
+    pair = Linkage({"A": random_body(generator)}, joints).build(tmp_path, IN_LOOP).constraints[0].pair
+    for turn in np.linspace(0.0, 2 * np.pi, 13):
+        rotation = pin.exp3(np.array([0.0, 0.0, turn])) @ pin.exp3(np.array([tilt, 0.0, 0.0]))
+        open_angle = np.linalg.norm(pair.gap(np.zeros(3), rotation))
+        if tilt < np.pi:
+            assert open_angle == pytest.approx(tilt, rel=1e-12, abs=1e-15)
+        else:
+            assert open_angle > 3.0
