@@ -143,4 +143,5 @@ def _at(balance: Balance, found: Sequence[Equilibrium], grid: Grid) -> Trajector
     return Trajectory(
         balance.mechanism, "row", unit("1"), grid, q, still, still, efforts, np.zeros((len(q), 0)),
         balance.mechanism.closure, balance.dynamics, partial(_at, balance, found), further=further,
+        separate=True,
     )  # fmt: skip
