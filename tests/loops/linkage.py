@@ -127,7 +127,8 @@ class Linkage:
         return replace(
             self,
             bodies={
-                name: Body(body.mass, turn @ body.com, turn @ body.inertia @ turn.T) for name, body in self.bodies.items()
+                name: Body(body.mass, turn @ body.com, turn @ body.inertia @ turn.T)
+                for name, body in self.bodies.items()
             },
             joints={
                 name: replace(joint, place=turn @ joint.place, turn=turn @ joint.turn)

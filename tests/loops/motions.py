@@ -23,7 +23,9 @@ def anywhere(*path: object) -> nullcontext:
     return nullcontext()
 
 
-def free(mechanism: Mechanism, end=0.3, samples=4, *, position=None, velocity=None, tolerance=FINE, **more) -> Trajectory:
+def free(
+    mechanism: Mechanism, end=0.3, samples=4, *, position=None, velocity=None, tolerance=FINE, **more
+) -> Trajectory:
     """Forward dynamics."""
     initial = InitialState(position=position or {}, velocity=velocity or {})
     problem = Forward(time=TimeGrid(end=end, samples=samples), initial=initial, **more)
@@ -32,7 +34,9 @@ def free(mechanism: Mechanism, end=0.3, samples=4, *, position=None, velocity=No
 
 def driven(mechanism: Mechanism, motion: dict, end=1.0, samples=5, **more) -> Trajectory:
     """Inverse dynamics."""
-    return Inverse(time=TimeGrid(end=end, samples=samples), motion=motion, **more).solve(mechanism, Accuracy(), anywhere)
+    return Inverse(time=TimeGrid(end=end, samples=samples), motion=motion, **more).solve(
+        mechanism, Accuracy(), anywhere
+    )
 
 
 def poses(linkage: Linkage, run: Trajectory) -> list[Poses]:

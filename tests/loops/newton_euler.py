@@ -149,7 +149,9 @@ def newton_euler(linkage: Linkage, poses: Poses, dependent: float = 1e-9) -> Ans
     for name, joint in linkage.joints.items():
         mine = [i for i, owner in enumerate(owners) if owner == name]
         wrench[name] = _on_second(bodies, joint, ends[name], rows[mine].T @ lam[mine])
-    closed = [abs(value - linkage.joints[owner].length ** 2) for owner, (_, _, _, value) in zip(owners, found, strict=True)]
+    closed = [
+        abs(value - linkage.joints[owner].length ** 2) for owner, (_, _, _, value) in zip(owners, found, strict=True)
+    ]
     k = {name: 6 * i for i, name in enumerate(bodies.names)}
     return Answer(
         {name: motion[i : i + 3].astype(float) for name, i in k.items()},

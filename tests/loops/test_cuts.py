@@ -5,9 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from catalogue import four_bar, rssr, slider_crank, taken_from
-from linkage import GROUND
 from motions import driven, free, poses, power, states, wrench
-from newton_euler import newton_euler
 
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities import Quantities
@@ -61,7 +59,9 @@ def turning(name, folder, cut):
 class TestCutAtEachJointInTurn:
     def test_the_motion_under_weight_is_the_same(self, name, tmp_path):
         runs = [free(LINKAGES[name].build(tmp_path, cut), 0.5) for cut in CUTS[name]]
-        assert {tuple(run.mechanism.closure.slices()) for run in runs} == {tuple(sorted_as(name, cut)) for cut in CUTS[name]}
+        assert {tuple(run.mechanism.closure.slices()) for run in runs} == {
+            tuple(sorted_as(name, cut)) for cut in CUTS[name]
+        }
         first, *others = (states(LINKAGES[name], run) for run in runs)
         for other in others:
             assert other == pytest.approx(first, rel=1e-9, abs=1e-8)

@@ -9,7 +9,7 @@ from typing import get_args
 import numpy as np
 import pinocchio as pin
 import pytest
-from linkage import GROUND, SIMPLE, Linkage, Poses, random_body, random_joint
+from linkage import GROUND, SIMPLE, Linkage, random_body, random_joint
 from motions import driven, free, poses, power, states, wrench
 from newton_euler import newton_euler
 
@@ -66,9 +66,7 @@ class TestJointThatClosesALoop:
     def test_its_wrench_is_that_of_the_one_in_the_tree(self, linkage, tmp_path):
         if linkage.joints["joint"].kind == "fixed":
             pytest.skip("a fixed joint in the tree makes one body of two")
-        tree, loop = (
-            wrench(linkage, free(linkage.build(tmp_path, cut)), "joint") for cut in (IN_TREE, IN_LOOP)
-        )
+        tree, loop = (wrench(linkage, free(linkage.build(tmp_path, cut)), "joint") for cut in (IN_TREE, IN_LOOP))
         assert len(loop) == len(tree) == 6
         for component, values in tree.items():
             assert loop[component] == pytest.approx(values, abs=2e-9)
