@@ -34,7 +34,7 @@ def table_figures(run: Trajectory, most: int = SAMPLE) -> dict[str, float]:
         singular position, and ``least regular at``, where that is. ``condition``: largest condition number of the mass
         matrix of the free motions, scaled to a diagonal of ones. ``return trip``: largest difference of the
         accelerations that the efforts give by forward dynamics to those of the table, relative to the largest
-        acceleration that loads, efforts and gyroscopic forces would give one by one.
+        acceleration that efforts and loads would give if none of them cancelled.
     """
     rows = np.unique(np.linspace(0, len(run) - 1, min(len(run), most)).astype(np.intp))
     found = [_Row.of(run, int(row)) for row in rows]
@@ -101,8 +101,10 @@ def _return_trip(run: Trajectory, rows: Indices, found: list[_Row]) -> float:
         supplied, resisting = run.tau[row] + one.guided, bias[row]
         back = one.split.solve(one.mass, supplied - resisting, one.right)
         error = max(error, float(np.abs(back - run.a[row]).max(initial=0.0)))
-        parts = (one.split.solve(one.mass, part, 0.0 * one.right) for part in (supplied, resisting))
-        size = max(size, *(float(np.abs(part).max(initial=0.0)) for part in parts))
+        free = one.split.free
+        terms = np.abs(free).T @ (np.abs(supplied) + np.abs(resisting))
+        given = free @ np.linalg.solve(free.T @ one.mass @ free, terms)
+        size = max(size, float(np.abs(given).max(initial=0.0)))
     return error / size if size else 0.0
 
 

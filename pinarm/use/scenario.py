@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 import numpy as np
 
+from pinarm.arrays import Array
 from pinarm.engine.balance import power_balance
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities import Quantities
@@ -29,6 +30,7 @@ from pinarm.mechanics.payload import Payload
 from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.common import Accuracy
 from pinarm.use.expectation import Expectation
+from pinarm.use.find import Find, find
 from pinarm.use.result import Result
 
 
@@ -67,6 +69,7 @@ class ScenarioFile(Model, frozen=True):
         undetermined: What to do with reactions that rigid bodies do not determine: ``refuse`` them, or give those of
             the least multipliers (``minimum_norm``), marked as such.
         accuracy: How accurate the answer is wanted.
+        find: Numbers of the scenario to find first, and what they are to bring about.
         expect: The answer key: what the answer must be, and what was published.
     """
 
@@ -81,6 +84,7 @@ class ScenarioFile(Model, frozen=True):
     symbols: dict[str, str] = {}
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"
     accuracy: Accuracy = msgspec.field(default_factory=Accuracy)
+    find: Find | None = None
     expect: list[Expectation] = []
 
 
@@ -145,11 +149,13 @@ class Scenario:
         return parsed
 
     def run(self) -> Result:
-        """Solve the problem.
+        """Solve the problem; with ``find``, for the values that bring about what is wanted.
 
         Raises:
             PinarmError: The input is impossible, or the numerics failed; then ``partial`` holds the result until there.
         """
+        if self.content.find:
+            return self._found(self.content.find)
         try:
             with np.errstate(all="ignore"):  # what is not finite is found in the results, and said in words
                 return self._solved()
@@ -157,6 +163,46 @@ class Scenario:
             if isinstance(error.partial, Trajectory):
                 error.partial = self._result(error.partial, {})
             raise
+
+    def _found(self, asked: Find) -> Result:
+        """Find the unknown values and solve the problem with them."""
+        bare = replace(
+            self, document=replace(self.document, data={k: v for k, v in self.document.data.items() if k != "find"})
+        )
+
+        def residuals(values: Mapping[str, str]) -> dict[str, Array]:
+            return bare._set(values)._left(asked)
+
+        with self.document.locating("find"):
+            found = find(asked, residuals)
+        result = bare._set(found.values).run()
+        starts = zip(asked.unknown.items(), found.numbers, strict=True)
+        figures = {f"{path} [{start.unit or '1'}]" if isinstance(start, Measured) else path: value
+                   for (path, start), value in starts}  # fmt: skip
+        left = {
+            f"left of {name} (started with {found.before[name]:.3g})": rest for name, rest in found.residuals.items()
+        }
+        return replace(result, figures={**result.figures, **figures, **left})
+
+    def _set(self, values: Mapping[str, str]) -> Scenario:
+        """Return the scenario with other values, by their paths."""
+        document = self.document
+        for path, text in values.items():
+            document = document.override(f"{path}={text}")
+        content = document.validate(ScenarioFile)
+        return Scenario(document, content, _problem(document, content.problem), self.folder)
+
+    def _left(self, asked: Find) -> dict[str, Array]:
+        """Return the wanted quantities less their targets, at all rows."""
+        run = self.problem.solve(self.mechanism, self.content.accuracy, self._place)
+        quantities = Quantities(run, self.symbols, self.content.undetermined)
+        left = {}
+        for name, target in asked.wanted.items():
+            series = quantities[name]
+            if isinstance(target, Measured) and series.unit:
+                target.check(series.unit)
+            left[name] = series.values - float(target)
+        return left
 
     def _solved(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""

@@ -1,0 +1,75 @@
+"""Numbers of a scenario that bring something about, against closed forms."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+import pinarm
+from pinarm.errors import InputError, PinarmError
+from pinarm.use.scenario import Scenario
+
+ROOT = Path(pinarm.__file__).parents[1]
+ARM = """
+pinarm: 1
+mechanism: {models}/gen411_arm/mechanism.yaml
+problem: {{kind: statics, hold: {{O: 0 deg, phi: {phi}}}}}
+find:
+  for: {{{unknown}}}
+  so_that: {{{wanted}}}
+outputs: [C_B]
+"""
+
+
+def found(folder: Path, unknown: str, wanted: str, phi: str = "0 deg"):
+    (folder / ".pinarm-root").touch()
+    if not (folder / "models").exists():
+        import shutil
+
+        shutil.copytree(ROOT / "models" / "gen411_arm", folder / "models" / "gen411_arm")
+    file = folder / "arm.yaml"
+    file.write_text(ARM.format(models="models", unknown=unknown, wanted=wanted, phi=phi))
+    return Scenario.load(file).run()
+
+
+def test_the_load_for_a_torque_is_found_in_the_unit_it_was_asked_in(tmp_path):
+    """C_B = g l2 (m_A + m_BA / 2) at phi = 0."""
+    result = found(tmp_path, "arguments.m_A: 100 g", "C_B: 2 N*m")
+    assert result.figures["arguments.m_A [g]"] == pytest.approx(1e3 * (2.0 / (9.81 * 0.25) - 0.5), rel=1e-12)
+    assert result["C_B"].values == pytest.approx(2.0, rel=1e-13)
+    assert "find" not in result.data  # what is saved solves the problem itself
+    assert result.data["arguments"]["m_A"].endswith(" g")
+
+
+def test_an_angle_is_found_though_the_torque_bends_with_it(tmp_path):
+    result = found(tmp_path, "problem.hold.phi: 20 deg", "C_B: 1 N*m")
+    angle = math.degrees(math.acos(1.0 / (9.81 * 0.25 * 0.6)))
+    assert result.figures["problem.hold.phi [deg]"] == pytest.approx(angle, rel=1e-11)
+
+
+def test_what_cannot_be_met_is_met_as_nearly_as_can_be_and_the_rest_is_told(tmp_path):
+    """One mass for two torques, 2 and 3 N*m: it gives the middle."""
+    result = found(tmp_path, "arguments.m_A: 100 g", "C_B: 2 N*m, C_B + 0: 3 N*m")
+    left = [value for name, value in result.figures.items() if name.startswith("left of")]
+    assert left == pytest.approx([0.5, 0.5], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("unknown", "wanted", "message"),
+    [
+        ("arguments.l0: 0.5 m", "C_B: 2 N*m", "does not determine arguments.l0"),
+        (
+            "arguments.m_A: 100 g, arguments.m_BA: 1 kg",
+            "C_B: 2 N*m",
+            "not determine arguments.m_A, arguments.m_BA",
+        ),
+        ("arguments.m_Z: 100 g", "C_B: 2 N*m", "no argument 'm_Z'"),
+        ("arguments.m_A: 100 g", "C_B: 2 kg", "'kg' is not a unit"),
+        ("arguments.m_A: 100 g", "C_Q: 2 N*m", "no quantity 'C_Q'"),
+    ],
+)
+def test_what_is_refused(tmp_path, unknown, wanted, message):
+    with pytest.raises(PinarmError) as caught:
+        found(tmp_path, unknown, wanted)
+    assert isinstance(caught.value, InputError)
+    assert message in str(caught.value)
