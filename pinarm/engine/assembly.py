@@ -19,7 +19,7 @@ from pinarm.engine.closure import Closure, Split
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, joint_of
-from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.couplings import Coupling, independent
 from pinarm.mechanics.motion import Grid, MotionLaw, Values
 
 CLOSED = 1e-12
@@ -154,7 +154,7 @@ def follow(
     q0 = start_configuration(mechanism, {**start, **_imposed_at_start(mechanism, imposed, grid)})
     couplings = [one for one in mechanism.constraints if isinstance(one, Coupling)]
     linear = all(isinstance(coordinate, LinearCoordinate) for coordinate in imposed.coordinates)
-    if linear and len(couplings) == len(mechanism.constraints):
+    if linear and len(couplings) == len(mechanism.constraints) and independent(couplings):
         return _follow_linear(mechanism, couplings, imposed, grid)
     return _follow_by_steps(mechanism, imposed, grid, q0)
 
@@ -257,6 +257,9 @@ class _Solver:
         self.coordinates = imposed.coordinates
         owners = self.closure.owners()
         self.names = (*(constraint.name for constraint, _ in owners), *imposed.names)
+        straight = [isinstance(one, Coupling) for one, _ in owners]
+        straight += [isinstance(one, LinearCoordinate) for one in imposed.coordinates]
+        self.curved = ~np.array(straight, dtype=bool)
         self.units = [*(one.unit(row) for one, row in owners), *(c.unit for c in imposed.coordinates)]
 
     def gap(self, q: Array, w: Array) -> Array:
@@ -289,10 +292,12 @@ class _Solver:
             if self._closed(gap, w):
                 break
             rows = self.rows()
+            still = np.zeros(self.model.nv)
             step = np.linalg.lstsq(
-                np.vstack([rows, damping * np.eye(len(q))]), np.concatenate([gap, np.zeros(len(q))]), rcond=1e-12
+                np.vstack([rows, damping * np.eye(len(still))]), np.concatenate([gap, still]), rcond=1e-12
             )[0]
-            step *= min(1.0, 0.5 / np.abs(step).max(initial=1e-300))
+            turning = rows[self.curved].any(axis=0)  # the turns of a screw are many and need no caution
+            step *= min(1.0, 0.5 / np.abs(step[turning]).max(initial=1e-300))
             trial = pin.integrate(self.model, q, step)
             trial_gap = self.gap(trial, w)
             if np.linalg.norm(trial_gap) < np.linalg.norm(gap):
@@ -372,12 +377,14 @@ class _Solver:
     def _unreachable(self, q: Array, gap: Array, t: float) -> AssemblyError:
         worst = int(np.abs(gap).argmax())
         missed = "stays open" if worst < self.closure.size else "misses its value"
+        torn = {name: None for name, size in zip(self.names, np.abs(gap), strict=True) if size > 0.1 * abs(gap[worst])}
+        others = ", ".join(name for name in torn if name != self.names[worst])
         configuration = ", ".join(
             f"{self.model.names[i]} = {q[self.model.joints[i].idx_q]:.6g}" for i in range(1, self.model.njoints)
         )
         return AssemblyError(
             f"the motion is out of reach at {t:.9g}: {self.names[worst]} {missed} by {abs(gap[worst]):.3g} "
-            f"{self.units[worst]}",
+            f"{self.units[worst]}" + (f", and with it {others}" if others else ""),
             expected=f"a motion that the mechanism can follow; the closest it comes is {configuration}",
             hint="other values of the law, or another start that chooses the branch",
             t=t, q=q, gap=gap,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pinocchio as pin
 
@@ -9,6 +11,9 @@ from pinarm.arrays import Array
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Solution
 from pinarm.engine.trajectory import Trajectory
+
+Whole = Callable[[Array, Array], tuple[Array, Array]]
+"""Rows of integrated states to rows of those of the mechanism: ``q, v -> q, v``."""
 
 SAMPLE = 64
 """Largest number of rows that are checked: a fixed, even choice, so that the cost of large tables stays bounded."""
@@ -60,7 +65,9 @@ def power_balance(trajectory: Trajectory) -> dict[str, float]:
     return {"equilibrium": _relative(residuals, terms), "power": _relative(powers, scale)}
 
 
-def energy_balance(solution: Solution, dynamics: list[Dynamics]) -> dict[str, float]:
+def energy_balance(
+    solution: Solution, dynamics: list[Dynamics], whole: Whole = lambda q, v: (q, v)
+) -> dict[str, float]:
     """Return the largest change of energy that nothing accounts for, at the ends of the steps.
 
     ``E(t) - E(0) + integral of the dissipated power``, relative to the largest energy exchanged: between kinetic and
@@ -69,27 +76,28 @@ def energy_balance(solution: Solution, dynamics: list[Dynamics]) -> dict[str, fl
     Args:
         solution: The integrated motion.
         dynamics: The equation of motion on each of its stretches.
+        whole: Integrated states to those of the mechanism, where they are not the same.
     """
     steps = solution.steps
     if not steps:
         return {}
     ends = np.array([*(step.t for step in steps), solution.end])
-    q, v = solution.states(ends)
+    q, v = whole(*solution.states(ends))
     kinetic, potential = dynamics[0].energy(q, v)
-    lost = np.concatenate([[0.0], np.cumsum(_losses(solution, dynamics))])
+    lost = np.concatenate([[0.0], np.cumsum(_losses(solution, dynamics, whole))])
     drift = kinetic + potential + lost - kinetic[0] - potential[0]
     exchanged = max(np.ptp(kinetic), np.ptp(potential), np.ptp(lost), np.abs(kinetic).max())
     return {"energy": float(np.abs(drift).max() / exchanged) if exchanged else 0.0}
 
 
-def _losses(solution: Solution, dynamics: list[Dynamics]) -> Array:
+def _losses(solution: Solution, dynamics: list[Dynamics], whole: Whole) -> Array:
     """Return the energy dissipated in every step [J], shape (steps,)."""
     if not any(part.forces for part in dynamics):
         return np.zeros(len(solution.steps))
     nodes, weights = np.polynomial.legendre.leggauss(GAUSS_NODES)
     h = np.array([step.h for step in solution.steps])
     t = (np.array([step.t for step in solution.steps])[:, None] + 0.5 * h[:, None] * (nodes + 1.0)).ravel()
-    q, v = solution.states(t)
+    q, v = whole(*solution.states(t))
     stretch = np.repeat([step.stretch for step in solution.steps], GAUSS_NODES)
     powers = np.zeros(len(t))
     for index in np.unique(stretch):

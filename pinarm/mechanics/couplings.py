@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,6 +126,12 @@ def _coupled(
     weights = second.weights.copy()
     weights[one.v] = -ratio
     return Coupling(name, kind, LinearCoordinate(two.unit, weights, second.places), offset)
+
+
+def independent(couplings: Sequence[Coupling]) -> bool:
+    """Tell whether none of the couplings repeats or contradicts what the others say, as the third of a train does."""
+    rows = np.array([one.coordinate.weights for one in couplings])
+    return not couplings or int(np.linalg.matrix_rank(rows)) == len(rows)
 
 
 CouplingDefinition = Gear | Screw

@@ -93,7 +93,7 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         except (IntegrationError, Interrupted) as error:
             error.partial = run.until(error.partial, grid) if error.partial.steps else None
             raise
-        return run.trajectory(solution, grid, self._figures(solution, dynamics, spans))
+        return run.trajectory(solution, grid, self._figures(solution, run, spans))
 
     def _start(self, mechanism: Mechanism, place: Place) -> Initial:
         """Return the initial state of the mechanism."""
@@ -115,7 +115,7 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         )
         return Initial(q, v, positions, velocities)
 
-    def _figures(self, solution: Solution, dynamics: Dynamics, spans: list[tuple[float, float]]) -> dict[str, float]:
+    def _figures(self, solution: Solution, run: _Run, spans: list[tuple[float, float]]) -> dict[str, float]:
         """Return the cost of a run and, where no drive works, the balance of its energy."""
         cost = {
             "steps": float(len(solution.steps)),
@@ -126,7 +126,8 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
             cost["steps at the noise floor"] = float(solution.floored)
         if self.motion:
             return cost
-        return {**cost, **energy_balance(solution, [dynamics.on(low, high) for low, high in spans])}
+        local = [run.dynamics.on(low, high) for low, high in spans]
+        return {**cost, **energy_balance(solution, local, run.system.whole)}
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,7 +68,7 @@ def slider_crank() -> Linkage:
 
 
 def taken_from(mechanism: Mechanism, q: np.ndarray, names: dict[str, str]) -> Linkage:
-    """The linkage that a model with simple joints is, at a closed configuration; ``names``: link -> name in the tree."""
+    """The linkage that a model with simple joints is, at a closed configuration; ``names``: link -> body."""
     model, data = mechanism.model, mechanism.model.createData()
     pin.framesForwardKinematics(model, data, q)
     called = {0: GROUND, **{model.frames[model.getFrameId(link)].parentJoint: name for link, name in names.items()}}

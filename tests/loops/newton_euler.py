@@ -74,7 +74,7 @@ class Bodies:
     def rows(self, joint: Joint) -> list[tuple]:
         """What a joint holds."""
         x, y, z = (self.vector(joint.first, axis) for axis in joint.turn.T)
-        x2, y2, z2 = (self.vector(joint.second, axis) for axis in joint.turn.T)
+        y2, z2 = (self.vector(joint.second, axis) for axis in joint.turn.T[1:])
         apart = self.point(joint.second, joint.end()) - self.point(joint.first, joint.place)
         ball = [x.dot(apart), y.dot(apart), z.dot(apart)]
         parallel = [x.dot(z2), y.dot(z2)]

@@ -17,7 +17,7 @@ from pinarm.engine.systems.free import FreeSystem
 from pinarm.engine.systems.points import PointSystem
 from pinarm.engine.systems.reduced import FreePart, ReducedSystem
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.couplings import Coupling, independent
 from pinarm.mechanics.laws import Constant
 
 __all__ = ["Initial", "Motion", "System", "system_of"]
@@ -37,7 +37,8 @@ def system_of(closure: Closure, dynamics: Dynamics, imposed: Imposed, initial: I
     """
     couplings = [one for one in closure.constraints if isinstance(one, Coupling)]
     linear = [one for one in imposed.coordinates if isinstance(one, LinearCoordinate)]
-    if len(linear) < len(imposed.coordinates) or len(couplings) < len(closure.constraints):
+    bent = len(linear) < len(imposed.coordinates) or len(couplings) < len(closure.constraints)
+    if bent or not independent(couplings):
         general = ConstrainedSystem.of(closure, dynamics, imposed)
         driven = [one.joint for one in linear if one.joint is not None]
         points = PointClosure.of(closure, initial.q, driven) if len(driven) == len(imposed.names) else None

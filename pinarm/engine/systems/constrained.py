@@ -164,6 +164,10 @@ class ConstrainedSystem:
             expected="a motion on which the loops stay closed", t=t, q=q, gap=gap,
         )  # fmt: skip
 
+    def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the states themselves."""
+        return q, v
+
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
         """Return the motion, closed at every row, with accelerations, efforts and multipliers."""
         model, n, m = self.rows.model, len(q), self.closure.size

@@ -69,6 +69,10 @@ class System(Protocol):
         """Return the motion of the integrated state on an interval without jumps."""
         ...
 
+    def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the mechanism's states, shapes (n, nq) and (n, nv), from integrated ones, where nothing follows a law."""
+        ...
+
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
         """Return the motion of the mechanism at the rows of a grid, from the integrated states there."""
         ...

@@ -34,6 +34,10 @@ class FreeSystem:
         """Return the motion of the free tree."""
         return Stretch(start, end, dynamics.on(start, end).acceleration())
 
+    def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the states themselves."""
+        return q, v
+
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
         """Return the states with the accelerations of the equation of motion."""
         a = np.concatenate([part.forward(grid.t[rows], q[rows], v[rows]) for rows, part in parts(dynamics, grid)])

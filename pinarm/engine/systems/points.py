@@ -61,6 +61,10 @@ class PointSystem:
         motion = _PointMotion(self.points, dynamics.on(start, end), self.general.imposed.on(start, end))
         return Stretch(start, end, motion.acceleration, motion.settle, motion.floor)
 
+    def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the states themselves."""
+        return q, v
+
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
         """Return the motion, closed at every row, with accelerations and multipliers."""
         return self.general.complete(dynamics, grid, q, v)

@@ -14,6 +14,7 @@ from pinarm.engine.integrators import Acceleration, Manifold, Stretch
 from pinarm.engine.reduction import Reduction
 from pinarm.engine.systems.contract import Initial, Motion, parts
 from pinarm.errors import InputError
+from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.motion import Grid
 
 CONTRADICTION = 1e-9
@@ -60,6 +61,11 @@ class ReducedSystem:
 
     def _acceleration(self, dynamics: Dynamics, start: float, end: float) -> Acceleration:
         return self.reduction.acceleration(dynamics.on(start, end), self.imposed.on(start, end))
+
+    def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the states with the coupled coordinates in them."""
+        w = np.array([law.value for law in self.imposed.laws if isinstance(law, Constant)])
+        return np.array([self.reduction.configuration(row, w) for row in q]), v @ self.reduction.basis.T
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
         """Return the whole motion, and the efforts by inverse dynamics."""

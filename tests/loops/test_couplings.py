@@ -1,0 +1,198 @@
+"""Gears and screws against equations by hand; alone, and beside loops, which take another route through the engine."""
+
+import numpy as np
+import pytest
+from motions import anywhere, driven, free
+
+from pinarm.engine.quantities import Quantities
+from pinarm.errors import AssemblyError, InputError
+from pinarm.mechanics.forces.joint import JointEffort
+from pinarm.mechanics.laws import Constant, ConstantAcceleration, Harmonic
+from pinarm.problems.common import Accuracy
+from pinarm.problems.states import Statics
+
+J1, J2, J3, RATIO = 0.3, 0.05, 0.02, -2.5
+M, LEAD, G = 7.0, 0.012, 9.81
+
+
+def disc(name, inertia, at="0 0 0", axis="0 0 1"):
+    return f"""<link name="{name}_link"><inertial><mass value="1.0"/>
+      <inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="{name}" type="continuous"><parent link="base"/><child link="{name}_link"/><origin xyz="{at}"/>
+      <axis xyz="{axis}"/></joint>"""
+
+
+WHEELS = disc("one", J1) + disc("two", J2, "1 0 0") + disc("three", J3, "2 0 0")
+DISCS = f'<robot name="discs"><link name="base"/>{WHEELS}</robot>'
+JACK = f"""<robot name="jack"><link name="base"/>{disc("screw", J1)}
+  <link name="nut_link"><inertial><mass value="{M}"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="nut" type="prismatic"><parent link="base"/><child link="nut_link"/><axis xyz="0 0 1"/>
+    <limit lower="-9" upper="9" effort="1e6" velocity="1e6"/></joint></robot>"""
+BESIDE = {  # a second bearing of the first disc: it closes a loop and changes nothing
+    "alone": {},
+    "beside a loop": {"loops": {"bearing": {"kind": "revolute", "between": ["base", "one_link"], "axis": "z"}}},
+}
+
+
+def gear(one, two, ratio, **more):
+    return {"kind": "gear", "joints": [one, two], "ratio": ratio, **more}
+
+
+def angles(run, joint):
+    return run.q[:, run.mechanism.joints[joint].q]
+
+
+def speeds(run, joint):
+    return run.v[:, run.mechanism.joints[joint].v]
+
+
+def rates(run, joint):
+    return run.a[:, run.mechanism.joints[joint].v]
+
+
+@pytest.fixture(params=BESIDE)
+def train(request, mechanism):
+    """Three discs, the first two in mesh."""
+    return mechanism(DISCS, couplings={"mesh": gear("one", "two", RATIO)}, **BESIDE[request.param])
+
+
+class TestGear:
+    def test_inertia_is_felt_by_the_square_of_the_ratio(self, train):
+        run = free(train, loads={"motor": JointEffort(joint="one", effort=Constant(value=4.0))})
+        assert rates(run, "one") == pytest.approx(4.0 / (J1 + RATIO**2 * J2), rel=1e-12)
+        assert rates(run, "two") == pytest.approx(RATIO * rates(run, "one"), rel=1e-12)
+        assert rates(run, "three") == pytest.approx(0.0, abs=1e-12)
+        assert angles(run, "two") == pytest.approx(RATIO * angles(run, "one"), abs=1e-12)
+        assert run.figures["energy"] < 1e-11
+
+    def test_a_torque_on_the_second_disc_is_felt_by_the_ratio(self, train):
+        run = free(train, loads={"motor": JointEffort(joint="two", effort=Constant(value=4.0))})
+        assert rates(run, "one") == pytest.approx(RATIO * 4.0 / (J1 + RATIO**2 * J2), rel=1e-12)
+
+    def test_the_motor_torque_of_a_given_motion(self, train):
+        law = Harmonic(amplitude=0.7, pulsation=3.0)
+        run = driven(train, {"one": law, "three": Constant(value=0.2)})
+        q = angles(run, "one")
+        assert Quantities(run)["joint.one.effort"].values == pytest.approx((J1 + RATIO**2 * J2) * -9.0 * q, abs=1e-12)
+        assert angles(run, "two") == pytest.approx(RATIO * q, abs=1e-12)
+
+    def test_the_motor_may_sit_on_the_other_disc(self, train):
+        law = Harmonic(amplitude=0.7, pulsation=3.0)
+        run = driven(train, {"one": law, "three": Constant(value=0.2)}, drives=["two", "three"])
+        a = -9.0 * angles(run, "one")
+        found = Quantities(run)["joint.two.effort"].values
+        assert found == pytest.approx((J1 + RATIO**2 * J2) * a / RATIO, abs=1e-12)
+
+    def test_a_prescribed_disc_takes_the_other_along(self, train):
+        run = free(train, motion={"two": ConstantAcceleration(acceleration=5.0)})
+        assert rates(run, "one") == pytest.approx(5.0 / RATIO, rel=1e-12)
+        found = Quantities(run)["joint.two.effort"].values
+        assert found == pytest.approx((J2 + J1 / RATIO**2) * 5.0, rel=1e-11)
+
+    def test_an_offset_is_kept(self, mechanism):
+        geared = mechanism(DISCS, couplings={"mesh": gear("one", "two", RATIO, offset="0.3 rad")})
+        run = driven(geared, {"one": Harmonic(amplitude=0.7, pulsation=3.0), "three": Constant(value=0.0)})
+        assert angles(run, "two") == pytest.approx(RATIO * angles(run, "one") + 0.3, abs=1e-14)
+        still = free(geared)
+        assert angles(still, "two") == pytest.approx(RATIO * angles(still, "one") + 0.3, abs=1e-14)
+
+
+@pytest.mark.parametrize("beside", BESIDE)
+class TestTrain:
+    """Three discs in mesh all round: the third coupling says what the other two say."""
+
+    round = {"a": gear("one", "two", RATIO), "b": gear("two", "three", -4.0), "c": gear("one", "three", -4.0 * RATIO)}
+
+    def test_a_coupling_that_says_it_again_changes_nothing(self, mechanism, beside):
+        train = mechanism(DISCS, couplings=self.round, **BESIDE[beside])
+        felt = J1 + RATIO**2 * J2 + (4.0 * RATIO) ** 2 * J3
+        run = free(train, loads={"motor": JointEffort(joint="one", effort=Constant(value=4.0))})
+        assert rates(run, "one") == pytest.approx(4.0 / felt, rel=1e-12)
+        turned = driven(train, {"one": Harmonic(amplitude=0.7, pulsation=3.0)})
+        assert Quantities(turned)["joint.one.effort"].values == pytest.approx(
+            -9.0 * felt * angles(turned, "one"), abs=1e-12
+        )
+
+    def test_one_that_contradicts_blocks_the_train(self, mechanism, beside):
+        blocked = {**self.round, "c": gear("one", "three", 7.0)}
+        train = mechanism(DISCS, couplings=blocked, **BESIDE[beside])
+        with pytest.raises(InputError, match="only 0 degrees of freedom"):
+            driven(train, {"one": Harmonic(amplitude=0.7, pulsation=3.0)})
+
+    def test_offsets_that_contradict_are_named(self, mechanism, beside):
+        torn = {**self.round, "c": gear("one", "three", -4.0 * RATIO, offset="0.1 rad")}
+        train = mechanism(DISCS, couplings=torn, **BESIDE[beside])
+        for ask in (
+            lambda: driven(train, {"one": Constant(value=0.0)}),
+            lambda: free(train, loads={"motor": JointEffort(joint="one", effort=Constant(value=4.0))}),
+        ):
+            with pytest.raises((InputError, AssemblyError), match=r"a stays open by 0.02.* rad, and with it b, c"):
+                ask()
+
+
+class TestScrew:
+    screw = {"thread": {"kind": "screw", "joints": ["screw", "nut"], "lead": f"{LEAD} m"}}
+
+    def test_torque_holds_the_weight_by_lead_over_a_turn(self, mechanism):
+        jack = mechanism(JACK, couplings=self.screw)
+        run = Statics(hold={"screw": 0.4}).solve(jack, Accuracy(), anywhere)
+        assert Quantities(run)["joint.screw.effort"].values == pytest.approx(M * G * LEAD / (2 * np.pi), rel=1e-14)
+        assert angles(run, "nut") == pytest.approx(0.4 * LEAD / (2 * np.pi), rel=1e-14)
+
+    def test_the_weight_turns_a_free_screw(self, mechanism):
+        jack = mechanism(JACK, couplings=self.screw)
+        run = free(jack)
+        pitch = LEAD / (2 * np.pi)
+        assert rates(run, "screw") == pytest.approx(-M * G * pitch / (J1 + M * pitch**2), rel=1e-12)
+
+    def test_a_screw_that_turns_the_left_way_lowers(self, mechanism):
+        left = {"thread": {**self.screw["thread"], "lead": f"-{LEAD} m"}}
+        run = Statics(hold={"screw": 0.4}).solve(mechanism(JACK, couplings=left), Accuracy(), anywhere)
+        assert Quantities(run)["joint.screw.effort"].values == pytest.approx(-M * G * LEAD / (2 * np.pi), rel=1e-14)
+
+
+RODS = """<robot name="lift"><link name="base"/>{screw}
+  <link name="nut_link"/>
+  <joint name="nut" type="prismatic"><parent link="base"/><child link="nut_link"/><origin xyz="0 0 0"/>
+    <axis xyz="1 0 0"/><limit lower="-9" upper="9" effort="1e6" velocity="1e6"/></joint>
+  <link name="strut"/>
+  <joint name="foot" type="continuous"><parent link="nut_link"/><child link="strut"/><axis xyz="0 -1 0"/></joint>
+  <link name="strut_end"/><joint name="end" type="fixed"><parent link="strut"/><child link="strut_end"/>
+    <origin xyz="0.5 0 0"/></joint>
+  <link name="table"><inertial><mass value="{mass}"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="height" type="prismatic"><parent link="base"/><child link="table"/><origin xyz="0.6 0 0"/>
+    <axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="1e6" velocity="1e6"/></joint></robot>"""
+
+
+class TestScrewThatDrivesALoop:
+    """A screw moves the foot of a strut along x, its head lifts a table: ``(0.6 - x)^2 + h^2 = 0.5^2``."""
+
+    def built(self, mechanism):
+        return mechanism(
+            RODS.format(screw=disc("screw", J1, axis="1 0 0"), mass=M),
+            couplings={"thread": {"kind": "screw", "joints": ["screw", "nut"], "lead": f"{LEAD} m"}},
+            loops={"head": {"kind": "revolute", "between": ["strut_end", "table"], "axis": "y"}},
+        )
+
+    def test_the_holding_torque_by_virtual_work(self, mechanism):
+        x = 0.25
+        start = {"foot": 0.8, "height": 0.3}
+        run = Statics(hold={"nut": x}, drives=["screw"], start=start).solve(self.built(mechanism), Accuracy(), anywhere)
+        h = np.sqrt(0.5**2 - (0.6 - x) ** 2)
+        rise = (0.6 - x) / h  # dh/dx
+        assert Quantities(run)["joint.height.position"].values == pytest.approx(h, rel=1e-14)
+        found = Quantities(run)["joint.screw.effort"].values
+        assert found == pytest.approx(M * G * rise * LEAD / (2 * np.pi), rel=1e-12)
+
+    def test_the_free_fall_by_lagrange(self, mechanism):
+        """The strut, the foot and the nut have no mass: one coordinate, the angle of the screw."""
+        run = free(self.built(mechanism), 0.2, 5, position={"nut": 0.25}, start={"foot": 0.8, "height": 0.3})
+        pitch = LEAD / (2 * np.pi)
+        for angle, speed, found in zip(*(rate(run, "screw") for rate in (angles, speeds, rates)), strict=True):
+            u = 0.6 - pitch * angle
+            h = np.sqrt(0.25 - u * u)
+            slope, bend = pitch * u / h, -(pitch**2) * 0.25 / h**3  # dh/dangle, its derivative
+            right = (-M * G * slope - M * slope * bend * speed**2) / (J1 + M * slope**2)
+            assert found == pytest.approx(right, rel=1e-11)
