@@ -200,8 +200,7 @@ def start_configuration(mechanism: Mechanism, start: Mapping[str, float]) -> Arr
     """
     q: Array = pin.neutral(mechanism.model)
     for name, value in start.items():
-        joint_of(mechanism.joints, name)
-        q[mechanism.joints[name].q] = value
+        q[joint_of(mechanism.joints, name).q] = value
     return q
 
 

@@ -106,8 +106,8 @@ class Dynamics:
             InputError: The shapes do not fit the model.
         """
         nq, nv = self.model.nq, self.model.nv
-        q, v, a = self._rows(q, nq, "q"), self._rows(v, nv, "v"), self._rows(a, nv, "a")
-        self._same_rows(q, v, a)
+        q, v, a = as_rows(q, nq, "q"), as_rows(v, nv, "v"), as_rows(a, nv, "a")
+        same_rows(q, v, a)
         tau: Array = pin.rneaInParallel(1, self._pool, q.T, v.T, a.T).reshape(nv, -1).T
         return tau - self.loads(t, q, v) if self.forces else tau
 
@@ -126,12 +126,12 @@ class Dynamics:
         Raises:
             InputError: The shapes do not fit the model.
         """
-        q, v = self._rows(q, self.model.nq, "q"), self._rows(v, self.model.nv, "v")
-        self._same_rows(q, v)
+        q, v = as_rows(q, self.model.nq, "q"), as_rows(v, self.model.nv, "v")
+        same_rows(q, v)
         total = self.loads(t, q, v)
         if tau is not None:
-            efforts = self._rows(tau, self.model.nv, "tau")
-            self._same_rows(q, efforts)
+            efforts = as_rows(tau, self.model.nv, "tau")
+            same_rows(q, efforts)
             total += efforts
         a: Array = pin.abaInParallel(1, self._pool, q.T, v.T, total.T).reshape(self.model.nv, -1).T
         return a
@@ -168,13 +168,25 @@ class Dynamics:
         """Return the power that leaves through force elements [W], shape (n,); negative where they drive."""
         return np.asarray(sum((force.dissipated_power(t, q, v) for force in self.forces.values()), np.zeros(len(q))))
 
-    def _same_rows(self, *arrays: Array) -> None:
-        if len({len(array) for array in arrays}) > 1:
-            rows = ", ".join(str(len(array)) for array in arrays)
-            raise InputError(f"the arrays have {rows} rows", expected="as many in each")
 
-    def _rows(self, x: Array, width: int, name: str) -> Array:
-        rows = np.atleast_2d(np.asarray(x, dtype=np.float64))
-        if rows.ndim != 2 or rows.shape[1] != width:
-            raise InputError(f"{name} has the shape {np.shape(x)}", expected=f"(n, {width}) or ({width},)")
-        return rows
+def as_rows(x: Array, width: int, name: str) -> Array:
+    """Return an array of states as rows, shape (n, width).
+
+    Raises:
+        InputError: It has another shape.
+    """
+    rows = np.atleast_2d(np.asarray(x, dtype=np.float64))
+    if rows.ndim != 2 or rows.shape[1] != width:
+        raise InputError(f"{name} has the shape {np.shape(x)}", expected=f"(n, {width}) or ({width},)")
+    return rows
+
+
+def same_rows(*arrays: Array) -> None:
+    """Raise where arrays have different numbers of rows.
+
+    Raises:
+        InputError: Says how many each has.
+    """
+    if len({len(array) for array in arrays}) > 1:
+        rows = ", ".join(str(len(array)) for array in arrays)
+        raise InputError(f"the arrays have {rows} rows", expected="as many in each")

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
 from pinarm.engine.closure import Closure, Constraint
@@ -31,6 +32,9 @@ from pinarm.mechanics.forces import ForceElement
 from pinarm.mechanics.forces.joint import SpringDamper
 from pinarm.mechanics.model import build_model
 from pinarm.mechanics.payload import Payload, laden
+
+if TYPE_CHECKING:
+    from pinarm.engine.quantities import Quantities
 
 Locate = Callable[..., AbstractContextManager[None]]
 """``with locate("forces", "spring"):`` gives errors of the block that place of a file."""
@@ -113,12 +117,65 @@ class Mechanism:
         return Dynamics.of(self.model, self.forces)
 
     def inverse(self, q: Array, v: Array, a: Array, *, t: float = 0.0) -> Array:
-        """Return the efforts that the drives must give; see ``Dynamics.inverse``."""
-        return self.dynamics.on(t, np.nextafter(t, np.inf)).inverse(t, q, v, a)
+        """Return the efforts that the drives must give; see ``Dynamics.inverse``.
+
+        Raises:
+            InputError: The mechanism has loops or couplings, or the shapes do not fit.
+        """
+        return self._open_at(t).inverse(t, q, v, a)
 
     def forward(self, q: Array, v: Array, tau: Array | None = None, *, t: float = 0.0) -> Array:
-        """Return the accelerations under given efforts; see ``Dynamics.forward``."""
-        return self.dynamics.on(t, np.nextafter(t, np.inf)).forward(t, q, v, tau)
+        """Return the accelerations under given efforts; see ``Dynamics.forward``.
+
+        Raises:
+            InputError: The mechanism has loops or couplings, or the shapes do not fit.
+        """
+        return self._open_at(t).forward(t, q, v, tau)
+
+    def _open_at(self, t: float) -> Dynamics:
+        """Return the dynamics of an open chain just after an instant."""
+        if self.constraints:
+            names = ", ".join(constraint.name for constraint in self.constraints)
+            raise InputError(f"the joints of this mechanism are tied by {names}", expected="an open chain",
+                             hint="at(q, v, a, drives=[...]) or at(q, v, tau=...)")  # fmt: skip
+        return self.dynamics.on(t, np.nextafter(t, np.inf))
+
+    def configurations(self, positions: Mapping[str, ArrayLike]) -> Array:
+        """Return q, shape (n, nq), from joint coordinates by name; see ``states.configurations``."""
+        from pinarm.engine import states
+
+        return states.configurations(self, positions)
+
+    def rates(self, values: Mapping[str, ArrayLike]) -> Array:
+        """Return v, a or tau, shape (n, nv), from those of joints by name; see ``states.rates``."""
+        from pinarm.engine import states
+
+        return states.rates(self, values)
+
+    def at(
+        self, q: Array, v: Array | None = None, a: Array | None = None, tau: Array | None = None, *,
+        drives: Sequence[str] = (), t: float = 0.0,
+    ) -> Quantities:  # fmt: skip
+        """Return the quantities of states by name: ``at(q, v)["point.A.position.x"].values`` and all others.
+
+        Every row is a state of its own. Forces that follow laws have their values just after the instant t.
+
+        Args:
+            q: Configurations, shape (n, nq) or (nq,).
+            v: Velocities, shape (n, nv); 0 where they are left out.
+            a: Accelerations, shape (n, nv); 0 where neither they nor efforts are given.
+            tau: Efforts of the drives [N*m or N], shape (n, nv), in place of accelerations, which follow from them.
+            drives: Coordinates that the drives act along where accelerations are given; every joint of an open chain
+                where none is named. Without any a mechanism with loops tells no forces.
+            t: Instant [s].
+
+        Raises:
+            InputError: Shapes do not fit, or a state tears a loop.
+            DynamicsError: The drives do not determine their efforts.
+        """
+        from pinarm.engine import states
+
+        return states.quantities(self, q, v, a, tau, drives, t)
 
     @cached_property
     def closure(self) -> Closure:

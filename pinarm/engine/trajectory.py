@@ -68,6 +68,7 @@ class Trajectory:
         figures: What was measured of its accuracy and cost, by name.
         unasked: Why the run has no efforts; empty where it has.
         further: What the problem found beside the motion, by name.
+        separate: Whether the rows are states of their own, not one motion.
     """
 
     mechanism: Mechanism
@@ -85,6 +86,7 @@ class Trajectory:
     figures: Mapping[str, float] = field(default_factory=dict)
     unasked: str = ""
     further: Mapping[str, Series] = field(default_factory=dict)
+    separate: bool = False
 
     @classmethod
     def still(cls, mechanism: Mechanism, parameter: str, measured: Unit) -> Trajectory:
@@ -114,9 +116,11 @@ class Trajectory:
         """Return the sign of a joint's motion at every row, shape (n,).
 
         At standstill it is that of the motion about to begin, at the end of a stretch that of the motion just ended,
-        and 0 at rest.
+        and 0 at rest. Of a state that is no part of a motion it is that of the motion about to begin.
         """
         v, a = self.v[:, index], self.a[:, index]
+        if self.separate:
+            return np.where(v == 0.0, np.sign(a), np.sign(v))
         standstill = np.abs(v) <= STANDSTILL * np.abs(v).max(initial=0.0)
         beside = np.sign(a)
         beside[np.array(self.grid.rows[1:]) - 1] *= -1.0

@@ -141,5 +141,5 @@ def _at(balance: Balance, found: Sequence[Equilibrium], grid: Grid) -> Trajector
     return Trajectory(
         balance.mechanism, "row", unit("1"), grid, q, still, still, np.array([tau for tau, _ in efforts]),
         np.array([lam for _, lam in efforts]), balance.closure, balance.dynamics, partial(_at, balance, found),
-        further=further,
+        further=further, separate=True,
     )  # fmt: skip

@@ -95,21 +95,11 @@ def driven(
         idle = np.zeros((len(q), drives.closure.size))
         # at another instant the branch is that of the nearest row, which the first pass has found
         draft = Trajectory(
-            mechanism,
-            parameter,
-            measured,
-            part,
-            q,
-            v,
-            a,
-            v,
-            idle,
-            drives.closure,
-            dynamics,
-            lambda other: on(
-                other, {name: q[abs(part.t - other.t[0]).argmin(), index] for name, index in joints.items()}
-            ),
-        )
+            mechanism, parameter, measured, part, q, v, a, v, idle, drives.closure, dynamics,
+            lambda other: on(other, {name: q[abs(part.t - other.t[0]).argmin(), index]
+                                     for name, index in joints.items()}),
+            separate=rates is not None,
+        )  # fmt: skip
         demand = draft.gather(lambda local, rows: local.inverse(part.t[rows], q[rows], v[rows], a[rows]))
         tau, lam = drives.efforts(part.t, q, demand)
         return replace(draft, tau=tau, lam=lam)

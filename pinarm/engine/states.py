@@ -1,0 +1,150 @@
+"""States of their own, asked for by a library's user: arrays of q, v and a in, every named quantity out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from pinarm.arrays import Array
+from pinarm.engine.closure import Closure, Split
+from pinarm.engine.dynamics import Dynamics, as_rows, same_rows
+from pinarm.engine.efforts import actuation
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.quantities import Quantities
+from pinarm.engine.trajectory import Trajectory
+from pinarm.errors import InputError
+from pinarm.input.units import unit
+from pinarm.mechanics.coordinates import joint_of
+from pinarm.mechanics.motion import Grid
+
+CLOSED = 1e-8
+"""How far a given state may tear a loop, relative to ``1 +`` the terms of the row: typed digits explain as much."""
+
+NO_DRIVES = "the mechanism has loops, and no drives are named that carry the load: drives=[...]"
+
+
+def configurations(mechanism: Mechanism, positions: Mapping[str, ArrayLike]) -> Array:
+    """Return configurations from joint coordinates by name.
+
+    Args:
+        mechanism: The mechanism.
+        positions: Joint -> values [rad or m], arrays of one length or single numbers; what is not named is neutral.
+
+    Returns:
+        q, shape (n, nq).
+
+    Raises:
+        InputError: A joint does not exist, or the lengths differ.
+    """
+    indices = {name: joint_of(mechanism.joints, name).q for name in positions}
+    return _filled(np.asarray(pin.neutral(mechanism.model)), indices, positions)
+
+
+def rates(mechanism: Mechanism, values: Mapping[str, ArrayLike]) -> Array:
+    """Return velocities, accelerations or efforts of joints by name, shape (n, nv); see ``configurations``."""
+    indices = {name: joint_of(mechanism.joints, name).v for name in values}
+    return _filled(np.zeros(mechanism.model.nv), indices, values)
+
+
+def _filled(one: Array, indices: Mapping[str, int], values: Mapping[str, ArrayLike]) -> Array:
+    try:
+        columns = np.broadcast_arrays(np.zeros(1), *(np.asarray(value, float) for value in values.values()))
+    except ValueError:
+        lengths = ", ".join(f"{name}: {np.shape(value)}" for name, value in values.items())
+        raise InputError(f"the arrays have the shapes {lengths}", expected="one length, or single numbers") from None
+    if columns[0].ndim != 1:
+        raise InputError(f"the arrays have {columns[0].ndim} axes", expected="one: a value for every state")
+    rows = np.tile(one, (len(columns[0]), 1))
+    for index, column in zip(indices.values(), columns[1:], strict=True):
+        rows[:, index] = column
+    return rows
+
+
+def quantities(
+    mechanism: Mechanism, q: Array, v: Array | None, a: Array | None, tau: Array | None, drives: Sequence[str], t: float
+) -> Quantities:
+    """Return the quantities of states; see ``Mechanism.at``."""
+    nq, nv = mechanism.model.nq, mechanism.model.nv
+    if a is not None and tau is not None:
+        raise InputError("accelerations and efforts are given", expected="one of them: the other one follows")
+    q = as_rows(q, nq, "q")
+    still = np.zeros((len(q), nv))
+    v = still if v is None else as_rows(v, nv, "v")
+    same_rows(q, v)
+    after = float(np.nextafter(t, np.inf))
+    dynamics, closure = mechanism.dynamics.on(t, after), mechanism.closure
+    if tau is not None:
+        tau = as_rows(tau, nv, "tau")
+        same_rows(q, tau)
+        a = _accelerations(dynamics, closure, t, q, v, tau)
+    a = still if a is None else as_rows(a, nv, "a")
+    same_rows(q, a)
+    _check_closed(closure, q, v, a)
+    grid = Grid(np.full(len(q), float(t)), (float(t), after), (0, len(q)))
+    run = Trajectory(
+        mechanism, "t", unit("s"), grid, q, v, a, still, np.zeros((len(q), closure.size)), closure, mechanism.dynamics,
+        _nothing_between, separate=True,
+    )  # fmt: skip
+    demand = dynamics.inverse(t, q, v, a)
+    if tau is not None:
+        return Quantities(replace(run, tau=tau, lam=_multipliers(closure, q, demand - tau)))
+    if closure.size and not drives:
+        return Quantities(replace(run, unasked=NO_DRIVES))
+    acting = actuation(mechanism, drives, drives)
+    tau, lam = acting.efforts(grid.t, q, demand)
+    return Quantities(replace(run, tau=tau, lam=lam, closure=acting.closure))
+
+
+def _nothing_between(_: Grid) -> Trajectory:
+    raise InputError("these states are no motion: there is nothing between them", expected="kind: inverse or forward")
+
+
+def _accelerations(dynamics: Dynamics, closure: Closure, t: float, q: Array, v: Array, tau: Array) -> Array:
+    """Return the accelerations under efforts, shape (n, nv); those of loops by Gauss's principle."""
+    if not closure.size:
+        return dynamics.forward(t, q, v, tau)
+    model, data, found = dynamics.model, dynamics.data, np.empty_like(v)
+    force = tau - dynamics.inverse(t, q, v, np.zeros_like(v))
+    for i in range(len(q)):
+        upper = np.triu(pin.crba(model, data, q[i]))
+        closure.place(q[i])
+        rows, drift = closure.rows(), closure.drift(q[i], v[i])
+        found[i] = Split.of(rows).solve(upper + np.triu(upper, 1).T, force[i], -drift)
+    return found
+
+
+def _multipliers(closure: Closure, q: Array, left: Array) -> Array:
+    """Return the least multipliers that give the efforts which the drives leave, shape (n, m)."""
+    lam = np.zeros((len(q), closure.size))
+    for i in range(len(q) if closure.size else 0):
+        closure.place(q[i])
+        lam[i] = Split.of(closure.rows()).multipliers(left[i])
+    return lam
+
+
+def _check_closed(closure: Closure, q: Array, v: Array, a: Array) -> None:
+    """Raise where a state tears a loop or a coupling.
+
+    Raises:
+        InputError: Says which, in which row, and by how much.
+    """
+    for i in range(len(q) if closure.size else 0):
+        closure.place(q[i])
+        rows, gap = closure.rows(), closure.gap(q[i])
+        drift = closure.drift(q[i], v[i])
+        sizes = np.abs(rows)
+        for what, left, terms in (
+            ("positions", gap, np.zeros_like(gap)), ("velocities", rows @ v[i], sizes @ np.abs(v[i])),
+            ("accelerations", rows @ a[i] + drift, sizes @ np.abs(a[i]) + np.abs(drift)),
+        ):  # fmt: skip
+            excess = np.abs(left) - CLOSED * (1.0 + terms)
+            worst = int(excess.argmax())
+            if excess[worst] > 0.0:
+                constraint, row = closure.owners()[worst]
+                said = f"row {i}: the {what} tear '{constraint.name}' by {abs(left[worst]):.3g} {constraint.unit(row)}"
+                raise InputError(said + {"positions": "", "velocities": "/s", "accelerations": "/s^2"}[what],
+                                 expected="states that the loops and couplings allow")  # fmt: skip
