@@ -79,6 +79,7 @@ problem:
 outputs: [x]
 """
 
+PIVOT = "{law: polynomial, from: 0 rad, to: 1 rad, duration: 1 s, degree: 5}"
 ENTRY = "{quantity: x, at: {t: 1 s}, value: 0.2 m, source: the law, published: 0.20 m}"
 
 
@@ -212,6 +213,26 @@ SCENARIOS = [
     (SCENARIO, "title: Cart and rod", "gravity: down", ["s.yaml:2:10: "]),
     (SCENARIO, "title: Cart and rod", "gravity: {direction: down}",
      ["s.yaml:2:22: unknown direction 'down'", "-x, -y, -z, x, y, z"]),
+    # profiles over coordinates
+    (SCENARIO, PIVOT, "{law: over, of: turn, profile: {law: constant, value: 1 rad}}",
+     ["s.yaml:9:28: 'turn' follows no law: the profile of 'pivot' has nothing", "one of track", "law over time for"]),
+    (SCENARIO, PIVOT, "{law: over, of: trak, profile: {law: constant, value: 1 rad}}",
+     ["s.yaml:9:28: the mechanism has no coordinate 'trak'", "try: track"]),
+    (SCENARIO, PIVOT, "{law: over, of: pivot, profile: {law: constant, value: 1 rad}}",
+     ["s.yaml:9:28: profiles run along each other: pivot -> pivot"]),
+    (SCENARIO, PIVOT, "{law: over, of: track, profile: {law: constant_speed, speed: 1 rad/s}}",
+     ["s.yaml:9:73: 'rad/s' is not a unit", "such as 1/m"]),
+    (SCENARIO, PIVOT, "{law: over, of: track, profile: {law: cycloidal, from: 0 rad, to: 1 rad, duration: 1 s}}",
+     ["s.yaml:9:95: 's' is not a unit", "such as m"]),
+    (SCENARIO, PIVOT, "{law: over, of: track, period: 1 m, profile: {law: constant_speed, speed: 1 rad/m}}",
+     ["s.yaml:9:43: the profile does not close: its value is 0 at 0 and 1 after a period"]),
+    (SCENARIO, PIVOT, "{law: over, of: track}", ["s.yaml:9:5: the key 'profile' is missing"]),
+    (SCENARIO, "effort: {law: constant, value: 3 N}", "over: pivt, effort: {law: constant, value: 3 N}",
+     ["s.yaml:12:52: the model has no joint 'pivt'", "try: pivot"]),
+    (SCENARIO, "effort: {law: constant, value: 3 N}", "period: 1 rad, effort: {law: constant, value: 3 N}",
+     ["s.yaml:12:54: a law over time has no period"]),
+    (SCENARIO, "effort: {law: constant, value: 3 N}", "effort: {law: over, of: pivot, profile: {}}",
+     ["s.yaml:12:60: unknown law 'over'"]),
     # the answer key
     (SCENARIO, ENTRY, "{quantity: x, value: 1 m}", ["s.yaml:17:5: the key 'source' is missing"]),
     (SCENARIO, ENTRY, "{quantity: x, source: s}",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from bisect import bisect_left
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -115,11 +116,8 @@ class MotionLaw(Model, frozen=True):
 
     def on(self, start: float, end: float) -> Callable[[Array], Values]:
         """Return the smooth function that holds between two neighbouring breakpoints, both ends included."""
-        middle = 0.5 * (start + end)
-        for piece in self.pieces():
-            if middle <= piece.end:
-                return piece.function
-        raise AssertionError("the pieces of a law reach to infinity")
+        pieces = self.pieces()
+        return pieces[bisect_left(pieces, 0.5 * (start + end), key=lambda piece: piece.end)].function
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from pinarm.input.schema import Model, Time, check_unit
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import joint_of
 from pinarm.mechanics.forces import Force, ForceElement
-from pinarm.mechanics.laws import Constant
+from pinarm.mechanics.laws import Constant, Motion, Over
 from pinarm.mechanics.motion import MotionLaw
 
 Place = Callable[..., AbstractContextManager[None]]
@@ -63,18 +63,55 @@ class Accuracy(Model, frozen=True):
     max_steps: Annotated[int, msgspec.Meta(ge=1)] = 200_000
 
 
-def check_motion(mechanism: Mechanism, motion: Mapping[str, MotionLaw], place: Place) -> None:
-    """Check that every law belongs to a coordinate and is written in its units.
+def laws_of(
+    mechanism: Mechanism, motion: Mapping[str, Motion], place: Place, span: tuple[float, float] = (0.0, 0.0)
+) -> dict[str, MotionLaw]:
+    """Return the laws over time of coordinates, checked; profiles over coordinates are driven by the laws of those.
+
+    Args:
+        mechanism: The mechanism.
+        motion: Coordinate -> its law.
+        place: Gives errors their place.
+        span: First and last instant at which the laws are wanted [s].
 
     Raises:
-        InputError: The coordinate does not exist.
-        UnitError: A field of the law has another dimension.
+        InputError: A coordinate does not exist, or a profile's has no law.
+        UnitError: A field of a law has another dimension.
     """
-    for name, law in motion.items():
+    found: dict[str, MotionLaw] = {}
+    for name in motion:
         with place("motion", Key(name)):
-            coordinate = mechanism.coordinate(name)
+            mechanism.coordinate(name)
+    for name in motion:
+        _settle(name, (), mechanism, motion, found, place, span)
+    return {name: found[name] for name in motion}
+
+
+def _settle(
+    name: str, before: tuple[str, ...], mechanism: Mechanism, motion: Mapping[str, Motion],
+    found: dict[str, MotionLaw], place: Place, span: tuple[float, float],
+) -> None:  # fmt: skip
+    """Add the law over time of a coordinate, and before it that of the coordinate that drives it."""
+    law, measured = motion[name], mechanism.coordinate(name).unit
+    if not isinstance(law, Over):
         with place("motion", name):
-            law.check_units(coordinate.unit)
+            law.check_units(measured)
+        found[name] = law
+        return
+    with place("motion", name, "of"):
+        along = mechanism.coordinate(law.of).unit
+        if law.of not in motion:
+            raise InputError(f"'{law.of}' follows no law: the profile of '{name}' has nothing to run along",
+                             expected=f"one of {', '.join(other for other in motion if other != name)}",
+                             hint=f"a law over time for '{law.of}' too")  # fmt: skip
+        if law.of in (*before, name):
+            raise InputError(f"profiles run along each other: {' -> '.join([*before, name, law.of])}")
+    with place("motion", name):
+        law.check_units(measured, along)
+    if law.of not in found:
+        _settle(law.of, (*before, name), mechanism, motion, found, place, span)
+    with place("motion", name):
+        found[name] = law.along(found[law.of], *span)
 
 
 def check_levels(

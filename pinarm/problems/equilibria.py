@@ -22,7 +22,7 @@ from pinarm.mechanics.coordinates import METRE
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.motion import Grid
-from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, check_motion
+from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, laws_of
 
 
 class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
@@ -60,7 +60,7 @@ class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
         if len(mechanism.joints) < mechanism.model.nv:
             raise InputError("equilibria are found for joints with one coordinate only; this model has others")
         held = {name: Constant(value=value) for name, value in self.hold.items()}
-        check_motion(mechanism, held, lambda _, name: place("hold", name))
+        laws_of(mechanism, held, lambda _, name: place("hold", name))
         forces = bind_constant_loads(mechanism, self.loads, place)
         with place("hold"):
             balance = Balance.of(mechanism, forces, self.hold)

@@ -20,9 +20,9 @@ from pinarm.errors import InputError, IntegrationError, Interrupted, Key
 from pinarm.input.schema import Level, Model, Rate
 from pinarm.input.units import unit
 from pinarm.mechanics.forces import Force
-from pinarm.mechanics.laws import Law
+from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.motion import Grid
-from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_motion
+from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, laws_of
 
 
 class InitialState(Model, frozen=True):
@@ -44,7 +44,8 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         time: Instants of the table.
         initial: State at the first of them; what loops or laws determine follows from the rest.
         start: Rough joint coordinates at the first instant: they choose the branch of a loop where there are several.
-        motion: Coordinate -> law over time, for those that are prescribed; the efforts that this takes come out.
+        motion: Coordinate -> law over time, or over another one of these coordinates, for those that are prescribed;
+            the efforts that this takes come out.
         loads: Applied forces, springs and dampers of this run.
     """
 
@@ -52,21 +53,22 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
     time: TimeGrid
     initial: InitialState = msgspec.field(default_factory=InitialState)
     start: dict[str, Level] = {}
-    motion: dict[str, Law] = {}
+    motion: dict[str, Motion] = {}
     loads: dict[str, Force] = {}
 
     def still(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         return Trajectory.still(mechanism, "t", unit("s"))
 
-    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Dynamics, System, Initial]:
-        """Check all names and units; return the equation of motion, what is integrated, and the initial state."""
-        check_motion(mechanism, self.motion, place)
+    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Dynamics, System, Initial]:
+        """Check all names and units; return laws, equation of motion, what is integrated, and the initial state."""
+        motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, place))
         initial = self._start(mechanism, place)
         with place("motion"):
-            system = system_of(mechanism.closure, dynamics, Imposed.some(mechanism, self.motion), initial)
-        return dynamics, system, initial
+            imposed = Imposed.some(mechanism, motion)
+            system = system_of(mechanism.closure, dynamics, imposed, initial)
+        return imposed, dynamics, system, initial
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
         """Return the motion, with what its energy says of its accuracy.
@@ -74,8 +76,8 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         Raises:
             IntegrationError: The motion could not be followed to its end; ``partial`` holds it until then.
         """
-        dynamics, system, initial = self.prepare(mechanism, place)
-        laws = [*self.motion.values(), *(law for force in dynamics.forces.values() for law in force.laws())]
+        imposed, dynamics, system, initial = self.prepare(mechanism, place)
+        laws = [*imposed.laws, *(law for force in dynamics.forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         spans = list(pairwise(grid.cuts))
         with place("initial"):

@@ -18,9 +18,9 @@ from pinarm.engine.trajectory import Trajectory
 from pinarm.input.schema import Level, Model
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.forces import Force, ForceElement
-from pinarm.mechanics.laws import Law
+from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.motion import Grid
-from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_motion
+from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, laws_of
 
 Rates = tuple[Array, Array]
 
@@ -30,7 +30,7 @@ class Inverse(Model, frozen=True, tag_field="kind", tag="inverse"):
 
     Attributes:
         time: Instants of the table.
-        motion: Coordinate -> law over time.
+        motion: Coordinate -> law over time, or over another one of these coordinates.
         drives: Coordinates that the drives act along, as many as there are degrees of freedom; every joint of an open
             chain where none is named, and the coordinates of ``motion`` where there are loops.
         start: Rough joint coordinates at the first instant: they choose the branch where there are several.
@@ -39,7 +39,7 @@ class Inverse(Model, frozen=True, tag_field="kind", tag="inverse"):
 
     kind: ClassVar[str] = "inverse"
     time: TimeGrid
-    motion: Annotated[dict[str, Law], msgspec.Meta(min_length=1)]
+    motion: Annotated[dict[str, Motion], msgspec.Meta(min_length=1)]
     drives: list[str] = []
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
@@ -50,18 +50,18 @@ class Inverse(Model, frozen=True, tag_field="kind", tag="inverse"):
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement]]:
         """Check all names and units; return the imposed coordinates, the drives and the forces."""
-        check_motion(mechanism, self.motion, place)
+        motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         check_levels(mechanism, self.start, place, "start")
         forces = bind_loads(mechanism, self.loads, place)
         with place("drives"):
             drives = actuation(mechanism, self.drives, list(self.motion))
         with place("motion"):
-            return Imposed.of(mechanism, self.motion), drives, forces
+            return Imposed.of(mechanism, motion), drives, forces
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
         """Return the motion of the joints and the efforts of the drives."""
         imposed, drives, forces = self.prepare(mechanism, place)
-        laws = [*self.motion.values(), *(law for force in forces.values() for law in force.laws())]
+        laws = [*imposed.laws, *(law for force in forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"):
             return driven(mechanism, imposed, drives, grid, self.start, forces, "t", unit("s"))

@@ -13,9 +13,9 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.trajectory import Trajectory
 from pinarm.input.schema import Level, Model
 from pinarm.input.units import unit
-from pinarm.mechanics.laws import Law
+from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.motion import Grid
-from pinarm.problems.common import Accuracy, Place, TimeGrid, check_levels, check_motion
+from pinarm.problems.common import Accuracy, Place, TimeGrid, check_levels, laws_of
 from pinarm.problems.inverse import driven
 
 UNASKED = "the problem is kinematic and asks for no forces"
@@ -29,13 +29,13 @@ class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):
 
     Attributes:
         time: Instants of the table.
-        motion: Coordinate of a joint or of a task -> law over time.
+        motion: Coordinate of a joint or of a task -> law over time, or over another one of these coordinates.
         start: Rough joint coordinates at the first instant: they choose the branch where there are several.
     """
 
     kind: ClassVar[str] = "kinematics"
     time: TimeGrid
-    motion: Annotated[dict[str, Law], msgspec.Meta(min_length=1)]
+    motion: Annotated[dict[str, Motion], msgspec.Meta(min_length=1)]
     start: dict[str, Level] = {}
 
     def still(self, mechanism: Mechanism) -> Trajectory:
@@ -44,15 +44,15 @@ class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):
 
     def prepare(self, mechanism: Mechanism, place: Place) -> Imposed:
         """Check all names and units; return the imposed coordinates."""
-        check_motion(mechanism, self.motion, place)
+        motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         check_levels(mechanism, self.start, place, "start")
         with place("motion"):
-            return Imposed.of(mechanism, self.motion)
+            return Imposed.of(mechanism, motion)
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
         """Return the motion of the joints."""
         imposed = self.prepare(mechanism, place)
-        laws = [*self.motion.values(), *(law for force in mechanism.forces.values() for law in force.laws())]
+        laws = [*imposed.laws, *(law for force in mechanism.forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"):
             run = driven(mechanism, imposed, Nothing(mechanism.closure), grid, self.start, mechanism.forces,

@@ -18,7 +18,7 @@ from pinarm.input.units import Unit, unit
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.mechanics.motion import RENAMED, Grid, MotionLaw
-from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, check_motion
+from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, laws_of
 from pinarm.problems.inverse import Rates, driven
 
 
@@ -153,7 +153,7 @@ def _imposed(mechanism: Mechanism, over: Mapping[str, Range], hold: Mapping[str,
             with place("over", swept, key):
                 Constant(value=bound).check_units(measured)
     held = {name: Constant(value=value) for name, value in hold.items()}
-    check_motion(mechanism, held, lambda _, name: place("hold", name))
+    laws_of(mechanism, held, lambda _, name: place("hold", name))
     motion: dict[str, MotionLaw] = {**{swept: ConstantSpeed(speed=1.0) for swept in over}, **held}
     with place():
         return Imposed.of(mechanism, motion)

@@ -129,6 +129,13 @@ class TestLoops:
         expected = (effort - moment) / 3483.9583333333335
         assert found["joint.alpha.acceleration"].values == pytest.approx(expected, rel=1e-10, abs=1e-10)
         assert found["loop.D.force.y"].values == pytest.approx(0.0, abs=1e-7)
+        a = np.stack([found[f"joint.{name}.acceleration"].values for name in run.mechanism.joints], axis=1)
+        again, along = (
+            run.mechanism.at(q, v, a, drives=["alpha"])["loop.F.force.y"].values,
+            found["loop.F.force.y"].values,
+        )
+        assert along == pytest.approx(again, rel=1e-9)
+        assert np.abs(along).min() > 10.0
 
     @pytest.mark.parametrize(("what", "column"), [("positions", 0), ("velocities", 1), ("accelerations", 2)])
     def test_a_state_that_tears_a_loop_is_refused(self, run, what, column):

@@ -12,7 +12,7 @@ from pinarm.mechanics.coordinates import frame_of, joints_of
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.forces.joint import CREEP, JointEffort, JointFriction, JointSpring, TorqueSpeed
 from pinarm.mechanics.forces.point import PointSpring, Wrench
-from pinarm.mechanics.laws import Harmonic, Trapezoid
+from pinarm.mechanics.laws import Constant, Harmonic, SpeedPoints, Spline, Trapezoid
 from pinarm.mechanics.model import build_model
 
 MEMBERS = typing.get_args(Force)
@@ -25,6 +25,8 @@ SAMPLES = {
     JointEffort: [
         JointEffort(joint="turn", effort=Harmonic(mean=1.0, amplitude=3.0, pulsation=2.0)),
         JointEffort(joint="slide", effort=Trapezoid(start=-2.0, end=5.0, acceleration=4.0)),
+        JointEffort(joint="turn", over="turn", effort=Spline(points=[(-1.0, 4.0), (0.3, -6.0), (1.2, 9.0)])),
+        JointEffort(joint="slide", over="turn", period=0.7, effort=Harmonic(amplitude=8.0, pulsation=3.0)),
     ],
     JointFriction: [
         JointFriction(joint="turn", friction=3.0, creep=0.4),
@@ -404,3 +406,32 @@ def test_springs_and_dampers_that_give_energy_away_are_refused(field):
 def test_friction_that_drives_is_refused(field, value):
     with pytest.raises(ValueError, match="out of bounds"):
         JointFriction(joint="turn", **{"friction": 1.0, field: value})
+
+
+class TestEffortOverACoordinate:
+    def test_it_is_the_law_at_the_place_of_the_other_joint_and_repeats(self, model, joints):
+        law = SpeedPoints(points=[(0.0, 2.0), (0.5, 2.0), (0.5 + 1e-9, -2.0)])  # up and down again: a saw of height 1
+        push = JointEffort(joint="slide", effort=law, over="turn", period=1.0).bind(model, joints)
+        turn = np.array([0.0, 0.2, 0.5, 0.75, 1.25, -0.25, -3.8])
+        q = np.stack([turn, np.full(7, 9.0)], axis=1)
+        tau = load(push, 0.0, q, np.zeros((7, 2)))
+        assert tau[:, 0].tolist() == [0.0] * 7
+        assert tau[:, 1] == pytest.approx([0.0, 0.4, 1.0, 0.5, 0.5, 0.5, 0.4], abs=1e-8)
+        assert push.laws() == []
+
+    @pytest.mark.parametrize(("given", "message", "path"), [
+        ({"over": "trun"}, "no joint 'trun'", ("over",)),
+        ({"over": "slide", "effort": Harmonic(amplitude="1 N*m", pulsation="1 rad/s")}, "'rad/s' is not a unit",
+         ("effort", "pulsation")),
+        ({"over": "slide", "effort": Constant(value="1 N")}, "'N' is not a unit", ("effort", "value")),
+        ({"over": "slide", "period": "1 s"}, "'s' is not a unit", ("period",)),
+    ])  # fmt: skip
+    def test_its_units_are_those_of_the_two_joints(self, model, joints, given, message, path):
+        keys = {"effort": Constant(value="1 N*m"), **given}
+        with pytest.raises(InputError, match=message) as caught:
+            JointEffort(joint="turn", **keys).bind(model, joints)
+        assert caught.value.path == path
+
+    def test_a_period_needs_a_coordinate(self):
+        with pytest.raises(InputError, match="a law over time has no period"):
+            JointEffort(joint="turn", effort=Constant(value=1.0), period=2.0)

@@ -11,11 +11,12 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError, within
-from pinarm.input.schema import AnyQuantity, Model, NotNegative, Positive, check_each, check_unit
+from pinarm.input.schema import AnyQuantity, Extent, Model, NotNegative, Positive, check_each, check_unit
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import METRE, Joint, joint_of
 from pinarm.mechanics.forces.contract import ForceElement
 from pinarm.mechanics.laws import Constant, Law
+from pinarm.mechanics.laws.over import Profile
 from pinarm.mechanics.motion import MotionLaw, Values
 
 CREEP = 1e-3
@@ -137,6 +138,36 @@ class AppliedEffort(ForceElement):
 
 
 @dataclass(frozen=True)
+class ProfiledEffort(ForceElement):
+    """A torque or force at a joint that depends on the coordinate of a joint, such as of gas on a crank.
+
+    All of its power is supplied, also where it could be called a spring. Forward problems step over the profile's
+    breakpoints, where their accuracy is that of a kink.
+
+    Attributes:
+        v: Index in v of the joint that it acts on.
+        q: Index in q of the joint that it depends on.
+        profile: The effort [N*m or N] over that joint's coordinate.
+    """
+
+    v: int
+    q: int
+    profile: Profile
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the load to ``tau``."""
+        tau[..., self.v] += self.profile(q[..., self.q])[0]
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return 0."""
+        return np.zeros(q.shape[:-1])
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the power supplied, with a minus."""
+        return np.asarray(-self.profile(q[..., self.q])[0] * v[..., self.v])
+
+
+@dataclass(frozen=True)
 class MotorCurve(ForceElement):
     """A motor at full power: its effort is a function of its velocity, linear between points, constant beyond them.
 
@@ -197,17 +228,41 @@ class JointFriction(Model, frozen=True, tag_field="kind", tag="joint_friction"):
 
 
 class JointEffort(Model, frozen=True, tag_field="kind", tag="joint_effort"):
-    """Torque or force at a joint over time."""
+    """Torque or force at a joint, over time or over the coordinate of a joint.
+
+    Attributes:
+        joint: Joint that it acts on.
+        effort: The law.
+        over: Joint whose coordinate stands for the time of the law: ``duration: 90 deg``; over time where none is
+            given.
+        period: After which a law over a coordinate repeats, such as ``720 deg``.
+    """
 
     joint: str
     effort: Law
+    over: str | None = None
+    period: Extent | None = None
+
+    def check(self) -> None:
+        """Refuse a period of a law over time."""
+        if self.period is not None and self.over is None:
+            with within("period"):
+                raise InputError("a law over time has no period", expected="over: the joint whose turns are meant")
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
         """Return the element of one model."""
         joint = _joint(joints, self.joint)
+        if self.over is None:
+            with within("effort"):
+                self.effort.check_units(effort_unit(joint))
+            return AppliedEffort(joint.v, self.effort)
+        with within("over"):
+            along = joint_of(joints, self.over)
         with within("effort"):
-            self.effort.check_units(effort_unit(joint))
-        return AppliedEffort(joint.v, self.effort)
+            self.effort.check_units(effort_unit(joint), along.unit)
+        with within("period"):
+            check_unit(self.period or 0.0, along.unit)
+        return ProfiledEffort(joint.v, along.q, Profile.of(self.effort, self.period))
 
 
 class TorqueSpeed(Model, frozen=True, tag_field="kind", tag="torque_speed"):

@@ -1,0 +1,111 @@
+"""Motions and loads over a coordinate, in problems: a profile is what the law over time that it makes would be."""
+
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+
+from pinarm.errors import InputError
+from pinarm.mechanics.forces.joint import JointEffort
+from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Over, Trapezoid
+from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.forward import Forward
+from pinarm.problems.inverse import Inverse
+from pinarm.problems.kinematics import Kinematics
+
+TIME = TimeGrid(end=2.0, samples=41)
+TURN = ConstantSpeed(speed=3.0, start=0.2)
+SWING = Harmonic(amplitude=0.5, pulsation=2.0, phase=0.1)
+SAME = Harmonic(amplitude=0.5, pulsation=6.0, phase=0.5)
+"""SWING over TURN, as a law over time."""
+BODIES = ({"name": "crank", "com": "0.4 0 0"}, {"name": "arm", "at": "0.8 0 0", "com": "0.3 0 0"},
+          {"name": "flail", "at": "0.6 0 0", "com": "0.2 0 0"})  # fmt: skip
+
+
+def place(*path):
+    return nullcontext()
+
+
+@pytest.fixture
+def arm(mechanism, chain):
+    return mechanism(chain(*BODIES[:2]), gravity={"direction": "-y", "magnitude": "9.81 m/s^2"})
+
+
+@pytest.mark.parametrize("kind", [Inverse, Kinematics])
+def test_an_imposed_motion_is_that_of_the_composed_law(arm, kind):
+    profiled = kind(time=TIME, motion={"arm": Over(of="crank", profile=SWING), "crank": TURN})
+    plain = kind(time=TIME, motion={"crank": TURN, "arm": SAME})
+    one, other = (problem.solve(arm, Accuracy(), place) for problem in (profiled, plain))
+    for name in ("q", "v", "a", "tau"):
+        assert getattr(one, name) == pytest.approx(getattr(other, name), abs=1e-11), name
+
+
+def test_a_profile_may_run_along_a_task_coordinate(arm, mechanism, chain):
+    """The tip's height drives the other joint: the tip is lifted and the arm turns as it says."""
+    tall = mechanism(chain(*BODIES[:2]), coordinates={"height": {"kind": "point", "point": "arm_link", "along": "y"}})
+    lift = Harmonic(mean=0.3, amplitude=0.2, pulsation=1.5)
+    motion = {"height": lift, "arm": Over(of="height", profile=Harmonic(amplitude=0.9, pulsation=4.0))}
+    run = Inverse(time=TIME, motion=motion, start={"crank": 0.3}).solve(tall, Accuracy(), place)
+    height = 0.3 + 0.2 * np.sin(1.5 * run.grid.t)
+    assert run.q[:, 0] == pytest.approx(np.arcsin(height / 0.8), abs=1e-12)
+    assert run.q[:, 1] == pytest.approx(0.9 * np.sin(4.0 * height), abs=1e-12)
+    rate = 0.3 * np.cos(1.5 * run.grid.t)
+    assert run.v[:, 1] == pytest.approx(3.6 * np.cos(4.0 * height) * rate, abs=1e-12)
+
+
+def test_a_prescribed_part_of_a_free_motion_may_follow_a_profile(mechanism, chain):
+    trio = mechanism(chain(*BODIES), gravity={"direction": "-y", "magnitude": "9.81 m/s^2"})
+    runs = [Forward(time=TIME, motion={"crank": TURN, "arm": law}).solve(trio, Accuracy(tolerance=1e-11), place)
+            for law in (Over(of="crank", profile=SWING), SAME)]  # fmt: skip
+    for name in ("q", "v", "a", "tau"):
+        one, other = (getattr(run, name) for run in runs)
+        assert one == pytest.approx(other, abs=1e-7 * np.abs(other).max()), name
+    assert np.ptp(runs[0].q[:, 2]) > 1.0
+
+
+def test_rows_stand_on_both_sides_of_a_jump_of_the_profile(arm):
+    cam = Over(of="crank", profile=Trapezoid(start=0.0, end=1.0, acceleration=4.0, begin=0.8))
+    run = Inverse(time=TIME, motion={"crank": TURN, "arm": cam}).solve(arm, Accuracy(), place)
+    twice = run.grid.t[1:][np.diff(run.grid.t) == 0.0]
+    assert twice == pytest.approx([0.2, 0.2 + 0.5 / 3, 0.2 + 1.0 / 3], abs=1e-14)
+    row = int(np.searchsorted(run.grid.t, twice[0] - 1e-12))
+    assert run.a[row : row + 2, 1] == pytest.approx([0.0, 36.0], abs=1e-10)
+
+
+REFUSED = {
+    "no law": ({"arm": Over(of="crank", profile=SWING)}, "'crank' follows no law"),
+    "unknown": ({"arm": Over(of="cranc", profile=SWING), "crank": TURN}, "no coordinate 'cranc'"),
+    "itself": ({"arm": Over(of="arm", profile=SWING), "crank": TURN}, "run along each other: arm -> arm"),
+    "in a ring": (
+        {"arm": Over(of="crank", profile=SWING), "crank": Over(of="arm", profile=SWING)},
+        "run along each other: arm -> crank -> arm",
+    ),
+    "too often": (
+        {"crank": ConstantSpeed(speed=1e9), "arm": Over(of="crank", profile=Constant(value=1.0), period=1.0)},
+        "the profile is passed",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+@pytest.mark.parametrize("kind", [Inverse, Kinematics])
+def test_what_is_refused(arm, kind, case):
+    motion, message = REFUSED[case]
+    with pytest.raises(InputError, match=message):
+        kind(time=TIME, motion=motion).prepare(arm, place)
+
+
+def test_a_free_coordinate_drives_no_profile(arm):
+    with pytest.raises(InputError, match="'crank' follows no law"):
+        Forward(time=TIME, motion={"arm": Over(of="crank", profile=SWING)}).prepare(arm, place)
+
+
+def test_a_torque_over_the_joint_itself_is_a_spring_and_one_like_a_weight_makes_a_pendulum(mechanism, chain):
+    heavy = mechanism(chain({"name": "arm", "axis": "0 1 0", "com": "0 0 -0.5"}))
+    light = mechanism(chain({"name": "arm", "axis": "0 1 0", "com": "0 0 -0.5"}), gravity="none")
+    pull = JointEffort(joint="arm", over="arm", effort=Harmonic(amplitude=-1.0 * 9.81 * 0.5, pulsation=1.0))
+    initial = {"position": {"arm": 2.0}}
+    real = Forward(time=TIME, initial=initial).solve(heavy, Accuracy(tolerance=1e-11), place)
+    played = Forward(time=TIME, initial=initial, loads={"pull": pull}).solve(light, Accuracy(tolerance=1e-11), place)
+    assert played.q == pytest.approx(real.q, abs=1e-8)
+    assert played.figures["energy"] < 1e-9
