@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -15,6 +17,8 @@ from matplotlib.figure import Figure
 from pinarm.arrays import Array
 from pinarm.engine.trajectory import Series
 from pinarm.input.units import Unit
+from pinarm.use.expectation import in_si
+from pinarm.use.instants import at
 from pinarm.use.result import Result
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -45,14 +49,17 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
     run = result.trajectory
     along = result[against or run.parameter]
     scale, measured = _shown(along)
+    keys = answer_key(result, along.name)
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, HEAD + HEIGHT * len(names)))
         FigureCanvasAgg(figure)
         axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
         for index, (name, axis) in enumerate(zip(names, axes, strict=True)):
             _draw(axis, result[name], along.values / scale, COLOURS[index % len(COLOURS)])
+            _mark(axis, result[name], [entry for entry in keys if entry.quantity == name], scale)
         axes[-1].set_xlabel(_label(along.name, measured).replace("\n", " "))
         axes[-1].margins(x=0.01)
+        figure.align_ylabels()
         figure.suptitle(plain(result.content.title or result.name))
     return figure
 
@@ -67,6 +74,58 @@ def _draw(axis: Axes, series: Series, x: Array, colour: str) -> None:
     if high - low < FLAT * size or size < FLAT:
         centre, half = (low + high) / 2 if size >= FLAT else 0.0, 0.1 * size if size >= FLAT else 1.0
         axis.set_ylim(centre - half, centre + half)
+
+
+@dataclass(frozen=True)
+class Printed:
+    """A published figure where it belongs.
+
+    Attributes:
+        quantity: What it was published of.
+        x: Where along the plot, in SI; an array over the rows for a published formula.
+        y: The figure, in SI, likewise.
+        misprint: Whether it is confirmed to be one.
+    """
+
+    quantity: str
+    x: float | Array
+    y: float | Array
+    misprint: bool
+
+
+def answer_key(result: Result, along: str) -> list[Printed]:
+    """Return what was published of a run and can be drawn over its curves: figures at one row, formulas over all."""
+    found = []
+    for entry in result.content.expect:
+        if entry.published_formula is not None and entry.at == "all":
+            figures = np.broadcast_to(result.quantities.figure(entry.published_formula), len(result))
+            found.append(Printed(entry.quantity, result[along].values, figures, entry.verdict == "misprint"))
+        elif entry.published is not None and entry.at != "all":
+            row = at(result.quantities, entry.at, entry.quantity)
+            printed = in_si(entry.published, row[entry.quantity].unit)
+            found.append(Printed(entry.quantity, float(row[along].values[0]), printed, entry.verdict == "misprint"))
+    return found
+
+
+def _mark(axis: Axes, series: Series, printed: list[Printed], scale: float) -> None:
+    """Draw published figures over a curve: circles where they hold, crosses and dashes where they are misprints."""
+    own, _ = _shown(series)
+    labelled: set[str] = set()
+    for one in printed:
+        curve = isinstance(one.y, np.ndarray)
+        label = ("printed formula" if curve else "published") + (", a misprint" if one.misprint else "")
+        axis.plot(
+            one.x / scale, one.y / own, color=WRONG if one.misprint else "black", linewidth=1.0, fillstyle="none",
+            linestyle="--" if curve else "none", marker="" if curve else "x" if one.misprint else "o",
+            label=None if label in labelled else label,
+        )  # fmt: skip
+        labelled.add(label)
+    if printed:
+        axis.legend(fontsize=7, frameon=False, loc="best")
+
+
+WRONG = "#D00000"
+"""Colour of misprints; the shape of their marks tells them apart too."""
 
 
 def _shown(series: Series) -> tuple[float, Unit | None]:

@@ -2,13 +2,17 @@
 
 import io
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import pinarm
 from pinarm.errors import InputError
 from pinarm.use.plot import plain
+
+ROOT = Path(pinarm.__file__).parents[1]
 
 
 def drawn(figure: Any) -> bytes:
@@ -95,3 +99,16 @@ def test_plots_need_no_display_and_leave_no_figures_behind(scenario: Callable[..
 
     scenario("inverse").run().plot()
     assert plt.get_fignums() == []
+
+
+def test_published_figures_stand_over_the_curve_and_misprints_beside_it() -> None:
+    """The dynamic torque of the two-rod arm: a printed number that holds, and a printed formula that does not."""
+    result = pinarm.load(ROOT / "scenarios" / "gen411_arm_dynamic.yaml").run()
+    [axis] = result.plot("C_B").axes
+    curve, *marks = axis.lines
+    looks = {line.get_label(): (line.get_marker(), line.get_linestyle()) for line in marks}
+    assert looks == {"published": ("o", "None"), "printed formula, a misprint": ("", "--")}
+    [point] = [line for line in marks if line.get_label() == "published"]
+    assert point.get_xydata() == pytest.approx(np.array([[0.0, 1.6069167]]), abs=1e-12)
+    [wrong] = [line for line in marks if line.get_linestyle() == "--"]
+    assert np.abs(wrong.get_ydata() - curve.get_ydata()).min() > 1.0  # its sign is reversed
