@@ -13,6 +13,11 @@ from .slider_crank_closed_form import SliderCrank
 START = {"theta": 0.0, "A": 0.0, "x": 0.19}
 
 
+def turning(name, parent, child, x):
+    return f"""<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>
+      <origin xyz="{x} 0 0"/><axis xyz="0 0 1"/></joint>"""
+
+
 @pytest.mark.parametrize("height", [0.0, 0.012])
 def test_torque_side_force_and_pin_forces_are_those_of_newton_and_euler(solve, height):
     crank, factor = SliderCrank(e=height), Harmonic(mean=1.0, amplitude=0.8, pulsation=50.0)
@@ -44,3 +49,30 @@ def test_free_slider_crank_follows_its_energy_integral(solve):
     found = solve("slider_crank", "forward", end=2.0, start=START, initial=initial)
     assert found["theta"].values == pytest.approx(turning.at(found["t"].values), abs=1e-9)
     assert np.ptp(found["w"].values) > 1.0
+
+
+def test_a_slide_that_closes_the_loop_is_the_slide_of_the_tree(solve, mechanism):
+    crank = SliderCrank(e=0.012)
+    xml = f"""<robot name="slider_crank"><link name="base"/>
+      <link name="crank"><inertial><mass value="1"/>
+        <inertia ixx="{crank.I2 / 2}" iyy="{crank.I2 / 2}" izz="{crank.I2}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      {turning("theta", "base", "crank", 0)}{turning("A", "crank", "rod", crank.r)}
+      {turning("B", "rod", "piston", crank.L)}
+      <link name="rod"><inertial><origin xyz="{crank.l_G} 0 0"/><mass value="{crank.m3}"/>
+        <inertia ixx="0" iyy="{crank.I3}" izz="{crank.I3}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <link name="piston"><inertial><mass value="{crank.m4}"/>
+        <inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link><link name="line"/>
+      <joint name="line_fixed" type="fixed"><parent link="base"/><child link="line"/><origin xyz="0 0.012 0"/></joint>
+      </robot>"""
+    slide = {"kind": "prismatic", "between": ["line", "piston"], "axis": "x"}
+    engine = mechanism(xml, gravity="none", loops={"slide": slide})
+    law = Harmonic(amplitude=8.0, pulsation=20.0)
+    found = solve(
+        engine, "inverse", end=0.4, motion={"theta": law}, drives=["theta"], start={"theta": 0, "A": 0, "B": 0}
+    )
+    theta, omega, alpha = (found[f"joint.theta.{rate}"].values for rate in ("position", "velocity", "acceleration"))
+    forces = crank.forces(theta, omega, alpha)
+    assert found["joint.theta.effort"].values == pytest.approx(forces["T"], rel=1e-9, abs=1e-8)
+    assert found["loop.slide.force.y"].values == pytest.approx(forces["N"], rel=1e-9, abs=1e-8)
+    assert found["loop.slide.moment.z"].values == pytest.approx(forces["M"], abs=1e-8)
+    assert found["joint.B.force.x"].values == pytest.approx(forces["B.x"], rel=1e-9, abs=1e-7)
