@@ -56,6 +56,7 @@ SECOND, JOULE, WATT, NEWTON, NEWTON_METRE = unit("s"), unit("J"), unit("W"), uni
 MAX_DEPTH = 50
 """Symbols may stand for symbols; deeper nesting would exhaust the interpreter's stack."""
 TURNS = ("angular_velocity", "angular_acceleration")
+OPERATORS = set("+-*/(), ")
 WRENCH = ("force", "moment")
 RATES = ("position", "velocity", "acceleration")
 ENERGIES = ("kinetic", "potential", "total")
@@ -136,8 +137,13 @@ class Quantities:
             return self.trajectory.further[name]
         kind, _, rest = name.partition(".")
         finder = _KINDS.get(kind)
-        if finder is not None and rest:
+        if finder is None or not rest:
+            return self._evaluate(name, Expression.parse(name), formula=True)
+        try:
             return finder(self, name, rest.split("."))
+        except InputError:
+            if not set(name) & OPERATORS:  # names from models may hold such marks too, so they are tried first
+                raise
         return self._evaluate(name, Expression.parse(name), formula=True)
 
     def _evaluate(self, name: str, expression: Expression, *, formula: bool = False) -> Series:

@@ -154,9 +154,10 @@ class ConstrainedSystem:
             rows.place(q)
             gap = values - rows.gap(q)
             split = Split.of(rows.rows())
-            if np.abs(gap).max() <= CLOSED * (1.0 + np.abs(values).max()):
-                return q, split.solve(mass, mass @ v, self._rates(dw))
             q = pin.integrate(model, q, split.solve(mass, np.zeros(model.nv), gap))
+            if np.abs(gap).max() <= CLOSED * (1.0 + np.abs(values).max()):  # and now closed to rounding
+                rows.place(q)
+                return q, Split.of(rows.rows()).solve(mass, mass @ v, self._rates(dw))
         worst = int(np.abs(gap).argmax())
         constraint, row = rows.owners()[worst]
         raise AssemblyError(

@@ -70,7 +70,7 @@ class System(Protocol):
         ...
 
     def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return states of the mechanism, shapes (n, nq) and (n, nv), from integrated ones, where nothing follows laws."""
+        """Return states of the mechanism, (n, nq) and (n, nv), from integrated ones, where nothing follows laws."""
         ...
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:

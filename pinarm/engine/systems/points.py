@@ -13,7 +13,7 @@ from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Manifold, Stretch
 from pinarm.engine.native import ACCURATE, TRUNCATED, PointClosure
 from pinarm.engine.reduction import Targets
-from pinarm.engine.systems.constrained import CLOSED, ConstrainedSystem
+from pinarm.engine.systems.constrained import ConstrainedSystem
 from pinarm.engine.systems.contract import Initial, Motion
 from pinarm.mechanics.motion import Grid
 
@@ -21,6 +21,9 @@ ITERATIONS = 12
 
 FLOOR = 0.3
 """Least step close to singular positions, relative to the last one that was taken far from them."""
+
+ROUNDED = 1e-15
+"""Gap that is rounding of places of about 1 m: close to singular positions less than that is still felt [m]."""
 
 STALLED = 1e-9
 """Gap below which Newton's method may end because rounding lets it shrink no more [m]."""
@@ -113,7 +116,7 @@ class _PointMotion:
             points.factorise(q)
             gap = points.gap()
             size = float(np.abs(gap).max())
-            if size <= CLOSED or (size < STALLED and size > 0.5 * before):
+            if size <= ROUNDED or (size < STALLED and size > 0.5 * before):
                 break
             q, before = pin.integrate(points.model, q, points.step(gap)), size
         return q, v - points.step(points.rows() @ v)
