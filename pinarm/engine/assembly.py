@@ -1,26 +1,25 @@
-"""From the motion of coordinates to that of the joints: positions, velocities and accelerations, exact to rounding.
+"""Newton's method on the constraints of a mechanism and the coordinates imposed on it, one configuration at a time.
 
-With coordinates w imposed on a mechanism, the constraints phi of its loops and couplings, and J the rows of both:
-``phi(q) = 0`` and ``w(q) = w_d(t)`` by Newton's method, then ``J v = (0, w_d')`` and ``J a = (0, w_d'') - J' v``.
-There may be more rows than unknowns where a loop is overconstrained. Nothing is differentiated numerically.
+With phi the constraints of loops and couplings, w the imposed coordinates and J the rows of both: ``phi(q) = 0`` and
+``w(q) = w_d``, then ``J v = (0, w_d')`` and ``J a = (0, w_d'') - J' v``, exact to rounding. There may be more rows than
+unknowns where a loop is overconstrained. Nothing is differentiated numerically.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.closure import Closure, Split
+from pinarm.engine.closure import Closure
+from pinarm.engine.imposed import Imposed
 from pinarm.engine.mechanism import Mechanism
-from pinarm.errors import AssemblyError, InputError
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, joint_of
-from pinarm.mechanics.couplings import Coupling, independent
-from pinarm.mechanics.motion import Grid, MotionLaw, Values
+from pinarm.errors import AssemblyError
+from pinarm.mechanics.coordinates import LinearCoordinate, joint_of
+from pinarm.mechanics.couplings import Coupling
 
 CLOSED = 1e-12
 """Largest gap of a solved position [m or rad], relative to ``1 + |w|``; Newton's method ends near 1e-16."""
@@ -38,158 +37,14 @@ SMALLEST = 1e-9
 """Smallest part of a sample interval that the continuation takes at once: what lies beyond is out of reach."""
 
 
-@dataclass(frozen=True)
-class Imposed:
-    """Coordinates with the laws that they follow.
-
-    Attributes:
-        names: Names of the coordinates.
-        coordinates: The coordinates, in the same order.
-        laws: Their laws, in the same order.
-    """
-
-    names: tuple[str, ...]
-    coordinates: tuple[Coordinate, ...]
-    laws: tuple[MotionLaw, ...]
-
-    @classmethod
-    def of(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> Imposed:
-        """Return the imposed coordinates of a mechanism all of whose joints are to follow.
-
-        Raises:
-            InputError: A coordinate does not exist, or there are too few or too many.
-        """
-        coordinates = tuple(mechanism.coordinate(name) for name in motion)
-        imposed = cls(tuple(motion), coordinates, tuple(motion.values()))
-        imposed._check_count(mechanism)
-        return imposed
-
-    @classmethod
-    def some(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> Imposed:
-        """Return imposed coordinates that leave others free.
-
-        Raises:
-            InputError: A coordinate does not exist, or nothing is left free.
-        """
-        coordinates = tuple(mechanism.coordinate(name) for name in motion)
-        if len(coordinates) >= mechanism.model.nv:
-            raise InputError("every coordinate follows a law: nothing is left to integrate", hint="kind: inverse")
-        return cls(tuple(motion), coordinates, tuple(motion.values()))
-
-    def _check_count(self, mechanism: Mechanism) -> None:
-        model = mechanism.model
-        if model.nq != model.nv:
-            raise InputError("a motion can be imposed on joints with one coordinate only; this model has others")
-        rows = mechanism.closure.size  # redundant ones among them leave more freedom than this says
-        if len(self.names) < model.nv - rows:
-            raise self._miscounted(mechanism, model.nv - rows)
-        if len(self.names) > model.nv - min(rows, 1):
-            raise self._miscounted(mechanism, model.nv - min(rows, 1))
-
-    def check_mobility(self, mechanism: Mechanism, q: Array) -> None:
-        """Raise where there are more or fewer coordinates than the assembled mechanism has degrees of freedom.
-
-        Raises:
-            InputError: Says which could be added, or how many are too many.
-        """
-        mechanism.closure.place(q)
-        mobility = Split.of(mechanism.closure.rows()).free.shape[1]
-        if len(self.names) != mobility:
-            raise self._miscounted(mechanism, mobility)
-
-    def _miscounted(self, mechanism: Mechanism, mobility: int) -> InputError:
-        missing = mobility - len(self.names)
-        if missing > 0:
-            free = [name for name in mechanism.joints if name not in self.names]
-            return InputError(
-                f"{mobility} coordinates have to follow a law and {len(self.names)} do",
-                expected=f"laws for {missing} more, such as of the joints {', '.join(free)}",
-            )
-        return InputError(
-            f"{len(self.names)} coordinates follow a law, but the mechanism has only {mobility} degrees of freedom",
-            expected=f"{mobility} of {', '.join(self.names)}" if mobility else "a mechanism that can move",
-        )
-
-    def linear_last(self) -> tuple[Imposed, int]:
-        """Return the same coordinates with those of joints, and sums of them, last; and how many others there are."""
-        is_linear = [isinstance(one, LinearCoordinate) for one in self.coordinates]
-        places = sorted(range(len(is_linear)), key=is_linear.__getitem__)
-        ordered = Imposed(
-            tuple(self.names[k] for k in places),
-            tuple(self.coordinates[k] for k in places),
-            tuple(self.laws[k] for k in places),
-        )
-        return ordered, is_linear.count(False)
-
-    def on(self, start: float, end: float) -> Callable[[float], tuple[Array, Array, Array]]:
-        """Return ``t -> w, w', w''`` of all coordinates on a stretch without jumps, each of shape (k,)."""
-        functions = [law.on(start, end) for law in self.laws]
-
-        def target(t: float) -> tuple[Array, Array, Array]:
-            instant = np.array([t])
-            values = [function(instant) for function in functions]
-            w, dw, ddw = (np.array([value[k][0] for value in values]) for k in range(3))
-            return w, dw, ddw
-
-        return target
-
-
-def follow(
-    mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Mapping[str, float]
-) -> tuple[Array, Array, Array]:
-    """Return the motion of the joints under imposed coordinates.
-
-    Args:
-        mechanism: The mechanism.
-        imposed: As many coordinates as it has degrees of freedom.
-        grid: Instants.
-        start: Rough values of joint coordinates at the first instant [rad or m]: they choose the branch.
-
-    Returns:
-        q of shape (n, nq), v and a of shape (n, nv).
-
-    Raises:
-        AssemblyError: The positions cannot be reached; ``data`` holds the closest configuration and its gap.
-    """
-    q0 = start_configuration(mechanism, {**start, **_imposed_at_start(mechanism, imposed, grid)})
-    couplings = [one for one in mechanism.constraints if isinstance(one, Coupling)]
-    linear = all(isinstance(coordinate, LinearCoordinate) for coordinate in imposed.coordinates)
-    if linear and len(couplings) == len(mechanism.constraints) and independent(couplings):
-        return _follow_linear(mechanism, couplings, imposed, grid)
-    return _follow_by_steps(mechanism, imposed, grid, q0)
-
-
 def assembled(closure: Closure, imposed: Imposed, q: Array, w: Array, t: float) -> Array:
     """Return the configuration near q in which the loops are closed and the coordinates have the values w, shape (k,).
 
     Raises:
         AssemblyError: There is none that damped steps reach; ``data`` holds the closest configuration and its gap.
     """
-    solver = _Solver(closure, imposed)
+    solver = Solver(closure, imposed)
     return solver.assemble(q, w, t) if solver.names else q
-
-
-def joint_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
-    """Return the joints' velocities and accelerations at given states of the imposed coordinates.
-
-    Args:
-        mechanism: The mechanism.
-        imposed: As many coordinates as it has degrees of freedom.
-        q: Configurations, shape (n, nq).
-        dw: Velocities of the coordinates, the same at every row, shape (k,).
-        ddw: Their accelerations, shape (k,).
-
-    Returns:
-        v and a, each of shape (n, nv).
-
-    Raises:
-        AssemblyError: A position is singular.
-    """
-    if not dw.any() and not ddw.any():  # at rest, which a singular position does not hinder
-        return np.zeros((len(q), mechanism.model.nv)), np.zeros((len(q), mechanism.model.nv))
-    solver = _Solver(mechanism.closure, imposed)
-    pairs = [solver.rates(row, dw, ddw, float(i)) for i, row in enumerate(q)]
-    return np.array([v for v, _ in pairs]), np.array([a for _, a in pairs])
 
 
 def start_configuration(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
@@ -204,52 +59,7 @@ def start_configuration(mechanism: Mechanism, start: Mapping[str, float]) -> Arr
     return q
 
 
-def _imposed_at_start(mechanism: Mechanism, imposed: Imposed, grid: Grid) -> dict[str, float]:
-    """Return the first values of the laws that joints follow: a way there from elsewhere may end on another branch."""
-    begin, end, _ = grid.stretches()[0]
-    values = imposed.on(begin, end)(float(grid.t[0]))[0]
-    return {name: float(w) for name, w in zip(imposed.names, values, strict=True) if name in mechanism.joints}
-
-
-def _follow_linear(
-    mechanism: Mechanism, couplings: Sequence[Coupling], imposed: Imposed, grid: Grid
-) -> tuple[Array, Array, Array]:
-    """Solve for all instants at once: the rows are constant and there is no drift."""
-    linear = [c for c in imposed.coordinates if isinstance(c, LinearCoordinate)]
-    rows = np.array([one.weights for one in [*(coupling.coordinate for coupling in couplings), *linear]])
-    if len(rows) != mechanism.model.nv:
-        imposed.check_mobility(mechanism, pin.neutral(mechanism.model))
-    _check_rank(rows, (*(coupling.name for coupling in couplings), *imposed.names), grid.t[0])
-    still, n = np.zeros(len(grid.t)), len(grid.t)
-    values: list[Values] = [(np.full(n, one.constant), still, still) for one in couplings]
-    values += [grid.evaluate(law) for law in imposed.laws]
-    solved = [np.linalg.solve(rows, np.array([value[k] for value in values])).T for k in range(3)]
-    q = np.empty_like(solved[0])
-    q[:, linear[0].places] = solved[0]
-    return q, np.ascontiguousarray(solved[1]), np.ascontiguousarray(solved[2])
-
-
-def _follow_by_steps(mechanism: Mechanism, imposed: Imposed, grid: Grid, q: Array) -> tuple[Array, Array, Array]:
-    """Continue from instant to instant, each predicted from the one before by its velocity and acceleration."""
-    solver = _Solver(mechanism.closure, imposed)
-    n, nv = len(grid.t), solver.model.nv
-    motion = np.empty((3, n, nv))
-    t, v, a = grid.t[0], np.zeros(nv), np.zeros(nv)
-    for begin, end, rows in grid.stretches():
-        target = imposed.on(begin, end)
-        for row in range(rows.start, rows.stop):
-            if row == 0:
-                q = solver.assemble(q, target(t)[0], t)
-                imposed.check_mobility(mechanism, q)
-                v, a = solver.rates(q, *target(t)[1:], t)
-            else:
-                q, v, a = solver.advance(q, v, a, t, grid.t[row], target)
-            t = grid.t[row]
-            motion[:, row] = q, v, a
-    return motion[0], motion[1], motion[2]
-
-
-class _Solver:
+class Solver:
     """Newton's method on the constraints and the imposed coordinates of one mechanism."""
 
     def __init__(self, closure: Closure, imposed: Imposed) -> None:
@@ -364,7 +174,7 @@ class _Solver:
         """
         self.gap(q, np.zeros(len(dw)))
         rows, still = self.rows(), np.zeros(self.closure.size)
-        _check_rank(rows, self.names, t)
+        check_rank(rows, self.names, t)
         v = _solve(rows, np.concatenate([still, dw]))
         drift = self.closure.drift(q, v)
         own = np.array([coordinate.drift(self.model, self.data) for coordinate in self.coordinates])
@@ -398,7 +208,7 @@ def _solve(rows: Array, right: Array) -> Array:
     return np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0])
 
 
-def _check_rank(rows: Array, names: Sequence[str], t: float) -> None:
+def check_rank(rows: Array, names: Sequence[str], t: float) -> None:
     nv = rows.shape[1]
     singular = np.linalg.svd(rows, compute_uv=False)
     if len(rows) < nv or singular[nv - 1] < SINGULAR * singular[0]:

@@ -121,7 +121,8 @@ def assembled_near(mechanism: Mechanism, start: dict[str, float]) -> Array:
     Raises:
         AssemblyError: The loops cannot be closed from there.
     """
-    from pinarm.engine.assembly import Imposed, assembled, start_configuration
+    from pinarm.engine.assembly import assembled, start_configuration
+    from pinarm.engine.imposed import Imposed
 
     q = start_configuration(mechanism, start)
     return assembled(mechanism.closure, Imposed((), (), ()), q, np.zeros(0), 0.0) if mechanism.closure.size else q

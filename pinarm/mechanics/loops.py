@@ -19,12 +19,17 @@ from pinarm.errors import InputError
 from pinarm.input.schema import Model, Span
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import METRE, RADIAN, Direction, frame_of, unit_vector
+from pinarm.mechanics.vectors import Axes, combined, cross, dot, rotation_vector
 
 LOCAL = pin.ReferenceFrame.LOCAL
 
 
 class Pair(Protocol):
-    """What a kind of joint allows between its two frames; all vectors in the axes of frame 1."""
+    """What a kind of joint allows between its two frames, in one configuration or in n of them.
+
+    All vectors are in the axes of frame 1; (..) stands for nothing or for n. ``axes`` are those of frame 2. Rows that
+    measure lengths come first, then those that measure angles.
+    """
 
     @property
     def size(self) -> int:
@@ -33,7 +38,7 @@ class Pair(Protocol):
 
     @property
     def lengths(self) -> int:
-        """Number of rows that measure lengths; they come first, the others measure angles."""
+        """Number k of rows that measure lengths."""
         ...
 
     @property
@@ -41,17 +46,25 @@ class Pair(Protocol):
         """Points that coincide in both frames and say the same as the rows, shape (k, 3); none if no points can."""
         ...
 
-    def gap(self, p: Array, turn: Array) -> Array:
-        """Return what is not closed [m or rad], shape (m,)."""
+    def gap(self, p: Array, axes: Axes) -> tuple[Array, Array]:
+        """Return what is not closed: lengths [m], shape (k, ..), and angles [rad], shape (m - k, ..)."""
         ...
 
-    def directions(self, p: Array, turn: Array) -> tuple[Array, Array]:
-        """Return e and w of every row, each of shape (m, 3)."""
+    def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
+        """Return the directions e of the lengths, shape (k, 3, ..), and w of the angles, shape (m - k, 3, ..).
+
+        Without their last axis where they are the same in all configurations.
+        """
         ...
 
-    def bend(self, p: Array, turn: Array, dp: Array, omega: Array) -> Array:
-        """Return ``e' . p' + w' . omega`` of every row: what the change of the directions does, shape (m,)."""
+    def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> tuple[Array, Array]:
+        """Return what the change of the directions does: ``e' . p'``, shape (k, ..), and ``w' . omega``, likewise."""
         ...
+
+
+def _zeros(rows: int, p: Array) -> Array:
+    """Return zeros for some rows, shape (rows,), or (rows, 1) for many configurations."""
+    return np.zeros((rows, 1)[: p.ndim])
 
 
 @dataclass(frozen=True)
@@ -80,33 +93,30 @@ class LowerPair:
         """Number of rows that measure lengths."""
         return len(self.held)
 
-    def gap(self, p: Array, turn: Array) -> Array:
-        """Return the open distances, then the angles.
+    def gap(self, p: Array, axes: Axes) -> tuple[Array, Array]:
+        """Return the open distances and the angles.
 
         Two angles are those of the cross product of the axes, scaled to the full angle, which unlike components of
         ``log R`` does not change sign where the free rotation passes half a turn.
         """
+        if not len(self.aligned):
+            return self.held @ p, _zeros(0, p)
         if len(self.aligned) == 3:
-            angles = pin.log3(turn)
-        else:
-            other = turn @ self.axis
-            cross, cosine = np.cross(self.axis, other), float(self.axis @ other)
-            sine = float(np.linalg.norm(cross))
-            angles = cross * (np.arctan2(sine, cosine) / sine if sine > 1e-8 else 1.0)
-            if sine <= 1e-8 and cosine < 0.0:  # turned over, about any axis across
-                angles = self.aligned.sum(axis=0) * np.pi
-        return np.concatenate([self.held @ p, self.aligned @ angles])
+            return self.held @ p, self.aligned @ rotation_vector(axes)
+        other = combined(axes, self.axis)
+        across, cosine = self.aligned @ cross(self.axis, other), self.axis @ other
+        sine = np.sqrt((across * across).sum(axis=0))
+        meeting = sine <= 1e-8
+        full = np.where(meeting, 1.0, np.arctan2(sine, cosine) / np.where(meeting, 1.0, sine))
+        return self.held @ p, np.where(meeting & (cosine < 0.0), np.pi, across * full)  # turned over, about any axis
 
-    def directions(self, p: Array, turn: Array) -> tuple[Array, Array]:
+    def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
         """Return the constant directions."""
-        k, still = len(self.held), np.zeros((self.size, 3))
-        e, w = still.copy(), still
-        e[:k], w[k:] = self.held, self.aligned
-        return e, w
+        return self.held, self.aligned
 
-    def bend(self, p: Array, turn: Array, dp: Array, omega: Array) -> Array:
+    def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> tuple[Array, Array]:
         """Return zeros."""
-        return np.zeros(self.size)
+        return _zeros(len(self.held), p), _zeros(len(self.aligned), p)
 
 
 @dataclass(frozen=True)
@@ -124,20 +134,18 @@ class Cross:
     lengths: int = 3
     points: Array | None = None
 
-    def gap(self, p: Array, turn: Array) -> Array:
+    def gap(self, p: Array, axes: Axes) -> tuple[Array, Array]:
         """Return the distance, and the angle by which the axes miss a right one."""
-        return np.append(p, np.arcsin(np.clip(self.first @ turn @ self.second, -1.0, 1.0)))
+        return p, np.arcsin(np.clip(self.first @ combined(axes, self.second), -1.0, 1.0))[None]
 
-    def directions(self, p: Array, turn: Array) -> tuple[Array, Array]:
+    def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
         """Return the directions; rotation is held about the normal of both axes."""
-        e, w = np.eye(4, 3), np.zeros((4, 3))
-        w[3] = np.cross(turn @ self.second, self.first)
-        return e, w
+        return np.eye(3), cross(combined(axes, self.second), self.first)[None]
 
-    def bend(self, p: Array, turn: Array, dp: Array, omega: Array) -> Array:
+    def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> tuple[Array, Array]:
         """Return what the turning of the second axis does."""
-        turning = np.cross(np.cross(omega, turn @ self.second), self.first)
-        return np.array([0.0, 0.0, 0.0, turning @ omega])
+        turning = cross(cross(omega, combined(axes, self.second)), self.first)
+        return _zeros(3, p), dot(turning, omega)[None]
 
 
 @dataclass(frozen=True)
@@ -153,19 +161,19 @@ class Tie:
     lengths: int = 1
     points: Array | None = None
 
-    def gap(self, p: Array, turn: Array) -> Array:
+    def gap(self, p: Array, axes: Axes) -> tuple[Array, Array]:
         """Return by how much the distance differs from the length."""
-        return np.array([np.linalg.norm(p) - self.length])
+        return (np.sqrt(dot(p, p)) - self.length)[None], _zeros(0, p)
 
-    def directions(self, p: Array, turn: Array) -> tuple[Array, Array]:
+    def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
         """Return the direction of the rod."""
-        return (p / np.linalg.norm(p))[None], np.zeros((1, 3))
+        return (p / np.sqrt(dot(p, p)))[None], NOTHING
 
-    def bend(self, p: Array, turn: Array, dp: Array, omega: Array) -> Array:
+    def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> tuple[Array, Array]:
         """Return the centripetal term ``(|p'|^2 - (u . p')^2) / |p|``."""
-        length = float(np.linalg.norm(p))
-        along = float(p @ dp) / length
-        return np.array([(float(dp @ dp) - along * along) / length])
+        length = np.sqrt(dot(p, p))
+        along = dot(p, dp) / length
+        return ((dot(dp, dp) - along * along) / length)[None], _zeros(0, p)
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,29 +205,31 @@ class LoopJoint:
 
     def gap(self, data: pin.Data, q: Array) -> Array:
         """Return what is not closed [m or rad], shape (m,); the placements of frames in ``data`` are those of q."""
-        return self.pair.gap(*_placed(data.oMf[self.first], data.oMf[self.second]))
+        return np.concatenate(self.pair.gap(*_placed(data.oMf[self.first], data.oMf[self.second])))
 
     def rows(self, model: pin.Model, data: pin.Data) -> Array:
         """Return G, shape (m, nv); the joint Jacobians in ``data`` are those of q."""
-        p, turn = _placed(data.oMf[self.first], data.oMf[self.second])
+        p, axes = _placed(data.oMf[self.first], data.oMf[self.second])
+        turn = axes.T
         one, two = (
             pin.getFrameJacobian(model, data, frame, LOCAL).reshape(6, -1) for frame in (self.first, self.second)
         )
-        e, w = self.pair.directions(p, turn)
+        e, w = self.pair.directions(p, axes)
         translation = turn @ two[:3] - one[:3] + pin.skew(p) @ one[3:]
-        return np.asarray(e @ translation + w @ (turn @ two[3:] - one[3:]))
+        return np.vstack([e @ translation, w @ (turn @ two[3:] - one[3:])])
 
     def drift(self, model: pin.Model, data: pin.Data) -> Array:
         """Return G' v, shape (m,); ``data`` holds the forward kinematics of (q, v, 0) and the placements of frames."""
-        p, turn = _placed(data.oMf[self.first], data.oMf[self.second])
+        p, axes = _placed(data.oMf[self.first], data.oMf[self.second])
+        turn = axes.T
         v1, v2 = (pin.getFrameVelocity(model, data, frame, LOCAL) for frame in (self.first, self.second))
         a1, a2 = (pin.getFrameClassicalAcceleration(model, data, frame, LOCAL) for frame in (self.first, self.second))
         spin, omega = v1.angular, turn @ v2.angular - v1.angular
         dp = turn @ v2.linear - v1.linear - np.cross(spin, p)
         ddp = turn @ a2.linear - a1.linear - np.cross(a1.angular, p) - np.cross(spin, np.cross(spin, p) + 2.0 * dp)
         domega = turn @ a2.angular - a1.angular + np.cross(omega, spin)
-        e, w = self.pair.directions(p, turn)
-        return np.asarray(e @ ddp + w @ domega + self.pair.bend(p, turn, dp, omega))
+        e, w = self.pair.directions(p, axes)
+        return np.concatenate([e @ ddp, w @ domega]) + np.concatenate(self.pair.bend(p, axes, dp, omega))
 
     def wrenches(self, model: pin.Model, data: pin.Data, lam: Array) -> dict[int, Array]:
         """Return what the multipliers do to the links: joint index -> [f; m] at the world's origin, world axes."""
@@ -233,13 +243,14 @@ class LoopJoint:
         """Return [f; m] of the first link on the second, at the origin of frame 2, world axes [N, N*m], shape (6,)."""
         one = data.oMf[self.first]
         e, w = self.pair.directions(*_placed(one, data.oMf[self.second]))
-        return np.concatenate([one.rotation @ (lam @ e), one.rotation @ (lam @ w)])
+        k = self.pair.lengths
+        return np.concatenate([one.rotation @ (lam[:k] @ e), one.rotation @ (lam[k:] @ w)])
 
 
 def _placed(one: pin.SE3, two: pin.SE3) -> tuple[Array, Array]:
-    """Return the place and the orientation of frame 2 in frame 1."""
+    """Return the place of frame 2 in frame 1, and its axes as the rows of an array, shape (3, 3)."""
     between = one.actInv(two)
-    return between.translation, between.rotation
+    return between.translation, np.asarray(between.rotation.T)
 
 
 def _across(axis: Array) -> Array:

@@ -9,9 +9,10 @@ from typing import ClassVar
 import msgspec
 import numpy as np
 
-from pinarm.engine.assembly import Imposed, start_configuration
+from pinarm.engine.assembly import start_configuration
 from pinarm.engine.balance import energy_balance
 from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.imposed import Imposed
 from pinarm.engine.integrators import Solution, integrate
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.systems import Initial, System, system_of

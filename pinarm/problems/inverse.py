@@ -10,9 +10,10 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.assembly import Imposed, follow, joint_rates
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.efforts import Actuation, actuation
+from pinarm.engine.following import follow, joint_rates
+from pinarm.engine.imposed import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.trajectory import Trajectory
 from pinarm.input.schema import Level, Model

@@ -7,8 +7,8 @@ from typing import Annotated, ClassVar
 
 import msgspec
 
-from pinarm.engine.assembly import Imposed
 from pinarm.engine.efforts import Nothing
+from pinarm.engine.imposed import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.trajectory import Trajectory
 from pinarm.input.schema import Level, Model

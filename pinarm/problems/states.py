@@ -8,8 +8,8 @@ from typing import Annotated, ClassVar
 import msgspec
 import numpy as np
 
-from pinarm.engine.assembly import Imposed
 from pinarm.engine.efforts import Actuation, actuation
+from pinarm.engine.imposed import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import InputError, Key, choices

@@ -4,7 +4,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.engine.assembly import Imposed, _Solver, follow, start_configuration
+from pinarm.engine.assembly import Solver, start_configuration
+from pinarm.engine.following import follow
+from pinarm.engine.imposed import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Cycloidal, Harmonic, Polynomial, Trapezoid
@@ -107,14 +109,14 @@ class TestBranch:
 @pytest.fixture
 def bounded(monkeypatch):
     """Let a continuation that goes on for ever fail instead."""
-    newton, calls = _Solver._newton, []
+    newton, calls = Solver._newton, []
 
     def counted(solver, q, w):
         calls.append(1)
         assert len(calls) < 5000, "the continuation does not end"
         return newton(solver, q, w)
 
-    monkeypatch.setattr(_Solver, "_newton", counted)
+    monkeypatch.setattr(Solver, "_newton", counted)
 
 
 @pytest.mark.usefixtures("bounded")

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from pinarm.engine.assembly import Imposed
+from pinarm.engine.imposed import Imposed
 from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Flat, integrate

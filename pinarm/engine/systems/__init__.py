@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from pinarm.engine.assembly import Imposed
 from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.imposed import Imposed
 from pinarm.engine.integrators import Flat
 from pinarm.engine.native import PointClosure
 from pinarm.engine.reduction import Reduction

@@ -13,9 +13,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.assembly import Imposed, assembled
+from pinarm.engine.assembly import assembled
 from pinarm.engine.closure import Closure, Split
 from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.imposed import Imposed
 from pinarm.engine.integrators import Acceleration, Manifold, Settle, Stretch
 from pinarm.engine.systems.contract import Initial, Motion
 from pinarm.errors import AssemblyError, InputError

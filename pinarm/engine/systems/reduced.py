@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.assembly import Imposed
 from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.imposed import Imposed
 from pinarm.engine.integrators import Acceleration, Manifold, Stretch
 from pinarm.engine.reduction import Reduction
 from pinarm.engine.systems.contract import Initial, Motion, parts

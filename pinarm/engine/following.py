@@ -1,0 +1,115 @@
+"""From the motion of coordinates to that of the joints: positions, velocities and accelerations, exact to rounding.
+
+With coordinates w imposed on a mechanism, the constraints phi of its loops and couplings, and J the rows of both:
+``phi(q) = 0`` and ``w(q) = w_d(t)``, then ``J v = (0, w_d')`` and ``J a = (0, w_d'') - J' v``. The rows of the table
+are solved one after the other by continuation (``engine.assembly``), or many at once where that is as sure
+(``engine.sweeps``), or all at once where the equations are linear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.assembly import Solver, check_rank, start_configuration
+from pinarm.engine.imposed import Imposed
+from pinarm.engine.mechanism import Mechanism
+from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.couplings import Coupling, independent
+from pinarm.mechanics.motion import Grid, Values
+
+
+def follow(
+    mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Mapping[str, float]
+) -> tuple[Array, Array, Array]:
+    """Return the motion of the joints under imposed coordinates.
+
+    Args:
+        mechanism: The mechanism.
+        imposed: As many coordinates as it has degrees of freedom.
+        grid: Instants.
+        start: Rough values of joint coordinates at the first instant [rad or m]: they choose the branch.
+
+    Returns:
+        q of shape (n, nq), v and a of shape (n, nv).
+
+    Raises:
+        AssemblyError: The positions cannot be reached; ``data`` holds the closest configuration and its gap.
+    """
+    q0 = start_configuration(mechanism, {**start, **_imposed_at_start(mechanism, imposed, grid)})
+    couplings = [one for one in mechanism.constraints if isinstance(one, Coupling)]
+    linear = all(isinstance(coordinate, LinearCoordinate) for coordinate in imposed.coordinates)
+    if linear and len(couplings) == len(mechanism.constraints) and independent(couplings):
+        return _follow_linear(mechanism, couplings, imposed, grid)
+    return _follow_by_steps(mechanism, imposed, grid, q0)
+
+
+def joint_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
+    """Return the joints' velocities and accelerations at given states of the imposed coordinates.
+
+    Args:
+        mechanism: The mechanism.
+        imposed: As many coordinates as it has degrees of freedom.
+        q: Configurations, shape (n, nq).
+        dw: Velocities of the coordinates, the same at every row, shape (k,).
+        ddw: Their accelerations, shape (k,).
+
+    Returns:
+        v and a, each of shape (n, nv).
+
+    Raises:
+        AssemblyError: A position is singular.
+    """
+    if not dw.any() and not ddw.any():  # at rest, which a singular position does not hinder
+        return np.zeros((len(q), mechanism.model.nv)), np.zeros((len(q), mechanism.model.nv))
+    solver = Solver(mechanism.closure, imposed)
+    pairs = [solver.rates(row, dw, ddw, float(i)) for i, row in enumerate(q)]
+    return np.array([v for v, _ in pairs]), np.array([a for _, a in pairs])
+
+
+def _imposed_at_start(mechanism: Mechanism, imposed: Imposed, grid: Grid) -> dict[str, float]:
+    """Return the first values of the laws that joints follow: a way there from elsewhere may end on another branch."""
+    begin, end, _ = grid.stretches()[0]
+    values = imposed.on(begin, end)(float(grid.t[0]))[0]
+    return {name: float(w) for name, w in zip(imposed.names, values, strict=True) if name in mechanism.joints}
+
+
+def _follow_linear(
+    mechanism: Mechanism, couplings: Sequence[Coupling], imposed: Imposed, grid: Grid
+) -> tuple[Array, Array, Array]:
+    """Solve for all instants at once: the rows are constant and there is no drift."""
+    linear = [c for c in imposed.coordinates if isinstance(c, LinearCoordinate)]
+    rows = np.array([one.weights for one in [*(coupling.coordinate for coupling in couplings), *linear]])
+    if len(rows) != mechanism.model.nv:
+        imposed.check_mobility(mechanism, pin.neutral(mechanism.model))
+    check_rank(rows, (*(coupling.name for coupling in couplings), *imposed.names), grid.t[0])
+    still, n = np.zeros(len(grid.t)), len(grid.t)
+    values: list[Values] = [(np.full(n, one.constant), still, still) for one in couplings]
+    values += [grid.evaluate(law) for law in imposed.laws]
+    solved = [np.linalg.solve(rows, np.array([value[k] for value in values])).T for k in range(3)]
+    q = np.empty_like(solved[0])
+    q[:, linear[0].places] = solved[0]
+    return q, np.ascontiguousarray(solved[1]), np.ascontiguousarray(solved[2])
+
+
+def _follow_by_steps(mechanism: Mechanism, imposed: Imposed, grid: Grid, q: Array) -> tuple[Array, Array, Array]:
+    """Continue from instant to instant, each predicted from the one before by its velocity and acceleration."""
+    solver = Solver(mechanism.closure, imposed)
+    n, nv = len(grid.t), solver.model.nv
+    motion = np.empty((3, n, nv))
+    t, v, a = grid.t[0], np.zeros(nv), np.zeros(nv)
+    for begin, end, rows in grid.stretches():
+        target = imposed.on(begin, end)
+        for row in range(rows.start, rows.stop):
+            if row == 0:
+                q = solver.assemble(q, target(t)[0], t)
+                imposed.check_mobility(mechanism, q)
+                v, a = solver.rates(q, *target(t)[1:], t)
+            else:
+                q, v, a = solver.advance(q, v, a, t, grid.t[row], target)
+            t = grid.t[row]
+            motion[:, row] = q, v, a
+    return motion[0], motion[1], motion[2]

@@ -1,0 +1,267 @@
+"""What constraints and coordinates measure, at many configurations at once: values, rows of J and drifts.
+
+The same numbers as those of ``Constraint`` and ``Coordinate``, for mechanisms whose joints turn or slide. Arrays have
+the n configurations along their last axis, or 1 where a number is the same in all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.closure import Constraint
+from pinarm.engine.elimination import Entries
+from pinarm.mechanics.chains import Chain, Placed
+from pinarm.mechanics.coordinates import Coordinate, DistanceCoordinate, FrameCoordinate, LinearCoordinate
+from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.loops import NOTHING, LoopJoint, LowerPair, Pair, Tie
+from pinarm.mechanics.vectors import dot
+
+UNIVERSE = 0
+"""Index of the world's frame."""
+
+
+class Measured(Protocol):
+    """The rows of one constraint or coordinate, at many configurations."""
+
+    def gap(self) -> list[Array]:
+        """Return the value of every row [m or rad], shape (n,) or (1,)."""
+        ...
+
+    def rows(self, wanted: Container[int]) -> dict[int, Entries]:
+        """Return the wanted rows of J."""
+        ...
+
+    def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
+        """Return J' v of the wanted rows, shape (n,) or (1,), for velocities v, shape (nv, n)."""
+        ...
+
+
+class Measure(Protocol):
+    """What one constraint or coordinate measures."""
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        ...
+
+    def at(self, q: Array, cosine: Array, sine: Array) -> Measured:
+        """Return its rows at configurations q; cos(q) and sin(q) serve all measures. Each of shape (nv, n)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Between:
+    """What a pair measures between two frames.
+
+    Attributes:
+        pair: The pair.
+        chain: The joints between the frames.
+    """
+
+    pair: Pair
+    chain: Chain
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return self.pair.size
+
+    def at(self, q: Array, cosine: Array, sine: Array) -> PairRows:
+        """Return its rows at many configurations."""
+        return PairRows(self.pair, self.chain.placed(q, cosine, sine))
+
+
+@dataclass(frozen=True, eq=False)
+class PairRows:
+    """The rows of a pair at many configurations.
+
+    Attributes:
+        pair: The pair.
+        placed: The chain between its frames.
+    """
+
+    pair: Pair
+    placed: Placed
+
+    def gap(self) -> list[Array]:
+        """Return the lengths, then the angles."""
+        lengths, angles = self.pair.gap(self.placed.p, self.placed.axes)
+        return [*lengths, *angles]
+
+    def rows(self, wanted: Container[int]) -> dict[int, Entries]:
+        """Return ``e . p'`` of the lengths and ``w . omega`` of the angles."""
+        e, w = self._directions(wanted)
+        found = {k: self.placed.along(one) for k, one in e.items()}
+        return found | {k: self.placed.about(one) for k, one in w.items()}
+
+    def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
+        """Return ``e . p'' + e' . p'`` of the lengths and ``w . omega' + w' . omega`` of the angles, for a = 0."""
+        dp, omega, ddp, domega = self.placed.rates(v)
+        e, w = self._directions(wanted)
+        lengths, angles = self.pair.bend(self.placed.p, self.placed.axes, dp, omega)
+        bend = [*lengths, *angles]
+        found = {k: dot(one, ddp) + bend[k] for k, one in e.items()}
+        return found | {k: dot(one, domega) + bend[k] for k, one in w.items()}
+
+    def _directions(self, wanted: Container[int]) -> tuple[dict[int, Array], dict[int, Array]]:
+        """Return e and w of the wanted rows, shape (3, n) or (3, 1)."""
+        e, w = self.pair.directions(self.placed.p, self.placed.axes)
+        k = self.pair.lengths
+        lengths = {i: one.reshape(3, -1) for i, one in enumerate(e) if i in wanted}
+        return lengths, {k + i: one.reshape(3, -1) for i, one in enumerate(w) if k + i in wanted}
+
+
+@dataclass(frozen=True, eq=False)
+class Sum:
+    """A weighted sum of joint coordinates less a constant.
+
+    Attributes:
+        weights: Place in q and v -> weight, shape (1,).
+        constant: The constant [m or rad].
+        size: One row.
+    """
+
+    weights: Entries
+    constant: float = 0.0
+    size: int = 1
+
+    @classmethod
+    def of(cls, coordinate: LinearCoordinate, constant: float = 0.0) -> Sum:
+        """Return the sum that a coordinate is."""
+        return cls({int(i): coordinate.weights[i : i + 1] for i in np.flatnonzero(coordinate.weights)}, constant)
+
+    def at(self, q: Array, cosine: Array, sine: Array) -> SumRow:
+        """Return its row at many configurations."""
+        return SumRow(self, q)
+
+
+@dataclass(frozen=True, eq=False)
+class SumRow:
+    """The row of a sum at many configurations.
+
+    Attributes:
+        measure: The sum.
+        q: Configurations, shape (nv, n).
+    """
+
+    measure: Sum
+    q: Array
+
+    def gap(self) -> list[Array]:
+        """Return the sum less its constant."""
+        total = sum((weight * self.q[i] for i, weight in self.measure.weights.items()), np.zeros(1))
+        return [total - self.measure.constant]
+
+    def rows(self, wanted: Container[int]) -> dict[int, Entries]:
+        """Return the weights."""
+        return {0: self.measure.weights} if 0 in wanted else {}
+
+    def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
+        """Return nothing: the row is constant."""
+        return {}
+
+
+def measure_of(model: pin.Model, one: Constraint | Coordinate) -> Measure | None:
+    """Return what a constraint or coordinate measures; ``None`` where it cannot be had at many configurations."""
+    if isinstance(one, LinearCoordinate):
+        return Sum.of(one)
+    if isinstance(one, Coupling):
+        return Sum.of(one.coordinate, one.constant)
+    if isinstance(one, LoopJoint):
+        first, second, pair = one.first, one.second, one.pair
+    elif isinstance(one, FrameCoordinate):
+        first, second, pair = UNIVERSE, one.frame, LowerPair(one.axis[None], NOTHING, one.axis)
+    elif isinstance(one, DistanceCoordinate):
+        first, second, pair = one.first, one.second, Tie(0.0)
+    else:
+        return None
+    chain = Chain.between(model, first, second)
+    return None if chain is None else Between(pair, chain)
+
+
+@dataclass(frozen=True, eq=False)
+class Measures:
+    """What several constraints and coordinates measure, their rows numbered through.
+
+    Attributes:
+        parts: The measures.
+        starts: First row of each.
+    """
+
+    parts: tuple[Measure, ...]
+    starts: tuple[int, ...]
+
+    @classmethod
+    def of(cls, model: pin.Model, ones: Sequence[Constraint | Coordinate]) -> Measures | None:
+        """Return the measures of a model; ``None`` where one cannot be had at many configurations."""
+        found = [measure_of(model, one) for one in ones]
+        parts = tuple(measure for measure in found if measure is not None)
+        starts = np.cumsum([0, *(measure.size for measure in parts)])[:-1]
+        return cls(parts, tuple(int(start) for start in starts)) if len(parts) == len(found) else None
+
+    def at(self, q: Array) -> MeasuredAll:
+        """Return the rows at configurations, shape (nv, n)."""
+        cosine, sine = np.cos(q), np.sin(q)
+        return MeasuredAll([(start, part.at(q, cosine, sine)) for start, part in zip(self.starts, self.parts, strict=True)])
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredAll:
+    """The rows of several measures at many configurations.
+
+    Attributes:
+        parts: First row of each, and its rows.
+    """
+
+    parts: list[tuple[int, Measured]]
+
+    def gap(self) -> list[Array]:
+        """Return the value of every row [m or rad], shape (n,) or (1,)."""
+        return [value for _, part in self.parts for value in part.gap()]
+
+    def rows(self, wanted: Sequence[int]) -> dict[int, Entries]:
+        """Return the wanted rows of J."""
+        return {
+            start + i: row for start, part in self.parts for i, row in part.rows([k - start for k in wanted]).items()
+        }
+
+    def drift(self, wanted: Sequence[int], v: Array) -> dict[int, Array]:
+        """Return J' v of the wanted rows, shape (n,) or (1,); 0 where there is none."""
+        return {
+            start + i: x for start, part in self.parts for i, x in part.drift([k - start for k in wanted], v).items()
+        }
+
+
+def rates_of(model: pin.Model, coordinates: Sequence[Coordinate], q: Array, v: Array) -> Array:
+    """Return the rates of coordinates for several velocities at every configuration, shape (k, n, d).
+
+    Args:
+        model: Pinocchio's model.
+        coordinates: The coordinates, d of them.
+        q: Configurations, shape (n, nq).
+        v: Velocities, shape (k, n, nv).
+    """
+    found = np.empty((*v.shape[:2], len(coordinates)))
+    for d, one in enumerate(coordinates):
+        found[:, :, d] = v @ one.weights if isinstance(one, LinearCoordinate) else _rates(model, one, q, v)
+    return found
+
+
+def _rates(model: pin.Model, coordinate: Coordinate, q: Array, v: Array) -> Array:
+    measure = measure_of(model, coordinate)
+    if measure is None or q.shape[1] != v.shape[2]:
+        data = model.createData()
+        rows = np.empty_like(v[0])
+        for i in range(len(q)):
+            pin.computeJointJacobians(model, data, q[i])
+            pin.updateFramePlacements(model, data)
+            rows[i] = coordinate.row(model, data)
+        return np.asarray(np.einsum("nj,knj->kn", rows, v))
+    row = measure.at(q.T, np.cos(q.T), np.sin(q.T)).rows((0,))[0]
+    return sum((entry * v[:, :, column] for column, entry in row.items()), np.zeros(v.shape[:2]))

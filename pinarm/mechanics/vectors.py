@@ -1,0 +1,52 @@
+"""Vector algebra on the first axis: one vector, shape (3,), or many, shape (3, n), one per configuration.
+
+Shape (3, 1) is one vector for all configurations: numpy spreads it over the others where it has to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+
+Axes = Sequence[Array]
+"""The three axes of a frame, each of shape (3,) or (3, n): the columns of its rotation matrix."""
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Return ``a . b``, shape () or (n,)."""
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return ``a x b``, shape (3,) or (3, n)."""
+    x = a[1] * b[2] - a[2] * b[1]
+    product = np.empty((3, *np.shape(x)))
+    product[0] = x
+    product[1] = a[2] * b[0] - a[0] * b[2]
+    product[2] = a[0] * b[1] - a[1] * b[0]
+    return product
+
+
+def combined(axes: Axes, weights: Array) -> Array:
+    """Return ``sum_k weights_k axes_k``, a vector given by its components along axes; 0 costs nothing and 1 little."""
+    total: Array | None = None
+    for axis, weight in zip(axes, weights, strict=True):
+        if weight:
+            part = axis if weight == 1.0 else weight * axis
+            total = part if total is None else total + part
+    return np.zeros_like(axes[0]) if total is None else total
+
+
+def rotation_vector(axes: Axes) -> Array:
+    """Return ``log R``, shape (3,) or (3, n); of many it is not exact within 1e-6 of half a turn."""
+    if axes[0].ndim == 1:
+        return np.asarray(pin.log3(np.column_stack(axes)))
+    x, y, z = axes
+    twice = np.array(np.broadcast_arrays(y[2] - z[1], z[0] - x[2], x[1] - y[0]))
+    sine, cosine = 0.5 * np.sqrt(dot(twice, twice)), 0.5 * (x[0] + y[1] + z[2] - 1.0)
+    small = sine < 1e-8
+    return np.asarray(0.5 * twice * np.where(small, 1.0, np.arctan2(sine, cosine) / np.where(small, 1.0, sine)))
