@@ -20,9 +20,10 @@ RANK = 1e-7
 """Singular value of G, its rows of length 1, relative to the largest, below which rows count as dependent: closed to
 rounding, a redundant loop leaves 1e-12."""
 
-VANISHED = 1e-9
+VANISHED, SMALL = 1e-9, 1e-3
 """Length of a row of G, relative to the longest, that is 0 but for rounding: what holds a plane linkage in its plane
-vanishes exactly where its axes are those of the world, and leaves 1e-16 where they are not."""
+vanishes exactly where its axes are those of the world, and leaves 1e-16 where they are not. Where all rows vanish, as of
+a second bearing, they are compared with a lever of 1 mm."""
 
 
 class Constraint(Protocol):
@@ -211,9 +212,9 @@ class Split:
             nv = rows.shape[1]
             return cls(np.ones(0), np.zeros((0, 0)), np.zeros(0), np.zeros((0, nv)), np.eye(nv), np.zeros((0, 0)))
         length = np.sqrt((rows * rows).sum(axis=1))
-        scale = 1.0 / np.where(length > VANISHED * length.max(), length, 1.0)
+        scale = 1.0 / np.where(length > VANISHED * max(length.max(), SMALL), length, 1.0)
         u, s, vt = np.linalg.svd(rows * scale[:, None])
-        r = int((s > least * max(s[0], 1e-300)).sum())
+        r = int((s > least * max(s[0], 1.0)).sum())
         return cls(scale, u[:, :r], s[:r], vt[:r], vt[r:].T, u[:, r:])
 
     def particular(self, right: Array) -> Array:
@@ -222,7 +223,11 @@ class Split:
 
     def multipliers(self, force: Array) -> Array:
         """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (m,)."""
-        return np.asarray(self.scale * (self.left @ ((self.right @ force) / self.values)))
+        lam = self.scale * (self.left @ ((self.right @ force) / self.values))
+        if self.redundant.shape[1]:
+            idle = self.scale[:, None] * self.redundant
+            lam = lam - idle @ np.linalg.lstsq(idle, lam, rcond=None)[0]
+        return np.asarray(lam)
 
     def solve(self, mass: Array, force: Array, right: Array) -> Array:
         """Return the x that minimises ``x^T M x / 2 - force . x`` while ``G x = right``, shape (nv,).

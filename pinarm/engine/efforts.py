@@ -113,17 +113,19 @@ class NamedDrives:
 
     def _carried(self, t: float, ways: Array, load: Array, least: float) -> Array:
         """Return the efforts that carry a load on the free motions, shape (k,); ``least`` bounds singular values."""
-        u, s, vt = np.linalg.svd(ways, full_matrices=False)
-        if len(self.names) > ways.shape[0] or (s < least).any():
-            weak = [name for name, share in zip(self.names, vt[-1], strict=True) if abs(share) > 0.1]
+        u, s, vt = np.linalg.svd(ways)
+        r = int((s >= least).sum())
+        if len(self.names) > r:
+            shares = np.abs(vt[r:]).max(axis=0)
+            weak = [name for name, share in zip(self.names, shares, strict=True) if share > 1e-6]
             raise DynamicsError(
-                f"at {t:.9g} the efforts of {', '.join(weak or self.names)} are not determined: "
+                f"at {t:.9g} the efforts of {', '.join(weak)} are not determined: "
                 f"{len(self.names)} drives and {ways.shape[0]} degrees of freedom",
                 expected="as many drives as the mechanism has degrees of freedom, none of them at a dead point", t=t,
             )  # fmt: skip
-        effort = vt.T @ ((u.T @ load) / s)
+        effort = vt.T @ ((u[:, :r].T @ load) / s)
         left = float(np.abs(load - ways @ effort).max(initial=0.0))
-        if left > CARRIED * max(np.abs(load).max(initial=0.0), np.abs(ways * effort).max(initial=0.0)):
+        if left > CARRIED * max(float(np.abs(load).max(initial=0.0)), float(np.abs(ways * effort).max(initial=0.0))):
             raise InputError(
                 f"at {t:.9g} the drives {', '.join(self.names)} leave a load of {left:.3g} N*m or N uncarried",
                 expected=f"{ways.shape[0]} drives, as many as the mechanism has degrees of freedom",

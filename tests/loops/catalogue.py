@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 from linkage import GROUND, Body, Joint, Linkage, random_turn
 
 from pinarm.engine.mechanism import Mechanism
+
+MODELS = Path(__file__).parents[2] / "models"
+UPRIGHT = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+"""The turn that brings y of a model upwards, and its z along y."""
 
 ABOUT_Y = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Axes of a joint about y of the world."""
@@ -67,6 +73,72 @@ def slider_crank() -> Linkage:
     })  # fmt: skip
 
 
+def parallelogram() -> Linkage:
+    """Three equal cranks in the plane x-z and two couplers between their ends, one of which would do."""
+    feet = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.1], [0.9, 0.0, 0.0]])
+    arm = np.array([0.1, 0.0, 0.25])
+    bodies = {f"crank_{k}": bar(foot, foot + arm, 1.0 + k) for k, foot in enumerate(feet)}
+    bodies |= {f"coupler_{k}": bar(feet[k] + arm, feet[k + 1] + arm, 0.5, (0.0, 0.0, 0.05)) for k in (0, 1)}
+    joints = {f"foot_{k}": Joint("revolute", GROUND, f"crank_{k}", foot, ABOUT_Y) for k, foot in enumerate(feet)}
+    for name, crank, coupler in (("a", 0, 0), ("b", 1, 0), ("c", 1, 1), ("d", 2, 1)):
+        place = feet[crank] + arm
+        joints[name] = Joint("revolute", f"crank_{crank}", f"coupler_{coupler}", place, ABOUT_Y)
+    return Linkage(bodies, joints)
+
+
+def bennett() -> Linkage:
+    """Bennett's linkage: four revolutes of any directions in space that move all the same.
+
+    Lengths a, b, a, b and twists with sin alpha / a = sin beta / b; its angles obey
+    tan(th1/2) tan(th2/2) = sin((beta + alpha)/2) / sin((beta - alpha)/2), th3 = -th1, th4 = -th2.
+    """
+    lengths, twist = (0.3, 0.45), 0.6
+    twists = (twist, np.arcsin(lengths[1] * np.sin(twist) / lengths[0]))
+    first = 1.1
+    ratio = np.sin(sum(twists) / 2) / np.sin((twists[1] - twists[0]) / 2)
+    second = 2 * np.arctan(ratio / np.tan(first / 2))
+    frames = [pin.SE3(axes_along([0.2, 0.9, 0.3]), np.array([0.1, 0.0, 0.2]))]
+    for angle, k in ((first, 0), (second, 1), (-first, 0), (-second, 1)):
+        along = pin.SE3(pin.exp3(np.array([twists[k], 0.0, 0.0])), np.array([lengths[k], 0.0, 0.0]))
+        frames.append(frames[-1] * pin.SE3(pin.exp3(np.array([0.0, 0.0, angle])), np.zeros(3)) * along)
+    assert frames[4].isApprox(frames[0], 1e-12)
+    links = [GROUND, "one", "two", "three", GROUND]
+    bodies = {links[k]: bar(frames[k - 1].translation, frames[k].translation, float(k)) for k in (1, 2, 3)}
+    return Linkage(bodies, {
+        f"axis_{k + 1}": Joint("revolute", links[k], links[k + 1], frames[k].translation, frames[k].rotation)
+        for k in range(4)
+    })  # fmt: skip
+
+
+def shaft() -> Linkage:
+    """A shaft across its weight in three bearings: two would do."""
+    body = Body(3.0, np.array([0.02, 0.3, 0.01]), np.diag([0.2, 0.01, 0.2]))
+    bearings = {"left": "revolute", "middle": "cylindrical", "right": "cylindrical"}
+    return Linkage({"shaft": body}, {
+        name: Joint(kind, GROUND, "shaft", np.array([0.0, y, 0.0]), ABOUT_Y)
+        for (name, kind), y in zip(bearings.items(), (0.0, 0.4, 1.0), strict=True)
+    })  # fmt: skip
+
+
+def bricard() -> Linkage:
+    """Bricard's linkage on the edges of a cube, y of the model upwards."""
+    loaded = Mechanism.load(MODELS / "bricard" / "mechanism.yaml")
+    rods = {f"P{k}P{k + 1}": f"rod_{k}" for k in range(5)}
+    return taken_from(loaded, pin.neutral(loaded.model), rods).turned(UPRIGHT)
+
+
+def manipulator() -> Linkage:
+    """The manipulator at alpha = 0.4, y of the model upwards."""
+    loaded = Mechanism.load(MODELS / "manipulator" / "mechanism.yaml")
+    r, h, alpha = 0.75, 2.0, 0.4
+    given = {"alpha": alpha, "B": -alpha, "E": alpha, "x": -r * np.cos(alpha), "y": h - r * np.sin(alpha)}
+    q = pin.neutral(loaded.model)
+    for name, value in given.items():
+        q[loaded.joints[name].q] = value
+    names = {"arm": "crank", "support": "support", "link_3": "link_3", "cylinder": "cylinder", "rod": "rod"}
+    return taken_from(loaded, q, names).turned(UPRIGHT)
+
+
 def taken_from(mechanism: Mechanism, q: np.ndarray, names: dict[str, str]) -> Linkage:
     """The linkage that a model with simple joints is, at a closed configuration; ``names``: link -> body."""
     model, data = mechanism.model, mechanism.model.createData()
@@ -88,7 +160,8 @@ def taken_from(mechanism: Mechanism, q: np.ndarray, names: dict[str, str]) -> Li
         one, two = model.frames[loop.first], model.frames[loop.second]
         place = data.oMf[loop.first]
         ends = called[one.parentJoint], called[two.parentJoint]
-        joints[loop.name] = Joint(loop.kind, *ends, place.translation.copy(), place.rotation.copy())
+        turn = axes_along(place.rotation @ loop.pair.axis)
+        joints[loop.name] = Joint(loop.kind, *ends, place.translation.copy(), turn)
     return Linkage(bodies, joints, 9.81)
 
 

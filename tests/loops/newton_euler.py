@@ -208,3 +208,22 @@ def forward_substitution(lower: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 def backward_substitution(upper: np.ndarray, right: np.ndarray) -> np.ndarray:
     return forward_substitution(upper[::-1, ::-1], right[::-1])[::-1]
+
+
+def self_stresses(linkage: Linkage, poses: Poses) -> list[dict[str, np.ndarray]]:
+    """What the joints of a linkage can do to each other without any load: wrench of each joint, as in ``Answer``."""
+    bodies = Bodies(linkage, poses)
+    owners = [name for name, joint in linkage.joints.items() for _ in bodies.rows(joint)]
+    rows = np.array([row for joint in linkage.joints.values() for row, *_ in bodies.rows(joint)])
+    length = np.sqrt((rows**2).sum(axis=1))
+    u, s, _ = np.linalg.svd((rows / length[:, None]).astype(float))
+    found = []
+    for stress in u[:, int((s > 1e-9).sum()) :].T:
+        wrenches = {}
+        for name, joint in linkage.joints.items():
+            mine = [i for i, owner in enumerate(owners) if owner == name]
+            end = bodies.point(joint.second, joint.end()).value
+            load = rows[mine].T @ (stress[mine] / length[mine])
+            wrenches[name] = _on_second(bodies, joint, end, load)
+        found.append(wrenches)
+    return found

@@ -1,32 +1,15 @@
 """Any joint may be the one that closes: the same linkage, cut at each of its joints in turn."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from catalogue import four_bar, rssr, slider_crank, taken_from
+from catalogue import four_bar, manipulator, rssr, slider_crank
 from motions import driven, free, poses, power, states, wrench
 
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities import Quantities
 from pinarm.mechanics.laws import Harmonic
 
-MODELS = Path(__file__).parents[2] / "models"
 CRANK = {"crank_angle": {"kind": "rotation", "body": "crank_com", "about": "y"}}
 LAW = Harmonic(amplitude=1.2, pulsation=2.5)
-
-
-def manipulator():
-    """The manipulator at alpha = 0.4, the plane turned so that y of the model is z of the world."""
-    loaded = Mechanism.load(MODELS / "manipulator" / "mechanism.yaml")
-    r, h, alpha = 0.75, 2.0, 0.4
-    given = {"alpha": alpha, "B": -alpha, "E": alpha, "x": -r * np.cos(alpha), "y": h - r * np.sin(alpha)}
-    q = np.zeros(loaded.model.nq)
-    for name, value in given.items():
-        q[loaded.joints[name].q] = value
-    names = {"arm": "crank", "support": "support", "link_3": "link_3", "cylinder": "cylinder", "rod": "rod"}
-    flat = taken_from(loaded, q, names)
-    return flat.turned(np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]))
 
 
 LINKAGES = {

@@ -70,7 +70,7 @@ class System(Protocol):
         ...
 
     def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return states of the mechanism, (n, nq) and (n, nv), from integrated ones, where nothing follows laws."""
+        """Return the mechanism's states, (n, nq) and (n, nv), from integrated ones, where nothing follows a law."""
         ...
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
