@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.trajectory import Series, Trajectory
     from pinarm.errors import PinarmError
+    from pinarm.input.roots import rooted
     from pinarm.use.check import check
     from pinarm.use.result import Result
     from pinarm.use.scenario import Scenario, load
@@ -24,9 +25,10 @@ _HOMES = {
     "Result": "pinarm.use.result",
     "Scenario": "pinarm.use.scenario",
     "load": "pinarm.use.scenario",
+    "rooted": "pinarm.input.roots",
 }
 
-__all__ = ["Mechanism", "PinarmError", "Result", "Scenario", "Series", "Trajectory", "check", "load"]
+__all__ = ["Mechanism", "PinarmError", "Result", "Scenario", "Series", "Trajectory", "check", "load", "rooted"]
 
 
 def __getattr__(name: str) -> Any:

@@ -9,8 +9,6 @@ from __future__ import annotations
 import argparse
 import gc
 import io
-import json
-import math
 import os
 import sys
 import time
@@ -19,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pinarm.errors import InputError, NumericsError, PinarmError
+from pinarm.input.roots import rooted
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -40,7 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:
-        return int(options.command(options))
+        with rooted(options.root):
+            return int(options.command(options))
     except PinarmError as error:
         if options.traceback:
             raise
@@ -57,6 +57,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument("--traceback", action="store_true", help="show where in the program an error arose")
+    common.add_argument("--root", metavar="DIR", help="folder that files may refer to (default: the nearest one above "
+                        "with a pyproject.toml or .pinarm-root)")  # fmt: skip
     common.add_argument("--json", action="store_true", help="print JSON for machines")
     overrides = argparse.ArgumentParser(add_help=False)
     overrides.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
@@ -367,16 +369,6 @@ def _progress(text: str) -> None:
 
 
 def _print_json(value: object) -> None:
-    print(json.dumps(_finite(value), indent=2, allow_nan=False))
+    from pinarm.use.save import json_text
 
-
-def _finite(value: Any) -> Any:
-    """Return plain data that JSON can say: what is not finite becomes null."""
-    if isinstance(value, dict):
-        return {str(key): _finite(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(inner) for inner in value]
-    value = value.item() if hasattr(value, "item") else value
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value if value is None or isinstance(value, str | int) else str(value)
+    print(json_text(value))

@@ -18,7 +18,7 @@ from pinarm.engine.closure import Closure
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError
-from pinarm.mechanics.coordinates import LinearCoordinate, joint_of
+from pinarm.mechanics.coordinates import LinearCoordinate, joint_of, spelled
 from pinarm.mechanics.couplings import Coupling
 
 CLOSED = 1e-12
@@ -189,13 +189,10 @@ class Solver:
         missed = "stays open" if worst < self.closure.size else "misses its value"
         torn = {name: None for name, size in zip(self.names, np.abs(gap), strict=True) if size > 0.1 * abs(gap[worst])}
         others = ", ".join(name for name in torn if name != self.names[worst])
-        configuration = ", ".join(
-            f"{self.model.names[i]} = {q[self.model.joints[i].idx_q]:.6g}" for i in range(1, self.model.njoints)
-        )
         return AssemblyError(
             f"the motion is out of reach at {t:.9g}: {self.names[worst]} {missed} by {abs(gap[worst]):.3g} "
             f"{self.units[worst]}" + (f", and with it {others}" if others else ""),
-            expected=f"a motion that the mechanism can follow; the closest it comes is {configuration}",
+            expected=f"a motion that the mechanism can follow; the closest it comes is {spelled(self.model, q)}",
             hint="other values of the law, or another start that chooses the branch",
             t=t, q=q, gap=gap,
         )  # fmt: skip

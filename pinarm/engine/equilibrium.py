@@ -16,7 +16,7 @@ from pinarm.engine.imposed import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.stiffness import ZERO, Modes, force, slope, stiffness
 from pinarm.errors import AssemblyError, InputError, Key, within
-from pinarm.mechanics.coordinates import METRE, LinearCoordinate
+from pinarm.mechanics.coordinates import METRE, LinearCoordinate, spelled
 from pinarm.mechanics.forces import ForceElement
 from pinarm.mechanics.forces.joint import effort_unit
 from pinarm.mechanics.laws import Constant
@@ -236,11 +236,11 @@ class Balance:
         free = basis @ (basis.T @ self.force(q))
         worst = int(np.abs(basis @ self._shares(q, reach)).argmax())
         joint = joints[worst]
-        closest = ", ".join(f"{joint.name} = {q[joint.q]:.6g} {joint.unit}" for joint in joints)
         return AssemblyError(
             f"{start} leads to no equilibrium: a force of {free[worst]:.3g} {effort_unit(joint)} is left on "
             f"{joint.name}",
-            expected=f"a start near a configuration that balances; the closest one reached is {closest}",
+            expected="a start near a configuration that balances; the closest one reached is "
+            f"{spelled(self.mechanism.model, q)}",
             hint="another start, or loads that can be balanced",
             start=start, q=q, residual=free,
         )  # fmt: skip

@@ -232,9 +232,10 @@ def _build(
     for name, text in description.symbols.items():
         with here("symbols", name):
             symbols[name] = Expression.parse(text)
+    mounted: dict[str, str] = {}
     for name, drive in description.drives.items():
         with here("drives", name):
-            _mount(model, joints, drive)
+            _mount(model, joints, drive, name, mounted)
     return cls(
         description.title or model.name, model, xml, joints, coordinates, tuple(constraints), dict(description.drives),
         forces, symbols, resolved, {name: units[name] for name in resolved if name in units}, description, carried,
@@ -319,13 +320,17 @@ def _damping(model: pin.Model, damping: Array) -> SpringDamper:
     return SpringDamper(np.array([joint.idx_q for joint in joints]), v, np.zeros(len(v)), damping[v], np.zeros(len(v)))
 
 
-def _mount(model: pin.Model, joints: Mapping[str, Joint], drive: Drive) -> None:
+def _mount(model: pin.Model, joints: Mapping[str, Joint], drive: Drive, name: str, mounted: dict[str, str]) -> None:
     """Give the rotor's inertia to the joint of a drive.
 
     Raises:
-        InputError: The joint does not exist.
+        InputError: The joint does not exist, or has a drive already.
     """
     with within("joint"):
         joint = joint_of(joints, drive.joint)
+        if drive.joint in mounted:
+            raise InputError(f"the joint '{drive.joint}' has two drives, '{mounted[drive.joint]}' and '{name}'",
+                             expected="one drive at each joint")  # fmt: skip
+    mounted[drive.joint] = name
     armature: Any = model.armature
     armature[joint.v] += drive.armature

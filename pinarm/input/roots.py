@@ -1,14 +1,15 @@
 """Which files a file may refer to: those under its root, and those of the packages it was given.
 
-A root is the nearest folder above that holds ``pyproject.toml`` or ``.pinarm-root``. Symbolic links are followed before
-a path is compared with it, and nothing is opened here.
+A root is the nearest folder above that holds ``pyproject.toml`` or ``.pinarm-root``, or the one that ``rooted`` gives.
+Symbolic links are followed before a path is compared with it, and nothing is opened here.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -19,8 +20,35 @@ MARKERS = ("pyproject.toml", ".pinarm-root")
 NO_PACKAGES: Mapping[str, Path] = MappingProxyType({})
 
 
+_given: ContextVar[Path | None] = ContextVar("given", default=None)
+
+
+@contextmanager
+def rooted(folder: str | Path | None) -> Iterator[None]:
+    """Let the files that are read in the block refer to those under a folder, and to no others.
+
+    Args:
+        folder: The folder; each file's own root where it is ``None``.
+
+    Raises:
+        InputError: There is no such folder.
+    """
+    if folder is not None and not Path(folder).is_dir():
+        raise InputError(f"there is no folder {_short(folder)}", hint=similar_file(Path(folder)))
+    token = _given.set(Path(folder).resolve() if folder is not None else _given.get())
+    try:
+        yield
+    finally:
+        _given.reset(token)
+
+
 def root_of(path: Path) -> Path:
-    """Return the nearest folder above a file, or above and including a folder, that holds a marker; else its own."""
+    """Return the folder that was given, or the nearest above a file, or above and including a folder, with a marker.
+
+    Where none has one it is the file's own folder.
+    """
+    if (given := _given.get()) is not None:
+        return given
     resolved = path.resolve()
     own = resolved if resolved.is_dir() else resolved.parent
     for folder in (own, *own.parents):
@@ -75,7 +103,7 @@ def contained(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PA
         raise InputError(
             f"the path {_short(path)} leads out of the root folder",
             expected=f"a path under {' or '.join(str(folder) for folder in allowed)}",
-            hint="copy the file there, or put an empty .pinarm-root in a folder above both",
+            hint="copy the file there, put an empty .pinarm-root in a folder above both, or say --root DIR",
         )
     return resolved
 

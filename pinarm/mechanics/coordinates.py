@@ -70,6 +70,15 @@ def joints_of(model: pin.Model) -> dict[str, Joint]:
     return found
 
 
+def spelled(model: pin.Model, q: Array) -> str:
+    """Return a configuration in words, such as ``track = 0.2 m, pivot = 1 rad``; q has the shape (nq,)."""
+    single, words = joints_of(model), []
+    for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
+        values = " ".join(f"{number:.6g}" for number in q[joint.idx_q : joint.idx_q + joint.nq])
+        words.append(f"{name} = {values} {single[name].unit}" if name in single else f"{name} = ({values})")
+    return ", ".join(words)
+
+
 def frame_of(model: pin.Model, name: str) -> int:
     """Return the index of the frame of a link.
 

@@ -15,6 +15,7 @@ import numpy as np
 from pinarm.engine.quantities import Quantities
 from pinarm.engine.trajectory import Series, Trajectory
 from pinarm.errors import DynamicsError
+from pinarm.mechanics.coordinates import spelled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -99,8 +100,9 @@ class Result:
         if len(bad):
             run = self.trajectory
             where = f"{run.parameter} = {run.grid.t[bad[0]]:.9g} {run.unit}"
+            more = f", nor in {len(bad) - 1} more rows" if len(bad) > 1 else ""
             raise DynamicsError(
-                f"{name} is not finite at {where}, q = {np.array2string(run.q[bad[0]])}, and {len(bad) - 1} more rows",
+                f"{name} is not finite at {where}, where {spelled(run.mechanism.model, run.q[bad[0]])}{more}",
                 hint="a body without mass that is free to move, or a formula that divides by zero there",
                 partial=self, t=float(run.grid.t[bad[0]]), q=run.q[bad[0]],
             )  # fmt: skip
@@ -143,8 +145,9 @@ class Result:
     def _headline(self, series: Series) -> dict[str, Any]:
         """Return a quantity's smallest and largest value among the rows, and where they stand."""
         t, values = self.trajectory.grid.t, series.values + 0.0  # -0 becomes 0
-        slack = PLATEAU * float(np.abs(values).max())
-        low, high = int((values <= values.min() + slack).argmax()), int((values >= values.max() - slack).argmax())
+        finite = values[np.isfinite(values)] if np.isfinite(values).any() else np.zeros(1)
+        slack = PLATEAU * float(np.abs(finite).max())
+        low, high = int((values <= finite.min() + slack).argmax()), int((values >= finite.max() - slack).argmax())
         return {
             "unit": str(series.unit or "?"), "min": values[low], "at_min": t[low], "max": values[high],
             "at_max": t[high], "start": values[0], "end": values[-1],

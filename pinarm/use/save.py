@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import zipfile
 from io import StringIO
@@ -31,12 +32,12 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
         _clear(result, folder)
         _write(folder / "scenario.yaml", _resolved(result, folder))
         _write(folder / "model.urdf", result.trajectory.mechanism.xml)
-        _write(folder / "summary.json", json.dumps(result.summary(), indent=2, default=_plain) + "\n")
+        _write(folder / "summary.json", json_text(result.summary()) + "\n")
         columns = result.columns()
         _write(folder / "trajectory.csv", csv(columns))
         _write_arrays(folder / "trajectory.npz", _arrays(result, columns))
         if timing:
-            _write(folder / "timing.json", json.dumps(timing, indent=2) + "\n")
+            _write(folder / "timing.json", json_text(timing) + "\n")
     except OSError as error:
         raise InputError(f"the result cannot be written to {folder}: {error.strerror}") from None
     if plots:
@@ -146,5 +147,17 @@ def _write(path: Path, text: str) -> None:
     draft.replace(path)
 
 
-def _plain(value: Any) -> Any:
-    return value.item() if hasattr(value, "item") else str(value)
+def json_text(value: object) -> str:
+    """Return plain data as JSON; numbers that are not finite become null, which JSON has a word for."""
+    return json.dumps(_finite(value), indent=2, allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _finite(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(inner) for inner in value]
+    value = value.item() if hasattr(value, "item") else value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, str | int) else str(value)

@@ -25,6 +25,7 @@ from pinarm.input.expressions import Expression
 from pinarm.input.roots import inside, root_of
 from pinarm.input.schema import Measured, Model
 from pinarm.input.units import read_quantity
+from pinarm.mechanics.coordinates import spelled
 from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.payload import Payload
 from pinarm.problems import KINDS, Problem, problem_class
@@ -261,8 +262,8 @@ def _beyond(run: Trajectory) -> DynamicsError:
     """Return the error of a run whose numbers are too large to be checked: says from where on."""
     state = np.hstack([run.q, run.v, run.a, run.tau])
     row = int((~(np.abs(state) < CHECKABLE)).any(axis=1).argmax())
-    where = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit}, q = {np.array2string(run.q[row])}"
-    return DynamicsError(f"the numbers of this run are too large to be checked, from {where} on", partial=run)
+    where = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit} on, where {spelled(run.mechanism.model, run.q[row])}"
+    return DynamicsError(f"the numbers of this run are too large to be checked, from {where}", partial=run)
 
 
 def load(path: str | Path, overrides: list[str] | None = None) -> Scenario:

@@ -87,11 +87,6 @@ def test_a_law_of_the_file_is_that_of_the_instant(mechanism, chain):
         assert pushed.inverse(zero, zero, zero, t=t)[0, 0] == pytest.approx(-expected)
 
 
-def test_two_drives_of_one_joint_add_their_rotors(mechanism, chain):
-    drives = {name: {"joint": "arm", "ratio": 10, "rotor_inertia": "0.01 kg*m^2"} for name in ("left", "right")}
-    twin = mechanism(chain({"name": "arm", "inertia": (0.1, 0.1, 0.1)}), gravity="none", drives=drives)
-    assert twin.inverse(np.zeros(1), np.zeros(1), np.ones(1))[0, 0] == pytest.approx(0.1 + 2.0, rel=1e-15)
-
 
 def test_loading_twice_gives_mechanisms_of_their_own():
     one, other = Mechanism.load(ARM), Mechanism.load(ARM, gravity="none")

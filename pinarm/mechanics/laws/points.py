@@ -78,9 +78,10 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
     def check(self) -> None:
         """Read the table, so that its mistakes are found with those of the file that names it."""
         folder = folder_read() or Path(self.file).absolute().parent
-        path = inside((folder / self.file).absolute(), root_of(folder))
-        msgspec.structs.force_setattr(self, "file", str(path))
-        read_once(self.file)
+        with within("file"):
+            path = inside((folder / self.file).absolute(), root_of(folder))
+            msgspec.structs.force_setattr(self, "file", str(path))
+            read_once(self.file)
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
         """Check the column's unit and the end speeds; see ``MotionLaw.check_units``."""

@@ -1,0 +1,61 @@
+"""The folder that files may refer to: found, or given by the user."""
+
+from pathlib import Path
+
+import pytest
+
+import pinarm
+from pinarm.cli import main
+from pinarm.errors import InputError
+from pinarm.input.roots import root_of
+
+URDF = """<robot name="r"><link name="base"/><link name="rod"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="pivot" type="continuous"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/></joint></robot>"""
+SCENARIO = """pinarm: 1
+mechanism: ../models/rod.urdf
+problem: {kind: inverse, time: {end: 1 s, samples: 3}, motion: {pivot: {law: table, file: ../tables/t.csv}}}
+outputs: [pivot]
+"""
+
+
+@pytest.fixture
+def apart(tmp_path: Path) -> Path:
+    """A scenario whose model and table lie in folders beside its own, with nothing that marks a root above them."""
+    for folder in ("scenarios", "models", "tables"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "models" / "rod.urdf").write_text(URDF)
+    (tmp_path / "tables" / "t.csv").write_text("t [s],pivot [rad]\n0,0\n1,1\n")
+    (tmp_path / "scenarios" / "s.yaml").write_text(SCENARIO)
+    return tmp_path
+
+
+def test_a_given_root_widens_what_files_may_refer_to(apart: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scenario = str(apart / "scenarios" / "s.yaml")
+    assert main(["validate", scenario]) == 2
+    told = capsys.readouterr().err
+    assert "leads out of the root folder" in told
+    assert "--root DIR" in told
+    assert main(["validate", scenario, "--root", str(apart)]) == 0
+    assert root_of(apart / "scenarios" / "s.yaml") == (apart / "scenarios").resolve(), "it holds for the command only"
+
+
+def test_a_given_root_narrows_it_too(apart: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (apart / ".pinarm-root").touch()
+    scenario = str(apart / "scenarios" / "s.yaml")
+    assert main(["validate", scenario]) == 0
+    for inner in ("scenarios", "models", "tables"):
+        assert main(["validate", scenario, "--root", str(apart / inner)]) == 2
+        assert "leads out of the root folder" in capsys.readouterr().err
+
+
+def test_a_root_for_the_library(apart: Path) -> None:
+    with pinarm.rooted(apart):
+        assert pinarm.load(apart / "scenarios" / "s.yaml").run()["pivot"].values[-1] == 1.0
+
+
+def test_a_root_that_is_no_folder_is_refused(apart: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(InputError, match="there is no folder"), pinarm.rooted(apart / "model"):
+        pass
+    assert main(["validate", str(apart / "scenarios" / "s.yaml"), "--root", str(apart / "model")]) == 2
+    assert "models" in capsys.readouterr().err
