@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from pinarm.errors import PinarmError
     from pinarm.input.roots import rooted
     from pinarm.use.check import check
+    from pinarm.use.explain import explain
     from pinarm.use.result import Result
     from pinarm.use.scenario import Scenario, load
 
@@ -22,13 +23,14 @@ _HOMES = {
     "Trajectory": "pinarm.engine.trajectory",
     "PinarmError": "pinarm.errors",
     "check": "pinarm.use.check",
+    "explain": "pinarm.use.explain",
     "Result": "pinarm.use.result",
     "Scenario": "pinarm.use.scenario",
     "load": "pinarm.use.scenario",
     "rooted": "pinarm.input.roots",
 }
 
-__all__ = ["Mechanism", "PinarmError", "Result", "Scenario", "Series", "Trajectory", "check", "load", "rooted"]
+__all__ = ["Mechanism", "PinarmError", "Result", "Scenario", "Series", "Trajectory", "check", "explain", "load", "rooted"]
 
 
 def __getattr__(name: str) -> Any:

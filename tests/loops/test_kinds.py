@@ -193,7 +193,7 @@ def test_the_open_angle_is_the_tilt_of_the_axes_whatever_the_turn_about_them(kin
     pair = Linkage({"A": random_body(generator)}, joints).build(tmp_path, IN_LOOP).constraints[0].pair
     for turn in np.linspace(0.0, 2 * np.pi, 13):
         rotation = pin.exp3(np.array([0.0, 0.0, turn])) @ pin.exp3(np.array([tilt, 0.0, 0.0]))
-        open_angle = np.linalg.norm(pair.gap(np.zeros(3), rotation))
+        open_angle = np.linalg.norm(np.concatenate(pair.gap(np.zeros(3), rotation)))
         if tilt < np.pi:
             assert open_angle == pytest.approx(tilt, rel=1e-12, abs=1e-15)
         else:
