@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -22,8 +23,8 @@ rounding, a redundant loop leaves 1e-12."""
 
 VANISHED, SMALL = 1e-9, 1e-3
 """Length of a row of G, relative to the longest, that is 0 but for rounding: what holds a plane linkage in its plane
-vanishes exactly where its axes are those of the world, and leaves 1e-16 where they are not. Where all rows vanish, as of
-a second bearing, they are compared with a lever of 1 mm."""
+vanishes exactly where its axes are those of the world, and leaves 1e-16 where they are not. Where all rows vanish, as
+those of a second bearing, they are compared with a lever of 1 mm."""
 
 
 class Constraint(Protocol):
@@ -183,7 +184,7 @@ class Closure:
         return total
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Split:
     """The rows of G taken apart: what they determine, what they leave free, and which of them are redundant.
 
@@ -195,7 +196,7 @@ class Split:
         values: S, descending, shape (r,).
         right: V^T, shape (r, nv).
         free: T, a basis of the motions that the rows allow, ``G T = 0``, shape (nv, nv - r).
-        redundant: N, a basis of the multipliers that do nothing, ``N^T D G = 0``, shape (m, m - r).
+        rows: G itself, shape (m, nv).
     """
 
     scale: Array
@@ -203,19 +204,25 @@ class Split:
     values: Array
     right: Array
     free: Array
-    redundant: Array
+    rows: Array
 
     @classmethod
     def of(cls, rows: Array, least: float = RANK) -> Split:
         """Return the parts of the rows G, shape (m, nv)."""
-        if not len(rows):
-            nv = rows.shape[1]
-            return cls(np.ones(0), np.zeros((0, 0)), np.zeros(0), np.zeros((0, nv)), np.eye(nv), np.zeros((0, 0)))
+        m, nv = rows.shape
+        if not m:
+            return cls(np.ones(0), np.zeros((0, 0)), np.zeros(0), np.zeros((0, nv)), np.eye(nv), rows)
         length = np.sqrt((rows * rows).sum(axis=1))
         scale = 1.0 / np.where(length > VANISHED * max(length.max(), SMALL), length, 1.0)
-        u, s, vt = np.linalg.svd(rows * scale[:, None])
+        tall, square = np.linalg.qr(rows * scale[:, None]) if m > nv else (np.eye(m), rows * scale[:, None])
+        u, s, vt = np.linalg.svd(square)
         r = int((s > least * max(s[0], 1.0)).sum())
-        return cls(scale, u[:, :r], s[:r], vt[:r], vt[r:].T, u[:, r:])
+        return cls(scale, tall @ u[:, :r], s[:r], vt[:r], vt[r:].T, rows)
+
+    @cached_property
+    def redundant(self) -> Array:
+        """N, a basis of the multipliers that do nothing, ``N^T D G = 0``, shape (m, m - r)."""
+        return np.asarray(np.linalg.svd(self.left)[0][:, len(self.values) :])
 
     def particular(self, right: Array) -> Array:
         """Return the shortest x with ``G x = right`` in the sense of least squares, shape (nv,)."""
@@ -223,11 +230,11 @@ class Split:
 
     def multipliers(self, force: Array) -> Array:
         """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (m,)."""
-        lam = self.scale * (self.left @ ((self.right @ force) / self.values))
-        if self.redundant.shape[1]:
-            idle = self.scale[:, None] * self.redundant
-            lam = lam - idle @ np.linalg.lstsq(idle, lam, rcond=None)[0]
-        return np.asarray(lam)
+        wanted = self.right @ force
+        if len(self.scale) == len(self.values):
+            return np.asarray(self.scale * (self.left @ (wanted / self.values)))
+        q, r = np.linalg.qr(self.rows @ self.right.T)
+        return np.asarray(q @ np.linalg.solve(r.T, wanted))
 
     def solve(self, mass: Array, force: Array, right: Array) -> Array:
         """Return the x that minimises ``x^T M x / 2 - force . x`` while ``G x = right``, shape (nv,).

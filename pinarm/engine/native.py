@@ -167,14 +167,23 @@ def _independent(
     """Leave out points that add nothing to the rank, at two configurations of no special kind; return it too."""
     data, generator = model.createData(), np.random.default_rng(0)
     places = [pin.integrate(model, pin.neutral(model), generator.uniform(-1.0, 1.0, model.nv)) for _ in range(2)]
+    rows = [_rows(model, data, points, q).reshape(len(points), 3, -1) for q in places]
+    bases = [np.zeros((0, model.nv)) for _ in places]
     kept: list[pin.RigidConstraintModel] = []
-    ranks = [0, 0]
-    for point in points:
-        found = [int(np.linalg.matrix_rank(_rows(model, data, [*kept, point], q), RANK)) for q in places]
-        if found != ranks:
+    for k, point in enumerate(points):
+        grown = [_grown(basis, part[k]) for basis, part in zip(bases, rows, strict=True)]
+        if any(len(new) > len(old) for new, old in zip(grown, bases, strict=True)):
             kept.append(point)
-            ranks = found
-    return kept, ranks[0]
+            bases = grown
+    return kept, len(bases[0])
+
+
+def _grown(basis: Array, rows: Array) -> Array:
+    """Return orthonormal rows, shape (r, nv), that span those of a basis and further ones."""
+    left = rows - rows @ basis.T @ basis
+    left -= left @ basis.T @ basis  # once more: what is left may be small
+    _, s, vt = np.linalg.svd(left, full_matrices=False)
+    return np.vstack([basis, vt[s > RANK * np.linalg.norm(rows)]])
 
 
 def _inverse_mass(model: pin.Model, q: Array) -> Array | None:

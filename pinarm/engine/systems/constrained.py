@@ -139,12 +139,12 @@ class ConstrainedSystem:
 
         def settle(t: float, q: Array, v: Array) -> tuple[Array, Array]:
             w, dw, _ = targets(t)
-            return self.settled(q, v, w, dw, t)
+            return self.settled(q, v, w, dw, t)[:2]
 
         return settle
 
-    def settled(self, q: Array, v: Array, w: Array, dw: Array, t: float) -> tuple[Array, Array]:
-        """Return the closed state nearest to (q, v), the distance measured by the masses.
+    def settled(self, q: Array, v: Array, w: Array, dw: Array, t: float) -> tuple[Array, Array, Split]:
+        """Return the closed state nearest to (q, v), the distance measured by the masses, and its rows taken apart.
 
         Raises:
             AssemblyError: Newton's method does not close it.
@@ -158,7 +158,8 @@ class ConstrainedSystem:
             q = pin.integrate(model, q, split.solve(mass, np.zeros(model.nv), gap))
             if np.abs(gap).max() <= CLOSED * (1.0 + np.abs(values).max()):  # and now closed to rounding
                 rows.place(q)
-                return q, Split.of(rows.rows()).solve(mass, mass @ v, self._rates(dw))
+                split = Split.of(rows.rows())
+                return q, split.solve(mass, mass @ v, self._rates(dw)), split
         worst = int(np.abs(gap).argmax())
         constraint, row = rows.owners()[worst]
         raise AssemblyError(
@@ -181,17 +182,16 @@ class ConstrainedSystem:
             for i in range(part.start, part.stop):
                 t = float(grid.t[i])
                 w, dw, ddw = targets(t)
-                state = self.settled(q[i], v[i], w, dw, t)
-                a, lam = self._solved(local, t, *state, ddw)
-                motion.q[i], motion.v[i], motion.a[i] = *state, a
+                motion.q[i], motion.v[i], split = self.settled(q[i], v[i], w, dw, t)
+                motion.a[i], lam = self._solved(local, t, motion.q[i], motion.v[i], ddw, split)
                 motion.tau[i], motion.lam[i] = lam[m:] @ weights, lam[:m]
         return motion
 
-    def _solved(self, dynamics: Dynamics, t: float, q: Array, v: Array, ddw: Array) -> tuple[Array, Array]:
-        """Return the acceleration, shape (nv,), and the least multipliers of all rows."""
+    def _solved(
+        self, dynamics: Dynamics, t: float, q: Array, v: Array, ddw: Array, split: Split
+    ) -> tuple[Array, Array]:
+        """Return the acceleration, shape (nv,), and the least multipliers of all rows, which are those last placed."""
         model, rows = self.rows.model, self.rows
-        rows.place(q)
-        split = Split.of(rows.rows())
         mass = mass_matrix(model, dynamics.data, q)
         force = dynamics.loads(t, q, v) - pin.nonLinearEffects(model, dynamics.data, q, v)
         a = split.solve(mass, force, self._rates(ddw) - rows.drift(q, v))
