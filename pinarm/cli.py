@@ -231,6 +231,7 @@ def report(result: Result) -> str:
     lines += [f"{name}: {value:.9g}" for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
     lines += [f"payload {name}: {float(payload.mass):.9g} kg at {payload.point}"
               for name, payload in run.mechanism.payloads.items()]  # fmt: skip
+    lines += [f"limit: {excess.words(run)}" for excess in result.excesses()]
     lines += [f"note: {note}" for note in result.notes()]
     return "\n".join(_printable(line) for line in lines)
 

@@ -334,9 +334,9 @@ def test_mistakes_in_a_model(here: Path, old: str, new: str, says: list[str]) ->
 
 
 ARGUMENTS = [
-    ("{m: 3}", ["s.yaml:3:16: the argument m has no unit", "try: 3 kg"]),
-    ("{m: '3'}", ["s.yaml:3:16: the argument m has no unit", "try: 3 kg"]),
-    ("{m: true}", ["s.yaml:3:16: "]), ("{m: 3 m}", ["s.yaml:3:16: 'm' is not a unit", "such as kg"]),
+    ("{m: 3}", ["s.yaml:3:16: the argument m: '3' has no unit", "try: 3 kg"]),
+    ("{m: '3'}", ["s.yaml:3:16: the argument m: '3' has no unit", "try: 3 kg"]),
+    ("{m: true}", ["s.yaml:3:16: "]), ("{m: 3 m}", ["s.yaml:3:16: the argument m: 'm' is not a unit", "such as kg"]),
     ("{M: 3 kg}", ["s.yaml:3:13: the model has no argument 'M'", "one of m"]),
     ("{m: heavy}", ["s.yaml:3:16: 'heavy' is not a quantity"]), ("{m: .inf}", ["s.yaml:3:16: "]),
     ("{m: 1e999 kg}", ["s.yaml:3:16: "]), ("{m: [1]}", ["s.yaml:3:13: "]), ("{m: 3 h^99}", ["s.yaml:3:16: "]),

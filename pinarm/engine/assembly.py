@@ -18,7 +18,8 @@ from pinarm.engine.closure import Closure
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError
-from pinarm.mechanics.coordinates import LinearCoordinate, joint_of, spelled
+from pinarm.mechanics.balls import configuration
+from pinarm.mechanics.coordinates import LinearCoordinate, spelled
 from pinarm.mechanics.couplings import Coupling
 
 CLOSED = 1e-12
@@ -48,15 +49,12 @@ def assembled(closure: Closure, imposed: Imposed, q: Array, w: Array, t: float) 
 
 
 def start_configuration(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
-    """Return the neutral configuration with the given joint coordinates set, shape (nq,).
+    """Return the configuration with the given joint coordinates, the others 0, shape (nq,); see ``configuration``.
 
     Raises:
         InputError: A joint does not exist.
     """
-    q: Array = pin.neutral(mechanism.model)
-    for name, value in start.items():
-        q[joint_of(mechanism.joints, name).q] = value
-    return q
+    return configuration(mechanism.model, mechanism.joints, mechanism.balls, start)
 
 
 class Solver:

@@ -8,13 +8,13 @@ are solved one after the other by continuation (``engine.assembly``), or many at
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.assembly import Solver, check_rank, start_configuration
+from pinarm.engine.assembly import Solver, check_rank
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -22,16 +22,14 @@ from pinarm.mechanics.couplings import Coupling, independent
 from pinarm.mechanics.motion import Grid, Values
 
 
-def follow(
-    mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Mapping[str, float]
-) -> tuple[Array, Array, Array]:
+def follow(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Array) -> tuple[Array, Array, Array]:
     """Return the motion of the joints under imposed coordinates.
 
     Args:
         mechanism: The mechanism.
         imposed: As many coordinates as it has degrees of freedom.
         grid: Instants.
-        start: Rough values of joint coordinates at the first instant [rad or m]: they choose the branch.
+        start: A rough configuration at the first instant, shape (nq,): it chooses the branch.
 
     Returns:
         q of shape (n, nq), v and a of shape (n, nv).
@@ -39,12 +37,11 @@ def follow(
     Raises:
         AssemblyError: The positions cannot be reached; ``data`` holds the closest configuration and its gap.
     """
-    q0 = start_configuration(mechanism, {**start, **_imposed_at_start(mechanism, imposed, grid)})
     couplings = [one for one in mechanism.constraints if isinstance(one, Coupling)]
     linear = all(isinstance(coordinate, LinearCoordinate) for coordinate in imposed.coordinates)
     if linear and len(couplings) == len(mechanism.constraints) and independent(couplings):
         return _follow_linear(mechanism, couplings, imposed, grid)
-    return _follow_by_steps(mechanism, imposed, grid, q0)
+    return _follow_by_steps(mechanism, imposed, grid, _imposed_at_start(mechanism, imposed, grid, start))
 
 
 def joint_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
@@ -70,11 +67,14 @@ def joint_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw
     return np.array([v for v, _ in pairs]), np.array([a for _, a in pairs])
 
 
-def _imposed_at_start(mechanism: Mechanism, imposed: Imposed, grid: Grid) -> dict[str, float]:
-    """Return the first values of the laws that joints follow: a way there from elsewhere may end on another branch."""
+def _imposed_at_start(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Array) -> Array:
+    """Return the start with the first values of laws that joints follow: from elsewhere the branch may be another."""
     begin, end, _ = grid.stretches()[0]
-    values = imposed.on(begin, end)(float(grid.t[0]))[0]
-    return {name: float(w) for name, w in zip(imposed.names, values, strict=True) if name in mechanism.joints}
+    q, values = start.copy(), imposed.on(begin, end)(float(grid.t[0]))[0]
+    for name, w in zip(imposed.names, values, strict=True):
+        if name in mechanism.joints:
+            q[mechanism.joints[name].q] = w
+    return q
 
 
 def _follow_linear(
@@ -99,7 +99,7 @@ def _follow_by_steps(mechanism: Mechanism, imposed: Imposed, grid: Grid, q: Arra
     """Continue from instant to instant, each predicted from the one before by its velocity and acceleration."""
     solver = Solver(mechanism.closure, imposed)
     n, nv = len(grid.t), solver.model.nv
-    motion = np.empty((3, n, nv))
+    qs, vs, accelerations = np.empty((n, len(q))), np.empty((n, nv)), np.empty((n, nv))
     t, v, a = grid.t[0], np.zeros(nv), np.zeros(nv)
     for begin, end, rows in grid.stretches():
         target = imposed.on(begin, end)
@@ -111,5 +111,5 @@ def _follow_by_steps(mechanism: Mechanism, imposed: Imposed, grid: Grid, q: Arra
             else:
                 q, v, a = solver.advance(q, v, a, t, grid.t[row], target)
             t = grid.t[row]
-            motion[:, row] = q, v, a
-    return motion[0], motion[1], motion[2]
+            qs[row], vs[row], accelerations[row] = q, v, a
+    return qs, vs, accelerations

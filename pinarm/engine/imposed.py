@@ -11,6 +11,7 @@ from pinarm.arrays import Array
 from pinarm.engine.closure import Split
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError
+from pinarm.mechanics.balls import ball_coordinates
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.motion import MotionLaw
 
@@ -55,8 +56,6 @@ class Imposed:
 
     def _check_count(self, mechanism: Mechanism) -> None:
         model = mechanism.model
-        if model.nq != model.nv:
-            raise InputError("a motion can be imposed on joints with one coordinate only; this model has others")
         rows = mechanism.closure.size  # redundant ones among them leave more freedom than this says
         if len(self.names) < model.nv - rows:
             raise self._miscounted(mechanism, model.nv - rows)
@@ -77,10 +76,12 @@ class Imposed:
     def _miscounted(self, mechanism: Mechanism, mobility: int) -> InputError:
         missing = mobility - len(self.names)
         if missing > 0:
-            free = [name for name in mechanism.joints if name not in self.names]
+            own = [*mechanism.joints, *ball_coordinates(mechanism.model, mechanism.balls)]
+            free = [name for name in own if name not in self.names]
             return InputError(
                 f"{mobility} coordinates have to follow a law and {len(self.names)} do",
                 expected=f"laws for {missing} more, such as of the joints {', '.join(free)}",
+                hint="base: fixed in the mechanism file, to hold the base" if mechanism.balls else "",
             )
         return InputError(
             f"{len(self.names)} coordinates follow a law, but the mechanism has only {mobility} degrees of freedom",

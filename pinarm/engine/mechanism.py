@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -17,24 +17,29 @@ from numpy.typing import ArrayLike
 from pinarm.arrays import Array
 from pinarm.engine.closure import Closure, Constraint
 from pinarm.engine.dynamics import Dynamics
-from pinarm.errors import InputError, Key, ModelError, UnitError, choices, within
+from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.documents import Document
 from pinarm.input.expansion import expand
 from pinarm.input.expressions import Expression
+from pinarm.input.includes import included
+from pinarm.input.robots import floats
 from pinarm.input.robots import robot as robot_file
 from pinarm.input.roots import inside, root_of
-from pinarm.input.schema import Measured
-from pinarm.input.units import Unit, read_quantity, unit
+from pinarm.input.schema import Measured, quantity
+from pinarm.input.units import Unit, unit
+from pinarm.mechanics.balls import Ball, ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, Joint, coordinates_of, joint_of, joints_of
-from pinarm.mechanics.description import Gravity, MechanismDescription
+from pinarm.mechanics.description import Gravity, MechanismDescription, field_of
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import ForceElement
-from pinarm.mechanics.forces.joint import SpringDamper
-from pinarm.mechanics.model import build_model
+from pinarm.mechanics.model import Base, RobotModel, build_model
 from pinarm.mechanics.payload import Payload, laden
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities import Quantities
+
+FILES = (".urdf", ".xacro", ".xml", ".mjcf")
+"""Endings of model files; what has none of them is the name of a robot."""
 
 Locate = Callable[..., AbstractContextManager[None]]
 """``with locate("forces", "spring"):`` gives errors of the block that place of a file."""
@@ -47,8 +52,9 @@ class Mechanism:
     Attributes:
         title: For headings.
         model: Pinocchio's model, gravity and armatures set.
-        xml: The URDF text behind it.
+        xml: The URDF or MJCF text behind it.
         joints: Joints with one coordinate, by name.
+        balls: Ball joints, by name.
         coordinates: Coordinates of the joints and those defined beside them, by name.
         constraints: Loop joints and couplings; none of an open chain.
         drives: Motors and gears, by name.
@@ -65,6 +71,7 @@ class Mechanism:
     model: pin.Model
     xml: str = field(repr=False)
     joints: Mapping[str, Joint]
+    balls: Mapping[str, Ball]
     coordinates: Mapping[str, Coordinate]
     constraints: tuple[Constraint, ...]
     drives: Mapping[str, Drive]
@@ -83,15 +90,18 @@ class Mechanism:
         arguments: Mapping[str, float | str] | None = None,
         *,
         gravity: Gravity | Literal["none"] | None = None,
+        base: Base | None = None,
         payloads: Mapping[str, Payload] | None = None,
         locate: Locate = lambda *path: nullcontext(),
     ) -> Mechanism:
-        """Load a mechanism file, a URDF or xacro file, or a robot of example-robot-data by its name.
+        """Load a mechanism file, a URDF, xacro or MJCF file, or a robot of example-robot-data by its name.
 
         Args:
-            path: ``models/arm/mechanism.yaml``, ``arm.urdf``, ``arm.urdf.xacro``, or a name such as ``panda``.
+            path: ``models/arm/mechanism.yaml``, ``arm.urdf``, ``arm.urdf.xacro``, ``arm.xml``, or a name such as
+                ``panda``.
             arguments: Values for the model's arguments: numbers in SI, or text with units.
             gravity: Replaces that of the file.
+            base: Replaces that of the file: whether the root is held or floats.
             payloads: Carried beside those of the file, by name.
             locate: Gives errors in ``("arguments", name)`` and ``("payloads", name)`` their place in the caller's file.
 
@@ -107,8 +117,8 @@ class Mechanism:
             description, folder = MechanismDescription(pinarm=1, robot=file.name), file.parent
         else:
             description = MechanismDescription(pinarm=1, robot=str(path))
-        if gravity is not None:
-            description = msgspec.structs.replace(description, gravity=gravity)
+        changed = {"gravity": gravity, "base": base}
+        description = msgspec.structs.replace(description, **{k: x for k, x in changed.items() if x is not None})
         return _build(cls, description, folder, arguments or {}, payloads or {}, here, locate)
 
     @cached_property
@@ -206,13 +216,12 @@ def _build(
     """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's."""
     units, given = _arguments(description, arguments, here, caller)
     with here("robot"):
-        xml, resolved = _robot_text(description.robot, folder, given)
-        robot = build_model(xml)
+        robot, resolved = _robot(description, folder, given)
     model, carried = _loaded(robot.model, description.payloads, payloads, here, caller)
-    joints = joints_of(model)
-    model.gravity.linear = np.zeros(3) if isinstance(description.gravity, str) else description.gravity.vector()
+    joints, balls = joints_of(model), balls_of(model)
+    model.gravity.linear = field_of(description.gravity, robot.gravity)
     with here("coordinates"):
-        coordinates = coordinates_of(model, joints, description.coordinates)
+        coordinates = {**coordinates_of(model, joints, description.coordinates), **ball_coordinates(model, balls)}
     constraints: list[Constraint] = []
     for name, loop in description.loops.items():
         with here("loops", name):
@@ -222,12 +231,10 @@ def _build(
             if name in description.loops:
                 raise InputError(f"the coupling '{name}' has the name of a loop joint", expected="a name of its own")
             constraints.append(coupling.bind(joints, model, name))
-    forces: dict[str, ForceElement] = {}
+    forces = dict(robot.forces)
     for name, force in description.forces.items():
         with here("forces", name):
             forces[name] = force.bind(model, joints)
-    if robot.damping.any():
-        forces["joint damping"] = _damping(model, robot.damping)
     symbols = {}
     for name, text in description.symbols.items():
         with here("symbols", name):
@@ -237,9 +244,9 @@ def _build(
         with here("drives", name):
             _mount(model, joints, drive, name, mounted)
     return cls(
-        description.title or model.name, model, xml, joints, coordinates, tuple(constraints), dict(description.drives),
-        forces, symbols, resolved, {name: units[name] for name in resolved if name in units}, description, carried,
-        robot.notes,
+        description.title or model.name, model, robot.xml, joints, balls, coordinates, tuple(constraints),
+        dict(description.drives), forces, symbols, resolved,
+        {name: units[name] for name in resolved if name in units}, description, carried, robot.notes,
     )  # fmt: skip
 
 
@@ -257,46 +264,42 @@ def _arguments(
                 expected, hint = choices(name, units, most=40)
                 raise InputError(f"the model has no argument '{name}'", expected=expected, hint=hint)
         with caller("arguments", name):
-            given[name] = _argument(name, value, units)
+            given[name] = _argument(name, value, units.get(name))
     return units, given
 
 
-def _argument(name: str, value: float | str, units: Mapping[str, Unit]) -> float:
+def _argument(name: str, value: float | str, expected: Unit | None) -> float:
     """Return an argument in SI, its dimension checked where the mechanism file gives its unit."""
-    if not isinstance(value, str | int | float) or isinstance(value, bool):
-        raise InputError(f"the argument {name} is '{value}'", expected="a number, with a unit where it has one")
-    measured = value if isinstance(value, Measured) else Measured(0.0 if isinstance(value, str) else value)
-    if isinstance(value, str):
-        number, written = read_quantity(value)
-        measured = Measured(number)
-        measured.unit = written
-    if name in units:
-        measured.check(units[name])
-        if not measured.unit and isinstance(value, str | Measured) and measured and str(units[name]) != "1":
-            raise UnitError(f"the argument {name} has no unit", expected="a number with its unit",
-                            hint=f"{float(measured):g} {units[name]}")  # fmt: skip
-    if not np.isfinite(measured):
-        raise InputError(f"the argument {name} is '{value}'", expected="a finite number")
-    return float(measured)
-
-
-def _robot_text(robot: str, folder: Path, arguments: Mapping[str, float]) -> tuple[str, dict[str, float]]:
-    """Return the URDF text of a model and the values of its arguments."""
-    if robot.endswith((".urdf", ".xacro")):
-        root = root_of(folder / "mechanism.yaml")
-        path = inside((folder / robot).absolute(), root, {})
-    else:
-        path = robot_file(robot)
-        root = path.parent
-    expansion = expand(path, arguments, root=root)
-    return expansion.xml, {name: _number(name, text) for name, text in expansion.arguments.items()}
-
-
-def _number(name: str, text: str) -> float:
+    unitless = expected is None or str(expected) == "1" or not isinstance(value, str | Measured)
+    kind = quantity(str(expected)) if expected else Measured
     try:
-        return float(text)
-    except ValueError:
-        raise ModelError(f"the argument {name} has the value '{text}'", expected="a number") from None
+        return float(kind.read(value, bare=unitless))
+    except InputError as error:
+        raise type(error)(f"the argument {name}: {error.message}", expected=error.expected, hint=error.hint) from None
+
+
+def _robot(
+    description: MechanismDescription, folder: Path, arguments: Mapping[str, float]
+) -> tuple[RobotModel, dict[str, float]]:
+    """Return the model of a mechanism, and the values of its arguments."""
+    if description.robot.endswith(FILES):
+        root, base, defects = root_of(folder / "mechanism.yaml"), description.base, description.defects or "refused"
+        path = inside((folder / description.robot).absolute(), root, {})
+    else:
+        path, defects = robot_file(description.robot), description.defects or "noted"
+        root, base = path.parent, description.base or ("floating" if floats(path) else None)
+    expansion = expand(path, arguments, root=root)
+    xml, creep = included(expansion.xml, path, root), float(description.creep)
+    robot = build_model(xml, base=base, defects=defects, creep=creep)
+    notes = (*robot.notes, *(f"xacro: {warning}" for warning in expansion.warnings))
+    return replace(robot, notes=notes), dict(_numbers(expansion.arguments))
+
+
+def _numbers(arguments: Mapping[str, str]) -> Iterator[tuple[str, float]]:
+    """Yield the arguments of a model that are numbers; those that are words choose parts of it."""
+    for name, text in arguments.items():
+        with suppress(ValueError):
+            yield name, float(text)
 
 
 def _loaded(
@@ -311,13 +314,6 @@ def _loaded(
                     raise InputError(f"the mechanism has a payload '{name}' already", expected="a name of its own")
                 model, carried[name] = laden(model, [payload]), payload
     return model, carried
-
-
-def _damping(model: pin.Model, damping: Array) -> SpringDamper:
-    """Return the joints' viscous damping, which Pinocchio stores and does not apply."""
-    joints = [joint for joint in model.joints[1:] if joint.nv == 1 and damping[joint.idx_v]]
-    v = np.array([joint.idx_v for joint in joints])
-    return SpringDamper(np.array([joint.idx_q for joint in joints]), v, np.zeros(len(v)), damping[v], np.zeros(len(v)))
 
 
 def _mount(model: pin.Model, joints: Mapping[str, Joint], drive: Drive, name: str, mounted: dict[str, str]) -> None:

@@ -6,6 +6,8 @@
 ``joint.J.effort .power``                      of its drive, without the rotor's own share
 ``joint.J.force.x``, ``joint.J.moment.x``      action of the parent on the child, at the joint's origin
 ``joint.J.moment.about.P.x``                   the same moment about the origin of link P
+``joint.J.quaternion.x``, ``joint.J.roll``     of a ball joint; likewise ``pitch``, ``yaw``
+``joint.J.angular_velocity.x``                 of a ball joint, in the link's own axes; likewise ``effort.x``
 ``loop.L.force.x``, ``loop.L.moment.x``        action of the first link on the second, at the second one's frame
 ``coordinate.C.position`` (and so on)          of any coordinate
 ``coordinate.C.effort``                        of a drive along a task coordinate
@@ -40,6 +42,8 @@ from pinarm.arrays import Array
 from pinarm.engine.passes import Passes
 from pinarm.engine.reactions import Reactions
 from pinarm.engine.trajectory import Series, Trajectory
+from pinarm.engine.turning import PARTS as BALL_PARTS
+from pinarm.engine.turning import turning
 from pinarm.errors import InputError, choices
 from pinarm.input.expressions import Expression
 from pinarm.input.grammar import CONSTANTS
@@ -102,19 +106,21 @@ class Quantities:
         """Return the names of all quantities, for messages and completion."""
         mechanism = self.trajectory.mechanism
         links = [frame.name for frame in mechanism.model.frames if frame.type == pin.FrameType.BODY]
-        sets = ["all", *mechanism.joints]
+        sets = ["all", *mechanism.joints, *mechanism.balls]
         return [
             self.trajectory.parameter, "g", *self.symbols, *mechanism.symbols,
             *mechanism.arguments, *mechanism.coordinates, *self.trajectory.further,
             *(f"joint.{name}.{part}" for name in mechanism.joints
               for part in (*RATES, "effort", "power", *(f"{kind}.{axis}" for kind in WRENCH for axis in AXES))),
+            *(f"joint.{name}.{part}" for name in mechanism.balls
+              for part in (*BALL_PARTS, *(f"{kind}.{axis}" for kind in WRENCH for axis in AXES))),
             *(f"loop.{name}.{kind}.{axis}" for name in self.reactions.loops for kind in WRENCH for axis in AXES),
             *(f"coordinate.{name}.{rate}" for name in mechanism.coordinates for rate in RATES),
             *(f"point.{name}.{rate}.{axis}" for name in links for rate in RATES for axis in AXES),
             *(f"body.{name}.{rate}.{axis}" for name in links for rate in TURNS for axis in AXES),
             *(f"drive.{name}.{part}" for name in mechanism.drives for part in ("torque", "speed", "power")),
             *(f"energy.{part}" for part in ENERGIES),
-            *(f"energy.{name}.{part}" for name in mechanism.joints for part in ENERGIES[:2]),
+            *(f"energy.{name}.{part}" for name in sets[1:] for part in ENERGIES[:2]),
             *(f"momentum.{name}.{part}.{axis}" for name in sets for part in ("linear", "angular") for axis in AXES),
             *(f"dynamic.{name}.{part}.{axis}" for name in sets for part in WRENCH for axis in AXES),
             "power.gravity", *(f"power.{name}" for name in self.trajectory.dynamics.forces),
@@ -140,11 +146,29 @@ class Quantities:
         if finder is None or not rest:
             return self._evaluate(name, Expression.parse(name), formula=True)
         try:
-            return finder(self, name, rest.split("."))
+            return finder(self, name, self._words(rest))
         except InputError:
             if not set(name) & OPERATORS:  # names from models may hold such marks too, so they are tried first
                 raise
         return self._evaluate(name, Expression.parse(name), formula=True)
+
+    @cached_property
+    def _dotted(self) -> set[str]:
+        """Names of joints, links, drives and loop joints that have dots in them."""
+        mechanism = self.trajectory.mechanism
+        links = (frame.name for frame in mechanism.model.frames if frame.type == pin.FrameType.BODY)
+        names = (*mechanism.joints, *mechanism.balls, *links, *mechanism.drives, *self.reactions.loops)
+        return {name for name in names if "." in name}
+
+    def _words(self, text: str) -> list[str]:
+        """Return the words of a name between its dots, those of a joint's or link's own name together."""
+        words, found = text.split("."), []
+        while words:
+            ends = range(len(words), 1, -1)
+            size = next((end for end in ends if ".".join(words[:end]) in self._dotted), 1)
+            found.append(".".join(words[:size]))
+            words = words[size:]
+        return found
 
     def _evaluate(self, name: str, expression: Expression, *, formula: bool = False) -> Series:
         """Evaluate a symbol, or a formula that a user wrote where a name could stand."""
@@ -183,10 +207,14 @@ class Quantities:
         return InputError(f"there is no quantity '{name}'", expected=expected, hint=hint)
 
     def _of_joint(self, name: str, words: list[str]) -> Series:
-        joint = self.trajectory.mechanism.joints.get(words[0])
+        mechanism, part = self.trajectory.mechanism, ".".join(words[1:2])
+        ball = mechanism.balls.get(words[0])
+        if ball is not None:
+            series = turning(self.trajectory, ball, name, ".".join(words[1:]))
+            return series or self._transmitted(name, words, ball.index)
+        joint = mechanism.joints.get(words[0])
         if joint is None or len(words) < 2:
             raise self._unknown(name)
-        part = words[1]
         if part in RATES and len(words) == 2:
             return self._rate_of(name, words[0], part)
         self._require_efforts(name)
@@ -195,9 +223,14 @@ class Quantities:
             if part == "effort":
                 return Series(name, effort_unit(joint), effort)
             return Series(name, WATT, effort * self.trajectory.v[:, joint.v])
-        if part not in WRENCH:
+        return self._transmitted(name, words, joint.index)
+
+    def _transmitted(self, name: str, words: list[str], index: int) -> Series:
+        """Return a component of the wrench that a joint of the tree transmits."""
+        self._require_efforts(name)
+        if len(words) < 3 or words[1] not in WRENCH:
             raise self._unknown(name)
-        found, index = self.reactions, joint.index
+        found = self.reactions
         added = [stressed[:, index] for stressed in found.stressed_joints]
         return self._wrench(name, words, found.origins[:, index], found.joints[:, index], added)
 
@@ -296,10 +329,9 @@ class Quantities:
     def _of_energy(self, name: str, words: list[str]) -> Series:
         if len(words) == 1 and words[0] in ENERGIES:
             return Series(name, JOULE, self.passes.energies[ENERGIES.index(words[0])])
-        joint = self.trajectory.mechanism.joints.get(words[0])
-        if joint is None or words[1:] not in (["kinetic"], ["potential"]):
+        if words[1:] not in (["kinetic"], ["potential"]):
             raise self._unknown(name)
-        return Series(name, JOULE, self.passes.body_energies[:, joint.index, ENERGIES.index(words[1])])
+        return Series(name, JOULE, self.passes.body_energies[:, self._index(name, words[0]), ENERGIES.index(words[1])])
 
     def _of_momentum(self, name: str, words: list[str]) -> Series:
         return self._momentum(name, words, ("linear", "angular"), 0)
@@ -320,12 +352,18 @@ class Quantities:
 
     def _beyond(self, name: str, of: str) -> list[int]:
         """Return the joints of ``all``, or a joint and those beyond it."""
-        mechanism = self.trajectory.mechanism
+        model = self.trajectory.mechanism.model
         if of == "all":
-            return list(range(1, mechanism.model.njoints))
-        if of not in mechanism.joints:
+            return list(range(1, model.njoints))
+        return [int(joint) for joint in model.subtrees[self._index(name, of)]]
+
+    def _index(self, name: str, of: str) -> int:
+        """Return Pinocchio's index of a joint."""
+        mechanism = self.trajectory.mechanism
+        joint = mechanism.joints.get(of) or mechanism.balls.get(of)
+        if joint is None:
             raise self._unknown(name)
-        return [int(joint) for joint in mechanism.model.subtrees[mechanism.joints[of].index]]
+        return joint.index
 
     def _of_power(self, name: str, words: list[str]) -> Series:
         if words == ["gravity"]:

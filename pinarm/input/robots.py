@@ -8,18 +8,43 @@ from pathlib import Path
 from pinarm.errors import ModelError, choices
 from pinarm.input.roots import example_robot_data
 
+NAMES = {
+    "alexander": "alexander_v1.lowerBodyOnly", "asr_twodof": "TwoDofs", "anymal_kinova": "anymal-kinova",
+    "b1_z1": "b1-z1", "borinot": "borinot_flying_arm_2", "g1": "g1_29dof_rev_1_0",
+    "g1_with_hands": "g1_29dof_with_hand_rev_1_0", "hector": "quadrotor_base", "hextilt": "hextilt_flying_arm_5",
+    "hyq": "hyq_no_sensors", "iris": "iris_simple", "solo8": "solo", "talos": "talos_reduced",
+    "talos_arm": "talos_left_arm", "talos_box": "talos_reduced_box", "talos_full": "talos_full_v2",
+    "talos_full_box": "talos_full_v2_box", "ur3_limited": "ur3_joint_limited_robot", "ur3": "ur3_robot",
+    "ur5_limited": "ur5_joint_limited_robot", "ur10_limited": "ur10_joint_limited_robot",
+}  # fmt: skip
+"""Names that the package's own loaders give, and the files they stand for, where these have another name."""
+
+FLOATING = frozenset({
+    "a1", "alexander", "anymal_b_simple", "anymal_c_simple", "b1", "bolt", "borinot", "cassie", "centauro", "g1", "go1",
+    "go2", "hector", "hextilt", "human", "hyq", "icub", "iris", "laikago", "pr2", "quadruped", "romeo",
+    "simple_humanoid", "so_arm", "solo", "talos_data",
+})  # fmt: skip
+"""Folders, without ``_description``, whose robots the package's own loaders give a free-flyer."""
+
+HELD = frozenset({"talos_left_arm"})
+"""Files in such folders whose robots stand on the ground."""
+
 
 @cache
 def robots() -> dict[str, Path]:
-    """Return the model files by name: the file's own, also without ``_robot`` at its end.
+    """Return the model files by name: the file's own, also without ``_robot`` at its end, and the loaders' names.
 
     Raises:
         ModelError: The package is not installed.
     """
+    folder = example_robot_data() / "robots"
     found: dict[str, Path] = {}
-    for file in sorted((example_robot_data() / "robots").glob("*/*/*.urdf")):
+    for file in sorted(folder.glob("*/*/*.urdf")):
         found.setdefault(file.stem, file)
         found.setdefault(file.stem.removesuffix("_robot"), file)
+    found.update({name: found[stem] for name, stem in NAMES.items() if stem in found})
+    if (other := folder / "anymal_c_simple_description" / "urdf" / "anymal.urdf").is_file():
+        found["anymal_c"] = other  # its file is called like that of the older one
     return found
 
 
@@ -34,3 +59,9 @@ def robot(name: str) -> Path:
         expected, hint = choices(name, known, most=100)
         raise ModelError(f"there is no robot '{name}'", expected=f"a file, or {expected}", hint=hint)
     return known[name]
+
+
+def floats(file: Path) -> bool:
+    """Tell whether the robot of a model file of the package moves freely: stands on legs, or flies."""
+    folder = file.parents[1].name.removesuffix("_description")
+    return folder in FLOATING and file.stem not in HELD

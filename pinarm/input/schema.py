@@ -57,19 +57,18 @@ class Measured(float):
         """
         if isinstance(value, cls):
             return value
-        if isinstance(value, Measured):
-            return cls._of(float(value), value.unit)
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             raise InputError("this is no quantity", expected="a number with a unit, such as '30 deg'")
         try:
-            number, written = read_quantity(value) if isinstance(value, str) else (float(value), None)
+            number, written = read_quantity(value) if isinstance(value, str) else (float(value), _unit_of(value))
         except OverflowError:
             number, written = float("inf"), None
         if number - number != 0.0:
             raise InputError(f"'{value}' is not a finite number", expected="a finite number")
         if written is None and number != 0.0 and not bare:
-            hint = f"{value} {cls.expected}" if cls.expected else ""
-            raise UnitError(f"'{value}' has no unit", expected="a number with its unit, such as 30 deg", hint=hint)
+            shown = f"{value:g}" if isinstance(value, Measured) else value
+            hint = f"{shown} {cls.expected}" if cls.expected else ""
+            raise UnitError(f"'{shown}' has no unit", expected="a number with its unit, such as 30 deg", hint=hint)
         return cls._of(number, written)
 
     @classmethod
@@ -91,6 +90,10 @@ class Measured(float):
         """
         if self.unit is not None and self.unit.dimension != expected.dimension:
             raise UnitError(f"'{self.unit}' is not a unit of this quantity", expected=f"a unit such as {expected}")
+
+
+def _unit_of(value: object) -> Unit | None:
+    return value.unit if isinstance(value, Measured) else None
 
 
 def quantity(text: str = "", **expected: float | None) -> Any:

@@ -296,7 +296,7 @@ class RotationCoordinate:
         b = pin.Jlog3(turn)
         w = pin.log3(turn)
         rate = b @ omega
-        return float((b @ alpha + _rate_of_b(w, rate) @ omega)[self.component])
+        return float((b @ alpha + rate_of_b(w, rate) @ omega)[self.component])
 
     def wrenches(self, model: pin.Model, data: pin.Data, effort: float) -> dict[int, Array]:
         """Return the moment with the same power, ``effort B^T e_k`` in the link's axes."""
@@ -310,7 +310,7 @@ def pull(model: pin.Model, data: pin.Data, frame: int, force: Array) -> dict[int
     return {model.frames[frame].parentJoint: np.concatenate([force, np.cross(data.oMf[frame].translation, force)])}
 
 
-def _rate_of_b(w: Array, rate: Array) -> Array:
+def rate_of_b(w: Array, rate: Array) -> Array:
     """Return B' for a rotation vector and its rate; near 0 by the series ``c = 1/12 + theta^2/720``."""
     theta2 = float(w @ w)
     theta = theta2**0.5
@@ -401,14 +401,6 @@ def sum_of(model: pin.Model, joints: Mapping[str, Joint], names: Sequence[str]) 
     for name in names:
         weights[joints[name].v] += 1.0
     return LinearCoordinate(units.pop(), weights, places)
-
-
-def coordinate_at(model: pin.Model, index: int) -> LinearCoordinate:
-    """Return the coordinate of the joint whose velocity stands at an index in v; the joint has one coordinate."""
-    joint = next(joint for joint in model.joints if joint.idx_v == index)
-    weights, places = np.zeros(model.nv), np.full(model.nv, joint.idx_q, dtype=np.intp)
-    weights[index] = 1.0
-    return LinearCoordinate(METRE if joint.shortname().startswith("JointModelP") else RADIAN, weights, places)
 
 
 def coordinates_of(

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from typing import Literal
 
-import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.input.schema import Acceleration, Model
+from pinarm.input.schema import Acceleration, Model, Positive
 from pinarm.mechanics.coordinates import AXES, Axis, CoordinateDefinition
 from pinarm.mechanics.couplings import CouplingDefinition
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import Force
+from pinarm.mechanics.forces.joint import CREEP
 from pinarm.mechanics.loops import Loop
+from pinarm.mechanics.model import Base, Defects
 from pinarm.mechanics.payload import Payload
 
 STANDARD_GRAVITY = 9.81
@@ -36,15 +37,33 @@ class Gravity(Model, frozen=True):
         return np.array(AXES[self.direction], float) * float(self.magnitude)
 
 
+def field_of(gravity: Gravity | Literal["none"] | None, otherwise: Array | None) -> Array:
+    """Return the gravity of a mechanism [m/s^2], world axes, shape (3,).
+
+    Args:
+        gravity: What its file says.
+        otherwise: What its model says.
+    """
+    if gravity is None:
+        return Gravity().vector() if otherwise is None else otherwise
+    return np.zeros(3) if isinstance(gravity, str) else gravity.vector()
+
+
 class MechanismDescription(Model, frozen=True):
     """Content of a mechanism file.
 
     Attributes:
         pinarm: Version of the format.
         title: For headings.
-        robot: A URDF or xacro file, relative to this one, or the name of a robot of example-robot-data.
+        robot: A URDF, xacro or MJCF file, relative to this one, or the name of a robot of example-robot-data.
+        base: ``floating`` lets the model's root move freely, by a joint ``root``; ``fixed`` holds it. As in the model
+            where it is left out; of the robots known by name, those that stand on legs or fly float.
+        defects: ``noted`` takes inertias that no body can have as they are written, and tells; files are refused
+            otherwise, robots known by name are not.
+        creep: Velocity below which the dry friction of the model gives way [rad/s or m/s]; small ones make forward
+            problems stiff.
         arguments: Unit of every xacro argument of the model, so that a scenario can give them with units.
-        gravity: ``none`` for none.
+        gravity: ``none`` for none; that of the model, or 9.81 m/s^2 downwards, where it is left out.
         coordinates: Coordinates beside those of the joints.
         loops: Joints that close loops of the tree.
         couplings: Gears, racks and screws between joints.
@@ -57,8 +76,11 @@ class MechanismDescription(Model, frozen=True):
     pinarm: Literal[1]
     robot: str
     title: str = ""
+    base: Base | None = None
+    defects: Defects | None = None
+    creep: Positive = CREEP
     arguments: dict[str, str] = {}
-    gravity: Gravity | Literal["none"] = msgspec.field(default_factory=Gravity)
+    gravity: Gravity | Literal["none"] | None = None
     coordinates: dict[str, CoordinateDefinition] = {}
     loops: dict[str, Loop] = {}
     couplings: dict[str, CouplingDefinition] = {}

@@ -1,23 +1,45 @@
-"""From a model's text to Pinocchio's model. The text is checked first: Pinocchio takes a NaN mass for 0 kg."""
+"""From a model's text to Pinocchio's model, joint by joint: nothing is dropped, and no file of meshes is opened.
+
+A joint with several coordinates is built of simple ones that move after each other, which is the same motion. A
+floating joint ``J`` slides along its parent's axes (``J.x``, ``J.y``, ``J.z``), then turns as a ball joint ``J``; its
+velocities are the rates of x, y, z, and the angular velocity in the link's own axes. A planar joint slides along two
+axes (``J.x``, ``J.y``), then turns (``J.angle``), so that its turns are counted.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
 from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.errors import ModelError, choices
+from pinarm.errors import ModelError
+from pinarm.mechanics.forces.contract import ForceElement
+from pinarm.mechanics.forces.joint import CREEP, BallSpring, DryFriction, SpringDamper
+from pinarm.mechanics.tree import Bounds, Mimic, Tree, TreeJoint, from_z, listed
+from pinarm.mechanics.urdf import urdf_tree
 
-TURNS_WITHOUT_LIMIT = 1e15
-"""Limit written for joints that have none [rad]; the parser refuses infinity."""
+BASE = "root"
+"""Name of the joint that lets a model float whose text holds it to the ground."""
 
-TRIANGLE = 1e-9
-"""Relative violation of the triangle inequality of the principal moments that rounding of printed digits explains."""
+MOST = 250
+"""Degrees of freedom at most: Pinocchio's buffers take 65 nv^3 bytes, here 1 GB."""
+
+ALIGNED = 1e-15
+"""Deviation from a coordinate axis that is rounding."""
+
+Base = Literal["floating", "fixed"]
+Defects = Literal["refused", "noted"]
+
+SIMPLE = {
+    "revolute": (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ, pin.JointModelRevoluteUnaligned),
+    "prismatic": (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ, pin.JointModelPrismaticUnaligned),
+}
 
 
 @dataclass(frozen=True)
@@ -25,149 +47,209 @@ class RobotModel:
     """A model as Pinocchio sees it, with what its text says and Pinocchio ignores.
 
     Attributes:
-        model: Pinocchio's model; its joints stand depth-first.
-        xml: The URDF text it was built from.
-        damping: Viscous damping of the joints, N*m*s/rad or N*s/m, shape (nv,).
+        model: Pinocchio's model; its joints stand depth-first, limits that are not given are infinite.
+        xml: The text it was built from.
+        forces: Springs, damping and dry friction of its joints, by name.
+        mimics: Joints that its text couples to others, which nothing here enforces.
+        gravity: Field that its text asks for [m/s^2], shape (3,); ``None`` where it says nothing.
         notes: What is not modelled as the text has it, in words.
     """
 
     model: pin.Model
     xml: str
-    damping: Array
-    notes: tuple[str, ...]
+    forces: Mapping[str, ForceElement] = field(default_factory=dict)
+    mimics: tuple[Mimic, ...] = ()
+    gravity: Array | None = None
+    notes: tuple[str, ...] = ()
 
 
-def build_model(xml: str) -> RobotModel:
-    """Build the model of a URDF text.
+def build_model(
+    xml: str, *, base: Base | None = None, defects: Defects = "refused", creep: float = CREEP
+) -> RobotModel:
+    """Build the model of a URDF or MJCF text.
 
-    Joints of type ``continuous`` become revolute without limits, so that their coordinate is an angle that counts
-    turns, not a pair (cos, sin).
+    Args:
+        xml: The text.
+        base: Whether the root is held or floats; as in the text where it is left out.
+        defects: Whether inertias that no body can have, and joints that mimic none, are refused, or taken and noted.
+        creep: Velocity below which its dry friction gives way [rad/s or m/s].
 
     Raises:
-        ModelError: The text is no URDF, or has a mass, inertia or axis that no body or joint can have.
+        ModelError: The text is no model, or has a mass, inertia, axis or other number that no body or joint can have.
     """
+    tree = _based(_read(xml), base)
+    if tree.defects and defects == "refused":
+        raise ModelError(tree.defects[0], hint="mend the model, or say 'defects: noted' in the mechanism file")
+    model = _assembled(tree)
+    forces = _passive(model, tree, creep)
+    notes = [
+        *(f"{defect}; taken as written" for defect in tree.defects), *tree.notes, *_massless(model),
+        *_said(tree, creep), *(f"joint {mimic.joint}: mimics {mimic.of}, which is not enforced; both move freely"
+                               for mimic in tree.mimics),
+    ]  # fmt: skip
+    return RobotModel(model, xml, forces, tree.mimics, tree.gravity, tuple(notes))
+
+
+def _read(xml: str) -> Tree:
     try:
-        robot = ElementTree.fromstring(xml)
+        root = ElementTree.fromstring(xml)
     except ElementTree.ParseError as error:
         raise ModelError(f"the model is not XML: {error}") from None
-    if robot.tag != "robot":
-        raise ModelError(f"the model begins with <{robot.tag}>", expected="<robot>: a URDF or xacro file")
-    _check_links(robot)
-    _check_joints(robot)
-    notes = [f"joint {name}: mimics {of}, which is not enforced; both move freely" for name, of in _mimics(robot)]
-    for joint in robot.iter("joint"):
-        if joint.get("type") == "continuous":
-            _make_revolute(joint)
-    try:
-        model = pin.buildModelFromXML(ElementTree.tostring(robot, encoding="unicode"))
-    except (ValueError, RuntimeError) as error:
-        raise ModelError(f"the model cannot be read as URDF: {' '.join(str(error).split())}") from None
-    if model.nv == 0:
-        raise ModelError("the model has no joint that moves", expected="at least one joint that is not fixed")
-    if not model.check(model.createData()):
-        raise ModelError("the model's joints are not in depth-first order, which the algorithms need")
-    notes += [
-        f"joint {model.names[joint.id]}: dry friction is not modelled"
-        for joint in model.joints[1:]
-        if model.friction[joint.idx_v : joint.idx_v + joint.nv].any()
-    ]
-    return RobotModel(model, xml, np.array(model.damping), tuple(notes))
+    if root.tag == "mujoco":
+        from pinarm.mechanics.mjcf import mjcf_tree  # not paid for by others
+
+        return mjcf_tree(root)
+    if root.tag != "robot":
+        raise ModelError(f"the model begins with <{root.tag}>", expected="<robot> (URDF, xacro) or <mujoco> (MJCF)")
+    return urdf_tree(root)
 
 
-def _check_links(robot: ElementTree.Element) -> None:
-    for link in robot.iter("link"):
-        where = f"link '{link.get('name')}'"
-        for inertial in link.findall("inertial"):
-            mass_element, inertia_element = inertial.find("mass"), inertial.find("inertia")
-            mass = _number(mass_element, "value", f"{where}: mass")
-            if mass < 0.0:
-                raise ModelError(f"{where}: the mass is negative ({mass:g} kg)")
-            if inertia_element is not None:
-                _check_inertia(inertia_element, where)
-            origin = inertial.find("origin")
-            for key in ("xyz", "rpy") if origin is not None else ():
-                _vector(origin, key, f"{where}: origin of the inertia", default=(0.0, 0.0, 0.0))
+def _based(tree: Tree, base: Base | None) -> Tree:
+    """Return the tree with its root held or afloat."""
+    if base is None:
+        return tree
+    carried = [joint for joint in tree.joints if joint.parent == tree.root]
+    afloat = [joint.name for joint in carried if joint.kind == "floating"]
+    if base == "fixed":
+        held = (replace(joint, kind="fixed") if joint.name in afloat else joint for joint in tree.joints)
+        return replace(tree, joints=tuple(held))
+    if afloat:
+        return tree
+    if any(joint.name == BASE for joint in tree.joints):
+        raise ModelError(f"the model has a joint '{BASE}', which is the name of the one that lets its base float")
+    ground = "ground" if tree.root == "world" else "world"
+    if ground in tree.links:
+        raise ModelError(f"the model has a link '{ground}', which is the name of what its base would float in")
+    free = TreeJoint(BASE, "floating", ground, tree.root, pin.SE3.Identity(), np.array([1.0, 0.0, 0.0]))
+    return replace(tree, links={ground: pin.Inertia.Zero(), **tree.links}, joints=(free, *tree.joints))
 
 
-def _check_inertia(element: ElementTree.Element, where: str) -> None:
-    xx, yy, zz, xy, xz, yz = (
-        _number(element, key, f"{where}: {key}", default=0.0) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+def _assembled(tree: Tree) -> pin.Model:
+    """Return Pinocchio's model of a tree.
+
+    Raises:
+        ModelError: Nothing in it moves, or too much; or two parts of joints have one name.
+    """
+    model = pin.Model()
+    model.name = tree.name
+    simple = [part for joint in tree.joints for part in _parts(joint)]
+    twice = [name for name, times in Counter(part.name for part in simple if part.kind != "fixed").items() if times > 1]
+    if twice:
+        raise ModelError(f"two joints have the name '{twice[0]}'", expected="a name of its own for each")
+    count = sum(3 if joint.kind == "ball" else 1 for joint in simple if joint.kind != "fixed")
+    if not count:
+        raise ModelError("the model has no joint that moves", expected="at least one joint that is not fixed",
+                         hint="base: floating in the mechanism file lets it move freely")  # fmt: skip
+    if count > MOST:
+        raise ModelError(f"the model has {count} degrees of freedom", expected=f"at most {MOST}")
+    frames = {tree.root: model.addFrame(pin.Frame(tree.root, 0, 0, pin.SE3.Identity(), pin.FrameType.BODY))}
+    model.appendBodyToJoint(0, tree.links[tree.root], pin.SE3.Identity())
+    for joint in simple:
+        frame = _add(model, joint, frames[joint.parent])
+        place = model.frames[frame].placement * joint.offset
+        carrier = model.frames[frame].parentJoint
+        kind = pin.FrameType.BODY if joint.child in tree.links else pin.FrameType.OP_FRAME
+        frames[joint.child] = model.addFrame(pin.Frame(joint.child, carrier, frame, place, kind))
+        if joint.child in tree.links:
+            model.appendBodyToJoint(carrier, tree.links[joint.child], place)
+    return model
+
+
+def _add(model: pin.Model, joint: TreeJoint, before: int) -> int:
+    """Add a simple joint beyond a frame; return its own frame."""
+    parent = model.frames[before]
+    place = parent.placement * joint.placement
+    if joint.kind == "fixed":
+        return int(model.addFrame(pin.Frame(joint.name, parent.parentJoint, before, place, pin.FrameType.FIXED_JOINT)))
+    index = model.addJoint(parent.parentJoint, _joint_model(joint), place, joint.name)
+    made, bounds = model.joints[index], joint.bounds
+    for limits, value, start, size in (
+        (model.lowerPositionLimit, bounds.lower, made.idx_q, made.nq),
+        (model.upperPositionLimit, bounds.upper, made.idx_q, made.nq),
+        (model.velocityLimit, bounds.velocity, made.idx_v, made.nv),
+        (model.effortLimit, bounds.effort, made.idx_v, made.nv),
+        (model.armature, joint.armature, made.idx_v, made.nv),
+        (model.damping, joint.damping, made.idx_v, made.nv),
+    ):
+        limits[start : start + size] = value
+    return int(model.addJointFrame(index, before))
+
+
+def _joint_model(joint: TreeJoint) -> pin.JointModel:
+    if joint.kind == "ball":
+        return pin.JointModelSpherical()
+    *aligned, general = SIMPLE[joint.kind]
+    for axis, made in zip(np.eye(3), aligned, strict=True):
+        if np.abs(joint.axis - axis).max() < ALIGNED:
+            return made()
+    return general(joint.axis)
+
+
+def _parts(joint: TreeJoint) -> Iterator[TreeJoint]:
+    """Yield the simple joints that a joint is made of; the last carries its link."""
+    if joint.kind not in ("planar", "floating"):
+        yield joint
+        return
+    turn = joint.placement.rotation @ from_z(joint.axis) if joint.kind == "planar" else np.eye(3)
+    place, parent = pin.SE3(turn, joint.placement.translation), joint.parent
+    step = replace(joint, kind="prismatic", bounds=Bounds(), rest=0.0, offset=pin.SE3.Identity())
+    for axis, letter in zip(np.eye(3), "xyz" if joint.kind == "floating" else "xy", strict=False):
+        name = f"{joint.name}.{letter}"
+        yield replace(step, name=name, parent=parent, child=f"{joint.name}/{letter}", placement=place, axis=axis)
+        place, parent = pin.SE3.Identity(), f"{joint.name}/{letter}"
+    drawn = pin.SE3(turn.T @ joint.placement.rotation, np.zeros(3))
+    last = replace(step, parent=parent, child=joint.child)
+    if joint.kind == "floating":
+        yield replace(last, kind="ball", placement=drawn, offset=joint.offset)
+    else:
+        z = np.array([0.0, 0.0, 1.0])
+        yield replace(last, kind="revolute", name=f"{joint.name}.angle", placement=place, axis=z,
+                      offset=drawn * joint.offset)  # fmt: skip
+
+
+def _passive(model: pin.Model, tree: Tree, creep: float) -> dict[str, ForceElement]:
+    """Return springs, damping and friction of the joints, which Pinocchio does not apply."""
+    named = {part.name: part for joint in tree.joints for part in _parts(joint)}
+    of = [(named[model.names[made.id]], made) for made in model.joints[1:]]
+    damping, friction = (
+        np.array([getattr(joint, key) for joint, made in of for _ in range(made.nv)]) for key in ("damping", "friction")
     )
-    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    slack = TRIANGLE * abs(moments).max()
-    if moments[0] < -slack:
-        raise ModelError(f"{where}: a principal moment of inertia is negative ({moments[0]:g} kg*m^2)")
-    if moments[0] + moments[1] < moments[2] - slack:
-        raise ModelError(
-            f"{where}: no body has principal moments of inertia {', '.join(f'{m:g}' for m in moments)} kg*m^2",
-            expected="each at most the sum of the other two",
-        )
+    damped, rubbed = np.flatnonzero(damping), np.flatnonzero(friction)
+    forces: dict[str, ForceElement] = {}
+    if len(damped):
+        none = np.zeros(len(damped))
+        forces["joint damping"] = SpringDamper(damped, damped, none, damping[damped], none)
+    if len(rubbed):
+        forces["joint friction"] = DryFriction(rubbed, friction[rubbed], np.full(len(rubbed), creep))
+    single = [(joint, made) for joint, made in of if joint.stiffness and made.nv == 1]
+    if single:
+        q, v = (np.array([getattr(made, key) for _, made in single]) for key in ("idx_q", "idx_v"))
+        stiffness, rest = (np.array([getattr(joint, key) for joint, _ in single]) for key in ("stiffness", "rest"))
+        forces["joint springs"] = SpringDamper(q, v, stiffness, np.zeros(len(v)), rest)
+    balls = [(joint, made) for joint, made in of if joint.stiffness and made.nv == 3]
+    return {**forces, **{f"spring of {joint.name}": BallSpring(made.idx_q, made.idx_v, joint.stiffness)
+                         for joint, made in balls}}  # fmt: skip
 
 
-def _check_joints(robot: ElementTree.Element) -> None:
-    links = {str(link.get("name")) for link in robot.iter("link")}
-    for joint in robot.findall("joint"):
-        where = f"joint '{joint.get('name')}'"
-        for end in ("parent", "child"):
-            element = joint.find(end)
-            name = element.get("link", "") if element is not None else ""
-            if name not in links:
-                expected, hint = choices(name, links)
-                raise ModelError(f"{where}: its {end} link '{name}' does not exist", expected=expected, hint=hint)
-        axis = joint.find("axis")
-        if axis is not None and joint.get("type") != "fixed" and not any(_vector(axis, "xyz", f"{where}: axis")):
-            raise ModelError(f"{where}: its axis is 0 0 0", expected="three numbers, not all zero")
-        dynamics = joint.find("dynamics")
-        for key in ("damping", "friction") if dynamics is not None else ():
-            if _number(dynamics, key, f"{where}: {key}", default=0.0) < 0.0:
-                raise ModelError(f"{where}: its {key} is negative")
+def _massless(model: pin.Model) -> Iterator[str]:
+    """Yield a note on joints beyond which there is no mass."""
+    heavy = [bool(body.mass or body.inertia.any()) for body in model.inertias]
+    idle = [not any(heavy[joint] for joint in model.subtrees[index]) for index in range(model.njoints)]
+    names = [model.names[index] for index in range(1, model.njoints) if idle[index] and not idle[model.parents[index]]]
+    if names:
+        yield f"nothing beyond {listed('joint', names)} has a mass"
 
 
-Vector = tuple[float, float, float]
+def _said(tree: Tree, creep: float) -> Iterator[str]:
+    rubbed = [joint.name for joint in tree.joints if joint.friction and joint.kind != "fixed"]
+    if rubbed:
+        yield (f"dry friction F of {listed('joint', rubbed)} is regularised, F tanh(v / {creep:g}), v in rad/s or m/s: "
+               f"a joint that ought to stick under a load creeps, with {creep:g} atanh(load / F)")  # fmt: skip
+    several = [joint for joint in tree.joints if joint.kind in ("ball", "planar", "floating")]
+    if limited := [joint.name for joint in several if joint.bounds != Bounds()]:
+        yield f"limits of {listed('joint', limited)} are not watched: they have several coordinates"
 
 
-def _vector(element: ElementTree.Element | None, key: str, where: str, default: Vector | None = None) -> Vector:
-    """Return three finite numbers, which the parser would otherwise drop with the whole element around them."""
-    text = element.get(key) if element is not None else None
-    if text is None and default is not None:
-        return default
-    try:
-        x, y, z = (float(part) for part in (text or "").split())
-    except ValueError:
-        x = y = z = math.nan
-    if not math.isfinite(x) or not math.isfinite(y) or not math.isfinite(z):
-        raise ModelError(f"{where}: {key}='{text or ''}' is not a vector", expected="three finite numbers")
-    return x, y, z
-
-
-def _number(element: ElementTree.Element | None, key: str, where: str, default: float | None = None) -> float:
-    text = element.get(key) if element is not None else None
-    if text is None:
-        if default is None:
-            raise ModelError(f"{where} is missing")
-        return default
-    try:
-        number = float(text)
-    except ValueError:
-        raise ModelError(f"{where}: '{text}' is not a number") from None
-    if not math.isfinite(number):
-        raise ModelError(f"{where}: '{text}' is not a finite number")
-    return number
-
-
-def _mimics(robot: ElementTree.Element) -> Iterator[tuple[str | None, str | None]]:
-    for joint in robot.findall("joint"):
-        mimic = joint.find("mimic")
-        if mimic is not None:
-            yield joint.get("name"), mimic.get("joint")
-
-
-def _make_revolute(joint: ElementTree.Element) -> None:
-    joint.set("type", "revolute")
-    limit = joint.find("limit")
-    if limit is None:
-        limit = ElementTree.SubElement(
-            joint, "limit", effort=f"{TURNS_WITHOUT_LIMIT}", velocity=f"{TURNS_WITHOUT_LIMIT}"
-        )
-    limit.set("lower", f"{-TURNS_WITHOUT_LIMIT}")
-    limit.set("upper", f"{TURNS_WITHOUT_LIMIT}")
+def ending(xml: str) -> str:
+    """Return the ending of the name of a file with a model's text."""
+    return ".xml" if ElementTree.fromstring(xml).tag == "mujoco" else ".urdf"

@@ -10,7 +10,7 @@ import pinocchio as pin
 from pinarm.errors import InputError, within
 from pinarm.input.schema import Inertia, Mass, Model
 from pinarm.mechanics.coordinates import frame_of
-from pinarm.mechanics.model import TRIANGLE
+from pinarm.mechanics.tree import TRIANGLE
 
 
 class Payload(Model, frozen=True):

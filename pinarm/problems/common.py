@@ -15,7 +15,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, Key, within
 from pinarm.input.schema import Model, Time, check_unit
 from pinarm.input.units import Unit
-from pinarm.mechanics.coordinates import joint_of
+from pinarm.mechanics.balls import positions_of, unit_of, velocities_of
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Constant, Motion, Over
 from pinarm.mechanics.motion import MotionLaw
@@ -114,20 +114,27 @@ def _settle(
         found[name] = law.along(found[law.of], *span)
 
 
-def check_levels(
-    mechanism: Mechanism, levels: Mapping[str, float], place: Place, *at: str, per: Unit | None = None
-) -> None:
-    """Check names and units of values given for joint coordinates, or for their rates ``per`` a unit.
+def check_levels(mechanism: Mechanism, levels: Mapping[str, float], place: Place, *at: str) -> None:
+    """Check names and units of values given for the coordinates of joints.
 
     Raises:
         InputError: The joint does not exist.
         UnitError: The value has another dimension.
     """
-    for name, value in levels.items():
+    _check_values(positions_of(mechanism.joints, mechanism.balls), levels, place, *at)
+
+
+def check_rates(mechanism: Mechanism, rates: Mapping[str, float], place: Place, *at: str) -> None:
+    """Check names and units of values given for the velocities of joints; errors as ``check_levels``."""
+    _check_values(velocities_of(mechanism.joints, mechanism.balls), rates, place, *at)
+
+
+def _check_values(known: Mapping[str, Unit], values: Mapping[str, float], place: Place, *at: str) -> None:
+    for name, value in values.items():
         with place(*at, Key(name)):
-            measured = joint_of(mechanism.joints, name).unit
+            expected = unit_of(name, known)
         with place(*at, name):
-            check_unit(value, measured / per if per else measured)
+            check_unit(value, expected)
 
 
 def bind_constant_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -> dict[str, ForceElement]:

@@ -7,31 +7,33 @@ from itertools import pairwise
 from typing import ClassVar
 
 import msgspec
-import numpy as np
 
 from pinarm.engine.assembly import start_configuration
 from pinarm.engine.balance import energy_balance
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.integrators import Solution, integrate
+from pinarm.engine.masses import require_masses
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.systems import Initial, System, system_of
 from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import InputError, IntegrationError, Interrupted, Key
 from pinarm.input.schema import Level, Model, Rate
 from pinarm.input.units import unit
+from pinarm.mechanics.balls import indices_of, velocity
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.motion import Grid
-from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, laws_of
+from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_rates, laws_of
 
 
 class InitialState(Model, frozen=True):
     """State at the first instant; what is not given is 0.
 
     Attributes:
-        position: Joint -> coordinate.
-        velocity: Joint -> velocity.
+        position: Joint -> coordinate; of a ball joint J the rotation vector, ``J.rotation.x`` and so on, or ``J.roll``,
+            ``J.pitch``, ``J.yaw``; a floating joint J has ``J.x``, ``J.y``, ``J.z`` too.
+        velocity: Joint -> velocity; of a ball joint J ``J.angular_velocity.x`` and so on, in the link's own axes.
     """
 
     position: dict[str, Level] = {}
@@ -75,6 +77,7 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         """Return the motion, with what its energy says of its accuracy.
 
         Raises:
+            DynamicsError: Masses do not determine the accelerations.
             IntegrationError: The motion could not be followed to its end; ``partial`` holds it until then.
         """
         imposed, dynamics, system, initial = self.prepare(mechanism, place)
@@ -83,6 +86,8 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         spans = list(pairwise(grid.cuts))
         with place("initial"):
             begin = system.begin(initial, *spans[0])
+        laid = mechanism.closure.with_guides(imposed.names, imposed.coordinates)
+        require_masses(laid, begin[0] if len(begin[0]) == len(initial.q) else initial.q, spans[0][0])
         stretches = [system.stretch(dynamics, low, high) for low, high in spans]
         run = _Run(mechanism, dynamics, system)
         try:
@@ -102,18 +107,18 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         """Return the initial state of the mechanism."""
         check_levels(mechanism, self.start, place, "start")
         check_levels(mechanism, self.initial.position, place, "initial", "position")
-        check_levels(mechanism, self.initial.velocity, place, "initial", "velocity", per=unit("s"))
+        check_rates(mechanism, self.initial.velocity, place, "initial", "velocity")
         for part, values in (("position", self.initial.position), ("velocity", self.initial.velocity)):
             for name in values:
                 if name in self.motion:
                     with place("initial", part, Key(name)):
                         raise InputError(f"'{name}' follows a law", expected="initial values of free joints only")
-        q = start_configuration(mechanism, {**self.start, **self.initial.position})
-        v = np.zeros(mechanism.model.nv)
-        for name, value in self.initial.velocity.items():
-            v[mechanism.joints[name].v] = value
+        with place("initial", "position"):
+            q = start_configuration(mechanism, {**self.start, **self.initial.position})
+        joints, balls = mechanism.joints, mechanism.balls
+        v = velocity(mechanism.model, joints, balls, self.initial.velocity)
         positions, velocities = (
-            tuple(mechanism.joints[name].v for name in given)
+            tuple(dict.fromkeys(index for name in given for index in indices_of(name, joints, balls)))
             for given in (self.initial.position, self.initial.velocity)
         )
         return Initial(q, v, positions, velocities)

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.assembly import start_configuration
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.efforts import Actuation, actuation
 from pinarm.engine.following import follow, joint_rates
@@ -87,9 +88,8 @@ def driven(
             those of the laws: the rows are then states of their own, not one motion.
     """
     dynamics = Dynamics.of(mechanism.model, forces)
-    joints = {name: joint.q for name, joint in mechanism.joints.items()}
 
-    def on(part: Grid, near: Mapping[str, float]) -> Trajectory:
+    def on(part: Grid, near: Array) -> Trajectory:
         q, v, a = follow(mechanism, imposed, part, near)
         if rates is not None:
             v, a = joint_rates(mechanism, imposed, q, *rates)
@@ -97,12 +97,10 @@ def driven(
         # at another instant the branch is that of the nearest row, which the first pass has found
         draft = Trajectory(
             mechanism, parameter, measured, part, q, v, a, v, idle, drives.closure, dynamics,
-            lambda other: on(other, {name: q[abs(part.t - other.t[0]).argmin(), index]
-                                     for name, index in joints.items()}),
-            separate=rates is not None,
+            lambda other: on(other, q[abs(part.t - other.t[0]).argmin()]), separate=rates is not None,
         )  # fmt: skip
         demand = draft.gather(lambda local, rows: local.inverse(part.t[rows], q[rows], v[rows], a[rows]))
         tau, lam = drives.efforts(part.t, q, demand)
         return replace(draft, tau=tau, lam=lam)
 
-    return on(grid, start)
+    return on(grid, start_configuration(mechanism, start))

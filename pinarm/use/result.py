@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
+from pinarm.engine.limits import Excess, excesses
 from pinarm.engine.quantities import Quantities
 from pinarm.engine.trajectory import Series, Trajectory
 from pinarm.errors import DynamicsError
@@ -137,6 +138,7 @@ class Result:
             "accuracy": {name: self.figures[name] for name in self.figures if name in MEASURES},
             "cost": {name: int(value) for name, value in self.figures.items() if name in COSTS},
             "findings": {name: x for name, x in self.figures.items() if name not in (*MEASURES, *COSTS)},
+            "limits": [{**vars(excess), "unit": str(excess.unit)} for excess in self.excesses()],
             "notes": self.notes(),
             "versions": {"pinarm": pinarm.__version__, "pinocchio": pinocchio.__version__, "numpy": np.__version__},
             "input": self.digest(),
@@ -157,6 +159,10 @@ class Result:
         """Return what is not modelled as the files have it, and which outputs are one choice of many."""
         doubts = [f"{series.name}: least multipliers; {series.doubt}" for series in self.columns() if series.doubt]
         return [*self.trajectory.mechanism.notes, *doubts]
+
+    def excesses(self) -> list[Excess]:
+        """Return the limits of joints that the run goes beyond."""
+        return excesses(self.trajectory)
 
     def digest(self) -> str:
         """Return a hash of what determines the numbers: the scenario and the model's text."""

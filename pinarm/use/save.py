@@ -15,13 +15,14 @@ import numpy as np
 
 from pinarm.engine.trajectory import Series
 from pinarm.errors import InputError
+from pinarm.mechanics.model import ending
 from pinarm.use.result import Result
 
 
 def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, float] | None = None) -> Path:
     """Write a result.
 
-    The folder gets ``scenario.yaml`` (as resolved: it can be run again), ``model.urdf``, ``summary.json``,
+    The folder gets ``scenario.yaml`` (as resolved: it can be run again), the model, ``summary.json``,
     ``trajectory.csv``, ``trajectory.npz``, and with ``plots`` a picture per output.
 
     Raises:
@@ -31,7 +32,8 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
         folder.mkdir(parents=True, exist_ok=True)
         _clear(result, folder)
         _write(folder / "scenario.yaml", _resolved(result, folder))
-        _write(folder / "model.urdf", result.trajectory.mechanism.xml)
+        xml = result.trajectory.mechanism.xml
+        _write(folder / f"model{ending(xml)}", xml)
         _write(folder / "summary.json", json_text(result.summary()) + "\n")
         columns = result.columns()
         _write(folder / "trajectory.csv", csv(columns))
@@ -68,7 +70,7 @@ def _clear(result: Result, folder: Path) -> None:
         shutil.rmtree(folder / "partial")
 
 
-OWN = ("scenario.yaml", "model.urdf", "trajectory.csv", "trajectory.npz")
+OWN = ("scenario.yaml", "model.urdf", "model.xml", "trajectory.csv", "trajectory.npz")
 """Files of a result, beside the summary that marks the folder as one."""
 
 

@@ -35,7 +35,7 @@ def leg():
 
 def moved(leg, motion, t, start):
     imposed = Imposed.of(leg, motion)
-    return follow(leg, imposed, Grid.cover(np.asarray(t, float), motion.values()), start)
+    return follow(leg, imposed, Grid.cover(np.asarray(t, float), motion.values()), start_configuration(leg, start))
 
 
 def hip(leg, q):
@@ -204,10 +204,13 @@ class TestJointMotion:
         for one, other in zip(moved(arm, self.motion, t, {}), moved(arm, reverse, t, {}), strict=True):
             assert one == pytest.approx(other, abs=1e-14)
 
-    def test_joints_of_several_numbers_are_refused(self, mechanism, chain):
+    def test_a_free_body_needs_laws_for_all_its_coordinates(self, mechanism, chain):
         free = mechanism(chain({"name": "free", "kind": "floating"}, {"name": "wheel"}))
-        with pytest.raises(InputError, match="one coordinate only"):
+        with pytest.raises(InputError, match="7 coordinates have to follow a law and 1 do") as caught:
             Imposed.of(free, {"wheel": Constant(value=0.0)})
+        assert caught.value.expected.endswith(
+            "free.x, free.y, free.z, free.rotation.x, free.rotation.y, free.rotation.z"
+        )
 
 
 def test_start_sets_the_named_joints_only(leg):

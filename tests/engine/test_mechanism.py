@@ -43,7 +43,7 @@ def test_arguments_change_the_model(value):
     [
         ({"m_C": 1.0}, "no argument 'm_C'"),
         ({"m_A": "2 m"}, "'m' is not a unit of this quantity"),
-        ({"m_A": float("nan")}, "m_A is 'nan'"),
+        ({"m_A": float("nan")}, "m_A: 'nan' is not a finite number"),
         ({"m_A": "-2 kg"}, "mass is negative"),
     ],
 )

@@ -72,7 +72,7 @@ def test_another_root_element_is_refused():
 
 def test_two_links_on_one_parentless_pair_are_refused(chain):
     xml = chain(PENDULUM).replace("</robot>", '<link name="adrift"/></robot>')
-    assert refusal(xml).message.startswith("the model cannot be read as URDF: ")
+    assert refusal(xml).message.startswith("the model has 2 links that no joint carries: base, adrift")
 
 
 def test_rounding_of_printed_digits_is_forgiven(chain):
@@ -126,5 +126,5 @@ def test_what_is_not_modelled_is_noted(chain):
     )
     notes = build_model(xml).notes
     assert "joint second: mimics arm, which is not enforced; both move freely" in notes
-    assert "joint arm: dry friction is not modelled" in notes
+    assert any(note.startswith("dry friction F of joint arm is regularised, F tanh(v / 0.001)") for note in notes)
     assert build_model(chain(PENDULUM)).notes == ()

@@ -20,7 +20,8 @@ from pinarm.engine.imposed import Imposed
 from pinarm.engine.integrators import Acceleration, Manifold, Settle, Stretch
 from pinarm.engine.systems.contract import Initial, Motion
 from pinarm.errors import AssemblyError, InputError
-from pinarm.mechanics.coordinates import LinearCoordinate, coordinate_at
+from pinarm.mechanics.balls import coordinate_at, coordinate_name
+from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.motion import Grid
 
@@ -71,7 +72,7 @@ class ConstrainedSystem:
         given = [coordinate_at(self.rows.model, index) for index in initial.positions]
         values = [one.value(self.rows.data, initial.q) for one in given]
         everything = Imposed(
-            (*self.imposed.names, *(self._name(index) for index in initial.positions)),
+            (*self.imposed.names, *(coordinate_name(self.rows.model, index) for index in initial.positions)),
             (*self.imposed.coordinates, *given),
             (*self.imposed.laws, *(Constant(value=value) for value in values)),
         )
@@ -79,10 +80,6 @@ class ConstrainedSystem:
         self.rows.place(q)
         self._check_independent(Split.of(self.rows.rows()))
         return q, self._velocity(q, initial, dw)
-
-    def _name(self, index: int) -> str:
-        model = self.rows.model
-        return next(str(model.names[joint.id]) for joint in model.joints if joint.idx_v == index)
 
     def _check_independent(self, split: Split) -> None:
         k = len(self.imposed.names)
@@ -105,7 +102,7 @@ class ConstrainedSystem:
         v = split.solve(mass, np.zeros(nv), np.concatenate([right, values]))
         if np.abs(np.concatenate([rows @ v - right, given @ v - values])).max(initial=0.0) > CONSISTENT:
             nearest = Split.of(rows).solve(mass, mass @ initial.v, right)
-            names = [self._name(index) for index in initial.velocities]
+            names = [coordinate_name(model, index) for index in initial.velocities]
             closest = ", ".join(f"{name} = {nearest[i]:.6g}" for name, i in zip(names, initial.velocities, strict=True))
             raise InputError(
                 f"the given velocities of {', '.join(names)} contradict the loops or each other",

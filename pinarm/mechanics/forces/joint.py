@@ -62,6 +62,42 @@ class SpringDamper(ForceElement):
 
 
 @dataclass(frozen=True)
+class BallSpring(ForceElement):
+    """Spring of a ball joint to its zero: ``load = -stiffness w``, with the rotation vector w, ``R = exp([w])``.
+
+    Potential energy ``stiffness |w|^2 / 2``. It jumps at half a turn, where the shortest way back changes sides.
+
+    Attributes:
+        q: Index in q of the joint's quaternion (x, y, z, w).
+        v: Index in v of its angular velocity, child's axes.
+        stiffness: [N*m/rad].
+    """
+
+    q: int
+    v: int
+    stiffness: float
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the load to ``tau``."""
+        tau[..., self.v : self.v + 3] -= self.stiffness * self._rotation(q)
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return the energy of the spring."""
+        return np.asarray(0.5 * self.stiffness * (self._rotation(q) ** 2).sum(axis=-1))
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return 0."""
+        return np.zeros(v.shape[:-1])
+
+    def _rotation(self, q: Array) -> Array:
+        """Return the rotation vectors, shape (..., 3); ``w = 2 atan(n / c) u`` for the quaternion (n u, c)."""
+        vector, c = q[..., self.q : self.q + 3], q[..., self.q + 3 : self.q + 4]
+        n = np.linalg.norm(vector, axis=-1, keepdims=True)
+        factor = 2.0 * np.arctan2(n * np.where(c < 0.0, -1.0, 1.0), np.abs(c)) / np.maximum(n, np.finfo(float).tiny)
+        return np.asarray(vector * np.where(n > 0.0, factor, 0.0))
+
+
+@dataclass(frozen=True)
 class DryFriction(ForceElement):
     """Coulomb friction at joints, regularised: ``load = -friction tanh(v / creep)``.
 

@@ -1,0 +1,70 @@
+import pytest
+
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import ModelError
+from pinarm.input.robots import floats, robot, robots
+
+LOADERS = {
+    "a1": 18, "alex_nub_hands": 19, "alex_psyonic_hands": 39, "alex_sake_hands": 23, "alexander": 19,
+    "allegro_left_hand": 16, "allegro_right_hand": 16, "anymal": 18, "anymal_c": 18, "anymal_kinova": 24,
+    "asr_twodof": 2, "b1": 18, "b1_z1": 25, "baxter": 19, "bolt": 12, "borinot": 8, "centauro": 45,
+    "double_pendulum": 2, "double_pendulum_continuous": 2, "double_pendulum_simple": 2, "finger_edu": 3, "g1": 35,
+    "g1_with_hands": 49, "go1": 18, "go2": 18, "hector": 6, "hextilt": 11, "human": 42, "hyq": 18, "icub": 38,
+    "icub_reduced": 35, "iris": 6, "kinova": 6, "laikago": 18, "panda": 9, "panda_collision": 9, "pr2": 36,
+    "quadruped": 14, "romeo": 61, "simple_humanoid": 35, "simple_humanoid_classical": 35, "so100": 12, "so101": 12,
+    "solo12": 18, "solo8": 14, "talos": 38, "talos_arm": 7, "talos_box": 38, "talos_full": 50, "talos_full_box": 50,
+    "tiago": 48, "tiago_dual": 101, "tiago_no_hand": 12, "tiago_pro": 33, "ur10": 6, "ur10_limited": 6, "ur3": 6,
+    "ur3_gripper": 6, "ur3_limited": 6, "ur5": 6, "ur5_gripper": 6, "ur5_limited": 6, "xarm7": 7, "z1": 7,
+}  # fmt: skip
+"""Names of the package's own loaders, and the degrees of freedom: joints that move, and 6 where they float."""
+
+
+@pytest.mark.parametrize("name", LOADERS)
+def test_a_robot_loads_by_the_name_that_its_package_gives_it(name):
+    mechanism = Mechanism.load(name)
+    assert mechanism.model.nv == LOADERS[name]
+    floating = "root" in mechanism.balls
+    assert floating == (mechanism.model.nq > mechanism.model.nv)
+    assert floating == floats(robot(name))
+
+
+def test_every_file_of_the_package_loads_but_the_one_without_a_robot():
+    for file in sorted(set(robots().values())):
+        if file.stem != "ur3":
+            assert Mechanism.load(next(name for name, path in robots().items() if path == file)).model.nv
+
+
+def test_files_of_one_name_are_told_apart():
+    assert robot("anymal").parts[-3] == "anymal_b_simple_description"
+    assert robot("anymal_c").parts[-3] == "anymal_c_simple_description"
+
+
+def test_a_robot_may_be_held_or_let_go():
+    assert Mechanism.load("solo12", base="fixed").model.nv == 12
+    assert Mechanism.load("panda", base="floating").model.nv == 15
+
+
+def test_what_is_wrong_with_a_published_robot_is_noted_and_refused_in_a_file():
+    hand = Mechanism.load("allegro_left_hand")
+    assert any("link 'link_11.0': no body has principal moments" in note for note in hand.notes)
+    with pytest.raises(ModelError, match="no body has principal moments"):
+        Mechanism.load(robot("allegro_left_hand"))
+
+
+def test_meshes_are_not_opened(monkeypatch, tmp_path):
+    from pathlib import Path
+
+    opened = []
+    plain = open
+
+    def watched(file, *arguments, **options):
+        opened.append(Path(str(file)).suffix)
+        return plain(file, *arguments, **options)
+
+    monkeypatch.setattr("builtins.open", watched)
+    (tmp_path / "arm.urdf").write_text(
+        '<robot name="r"><link name="a"/><link name="b"><visual><geometry><mesh filename="/etc/passwd"/></geometry>'
+        '</visual><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
+        '<joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint></robot>')  # fmt: skip
+    Mechanism.load(tmp_path / "arm.urdf")
+    assert set(opened) <= {".urdf", ".yaml"}

@@ -1,0 +1,169 @@
+"""Models of every kind through the command line: floating robots, MJCF, limits, notes."""
+
+import json
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.cli import main
+from pinarm.errors import InputError
+
+FALL = """\
+pinarm: 1
+mechanism: hector
+problem:
+  kind: forward
+  time: {end: 1 s, samples: 11}
+  initial:
+    position: {root.z: 10 m, root.roll: 30 deg, root.yaw: 90 deg}
+    velocity: {root.x: 2 m/s, root.angular_velocity.z: 100 rpm}
+outputs: [root.z, joint.root.quaternion.w, joint.root.yaw, root.rotation.z, joint.root.angular_velocity.z, height]
+symbols: {height: point.base_link.position.z}
+expect:
+  - {quantity: root.z, at: end, value: 5.0950000 m, source: free fall for a second}
+  - {quantity: joint.root.angular_velocity.z, at: all, value: 10.4719755 rad/s, source: no moment about the centre}
+"""
+
+ARM = """\
+<mujoco model="arm">
+  <option gravity="0 0 -10"/>
+  <worldbody>
+    <body name="link.1"><joint name="j.1" axis="0 1 0" range="-30 30" actuatorfrcrange="-4 4"/>
+      <inertial pos="0.5 0 0" mass="1" diaginertia="0.1 0.1 0.1"/><site name="tip" pos="1 0 0"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+HELD = """\
+pinarm: 1
+mechanism: arm.xml
+problem: {kind: statics, over: {j.1: {from: -60 deg, to: 60 deg, samples: 13}}}
+outputs:
+  - joint.j.1.effort
+  - point.tip.position.z
+  - joint.j.1.moment.about.link.1.y
+  - body.link.1.angular_velocity.along.link.1.x
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def written(scenario, **files):
+        for name, text in files.items():
+            (tmp_path / name.replace("_", ".")).write_text(text)
+        (tmp_path / "s.yaml").write_text(scenario)
+        return tmp_path / "s.yaml"
+
+    return written
+
+
+def test_a_robot_that_floats_falls(write, capsys):
+    assert main(["check", str(write(FALL))]) == 0
+    result = pinarm.load(write(FALL)).run()
+    assert result["joint.root.yaw"].values[0] == pytest.approx(np.pi / 2)
+    assert result["height"].values[-1] == pytest.approx(10 - 9.81 / 2)
+    assert main(["validate", str(write(FALL))]) == 0
+
+
+def test_what_is_written_of_a_floating_run_runs_again(write, tmp_path):
+    assert main(["run", str(write(FALL)), "-o", str(tmp_path / "r"), "--no-plots"]) == 0
+    assert main(["check", str(tmp_path / "r" / "scenario.yaml")]) == 0
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ("root.z: 10 m", "rot.z: 10 m", ["no joint 'rot.z' with one coordinate", "root.z"]),
+        ("root.roll: 30 deg", "root.roll: 30 m", ["'m' is not a unit"]),
+        ("root.roll: 30 deg", "root.rotation.x: 30 deg", ["the orientation of 'root' is given twice"]),
+        ("root.angular_velocity.z: 100 rpm", "root.angular_velocity.z: 100 m/s", ["'m/s' is not a unit"]),
+        ("root.angular_velocity.z: 100 rpm", "root.rotation.z: 100 rpm", ["no joint 'root.rotation.z'"]),
+        (
+            "joint.root.quaternion.w",
+            "joint.root.quaternion.v",
+            ["no quantity 'joint.root.quaternion.v'", "joint.root.quaternion"],
+        ),
+        ("joint.root.yaw", "joint.root.position", ["no quantity 'joint.root.position'"]),
+    ],
+)
+def test_mistakes_about_a_floating_joint_are_told(write, before, after, said):
+    with pytest.raises(InputError) as caught:
+        pinarm.load(write(FALL.replace(before, after, 1))).validate()
+    for words in said:
+        assert words in str(caught.value)
+
+
+def test_a_floating_robot_needs_laws_for_its_base_or_a_hold(write):
+    inverse = "pinarm: 1\nmechanism: finger\nproblem: {kind: inverse, time: {end: 1 s}, motion: {%s}}\noutputs: [g]\n"
+    law = "finger_base_to_finger_upper_joint: {law: constant, value: 0 rad}"
+    scenario = inverse.replace("finger", "solo12", 1) % law.replace("finger_base_to_finger_upper_joint", "FL_HAA")
+    with pytest.raises(InputError, match="18 coordinates have to follow a law and 1 do") as caught:
+        pinarm.load(write(scenario)).validate()
+    assert "root.rotation.x" in caught.value.expected
+    assert caught.value.hint == "base: fixed in the mechanism file, to hold the base"
+
+
+def test_names_with_dots_are_names(write):
+    result = pinarm.load(write(HELD, arm_xml=ARM)).run()
+    angle = result["j.1"].values
+    assert result["joint.j.1.effort"].values == pytest.approx(-5.0 * np.cos(angle), abs=1e-12)
+    assert result["joint.j.1.moment.about.link.1.y"].values == pytest.approx(-5.0 * np.cos(angle), abs=1e-12)
+    assert result["point.tip.position.z"].values == pytest.approx(-np.sin(angle), abs=1e-12)
+
+
+def test_limits_that_are_exceeded_are_told_on_the_terminal_and_in_the_summary(write, tmp_path, capsys):
+    assert main(["run", str(write(HELD, arm_xml=ARM)), "-o", str(tmp_path / "r"), "--no-plots"]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("limit: ")]
+    assert lines == [
+        f"limit: joint j.1: {words} rows)"
+        for words in (
+            "position -1.0472 rad is below its limit -0.523599 rad, first at j.1 = -1.0472 rad (3 of 13",
+            "position 1.0472 rad exceeds its limit 0.523599 rad, first at j.1 = 0.698132 rad (3 of 13",
+            "effort -5 N*m exceeds its limit 4 N*m, first at j.1 = -0.523599 rad (7 of 13",
+        )
+    ]
+    limits = json.loads((tmp_path / "r" / "summary.json").read_text())["limits"]
+    assert limits[2] == {"joint": "j.1", "of": "effort", "unit": "N*m", "limit": 4.0, "value": pytest.approx(-5.0),
+                         "at": pytest.approx(-np.pi / 6), "rows": 7}  # fmt: skip
+    assert (tmp_path / "r" / "model.xml").read_text() == ARM
+
+
+def test_what_a_model_leaves_out_is_noted_on_the_terminal(write, tmp_path, capsys):
+    main(
+        [
+            "run",
+            str(write(HELD, arm_xml=ARM.replace("<site", "<geom size='1'/><site"))),
+            "-o",
+            str(tmp_path / "r"),
+            "--no-plots",
+        ]
+    )
+    assert "note: geoms do not touch: contacts are not modelled" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("creep", "pull"), [("0.5 rad/s", np.tanh(2.0)), (None, 1.0)])
+def test_dry_friction_of_the_model_acts_and_its_creep_can_be_set(write, creep, pull):
+    urdf = ('<robot name="r"><link name="a"/><link name="b"><inertial><mass value="1"/>'
+            '<inertia ixx="1" iyy="1" izz="1"/></inertial></link><joint name="j" type="continuous"><parent link="a"/>'
+            '<child link="b"/><axis xyz="0 0 1"/><dynamics friction="3" damping="0.5"/></joint></robot>')  # fmt: skip
+    mechanism = "pinarm: 1\nrobot: r.urdf\n" + (f"creep: {creep}\n" if creep else "")
+    scenario = """\
+pinarm: 1
+mechanism: m.yaml
+problem: {kind: inverse, time: {end: 1 s, samples: 3}, motion: {j: {law: constant_speed, speed: 1 rad/s}}}
+outputs: [joint.j.effort, power.joint friction]
+"""
+    result = pinarm.load(write(scenario, r_urdf=urdf, m_yaml=mechanism)).run()
+    assert result["joint.j.effort"].values == pytest.approx(3.0 * pull + 0.5, rel=1e-12)
+    assert result["power.joint friction"].values == pytest.approx(-3.0 * pull, rel=1e-12)
+    assert f"F tanh(v / {creep.split()[0] if creep else '0.001'})" in " ".join(result.notes())
+
+
+def test_keys_of_the_mechanism_file_hold_free_and_accept(write, tmp_path):
+    held = "pinarm: 1\nrobot: solo12\nbase: fixed\n"
+    (tmp_path / "held.yaml").write_text(held)
+    assert pinarm.Mechanism.load(tmp_path / "held.yaml").model.nv == 12
+    (tmp_path / "strict.yaml").write_text("pinarm: 1\nrobot: allegro_left_hand\ndefects: refused\n")
+    with pytest.raises(pinarm.errors.ModelError, match="no body has principal moments"):
+        pinarm.Mechanism.load(tmp_path / "strict.yaml")
