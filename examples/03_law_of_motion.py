@@ -1,4 +1,4 @@
-"""A law of motion: a gyroscope moves freely, and what theory says is constant stays so, as well as the tolerance says."""
+"""A law of motion: a gyroscope moves freely, and its energy stays constant, as well as the tolerance asks."""
 
 from pathlib import Path
 
