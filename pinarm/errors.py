@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-
 SHOWN = 160
 """Most characters of a line that an excerpt shows."""
 

@@ -61,7 +61,8 @@ SCENARIOS: dict[str, Callable[[], str | bytes]] = {
         "{law: spline, points: [" + ",".join(f"[{n} s, 1 rad]" for n in range(50_000)) + "]}"),
     "points that jump": lambda: with_law(
         "{law: speed_points, points: [" + ",".join(f"[{n} us, {n % 7} rad/s]" for n in range(12_000)) + "]}"),
-    "profile passed without end": lambda: with_law("{law: over, of: base_rod, period: 1e-300 rad, profile: " + LAW + "}"),
+    "profile passed without end": lambda: with_law(
+        "{law: over, of: base_rod, period: 1e-300 rad, profile: " + LAW + "}"),
     "table that is a pipe": lambda: with_law("{law: table, file: pipe.csv}"),
     "table that is a device": lambda: with_law("{law: table, file: /dev/zero}"),
     "table that has no end": lambda: with_law("{law: table, file: large.csv}"),
@@ -92,10 +93,11 @@ def folder(tmp_path: Path) -> Path:
 
 def answer(folder: Path, *arguments: str) -> tuple[int, str]:
     """Run a command, hold it to its limits, and return its exit code and what it said."""
+    known = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), "OPENBLAS_NUM_THREADS": "1"}
     with open(folder / "said", "w+b") as said:
         child = subprocess.Popen(
-            [sys.executable, "-m", "pinarm", *arguments], cwd=folder, stdout=said, stderr=said, stdin=subprocess.DEVNULL,
-            env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), "OPENBLAS_NUM_THREADS": "1"},
+            [sys.executable, "-m", "pinarm", *arguments], cwd=folder, stdout=said, stderr=said,
+            stdin=subprocess.DEVNULL, env=known,
         )  # fmt: skip
         watchdog = threading.Timer(PATIENCE, child.kill)
         watchdog.start()
