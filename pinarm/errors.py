@@ -11,6 +11,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+SHOWN = 160
+"""Most characters of a line that an excerpt shows."""
+
 
 @dataclass(frozen=True)
 class Location:
@@ -34,13 +37,14 @@ class Location:
         return f"{self.source}:{self.line}:{self.column}" if self.line else self.source
 
     def excerpt(self) -> str:
-        """Return the line with the place underlined; empty where there is no line to show."""
+        """Return the line, or the part of it around the place, underlined; empty where there is no line to show."""
         if not self.line or not self.text.strip():
             return ""
         margin = f"{self.line:5d} | "
-        shown = self.text.expandtabs(1)[:160]
-        width = max(1, min(self.width, len(shown) - self.column + 1))
-        return f"{margin}{shown}\n{'':5s} | {' ' * (self.column - 1)}{'^' * width}"
+        before = max(0, self.column - 1 - SHOWN // 2) if self.column + self.width > SHOWN else 0
+        shown, column = self.text.expandtabs(1)[before : before + SHOWN], self.column - 1 - before
+        width = max(1, min(self.width, len(shown) - column))
+        return f"{margin}{shown}\n{' ' * (len(margin) - 2)}| {' ' * column}{'^' * width}"
 
 
 class PinarmError(Exception):

@@ -55,6 +55,8 @@ class Document:
         """
         name = source or str(path)
         try:
+            if path.exists() and not path.is_file():  # a pipe would keep the reader waiting
+                raise OSError(0, "it is not a regular file")
             with open(path, "rb") as stream:
                 raw = stream.read(MAX_BYTES + 1)
         except (OSError, ValueError) as error:

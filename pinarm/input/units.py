@@ -79,6 +79,9 @@ _SI_NAMES: dict[Dimension, str] = {
     (2, 1, -1): "kg*m^2/s", (1, 1, -1): "kg*m/s", (1, 0, -1): "m/s", (1, 0, -2): "m/s^2", (2, 1, 0): "kg*m^2",
 }  # fmt: skip
 
+MAX_LENGTH = 100
+"""Of a unit; nothing in mechanics needs half as much."""
+
 _FACTOR = re.compile(r"\s*([*/·]?)\s*([A-Za-z°%]+|1)\s*(?:(?:\^|\*\*)\s*(-?\d{1,2}))?([²³]?)")
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 
@@ -93,6 +96,8 @@ def unit(text: str) -> Unit:
     Raises:
         UnitError: A name is unknown, or the text is no product of names.
     """
+    if len(text) > MAX_LENGTH:
+        raise UnitError(f"'{text[:20]}...' is not a unit", expected=f"at most {MAX_LENGTH} characters")
     try:
         read = _product(text)
     except (OverflowError, ZeroDivisionError):

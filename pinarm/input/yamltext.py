@@ -11,6 +11,8 @@ from typing import Any
 from pinarm.errors import InputError, Location, PinarmError
 
 MAX_DEPTH = 50
+MAX_VALUES = 50_000
+"""Read in about 2 s."""
 MAX_DIGITS = 400
 """Python refuses to convert integers beyond 4300 digits; no float needs more than this."""
 
@@ -111,6 +113,8 @@ class Builder:
 
     def _put(self, value: Any, event: Any) -> Path_:
         """Add a value to the open container and return its path."""
+        if len(self.places) >= MAX_VALUES:
+            raise self._refuse(event, "the file holds too many values", f"at most {MAX_VALUES}; tables go in CSV files")
         if not self.stack:
             self.root = value
             self.places[()] = self._location(event.start_mark)

@@ -11,6 +11,7 @@ from abc import abstractmethod
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -75,12 +76,17 @@ def _horner(c: Array, x: Array) -> Array:
     return total
 
 
-class MotionLaw(Model, frozen=True):
+class MotionLaw(Model, frozen=True, dict=True):
     """Base of the laws: their fields say which derivative of the coordinate they measure, ``pieces`` what they do."""
 
     @abstractmethod
     def pieces(self) -> Sequence[Piece]:
         """Return the smooth pieces, end to end, from ``-inf`` to ``inf``."""
+
+    @cached_property
+    def settled(self) -> Sequence[Piece]:
+        """The pieces, made once."""
+        return self.pieces()
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
         """Check that every field was written in a unit that fits.
@@ -101,12 +107,12 @@ class MotionLaw(Model, frozen=True):
 
     def breakpoints(self) -> list[float]:
         """Return the instants at which one piece meets the next [s]."""
-        return [piece.start for piece in self.pieces()[1:]]
+        return [piece.start for piece in self.settled[1:]]
 
     def jumps(self) -> list[float]:
         """Return the breakpoints at which s, s' or s'' itself jumps, not only a higher derivative."""
         found = []
-        for before, after in pairwise(self.pieces()):
+        for before, after in pairwise(self.settled):
             instant = np.array([after.start])
             left, right = np.array(before.function(instant)), np.array(after.function(instant))
             size = np.maximum(before.size(), after.size())
@@ -116,8 +122,8 @@ class MotionLaw(Model, frozen=True):
 
     def on(self, start: float, end: float) -> Callable[[Array], Values]:
         """Return the smooth function that holds between two neighbouring breakpoints, both ends included."""
-        pieces = self.pieces()
-        return pieces[bisect_left(pieces, 0.5 * (start + end), key=lambda piece: piece.end)].function
+        place = bisect_left(self.settled, 0.5 * (start + end), key=lambda piece: piece.end)
+        return self.settled[place].function
 
 
 @dataclass(frozen=True)

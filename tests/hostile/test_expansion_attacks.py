@@ -180,7 +180,7 @@ FILES: dict[str, Callable[[], str | bytes]] = {
     "10,000 joints": lambda: "<robot>" + "<joint name='j'/>" * 10_000 + "</robot>",
     "many elements": lambda: "<robot>" + "<a/>" * 400_000 + "</robot>",
     "long attribute": lambda: f"<robot name='{'a' * 1_000_000}'/>",
-    "many attributes": lambda: "<robot " + " ".join(f"a{n}='{n:0200}'" for n in range(9000)) + f"><a b='{SECRET}'>",
+    "many attributes": lambda: "<robot " + " ".join(f"a{n}='{n:0200}'" for n in range(9000)) + "><a b='1'>",
     "huge": lambda: "<robot>" + " " * MAX_BYTES + "</robot>",
     "null bytes": lambda: "<robot name='a\0b'/>",
     "only null bytes": lambda: b"\0" * 1000,

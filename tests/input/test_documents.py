@@ -337,3 +337,12 @@ def test_a_part_of_a_document() -> None:
     with pytest.raises(InputError) as caught:
         document.validate(Inner, "a", "b")
     assert at(caught.value) == (1, 19)
+
+
+@pytest.mark.parametrize("column", [1, 100, 159, 161, 400, 4000])
+def test_an_excerpt_of_a_long_line_shows_what_it_is_about(column: int) -> None:
+    text = "-" * (column - 1) + "here" + "-" * 5000
+    line, marks = Location("f.yaml", 123456, column, text, 4).excerpt().splitlines()
+    assert line[marks.index("^") : marks.index("^") + 4] == "here"
+    assert marks.strip(" |") == "^^^^"
+    assert len(line) < 180

@@ -50,8 +50,8 @@ class Profile:
     def of(cls, law: MotionLaw, period: float | None = None) -> Profile:
         """Return the profile that a law describes from 0 to its period, or everywhere."""
         if period is None:
-            return cls(tuple(law.pieces()))
-        inside = [piece for piece in law.pieces() if piece.end > 0.0 and piece.start < period]
+            return cls(tuple(law.settled))
+        inside = [piece for piece in law.settled if piece.end > 0.0 and piece.start < period]
         return cls(tuple(Piece(max(p.start, 0.0), min(p.end, period), p.function) for p in inside), period)
 
     def __call__(self, w: Array) -> Values:
@@ -76,9 +76,10 @@ class Profile:
         """
         own = np.array([piece.start for piece in self.pieces if math.isfinite(piece.start)])
         if self.period < math.inf and math.isfinite(low) and math.isfinite(high):
-            first, last = math.floor(low / self.period), math.floor(high / self.period)
-            if (last - first + 1) * len(own) > MANY:
-                raise InputError(f"the profile is passed {last - first} times", expected="a shorter motion")
+            with np.errstate(over="ignore", invalid="ignore"):
+                first, last = np.floor(low / np.float64(self.period)), np.floor(high / np.float64(self.period))
+                if not (last - first + 1) * len(own) <= MANY:
+                    raise InputError(f"the profile is passed {last - first:.3g} times", expected="a shorter motion")
             own = (self.period * np.arange(first, last + 1)[:, None] + own).ravel()
         return own[(own > low) & (own < high)]
 
@@ -176,7 +177,7 @@ class Over(Model, frozen=True, tag_field="law", tag="over"):
         """
         profile = Profile.of(self.profile, self.period)
         parts: list[Piece] = []
-        for piece in drive.pieces():
+        for piece in drive.settled:
             low, high = max(piece.start, start), min(piece.end, end)
             cuts = passages(profile, piece.function, low, high) if low < high else []
             if len(parts) + len(cuts) > MANY:

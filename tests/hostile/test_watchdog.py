@@ -1,0 +1,147 @@
+"""Whatever a file holds, the command ends within 10 s of computing and 2 GB, with an answer or with exit code 2."""
+
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+SECONDS, GIGABYTES, PATIENCE = 10.0, 2.0, 120.0  # of computing, of memory; a busy machine may take longer by the clock
+
+LINK = ("<link name='{0}'><inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/>"
+        "</inertial></link>")  # fmt: skip
+JOINT = "<joint name='{1}_{0}' type='continuous'><parent link='{1}'/><child link='{0}'/><axis xyz='0 1 0'/></joint>"
+ROD = f"<robot name='r'><link name='base'/>{LINK.format('rod')}{JOINT.format('rod', 'base')}</robot>"
+HEAD = "pinarm: 1\nmechanism: rod.urdf\n"
+LAW = "{law: constant, value: 1 rad}"
+PROBLEM = "problem: {kind: inverse, time: {end: 1 s, samples: 3}, motion: {base_rod: LAW}}\noutputs: [base_rod]\n"
+SCENARIO = HEAD + PROBLEM.replace("LAW", LAW)
+ENTRY = "  - {quantity: QUANTITY, value: 0 rad, source: s}\n"
+
+
+def links(count: int, parent: Callable[[int], str]) -> str:
+    parts = (LINK.format(f"l{n}") + JOINT.format(f"l{n}", parent(n)) for n in range(count))
+    return f"<robot name='r'><link name='base'/>{''.join(parts)}</robot>"
+
+
+def with_law(law: str) -> str:
+    return HEAD + PROBLEM.replace("LAW", law)
+
+
+def loaded(kind: str, count: int) -> str:
+    return SCENARIO.replace("}}\nout", "}, loads: {" + ", ".join(f"f{n}: {kind}" for n in range(count)) + "}}\nout")
+
+
+SCENARIOS: dict[str, Callable[[], str | bytes]] = {
+    "brackets": lambda: "[" * 900_000,
+    "maps in maps": lambda: "{a: " * 200_000,
+    "dashes": lambda: "- " * 400_000,
+    "digits": lambda: "pinarm: " + "9" * 900_000,
+    "alias bomb": lambda: "a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n",
+    "tag that would run": lambda: "a: !!python/object/apply:os.system ['touch canary']\n",
+    "merge key": lambda: "a: &a {b: 1}\nc: {<<: *a}\n",
+    "numbers": lambda: f"a: [{','.join('1' * 400_000)}]",
+    "keys": lambda: "".join(f"k{n}: 1\n" for n in range(90_000)),
+    "long key": lambda: "k" * 900_000 + ": 1",
+    "long text": lambda: f"{SCENARIO}title: '{'x' * 900_000}'\n",
+    "comments": lambda: "#\n" * 400_000 + SCENARIO,
+    "too large": lambda: "#" * 2_000_000,
+    "null bytes": lambda: b"\0" * 1000,
+    "not UTF-8": lambda: b"\xff\xfe" * 1000,
+    "lone surrogate": lambda: 'title: "\\ud800"\n' + SCENARIO,
+    "deep formula": lambda: SCENARIO.replace("[base_rod]", f"['{'(' * 900}base_rod{')' * 900}']"),
+    "tower of powers": lambda: SCENARIO.replace("[base_rod]", "['9**9**9**9**9']"),
+    "symbols in a chain": lambda: SCENARIO.replace("[base_rod]", "[s0]")
+    + "symbols: {" + ", ".join(f"s{n}: s{n + 1} + s{n + 1}" for n in range(5000)) + "}\n",
+    "unit without end": lambda: with_law("{law: constant, value: 1 " + "rad*" * 200_000 + "}"),
+    "points without end": lambda: with_law(
+        "{law: spline, points: [" + ",".join(f"[{n} s, 1 rad]" for n in range(50_000)) + "]}"),
+    "points that jump": lambda: with_law(
+        "{law: speed_points, points: [" + ",".join(f"[{n} us, {n % 7} rad/s]" for n in range(12_000)) + "]}"),
+    "profile passed without end": lambda: with_law(
+        "{law: over, of: base_rod, period: 1e-300 rad, profile: " + LAW + "}"),
+    "table that is a pipe": lambda: with_law("{law: table, file: pipe.csv}"),
+    "table that is a device": lambda: with_law("{law: table, file: /dev/zero}"),
+    "table that has no end": lambda: with_law("{law: table, file: large.csv}"),
+    "table of one line": lambda: with_law("{law: table, file: line.csv}"),
+    "many loads": lambda: loaded("{kind: wrench, point: rod}", 5000),
+    "many answers": lambda: SCENARIO + "expect:\n" + "".join(
+        ENTRY.replace("QUANTITY", f"base_rod*{n}") for n in range(5000)),
+}  # fmt: skip
+
+MODELS: dict[str, Callable[[], str]] = {
+    "chain of 1999 links": lambda: links(1999, lambda n: f"l{n - 1}" if n else "base"),
+    "star of 1999 links": lambda: links(1999, lambda n: "base"),
+    "10,000 links": lambda: links(10_000, lambda n: f"l{n - 1}" if n else "base"),
+    "nested elements": lambda: "<robot>" + "<a>" * 100_000 + "</a>" * 100_000 + "</robot>",
+    "billion laughs": lambda: "<!DOCTYPE r [<!ENTITY a 'ha'><!ENTITY b '&a;&a;&a;'>]><robot name='&b;'/>",
+    "masses beyond numbers": lambda: ROD.replace("value='1'", "value='1e308'").replace("ixx='1'", "ixx='1e308'"),
+    "mesh elsewhere": lambda: ROD.replace(
+        "</inertial>", "</inertial><collision><geometry><mesh filename='file:///dev/zero'/></geometry></collision>"),
+}  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "rod.urdf").write_text(ROD)
+    return tmp_path
+
+
+def answer(folder: Path, *arguments: str) -> tuple[int, str]:
+    """Run a command, hold it to its limits, and return its exit code and what it said."""
+    known = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), "OPENBLAS_NUM_THREADS": "1"}
+    with open(folder / "said", "w+b") as said:
+        child = subprocess.Popen(
+            [sys.executable, "-m", "pinarm", *arguments], cwd=folder, stdout=said, stderr=said,
+            stdin=subprocess.DEVNULL, env=known,
+        )  # fmt: skip
+        watchdog = threading.Timer(PATIENCE, child.kill)
+        watchdog.start()
+        _, status, used = os.wait4(child.pid, 0)
+        watchdog.cancel()
+        child.returncode = os.waitstatus_to_exitcode(status)
+        said.seek(0)
+        text = said.read().decode(errors="replace")
+    peak = used.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    assert child.returncode in (0, 2, 3), text[-2000:]
+    assert "Traceback" not in text, text[-2000:]
+    assert used.ru_utime + used.ru_stime < SECONDS
+    assert peak < GIGABYTES * 1e9
+    assert not (folder / "canary").exists()
+    return child.returncode, text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_a_scenario_is_read_or_refused_in_time(folder: Path, name: str) -> None:
+    content = SCENARIOS[name]()
+    (folder / "s.yaml").write_bytes(content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content)
+    os.mkfifo(folder / "pipe.csv")
+    if name == "table that has no end":
+        (folder / "large.csv").write_text(
+            "t [s],x [rad]\n" + "".join(f"{n},{n}.123456789012\n" for n in range(2_300_000))
+        )
+    if name == "table of one line":
+        (folder / "line.csv").write_text("t [s],x [rad]" + ",1" * 20_000_000)
+    code, _ = answer(folder, "validate", "s.yaml")
+    assert code == (0 if name in ("comments", "long text", "many loads", "many answers", "points that jump") else 2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MODELS)
+def test_a_model_is_read_or_refused_in_time(folder: Path, name: str) -> None:
+    (folder / "rod.urdf").write_text(MODELS[name]())
+    (folder / "s.yaml").write_text(SCENARIO)
+    code, _ = answer(folder, "run", "s.yaml", "--no-plots", "-o", "out")
+    assert code == (0 if name == "mesh elsewhere" else 2)
+
+
+@pytest.mark.parametrize("command", ["run", "validate", "check", "explain"])
+def test_a_pipe_in_place_of_a_scenario_keeps_nobody_waiting(folder: Path, command: str) -> None:
+    os.mkfifo(folder / "s.yaml")
+    code, said = answer(folder, command, "s.yaml")
+    assert (code, "not a regular file" in said) == (2, True)
