@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -69,8 +70,8 @@ class Document:
     @classmethod
     def parse(cls, text: str, *, source: str = "<text>", path: Path | None = None) -> Document:
         """Read YAML text; see ``read``."""
-        builder = Builder(text, source)
-        return cls(source, path, builder.build(), builder.places, builder.keys)
+        data, places, keys = _built(text, source)
+        return cls(source, path, _copy(data), places, keys)
 
     def locate(self, path: Path_) -> Location:
         """Return the place of a path, or of its nearest ancestor that has one; a ``Key`` at its end is itself meant."""
@@ -132,6 +133,13 @@ class Document:
                 mistake = explain(error, data, path, model)
                 place = self.locate((*at, *path, *map(Key, unknown_key(error)), *mistake.path))
                 raise mistake.at(place) from None
+
+
+@lru_cache(maxsize=32)
+def _built(text: str, source: str) -> tuple[Any, Mapping[Path_, Location], Mapping[Path_, Location]]:
+    """Read YAML text; kept, because the reader takes longer than many a run."""
+    builder = Builder(text, source)
+    return builder.build(), builder.places, builder.keys
 
 
 def _unreadable(path: Path, error: OSError | ValueError) -> InputError:
