@@ -100,21 +100,52 @@ class Document:
         option = Location(f"--set {assignment}")
         if not equals or not name.strip():
             raise InputError("this is no assignment", expected="path.to.key=value").at(option)
-        value = Builder(text, option.source).build()
+        value, _, _ = _built(text, option.source)
+        return self.assigned(name.strip(), value, option)
+
+    def assigned(self, name: str, value: Any, option: Location) -> Document:
+        """Return the document with the value at a path such as ``problem.time.end`` replaced.
+
+        Args:
+            name: The path; keys that are missing on the way are made.
+            value: Plain data.
+            option: The place of the value, for messages.
+
+        Raises:
+            InputError: The path does not lead into the document.
+        """
         data, node = (copied := _copy(self.data)), None
         path: Path_ = ()
-        *parents, last = name.strip().split(".")
+        *parents, last = name.split(".")
         for key in parents:
             node = _step(data, key, option, create=True)
             data, path = data[node], (*path, node)
         node = _step(data, last, option, create=True)
         data[node] = value
         path = (*path, node)
+        made = {path[:k]: option for k in range(1, len(path))}
         places, keys = (
-            {at: place for at, place in known.items() if at[: len(path)] != path} | {path: option}
+            made | {at: place for at, place in known.items() if at[: len(path)] != path} | {path: option}
             for known in (self.places, self.keys)
         )
         return replace(self, data=copied, places=places, keys=keys)
+
+    def part(self, key: str) -> Document:
+        """Return what stands below a key, as a document of its own."""
+        places, keys = (
+            {path[1:]: place for path, place in known.items() if path[:1] == (key,)} for known in (self.places, self.keys)
+        )
+        return replace(self, data=self.data[key], places=places, keys=keys)
+
+    def merged(self, changes: Document) -> Document:
+        """Return the document with values replaced by those that another has at the same paths.
+
+        Raises:
+            InputError: An index of a list does not exist.
+        """
+        data = _merged(self.data, changes.data, Location(changes.source))
+        places, keys = {**self.places, **changes.places}, {**self.keys, **changes.keys}
+        return replace(self, data=data, places=places, keys=keys)
 
     def validate(self, model: type[ModelT], *at: str | int) -> ModelT:
         """Validate the document, or the part of it at a path, as an input model.
@@ -152,6 +183,17 @@ def _copy(data: Any) -> Any:
     if isinstance(data, dict):
         return {key: _copy(value) for key, value in data.items()}
     return [_copy(value) for value in data] if isinstance(data, list) else data
+
+
+def _merged(data: Any, changes: Any, place: Location) -> Any:
+    if not isinstance(changes, dict) or not isinstance(data, dict | list):
+        return changes
+    merged = data.copy()
+    for key, value in changes.items():
+        step: Any = _step(data, key, place, create=False)
+        found = data.get(step) if isinstance(data, dict) else data[step]
+        merged[step] = _merged(found, value, place)
+    return merged
 
 
 def _step(data: Any, key: str, option: Location, *, create: bool) -> str | int:

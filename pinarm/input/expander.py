@@ -41,13 +41,11 @@ class Expansion:
         xml: The text.
         arguments: Every ``xacro:arg`` with its value, given or default.
         warnings: What xacro found odd, such as attributes it does not know.
-        files: The files that it was read from.
     """
 
     xml: str
     arguments: dict[str, str]
     warnings: tuple[str, ...] = ()
-    files: tuple[Path, ...] = ()
 
 
 class Expander:
@@ -90,8 +88,7 @@ class Expander:
                 document = self.parse(None, str(path))
                 xacro.process_doc(document, mappings=self.arguments)
                 arguments = {name: self.arguments[name] for name in self.declared}
-                xml, files = Writer().document(document), tuple(map(Path, self.texts))
-                return Expansion(xml, arguments, tuple(self.warnings), files)
+                return Expansion(Writer().document(document), arguments, tuple(self.warnings))
             except PinarmError as error:
                 raise error.at(self._here()) from None
             except Exception as error:  # xacro raises whatever Python does where a file surprises it

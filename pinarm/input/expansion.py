@@ -41,7 +41,7 @@ def expand(
         text = read(path, source, MAX_BYTES)
         if not Survey.of(text, source).is_xacro:
             _check_declared(given, {}, source)
-            return Expansion(text, {}, (), (path,))
+            return Expansion(text, {})
     expansion = expanded(Request(path, source, root, packages, given))
     _check_declared(given, expansion.arguments, source)
     return expansion

@@ -1,6 +1,6 @@
 """An expansion recorded as a straight-line program over its numeric arguments, to be run again for other numbers.
 
-While a model is expanded, an argument is not its number but a place on a tape, and arithmetic with it adds a step there.
+While a model is expanded, an argument is not its number but a place on a tape, and arithmetic with it adds a step.
 In text such a place is a mark of control characters, which no XML file can hold. Whatever is decided by a number (a
 branch, a comparison, whether a text is a number) is kept as a guard: for other numbers the program holds only where all
 the guards come out the same. What cannot be followed so is an error, and the model is expanded without a tape.

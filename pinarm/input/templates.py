@@ -78,7 +78,6 @@ class Template:
         xml: The model.
         arguments: Every ``xacro:arg``.
         warnings: As in ``Expansion``.
-        files: As in ``Expansion``.
         texts: File -> its text; ``None`` for an included file that was not there.
         includes: What an included file was called -> where it lay.
     """
@@ -87,7 +86,6 @@ class Template:
     xml: Text
     arguments: Mapping[str, Text]
     warnings: tuple[str, ...]
-    files: tuple[Path, ...]
     texts: Mapping[str, str | None]
     includes: Mapping[str, str]
 
@@ -108,7 +106,7 @@ class Template:
             raise ModelError(UNRECORDABLE)
         texts = dict.fromkeys(expander.includes.values()) | expander.texts
         arguments = {name: marks(text) for name, text in expansion.arguments.items()}
-        return cls(tape, xml, arguments, expansion.warnings, expansion.files, texts, expander.includes)
+        return cls(tape, xml, arguments, expansion.warnings, texts, expander.includes)
 
     def is_current(self, request: Request) -> bool:
         """Tell whether every file still has the text that it had, and may still be read.
@@ -131,7 +129,7 @@ class Template:
             for texts, registers in (self.xml, *self.arguments.values())
         )
         bound("characters", len(xml), MAX_BYTES)
-        return Expansion(xml, dict(zip(self.arguments, arguments, strict=True)), self.warnings, self.files)
+        return Expansion(xml, dict(zip(self.arguments, arguments, strict=True)), self.warnings)
 
 
 def _text(path: str, request: Request) -> str | None:

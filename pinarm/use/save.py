@@ -110,7 +110,8 @@ def _resolved(result: Result, folder: Path) -> str:
     """Return the scenario with every argument of the model and every default written out."""
     from ruamel.yaml import YAML
 
-    written = _moved(result.data, result.folder, folder)
+    written = {key: value if key == "changes" else _moved(value, result.folder, folder)  # which counts from the model
+               for key, value in result.data.items()}  # fmt: skip
     units = result.trajectory.mechanism.argument_units
     written["arguments"] = {
         name: f"{value!r} {units[name]}" if name in units else value

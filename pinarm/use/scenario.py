@@ -19,7 +19,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities import Quantities
 from pinarm.engine.stamp import table_figures
 from pinarm.engine.trajectory import Trajectory
-from pinarm.errors import DynamicsError, InputError, NumericsError
+from pinarm.errors import DynamicsError, InputError, Location, NumericsError
 from pinarm.input.documents import Document
 from pinarm.input.expressions import Expression
 from pinarm.input.roots import inside, root_of
@@ -64,6 +64,7 @@ class ScenarioFile(Model, frozen=True):
         arguments: Values for the model's arguments, with units.
         gravity: Replaces that of the mechanism; ``none`` for none.
         payloads: What links carry in this run, beside the payloads of the mechanism.
+        changes: Values that replace others of the mechanism file, such as ``{drives: {knee: {ratio: 100}}}``.
         problem: The question.
         symbols: Names for quantities or formulas, beside those of the mechanism.
         outputs: Quantities of the table and the plots.
@@ -82,6 +83,7 @@ class ScenarioFile(Model, frozen=True):
     arguments: dict[str, Argument] = {}
     gravity: Gravity | Literal["none"] | None = None
     payloads: dict[str, Payload] = {}
+    changes: dict[str, Any] = {}
     symbols: dict[str, str] = {}
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"
     accuracy: Accuracy = msgspec.field(default_factory=Accuracy)
@@ -119,8 +121,31 @@ class Scenario:
         document = Document.read(Path(path), source=str(path))
         for assignment in overrides or []:
             document = document.override(assignment)
+        return cls.of(document, Path(path).parent)
+
+    @classmethod
+    def of(cls, document: Document, folder: Path) -> Scenario:
+        """Check a scenario that has been read; paths in it are relative to ``folder``.
+
+        Raises:
+            InputError: It has a mistake; the message says where.
+        """
         content = document.validate(ScenarioFile)
-        return cls(document, content, _problem(document, content.problem), Path(path).parent)
+        return cls(document, content, _problem(document, content.problem), folder)
+
+    def varied(self, values: Mapping[str, Any]) -> Scenario:
+        """Return the scenario with other values.
+
+        Args:
+            values: Path -> value as a file would have it, such as ``{"arguments.m_A": "0.2 kg"}``.
+
+        Raises:
+            InputError: A path leads nowhere, or a value is wrong there.
+        """
+        document = self.document
+        for path, value in values.items():
+            document = document.assigned(path, value, Location(f"{path}={value}"))
+        return Scenario.of(document, self.folder)
 
     @property
     def name(self) -> str:
@@ -135,8 +160,9 @@ class Scenario:
             source: str | Path = wanted
             if Path(wanted).suffix:
                 source = inside((self.folder / wanted).absolute(), root_of(self.folder), {})
+            changes = self.document.part("changes") if self.content.changes else None
             return Mechanism.load(
-                source, self.content.arguments, gravity=gravity, payloads=self.content.payloads,
+                source, self.content.arguments, gravity=gravity, payloads=self.content.payloads, changes=changes,
                 locate=self.document.locating,
             )  # fmt: skip
 
