@@ -130,10 +130,18 @@ class Document:
         )
         return replace(self, data=copied, places=places, keys=keys)
 
+    def varied(self, values: Mapping[str, Any]) -> Document:
+        """Return the document with other values: path -> value as a file would have it; see ``assigned``."""
+        document = self
+        for path, value in values.items():
+            document = document.assigned(path, value, Location(f"{path}={value}"))
+        return document
+
     def part(self, key: str) -> Document:
         """Return what stands below a key, as a document of its own."""
         places, keys = (
-            {path[1:]: place for path, place in known.items() if path[:1] == (key,)} for known in (self.places, self.keys)
+            {path[1:]: place for path, place in known.items() if path[:1] == (key,)}
+            for known in (self.places, self.keys)
         )
         return replace(self, data=self.data[key], places=places, keys=keys)
 

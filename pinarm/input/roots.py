@@ -40,6 +40,8 @@ def rooted(folder: str | Path | None) -> Iterator[None]:
         yield
     finally:
         _given.reset(token)
+
+
 _noted: ContextVar[set[Path] | None] = ContextVar("noted", default=None)
 
 

@@ -19,7 +19,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities import Quantities
 from pinarm.engine.stamp import table_figures
 from pinarm.engine.trajectory import Trajectory
-from pinarm.errors import DynamicsError, InputError, Location, NumericsError
+from pinarm.errors import DynamicsError, InputError, NumericsError
 from pinarm.input.documents import Document
 from pinarm.input.expressions import Expression
 from pinarm.input.roots import inside, root_of
@@ -142,10 +142,7 @@ class Scenario:
         Raises:
             InputError: A path leads nowhere, or a value is wrong there.
         """
-        document = self.document
-        for path, value in values.items():
-            document = document.assigned(path, value, Location(f"{path}={value}"))
-        return Scenario.of(document, self.folder)
+        return Scenario.of(self.document.varied(values), self.folder)
 
     @property
     def name(self) -> str:
@@ -254,7 +251,7 @@ class Scenario:
             PinarmError: Something is wrong; the message says where.
         """
         self.problem.prepare(self.mechanism, self._place)
-        quantities = Quantities(self.problem.still(self.mechanism), self.symbols)
+        quantities = self.quantities()
         with np.errstate(all="ignore"):
             for index, name in enumerate(self.content.outputs):
                 with self.document.locating("outputs", index):
@@ -262,6 +259,10 @@ class Scenario:
             for index, expectation in enumerate(self.content.expect):
                 with self.document.locating("expect", index):
                     expectation.check_names(quantities)
+
+    def quantities(self) -> Quantities:
+        """Return the quantities of one row, with nothing solved: enough to see which there are, and their units."""
+        return Quantities(self.problem.still(self.mechanism), self.symbols, self.content.undetermined)
 
     def _place(self, *path: str | int) -> AbstractContextManager[None]:
         return self.document.locating("problem", *path)
