@@ -103,6 +103,29 @@ def test_a_model_that_has_changed_is_solved_again(path: Path, tmp_path: Path, na
     assert len(entries(tmp_path / "out")) == 20
 
 
+def test_another_question_is_solved_even_where_the_cases_are_the_same(path: Path, tmp_path: Path) -> None:
+    def ends(results: list[str], *overrides: str) -> np.ndarray:
+        sweep = pinarm.sweep(pinarm.load(path, list(overrides)), MASSES, results=results, folder=tmp_path / "out")
+        return np.asarray(sweep[results[0]].values)
+
+    first = ends(["M @ end"])
+    np.testing.assert_allclose(ends(["alpha @ end"]), pi / 2)
+    np.testing.assert_allclose(ends(["M @ end"], "gravity={direction: -z, magnitude: 5 m/s^2}"), first / 2, rtol=1e-14)
+    assert len(set(entries(tmp_path / "out"))) == 30
+
+
+def test_a_fault_of_the_program_is_not_kept(
+    scenario: pinarm.Scenario, tmp_path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faulty = module(
+        "from pinarm.use.sweep.cases import Row\ndef solve(task, job):\n    return Row((), 'a fault', (), final=False)\n"
+    )
+    with monkeypatch.context() as patched:
+        patched.setattr(solving, "_solve_job", faulty.solve)
+        assert len(pinarm.sweep(scenario, MASSES, folder=tmp_path / "out", workers=1).errors) == 10
+    assert not pinarm.sweep(scenario, MASSES, folder=tmp_path / "out", workers=1).errors
+
+
 def test_a_file_that_changes_while_the_sweep_runs_ends_it(path: Path, tmp_path: Path) -> None:
     def edit(done: int, failed: int, total: int) -> None:
         if done == 3:
