@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pinarm.use.explain import explain
     from pinarm.use.result import Result
     from pinarm.use.scenario import Scenario, load
+    from pinarm.use.sweep.study import Sweep, sweep
 
 __version__ = "0.1.0"
 
@@ -26,12 +27,15 @@ _HOMES = {
     "explain": "pinarm.use.explain",
     "Result": "pinarm.use.result",
     "Scenario": "pinarm.use.scenario",
+    "Sweep": "pinarm.use.sweep.study",
     "load": "pinarm.use.scenario",
     "rooted": "pinarm.input.roots",
+    "sweep": "pinarm.use.sweep.study",
 }
 
 __all__ = [
-    "Mechanism", "PinarmError", "Result", "Scenario", "Series", "Trajectory", "check", "explain", "load", "rooted",
+    "Mechanism", "PinarmError", "Result", "Scenario", "Series", "Sweep", "Trajectory", "check", "explain", "load",
+    "rooted", "sweep",
 ]  # fmt: skip
 
 

@@ -1,7 +1,8 @@
-"""The command line: ``run``, ``check``, ``validate``, ``schema``.
+"""The command line: ``run``, ``check``, ``validate``, ``sweep``, ``schema``.
 
 Exit codes: 0 all is well, 1 an expectation is missed, 2 the input has a mistake, 3 the numerics failed (what was
-computed until then is kept), 130 interrupted. Results go to stdout; progress to stderr, where that is a terminal.
+computed until then is kept) or a case of a sweep did, 130 interrupted. Results go to stdout; progress to stderr, where
+that is a terminal.
 """
 
 from __future__ import annotations
@@ -85,6 +86,23 @@ def _parser() -> argparse.ArgumentParser:
     )
     explain.add_argument("path", metavar="SCENARIO|MODEL")
     explain.set_defaults(command=_explain)
+    sweep = commands.add_parser("sweep", parents=[common, overrides], help="solve a scenario for many values")
+    sweep.add_argument("scenario", type=Path)
+    sweep.add_argument("--over", action="append", default=[], metavar="PATH=VALUES",
+                       help="such as arguments.m_A='0.1:0.5:41 kg', '1, 2, 3 kg' or 'normal(0.25, 0.01) kg'; "
+                       "several are combined")  # fmt: skip
+    sweep.add_argument("--cases", type=Path, metavar="CSV", help="a file whose lines are cases; paths in its heading")
+    sweep.add_argument("--sample", type=int, metavar="N", help="how many values to draw from distributions")
+    sweep.add_argument("--seed", type=int, default=0, help="of the drawing (default: 0)")
+    sweep.add_argument("--lhs", action="store_const", const="latin", default="random", dest="sampling",
+                       help="draw a Latin hypercube")  # fmt: skip
+    sweep.add_argument("--result", action="append", default=[], metavar="QUANTITY[@PLACE]", dest="results",
+                       help="what to take from each case, such as C_B, 'C_B @ max', 't @ max(C_B)', 'C_B @ t=1.5 s' "
+                       "(default: least and greatest row of every output)")  # fmt: skip
+    sweep.add_argument("-j", "--workers", type=int, help="processes (default: all cores)")
+    sweep.add_argument("-o", "--output", type=Path, help="folder of the sweep (default: results/SCENARIO-sweep)")
+    sweep.add_argument("--no-plots", action="store_true", help="write numbers only")
+    sweep.set_defaults(command=_sweep)
 
     schema = commands.add_parser("schema", parents=[common], help="print the JSON Schema for editors")
     schema.add_argument("of", nargs="?", choices=["scenario", "mechanism"], default="scenario")
@@ -169,6 +187,45 @@ def _explain(options: argparse.Namespace) -> int:
     else:
         print(_printable(str(found)))
     return OK
+
+
+def _sweep(options: argparse.Namespace) -> int:
+    from pinarm.use.scenario import load
+    from pinarm.use.sweep.report import progress_bar, report
+    from pinarm.use.sweep.study import sweep
+    from pinarm.use.sweep.table import summary
+
+    scenario = load(options.scenario, options.overrides)
+    folder = options.output or Path("results") / f"{scenario.name}-sweep"
+    with progress_bar(sys.stderr) as progress:
+        swept = sweep(
+            scenario, _assignments(options.over), cases=options.cases, samples=options.sample, seed=options.seed,
+            sampling=options.sampling, results=options.results, workers=options.workers, folder=folder,
+            progress=progress,
+        )  # fmt: skip
+    swept.save(folder, plots=not options.no_plots)
+    if options.json:
+        _print_json({**summary(swept), "folder": str(folder)})
+    else:
+        print(_printable(report(swept)))
+        print(f"written to {folder}")
+    return NUMERICS_FAILED if swept.errors else OK
+
+
+def _assignments(texts: Sequence[str]) -> dict[str, str]:
+    """Return what stands left and right of the first equals sign of each text.
+
+    Raises:
+        InputError: There is none, or the same stands left twice.
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        path, equals, values = (part.strip() for part in text.partition("="))
+        if not path or not equals or path in found:
+            said = f"'{path}' is varied twice" if path in found else f"'--over {text}' says no values"
+            raise InputError(said, expected="--over path.to.number='1, 2, 3 kg'")
+        found[path] = values
+    return found
 
 
 def _schema(options: argparse.Namespace) -> int:
@@ -370,6 +427,6 @@ def _progress(text: str) -> None:
 
 
 def _print_json(value: object) -> None:
-    from pinarm.use.save import json_text
+    from pinarm.use.files import json_text
 
     print(json_text(value))

@@ -92,6 +92,7 @@ class Mechanism:
         gravity: Gravity | Literal["none"] | None = None,
         base: Base | None = None,
         payloads: Mapping[str, Payload] | None = None,
+        changes: Document | None = None,
         locate: Locate = lambda *path: nullcontext(),
     ) -> Mechanism:
         """Load a mechanism file, a URDF, xacro or MJCF file, or a robot of example-robot-data by its name.
@@ -103,23 +104,22 @@ class Mechanism:
             gravity: Replaces that of the file.
             base: Replaces that of the file: whether the root is held or floats.
             payloads: Carried beside those of the file, by name.
+            changes: Values that replace those of the mechanism file at the same paths.
             locate: Gives errors in ``("arguments", name)`` and ``("payloads", name)`` their place in the caller's file.
 
         Raises:
             InputError: The mechanism file has a mistake.
             ModelError: The model has one.
         """
-        file, folder, here = Path(path), Path(), lambda *at: locate("mechanism")
-        if file.suffix in (".yaml", ".yml"):
-            document, folder = Document.read(file), file.parent
-            description, here = document.validate(MechanismDescription), document.locating
-        elif file.suffix:
-            description, folder = MechanismDescription(pinarm=1, robot=file.name), file.parent
-        else:
-            description = MechanismDescription(pinarm=1, robot=str(path))
+        document = mechanism_document(Path(path))
+        here = document.locating if document.places else lambda *at: locate("mechanism")
+        if changes is not None:
+            document = document.merged(changes)
+            here = document.locating
+        description = document.validate(MechanismDescription)
         changed = {"gravity": gravity, "base": base}
         description = msgspec.structs.replace(description, **{k: x for k, x in changed.items() if x is not None})
-        return _build(cls, description, folder, arguments or {}, payloads or {}, here, locate)
+        return _build(cls, description, Path(path).parent, arguments or {}, payloads or {}, here, locate)
 
     @cached_property
     def dynamics(self) -> Dynamics:
@@ -207,6 +207,17 @@ class Mechanism:
             expected, hint = choices(name, self.coordinates)
             raise InputError(f"the mechanism has no coordinate '{name}'", expected=expected, hint=hint)
         return self.coordinates[name]
+
+
+def mechanism_document(file: Path) -> Document:
+    """Return what a mechanism file says; of a model's file, or a robot's name, what such a file would say at least.
+
+    Raises:
+        InputError: The file cannot be read.
+    """
+    if file.suffix in (".yaml", ".yml"):
+        return Document.read(file)
+    return Document(str(file), file, {"pinarm": 1, "robot": file.name if file.suffix else str(file)}, {}, {})
 
 
 def _build(

@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -71,8 +72,8 @@ class Document:
     @classmethod
     def parse(cls, text: str, *, source: str = "<text>", path: Path | None = None) -> Document:
         """Read YAML text; see ``read``."""
-        builder = Builder(text, source)
-        return cls(source, path, builder.build(), builder.places, builder.keys)
+        data, places, keys = _built(text, source)
+        return cls(source, path, _copy(data), places, keys)
 
     def locate(self, path: Path_) -> Location:
         """Return the place of a path, or of its nearest ancestor that has one; a ``Key`` at its end is itself meant."""
@@ -101,21 +102,60 @@ class Document:
         option = Location(f"--set {assignment}")
         if not equals or not name.strip():
             raise InputError("this is no assignment", expected="path.to.key=value").at(option)
-        value = Builder(text, option.source).build()
+        value, _, _ = _built(text, option.source)
+        return self.assigned(name.strip(), value, option)
+
+    def assigned(self, name: str, value: Any, option: Location) -> Document:
+        """Return the document with the value at a path such as ``problem.time.end`` replaced.
+
+        Args:
+            name: The path; keys that are missing on the way are made.
+            value: Plain data.
+            option: The place of the value, for messages.
+
+        Raises:
+            InputError: The path does not lead into the document.
+        """
         data, node = (copied := _copy(self.data)), None
         path: Path_ = ()
-        *parents, last = name.strip().split(".")
+        *parents, last = name.split(".")
         for key in parents:
             node = _step(data, key, option, create=True)
             data, path = data[node], (*path, node)
         node = _step(data, last, option, create=True)
         data[node] = value
         path = (*path, node)
+        made = {path[:k]: option for k in range(1, len(path))}
         places, keys = (
-            {at: place for at, place in known.items() if at[: len(path)] != path} | {path: option}
+            made | {at: place for at, place in known.items() if at[: len(path)] != path} | {path: option}
             for known in (self.places, self.keys)
         )
         return replace(self, data=copied, places=places, keys=keys)
+
+    def varied(self, values: Mapping[str, Any]) -> Document:
+        """Return the document with other values: path -> value as a file would have it; see ``assigned``."""
+        document = self
+        for path, value in values.items():
+            document = document.assigned(path, value, Location(f"{path}={value}"))
+        return document
+
+    def part(self, key: str) -> Document:
+        """Return what stands below a key, as a document of its own."""
+        places, keys = (
+            {path[1:]: place for path, place in known.items() if path[:1] == (key,)}
+            for known in (self.places, self.keys)
+        )
+        return replace(self, data=self.data[key], places=places, keys=keys)
+
+    def merged(self, changes: Document) -> Document:
+        """Return the document with values replaced by those that another has at the same paths.
+
+        Raises:
+            InputError: An index of a list does not exist.
+        """
+        data = _merged(self.data, changes.data, Location(changes.source))
+        places, keys = {**self.places, **changes.places}, {**self.keys, **changes.keys}
+        return replace(self, data=data, places=places, keys=keys)
 
     def validate(self, model: type[ModelT], *at: str | int) -> ModelT:
         """Validate the document, or the part of it at a path, as an input model.
@@ -136,6 +176,13 @@ class Document:
                 raise mistake.at(place) from None
 
 
+@lru_cache(maxsize=32)
+def _built(text: str, source: str) -> tuple[Any, Mapping[Path_, Location], Mapping[Path_, Location]]:
+    """Read YAML text; kept, because the reader takes longer than many a run."""
+    builder = Builder(text, source)
+    return builder.build(), builder.places, builder.keys
+
+
 def _unreadable(path: Path, error: OSError | ValueError) -> InputError:
     if isinstance(error, FileNotFoundError):
         return InputError(f"there is no file {path}", hint=similar_file(path))
@@ -146,6 +193,17 @@ def _copy(data: Any) -> Any:
     if isinstance(data, dict):
         return {key: _copy(value) for key, value in data.items()}
     return [_copy(value) for value in data] if isinstance(data, list) else data
+
+
+def _merged(data: Any, changes: Any, place: Location) -> Any:
+    if not isinstance(changes, dict) or not isinstance(data, dict | list):
+        return changes
+    merged = data.copy()
+    for key, value in changes.items():
+        step: Any = _step(data, key, place, create=False)
+        found = data.get(step) if isinstance(data, dict) else data[step]
+        merged[step] = _merged(found, value, place)
+    return merged
 
 
 def _step(data: Any, key: str, option: Location, *, create: bool) -> str | int:

@@ -7,6 +7,8 @@ import re
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +16,8 @@ from pinarm.errors import Location, ModelError, PinarmError, choices
 from pinarm.input.grammar import MANY
 from pinarm.input.private_xacro import OURS, private_xacro
 from pinarm.input.roots import contained, inside
-from pinarm.input.scalars import Names, evaluate
+from pinarm.input.scalars import Names, Scalars, evaluate
+from pinarm.input.tape import OPEN, Tape
 from pinarm.input.xmltext import MAX_BYTES, MAX_DEPTH, MAX_TEXT, Survey, Writer, bound, location, read
 
 if TYPE_CHECKING:
@@ -30,6 +33,21 @@ _TOKEN = re.compile(r"\$(\$+[{(])|\$\{([^}]*)\}|\$\(([^)]*)\)|([^$]+|\$[^{($]+|\
 """As in xacro: an escaped brace, an expression, a substitution, other text."""
 
 
+@dataclass(frozen=True)
+class Expansion:
+    """A model as plain URDF.
+
+    Attributes:
+        xml: The text.
+        arguments: Every ``xacro:arg`` with its value, given or default.
+        warnings: What xacro found odd, such as attributes it does not know.
+    """
+
+    xml: str
+    arguments: dict[str, str]
+    warnings: tuple[str, ...] = ()
+
+
 class Expander:
     """One expansion: the functions that stand in for xacro's own, and what they count and remember.
 
@@ -38,37 +56,45 @@ class Expander:
         packages: Packages whose files may be read too.
         arguments: Values of arguments; xacro adds the defaults.
         sources: Path of a file -> its name in messages.
+        tape: Where to record what is computed; arguments that are on it are given as its marks.
     """
 
     def __init__(
-        self, root: Path, packages: Mapping[str, Path], arguments: dict[str, str], sources: dict[str, str]
-    ) -> None:
-        self.root, self.packages, self.arguments, self.sources = root, packages, arguments, sources
+        self, root: Path, packages: Mapping[str, Path], arguments: dict[str, str], sources: dict[str, str],
+        tape: Tape | None = None,
+    ) -> None:  # fmt: skip
+        self.root, self.packages, self.arguments, self.sources, self.tape = root, packages, arguments, sources, tape
         with _LOCK:  # loading it is not for two at once either
             self.xacro, self.plain = private_xacro()
         self.declared: dict[str, None] = {}
         self.warnings: list[str] = []
         self.texts: dict[str, str] = {}
+        self.includes: dict[str, str] = {}
         self.element: Element | None = None
         self.snippet = ""
         self.depth = self.steps = self.size = 0
         self.deadline = time.monotonic() + MAX_SECONDS
 
-    def run(self, path: Path) -> str:
-        """Return the expanded text; whatever goes wrong is a located ``PinarmError``."""
+    def run(self, path: Path) -> Expansion:
+        """Return the expansion; whatever goes wrong is a located ``PinarmError``."""
         xacro = self.xacro
         with _LOCK:
             vars(xacro).update({name: getattr(self, name) for name in OURS})
+            literal = xacro.Table._eval_literal
+            if self.tape is not None:
+                xacro.Table._eval_literal = staticmethod(partial(self.tape.literal, literal))
             try:
                 xacro.init_stacks(str(path))
                 document = self.parse(None, str(path))
                 xacro.process_doc(document, mappings=self.arguments)
-                return Writer().document(document)
+                arguments = {name: self.arguments[name] for name in self.declared}
+                return Expansion(Writer().document(document), arguments, tuple(self.warnings))
             except PinarmError as error:
                 raise error.at(self._here()) from None
             except Exception as error:  # xacro raises whatever Python does where a file surprises it
                 raise ModelError(_one_line(error) + self._macros()).at(self._here()) from None
             finally:
+                xacro.Table._eval_literal = staticmethod(literal)
                 vars(xacro).update(self.plain, filestack=None, macrostack=None, all_includes=[])
                 xacro.substitution_args_context.clear()
 
@@ -203,7 +229,9 @@ class Expander:
                 raise ModelError(f"a brace is not closed: '{text[position : position + 40]}'")
             escaped, expression, substitution, other = match.groups()
             if expression is not None:
-                yield evaluate(self.eval_text(expression, symbols), Names(symbols, self.xacro.NameSpace))
+                names = Names(symbols, self.xacro.NameSpace)
+                inner = self.eval_text(expression, symbols)
+                yield evaluate(inner, Scalars(names)) if self.tape is None else self.tape.evaluate(inner, names)
             elif substitution is not None:
                 yield self._substitute(str(self.eval_text(substitution, symbols)))
             else:
@@ -228,10 +256,11 @@ class Expander:
     def get_include_files(self, filename_spec: str, symbols: Any) -> Iterator[str]:
         """Yield the file to include, once it is known to lie where it may."""
         name = str(self.eval_text(filename_spec, symbols))
-        if any(character in name for character in "*?["):
+        if any(character in name for character in ("*?[" + OPEN)):
             raise ModelError(f"'{name[:60]}' has wildcards", expected="the name of one file")
         base = "" if "://" in name else Path(self.xacro.filestack[-1]).parent
-        path = str(contained(base / Path(name) if base else name, self.root, self.packages))
+        wanted = str(base / Path(name)) if base else name
+        path = self.includes[wanted] = str(contained(wanted, self.root, self.packages))
         if path in self.xacro.filestack:
             raise ModelError(f"the file '{name}' includes itself")
         yield path

@@ -9,28 +9,14 @@ included files lie under the root, and every step counts against a budget. Hones
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from pinarm.errors import InputError, Location, ModelError, choices
-from pinarm.input.expander import Expander
+from pinarm.input.expander import Expansion
 from pinarm.input.roots import NO_PACKAGES, inside
+from pinarm.input.tape import CLOSE, OPEN, Number
+from pinarm.input.templates import Request, expanded
 from pinarm.input.xmltext import MAX_BYTES, MAX_TEXT, Survey, read
-
-
-@dataclass(frozen=True)
-class Expansion:
-    """A model as plain URDF.
-
-    Attributes:
-        xml: The text.
-        arguments: Every ``xacro:arg`` with its value, given or default.
-        warnings: What xacro found odd, such as attributes it does not know.
-    """
-
-    xml: str
-    arguments: dict[str, str]
-    warnings: tuple[str, ...] = ()
 
 
 def expand(
@@ -50,27 +36,26 @@ def expand(
     """
     source = str(path)
     path = inside(path.absolute(), root, packages)
-    text = read(path, source, MAX_BYTES)
-    survey = Survey.of(text, source)
     given = {name: _argument(name, value) for name, value in arguments.items()}
-    if not survey.is_xacro and path.suffix != ".xacro":
-        _check_declared(given, {}, source)
-        return Expansion(text, {})
-    expander = Expander(root, packages, given, {str(path): source})
-    xml = expander.run(path)
-    Survey.of(xml, f"the expansion of {source}")
-    _check_declared(given, expander.declared, source)
-    return Expansion(xml, {name: given[name] for name in expander.declared}, tuple(expander.warnings))
+    if path.suffix != ".xacro":
+        text = read(path, source, MAX_BYTES)
+        if not Survey.of(text, source).is_xacro:
+            _check_declared(given, {}, source)
+            return Expansion(text, {})
+    expansion = expanded(Request(path, source, root, packages, given))
+    _check_declared(given, expansion.arguments, source)
+    return expansion
 
 
-def _argument(name: str, value: float | str) -> str:
-    text = value if isinstance(value, str) else repr(int(value) if isinstance(value, int) else float(value))
-    if text in ("nan", "inf", "-inf") or len(text) > MAX_TEXT:
-        raise InputError(f"the argument '{name}' is {text[:20]}", expected="a finite number or a short text")
-    return text
+def _argument(name: str, value: float | str) -> Number | str:
+    plain = value if isinstance(value, str) else int(value) if isinstance(value, int) else float(value)
+    text = str(plain)
+    if text in ("nan", "inf", "-inf") or len(text) > MAX_TEXT or OPEN in text or CLOSE in text:
+        raise InputError(f"the argument '{name}' is {text[:20]!r}", expected="a finite number or a short text")
+    return plain
 
 
-def _check_declared(given: Mapping[str, str], declared: Mapping[str, None], source: str) -> None:
+def _check_declared(given: Mapping[str, object], declared: Mapping[str, object], source: str) -> None:
     for name in sorted(given.keys() - declared.keys()):
         expected, hint = choices(name, declared, most=40)
         problem = ModelError(f"the model has no argument '{name}'", expected=expected, hint=hint)

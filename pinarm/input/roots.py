@@ -42,6 +42,20 @@ def rooted(folder: str | Path | None) -> Iterator[None]:
         _given.reset(token)
 
 
+_noted: ContextVar[set[Path] | None] = ContextVar("noted", default=None)
+
+
+@contextmanager
+def noting_files() -> Iterator[set[Path]]:
+    """Collect the files that are referred to in the block, those that do not exist too."""
+    files: set[Path] = set()
+    token = _noted.set(files)
+    try:
+        yield files
+    finally:
+        _noted.reset(token)
+
+
 def root_of(path: Path) -> Path:
     """Return the folder that was given, or the nearest above a file, or above and including a folder, with a marker.
 
@@ -105,6 +119,8 @@ def contained(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PA
             expected=f"a path under {' or '.join(str(folder) for folder in allowed)}",
             hint="copy the file there, put an empty .pinarm-root in a folder above both, or say --root DIR",
         )
+    if (noted := _noted.get()) is not None:
+        noted.add(resolved)
     return resolved
 
 

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from pinarm.errors import ExpressionError
-from pinarm.input.grammar import MANY, MAX_INTEGER, Grammar, interpret, look_up, read_tree
+from pinarm.input.grammar import MANY, MAX_INTEGER, Algebra, Grammar, interpret, look_up, read_tree
 from pinarm.input.xmltext import MAX_TEXT
 
 
-def evaluate(text: str, names: Mapping[str, Any]) -> Any:
-    """Evaluate an expression of xacro."""
-    return interpret(read_tree(text, _GRAMMAR), _Scalars(names), text)
+def evaluate(text: str, algebra: Algebra[Any]) -> Any:
+    """Evaluate an expression of xacro in an algebra: that of plain values, ``Scalars``, or one that follows it."""
+    return interpret(read_tree(text, _GRAMMAR), algebra, text)
 
 
 class Names(Mapping[str, Any]):
@@ -52,21 +52,25 @@ class Names(Mapping[str, Any]):
 
 
 @dataclass(frozen=True)
-class _Scalars:
+class Scalars:
     """The algebra of xacro: Python's numbers, texts and truth values, of bounded size."""
 
     names: Mapping[str, Any]
 
     def constant(self, value: Any) -> Any:
+        """Return a literal."""
         return value
 
     def name(self, name: str) -> Any:
+        """Return the value of a property."""
         return _bounded(look_up(name, self.names, _CONSTANTS))
 
     def unary(self, symbol: str, operand: Any) -> Any:
+        """Apply ``+``, ``-`` or ``not``."""
         return _applied(_UNARY[symbol], operand)
 
     def binary(self, symbol: str, left: Any, right: Any) -> Any:
+        """Apply an arithmetic operator; ``+`` joins texts."""
         if isinstance(left, str) != isinstance(right, str) or (isinstance(left, str) and symbol != "+"):
             raise ExpressionError(f"'{symbol}' does not go with text", expected="numbers, or text + text")
         if symbol == "**" and isinstance(left, int) and isinstance(right, int) and left.bit_length() * right > 64:
@@ -74,10 +78,12 @@ class _Scalars:
         return _applied(_OPERATIONS[symbol], left, right)
 
     def compare(self, symbols: Sequence[str], operands: Sequence[Any]) -> Any:
+        """Compare neighbours."""
         pairs = zip(symbols, operands, operands[1:], strict=False)
         return all(_applied(_OPERATIONS[symbol], left, right) for symbol, left, right in pairs)
 
     def logic(self, symbol: str, operands: Sequence[Callable[[], Any]]) -> Any:
+        """Apply ``and`` or ``or``, as far as it takes."""
         result = operands[0]()
         for operand in operands[1:]:
             if bool(result) == (symbol == "or"):
@@ -86,9 +92,11 @@ class _Scalars:
         return result
 
     def choose(self, test: Any, then: Callable[[], Any], otherwise: Callable[[], Any]) -> Any:
+        """Return one of two."""
         return then() if test else otherwise()
 
     def call(self, function: str, arguments: Sequence[Any]) -> Any:
+        """Apply a function."""
         return _applied(_FUNCTIONS[function][0], *arguments)
 
 

@@ -48,7 +48,7 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
     """
     run = result.trajectory
     along = result[against or run.parameter]
-    scale, measured = _shown(along)
+    scale, measured = shown(along)
     keys = answer_key(result, along.name)
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, HEAD + HEIGHT * len(names)))
@@ -57,7 +57,7 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
         for index, (name, axis) in enumerate(zip(names, axes, strict=True)):
             _draw(axis, result[name], along.values / scale, COLOURS[index % len(COLOURS)])
             _mark(axis, result[name], [entry for entry in keys if entry.quantity == name], scale)
-        axes[-1].set_xlabel(_label(along.name, measured).replace("\n", " "))
+        axes[-1].set_xlabel(axis_label(along.name, measured).replace("\n", " "))
         axes[-1].margins(x=0.01)
         figure.align_ylabels()
         figure.suptitle(plain(result.content.title or result.name))
@@ -65,11 +65,15 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
 
 
 def _draw(axis: Axes, series: Series, x: Array, colour: str) -> None:
-    scale, measured = _shown(series)
+    scale, measured = shown(series)
     values = series.values / scale
     axis.plot(x, values, color=colour)
-    axis.set_ylabel(_label(series.name, measured))
-    low, high = float(values.min()), float(values.max())
+    axis.set_ylabel(axis_label(series.name, measured))
+    limit(axis, float(values.min()), float(values.max()))
+
+
+def limit(axis: Axes, low: float, high: float) -> None:
+    """Draw values as constant that are so but for rounding."""
     size = max(abs(low), abs(high))
     if high - low < FLAT * size or size < FLAT:
         centre, half = (low + high) / 2 if size >= FLAT else 0.0, 0.1 * size if size >= FLAT else 1.0
@@ -109,7 +113,7 @@ def answer_key(result: Result, along: str) -> list[Printed]:
 
 def _mark(axis: Axes, series: Series, printed: list[Printed], scale: float) -> None:
     """Draw published figures over a curve: circles where they hold, crosses and dashes where they are misprints."""
-    own, _ = _shown(series)
+    own, _ = shown(series)
     labelled: set[str] = set()
     for one in printed:
         curve = isinstance(one.y, np.ndarray)
@@ -128,17 +132,18 @@ WRONG = "#D00000"
 """Colour of misprints; the shape of their marks tells them apart too."""
 
 
-def _shown(series: Series) -> tuple[float, Unit | None]:
-    """Return the factor and unit to draw in: angles in degrees, all else in SI."""
+def shown(series: Series) -> tuple[float, Unit | None]:
+    """Return the factor and unit to draw in: angles in degrees, all else as it is."""
     if series.unit is not None and series.unit.text == "rad":
         return 0.017453292519943295, Unit(0.017453292519943295, (0, 0, 0), "°")
     return 1.0, series.unit
 
 
-def _label(name: str, measured: Unit | None) -> str:
+def axis_label(name: str, measured: Unit | None) -> str:
+    """Return the label of an axis: a name, and below it the unit."""
     text = str(measured or "?").replace("*", "·").replace("^2", "²").replace("^3", "³")
-    shown = name if len(name) <= 34 else f"{name[:31]}..."
-    return plain(shown) if text == "1" else f"{plain(shown)}\n[{plain(text)}]"
+    short = name if len(name) <= 34 else f"{name[:31]}..."
+    return plain(short) if text == "1" else f"{plain(short)}\n[{plain(text)}]"
 
 
 def plain(text: str) -> str:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import math
 import os
-import zipfile
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -16,6 +13,7 @@ import numpy as np
 from pinarm.engine.trajectory import Series
 from pinarm.errors import InputError
 from pinarm.mechanics.model import ending
+from pinarm.use.files import cell, json_text, write, write_arrays, yaml_text
 from pinarm.use.result import Result
 
 
@@ -31,15 +29,15 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _clear(result, folder)
-        _write(folder / "scenario.yaml", _resolved(result, folder))
         xml = result.trajectory.mechanism.xml
-        _write(folder / f"model{ending(xml)}", xml)
-        _write(folder / "summary.json", json_text(result.summary()) + "\n")
+        write(folder / "scenario.yaml", _resolved(result, folder))
+        write(folder / f"model{ending(xml)}", xml)
+        write(folder / "summary.json", json_text(result.summary()) + "\n")
         columns = result.columns()
-        _write(folder / "trajectory.csv", csv(columns))
-        _write_arrays(folder / "trajectory.npz", _arrays(result, columns))
+        write(folder / "trajectory.csv", csv(columns))
+        write_arrays(folder / "trajectory.npz", _arrays(result, columns))
         if timing:
-            _write(folder / "timing.json", json_text(timing) + "\n")
+            write(folder / "timing.json", json_text(timing) + "\n")
     except OSError as error:
         raise InputError(f"the result cannot be written to {folder}: {error.strerror}") from None
     if plots:
@@ -77,17 +75,12 @@ OWN = ("scenario.yaml", "model.urdf", "model.xml", "trajectory.csv", "trajectory
 def csv(columns: list[Series]) -> str:
     """Return columns as CSV with names and units in the first line and every digit of the numbers.
 
-    A name that a spreadsheet would take for a formula is written with an apostrophe before it.
+    See ``cell`` for names that look like formulas.
     """
     text = StringIO()
-    text.write(",".join(_cell(series.label) for series in columns) + "\n")
+    text.write(",".join(cell(series.label) for series in columns) + "\n")
     np.savetxt(text, np.column_stack([series.values for series in columns]), fmt="%.17g", delimiter=",")
     return text.getvalue()
-
-
-def _cell(label: str) -> str:
-    safe = f"'{label}" if label[:1] in "=+-@\t\r" else label
-    return '"' + safe.replace('"', '""') + '"' if any(mark in safe for mark in ',"\n\r') else safe
 
 
 def _arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
@@ -98,21 +91,10 @@ def _arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
     return {**state, **{series.name: np.asarray(series.values) for series in columns}}
 
 
-def _write_arrays(path: Path, arrays: dict[str, Any]) -> None:
-    """Write an npz file whose bytes depend on the arrays only; any name will do."""
-    draft = path.with_name(f".{path.name}.part")
-    with zipfile.ZipFile(draft, "w") as archive:
-        for name, array in arrays.items():
-            with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as stream:
-                np.lib.format.write_array(stream, array, allow_pickle=False)
-    draft.replace(path)
-
-
 def _resolved(result: Result, folder: Path) -> str:
     """Return the scenario with every argument of the model and every default written out."""
-    from ruamel.yaml import YAML
-
-    written = _moved(result.data, result.folder, folder)
+    own = {key: value for key, value in result.data.items() if key != "changes"}  # in which paths are the mechanism's
+    written = {**result.data, **_moved(own, result.folder, folder)}
     units = result.trajectory.mechanism.argument_units
     written["arguments"] = {
         name: f"{value!r} {units[name]}" if name in units else value
@@ -122,12 +104,7 @@ def _resolved(result: Result, folder: Path) -> str:
     source = Path(str(written["mechanism"]))
     if source.suffix:
         written["mechanism"] = os.path.relpath(result.folder / source, folder)
-    text = StringIO()
-    writer: Any = YAML(typ="safe", pure=True)
-    writer.default_flow_style = False
-    writer.sort_base_mapping_type_on_output = False
-    writer.dump(written, text)
-    return text.getvalue()
+    return yaml_text(written)
 
 
 def _moved(data: Any, source: Path, target: Path) -> Any:
@@ -140,26 +117,3 @@ def _moved(data: Any, source: Path, target: Path) -> Any:
     if data.get("law") == "table":
         moved["file"] = os.path.relpath(source / data["file"], target)
     return moved
-
-
-def _write(path: Path, text: str) -> None:
-    """Write through a file beside it, so that an interruption leaves the old file whole."""
-    draft = path.with_name(f".{path.name}.part")
-    draft.write_text(text, encoding="utf-8")
-    draft.replace(path)
-
-
-def json_text(value: object) -> str:
-    """Return plain data as JSON; numbers that are not finite become null, which JSON has a word for."""
-    return json.dumps(_finite(value), indent=2, allow_nan=False)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): _finite(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(inner) for inner in value]
-    value = value.item() if hasattr(value, "item") else value
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value if value is None or isinstance(value, str | int) else str(value)

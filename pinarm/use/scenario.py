@@ -64,6 +64,7 @@ class ScenarioFile(Model, frozen=True):
         arguments: Values for the model's arguments, with units.
         gravity: Replaces that of the mechanism; ``none`` for none.
         payloads: What links carry in this run, beside the payloads of the mechanism.
+        changes: Values that replace others of the mechanism file, such as ``{drives: {knee: {ratio: 100}}}``.
         problem: The question.
         symbols: Names for quantities or formulas, beside those of the mechanism.
         outputs: Quantities of the table and the plots.
@@ -82,6 +83,7 @@ class ScenarioFile(Model, frozen=True):
     arguments: dict[str, Argument] = {}
     gravity: Gravity | Literal["none"] | None = None
     payloads: dict[str, Payload] = {}
+    changes: dict[str, Any] = {}
     symbols: dict[str, str] = {}
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"
     accuracy: Accuracy = msgspec.field(default_factory=Accuracy)
@@ -119,8 +121,28 @@ class Scenario:
         document = Document.read(Path(path), source=str(path))
         for assignment in overrides or []:
             document = document.override(assignment)
+        return cls.of(document, Path(path).parent)
+
+    @classmethod
+    def of(cls, document: Document, folder: Path) -> Scenario:
+        """Check a scenario that has been read; paths in it are relative to ``folder``.
+
+        Raises:
+            InputError: It has a mistake; the message says where.
+        """
         content = document.validate(ScenarioFile)
-        return cls(document, content, _problem(document, content.problem), Path(path).parent)
+        return cls(document, content, _problem(document, content.problem), folder)
+
+    def varied(self, values: Mapping[str, Any]) -> Scenario:
+        """Return the scenario with other values.
+
+        Args:
+            values: Path -> value as a file would have it, such as ``{"arguments.m_A": "0.2 kg"}``.
+
+        Raises:
+            InputError: A path leads nowhere, or a value is wrong there.
+        """
+        return Scenario.of(self.document.varied(values), self.folder)
 
     @property
     def name(self) -> str:
@@ -135,8 +157,9 @@ class Scenario:
             source: str | Path = wanted
             if Path(wanted).suffix:
                 source = inside((self.folder / wanted).absolute(), root_of(self.folder), {})
+            changes = self.document.part("changes") if self.content.changes else None
             return Mechanism.load(
-                source, self.content.arguments, gravity=gravity, payloads=self.content.payloads,
+                source, self.content.arguments, gravity=gravity, payloads=self.content.payloads, changes=changes,
                 locate=self.document.locating,
             )  # fmt: skip
 
@@ -228,7 +251,7 @@ class Scenario:
             PinarmError: Something is wrong; the message says where.
         """
         self.problem.prepare(self.mechanism, self._place)
-        quantities = Quantities(self.problem.still(self.mechanism), self.symbols)
+        quantities = self.quantities()
         with np.errstate(all="ignore"):
             for index, name in enumerate(self.content.outputs):
                 with self.document.locating("outputs", index):
@@ -236,6 +259,10 @@ class Scenario:
             for index, expectation in enumerate(self.content.expect):
                 with self.document.locating("expect", index):
                     expectation.check_names(quantities)
+
+    def quantities(self) -> Quantities:
+        """Return the quantities of one row, with nothing solved: enough to see which there are, and their units."""
+        return Quantities(self.problem.still(self.mechanism), self.symbols, self.content.undetermined)
 
     def _place(self, *path: str | int) -> AbstractContextManager[None]:
         return self.document.locating("problem", *path)

@@ -8,9 +8,9 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from pinarm.engine.imposed import Imposed
 from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.imposed import Imposed
 from pinarm.engine.integrators import Flat, integrate
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.reduction import Reduction

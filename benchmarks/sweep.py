@@ -1,0 +1,71 @@
+"""Sweeps: overhead against a loop by hand, two processes against one, and variants of a model per second.
+
+Run with ``python benchmarks/sweep.py``. A case is cheap: five positions of the two-rod arm at rest, with another mass.
+Best of several, taken in turn. Cores that others are using as well show in the second row.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import pinarm
+from pinarm.use.result import MEASURES
+
+ROOT = Path(__file__).parents[1]
+SCENARIO = ROOT / "scenarios" / "gen411_arm_static.yaml"
+FEW_ROWS = ["problem.over.phi.samples=5"]
+CASES, VARIANTS, ROUNDS = 10_000, 1000, 3
+
+
+def best(*functions: Callable[[], object]) -> list[float]:
+    """Return the shortest time of each function [s], the functions taken in turn."""
+    times: list[list[float]] = [[] for _ in functions]
+    for _ in range(ROUNDS):
+        for function, record in zip(functions, times, strict=True):
+            begin = time.perf_counter()
+            function()
+            record.append(time.perf_counter() - begin)
+    return [min(record) for record in times]
+
+
+def by_hand(cases: int) -> np.ndarray:
+    """Solve the cases one by one and keep what a sweep keeps."""
+    scenario, rows = pinarm.load(SCENARIO, FEW_ROWS), []
+    for mass in np.linspace(0.1, 0.5, cases).tolist():
+        result = scenario.varied({"arguments.m_A": f"{mass!r} kg"}).run()
+        series = [result[name].values for name in scenario.content.outputs]
+        extremes = [extreme for values in series for extreme in (values.min(), values.max())]
+        rows.append([*extremes, *(result.figures.get(name, np.nan) for name in MEASURES)])
+    return np.array(rows)
+
+
+def swept(cases: int, workers: int) -> np.ndarray:
+    """Solve them as a sweep, with its journal and its files."""
+    with tempfile.TemporaryDirectory() as folder:
+        scenario = pinarm.load(SCENARIO, FEW_ROWS)
+        sweep = pinarm.sweep(scenario, {"arguments.m_A": f"0.1:0.5:{cases} kg"}, workers=workers, folder=folder)
+        sweep.save(folder, plots=False)
+    assert not sweep.errors
+    return np.column_stack([series.values for series in sweep.columns])
+
+
+def main() -> None:
+    reference, table = by_hand(50), swept(50, 2)
+    assert np.array_equal(reference[:, : table.shape[1]], table)
+    hand, one, two = best(lambda: by_hand(CASES), lambda: swept(CASES, 1), lambda: swept(CASES, 2))
+    begin = time.process_time()
+    by_hand(VARIANTS)
+    rate = VARIANTS / (time.process_time() - begin)
+    print(f"{CASES} cheap cases: by hand {hand:.1f} s, one process {one:.1f} s, two {two:.1f} s")
+    print(f"{'sweep with one process / loop by hand':45s} {one / hand:6.2f}   wanted: at most 1.25")
+    print(f"{'one process / two':45s} {one / two:6.2f}   wanted: at least 1.7")
+    print(f"{'variants of a mass per second of one core':45s} {rate:6.0f}   wanted: at least 300")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,63 @@
+"""Files of results: written whole or not at all, and the same bytes for the same content."""
+
+from __future__ import annotations
+
+import json
+import math
+import zipfile
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+
+def write(path: Path, text: str) -> None:
+    """Write through a file beside it, so that an interruption leaves the old file whole."""
+    draft = path.with_name(f".{path.name}.part")
+    draft.write_text(text, encoding="utf-8")
+    draft.replace(path)
+
+
+def write_arrays(path: Path, arrays: dict[str, Any]) -> None:
+    """Write an npz file whose bytes depend on the arrays only; any name will do."""
+    draft = path.with_name(f".{path.name}.part")
+    with zipfile.ZipFile(draft, "w") as archive:
+        for name, array in arrays.items():
+            with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as stream:
+                np.lib.format.write_array(stream, array, allow_pickle=False)
+    draft.replace(path)
+
+
+def yaml_text(data: Any) -> str:
+    """Return plain data as YAML, its keys in the order they have."""
+    from ruamel.yaml import YAML
+
+    text = StringIO()
+    writer: Any = YAML(typ="safe", pure=True)
+    writer.default_flow_style = False
+    writer.sort_base_mapping_type_on_output = False
+    writer.dump(data, text)
+    return text.getvalue()
+
+
+def cell(text: str) -> str:
+    """Return a cell of a CSV file; text that a spreadsheet would take for a formula gets an apostrophe before it."""
+    safe = f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
+    return '"' + safe.replace('"', '""') + '"' if any(mark in safe for mark in ',"\n\r') else safe
+
+
+def json_text(value: object) -> str:
+    """Return plain data as JSON; numbers that are not finite become null, which JSON has a word for."""
+    return json.dumps(_finite(value), indent=2, allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _finite(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(inner) for inner in value]
+    value = value.item() if hasattr(value, "item") else value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, str | int) else str(value)

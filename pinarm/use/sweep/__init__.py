@@ -1,0 +1,1 @@
+"""One scenario solved many times, each time with other values."""

@@ -1,0 +1,65 @@
+"""What a terminal shows of a sweep: how far it is, and what came out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import IO
+
+from pinarm.use.sweep.solving import Progress
+from pinarm.use.sweep.study import Sweep
+from pinarm.use.sweep.table import summary
+
+PAUSE = 0.1
+"""Seconds between two looks at the progress."""
+SHOWN = 10
+"""Reasons of failures that are printed."""
+
+
+@contextmanager
+def progress_bar(stream: IO[str]) -> Iterator[Progress]:
+    """Show progress with the remaining time, where the stream is a terminal."""
+    if not stream.isatty():
+        yield lambda done, failed, total: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
+    with Bar(*columns, console=Console(file=stream), transient=True) as bar:
+        shown, last = bar.add_task("", total=None), 0.0
+
+        def progress(done: int, failed: int, total: int) -> None:
+            nonlocal last
+            if time.monotonic() - last > PAUSE or done == total:
+                last = time.monotonic()
+                bar.update(shown, completed=done, total=total, description=f"{failed} failed" if failed else "")
+
+        yield progress
+
+
+def report(sweep: Sweep) -> str:
+    """Return the statistics of a sweep and why cases failed, as text."""
+    found = summary(sweep)
+    rows = [["", "unit", "min", "in case", "mean", "deviation", "max", "in case"]]
+    for name, entry in found["results"].items():
+        numbers = [entry.get(key) for key in ("min", "at_min", "mean", "deviation", "max", "at_max")]
+        rows.append([name[:48], entry["unit"], *("-" if number is None else f"{number:.7g}" for number in numbers)])
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = [found["title"] or found["scenario"]]
+    for row in rows:
+        cells = [text.ljust(w) if k < 2 else text.rjust(w) for k, (text, w) in enumerate(zip(row, widths, strict=True))]
+        lines.append("  ".join(cells).rstrip())
+    if found["accuracy"]:
+        worst = ", ".join(f"{name} {value:.1e}" for name, value in found["accuracy"].items())
+        lines.append(f"accuracy: largest relative residuals: {worst}")
+    lines += [f"note: {note}" for note in found["notes"]]
+    lines.append(f"cases: {found['cases']}" + (f", {found['failed']} failed" if found["failed"] else ""))
+    for failure in found["failures"][:SHOWN]:
+        first = ", ".join(map(str, failure["first"][:3])) + (", ..." if failure["cases"] > 3 else "")
+        lines.append(f"failed: {failure['reason']} ({failure['cases']}: {first})")
+    if len(found["failures"]) > SHOWN:
+        lines.append(f"failed: {len(found['failures']) - SHOWN} more reasons")
+    return "\n".join(lines)

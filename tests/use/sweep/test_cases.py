@@ -1,0 +1,100 @@
+"""One case: the numbers that are taken from a result, and what a case that fails says."""
+
+import pickle
+import re
+from math import pi, sin
+
+import pytest
+
+import pinarm
+from pinarm import PinarmError
+from pinarm.use.result import MEASURES
+from pinarm.use.sweep.cases import Row, Task, Wanted, solve_case
+
+
+def solved(scenario: pinarm.Scenario, results: list[str], **values: object) -> Row:
+    wanted = tuple(Wanted.read(text).measured(scenario.quantities())[0] for text in results)
+    task = pickle.loads(pickle.dumps(Task(scenario.document, scenario.folder, wanted)))
+    return solve_case(task, {name.replace("__", "."): value for name, value in values.items()})
+
+
+def test_the_numbers_are_those_of_the_formula(scenario: pinarm.Scenario) -> None:
+    results = [
+        "M",
+        "M @ start",
+        "M @ end",
+        "M @ pivot=30 deg",
+        "alpha @ max(M)",
+        "-M @ largest(-2*M)",
+        "alpha @ max(-M)",
+    ]
+    row = solved(scenario, results, arguments__m="3 kg", arguments__l="0.5 m")
+    full = 3 * 10 * 0.5
+    assert row.error == ""
+    assert row.numbers[:-3] == pytest.approx([0, full, 0, full, full * sin(pi / 6), pi / 2, -full, 0], abs=1e-12)
+    assert len(row.numbers) == 8 + len(MEASURES)
+    assert max(row.numbers[-3:-1]) < 1e-14  # equilibrium and power; a rounding each
+
+
+def test_numbers_of_the_mechanism_file_can_vary(scenario: pinarm.Scenario) -> None:
+    row = solved(scenario, ["M @ end"], changes__forces__spring__stiffness="4 N*m/rad", arguments__m="1 kg")
+    assert row.numbers[0] == pytest.approx(10 + 4 * pi / 2, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "labels"),
+    [("M", ("min M", "max M")), (" M @  max", ("M @ max",)), ("t@max( C_B )", ("t @ max(C_B)",)),
+     ("max(a, b) @ t=1.5 s,side=left", ("max(a, b) @ t=1.5 s, side=left",)),
+     ("M @ phi=0 deg, occurrence=2", ("M @ phi=0 deg, occurrence=2",))],
+)  # fmt: skip
+def test_results_are_called_as_they_are_written(text: str, labels: tuple[str, ...]) -> None:
+    assert Wanted.read(text).labels() == labels
+
+
+@pytest.mark.parametrize("text", ["", "@ max", "M @", "M @ start(M)", "M @ max()", "M @ t", "M @ t=1=2", "M @ t=1 s,"])
+def test_what_is_no_result_is_refused(text: str) -> None:
+    with pytest.raises(PinarmError, match=r"--result .*is no result of a case"):
+        Wanted.read(text)
+
+
+def test_an_unknown_quantity_is_refused_before_anything_is_solved(scenario: pinarm.Scenario) -> None:
+    for text in ("N", "M @ max(N)"):
+        with pytest.raises(PinarmError, match=r"--result .*there is no quantity 'N'"):
+            Wanted.read(text).measured(scenario.quantities())
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({"arguments__m": "-1 kg"}, r"pendulum.yaml:2:1: link 'rod': the mass is negative \(-1 kg\)"),
+        ({"arguments__m": "1 m"}, "'m' is not a unit of this quantity"),
+        ({"problem__over__pivot__to": "0 deg"}, "begins and ends at the same value"),
+        ({"problem__over__pivot__from": "60 deg"}, "pivot = 30 deg is not reached"),
+        ({"problem__kind": "static"}, "unknown kind 'static'"),
+        ({"a__b": 1}, "unknown key 'a'"),
+    ],
+)
+def test_a_case_that_fails_is_a_row_that_says_why(
+    scenario: pinarm.Scenario, values: dict[str, object], reason: str
+) -> None:
+    row = solved(scenario, ["M @ pivot=30 deg"], **values)
+    assert row.numbers == ()
+    assert row.final
+    assert re.search(reason, row.error)
+    assert "\n" not in row.error
+
+
+def test_a_fault_of_the_program_costs_one_case(scenario: pinarm.Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Wanted, "numbers", lambda *_: 1 / 0)
+    row = solved(scenario, ["M"])
+    assert (row.error, row.final) == ("the program failed: ZeroDivisionError: division by zero", False)
+
+
+def test_a_row_names_the_files_that_it_refers_to(scenario: pinarm.Scenario) -> None:
+    names = {file.rpartition("/")[2] for file in solved(scenario, ["M"]).files}
+    assert names == {"pendulum.yaml", "pendulum.urdf.xacro"}
+
+
+def test_a_result_that_is_of_another_kind_in_one_case_is_refused(scenario: pinarm.Scenario) -> None:
+    row = solved(scenario, ["M"], symbols__M="joint.pivot.position")
+    assert "M is in" in row.error

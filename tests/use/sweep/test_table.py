@@ -1,0 +1,60 @@
+"""The files of a sweep say what came out, with units, and can be read back to the last digit."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.input.documents import Document
+
+OVER = {"arguments.m": "-1, 0.1, 0.3 kg", "symbols.s": "alpha, 2*alpha"}
+
+
+@pytest.fixture
+def sweep(scenario: pinarm.Scenario) -> pinarm.Sweep:
+    return pinarm.sweep(scenario, OVER, results=["M @ end", "min(0, 1)*s"])
+
+
+def test_the_table_is_read_back_to_the_last_digit(sweep: pinarm.Sweep, tmp_path: Path) -> None:
+    sweep.save(tmp_path / "out", plots=False)
+    with open(tmp_path / "out" / "cases.csv", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["M @ end [N*m]"] for row in rows] == ["", "", *(repr(x) for x in sweep["M @ end"].values[2:].tolist())]
+    assert [row["symbols.s"] for row in rows] == ["alpha", "2*alpha"] * 3
+    assert [bool(row["error"]) for row in rows] == [True, True, False, False, False, False]
+    with np.load(tmp_path / "out" / "cases.npz", allow_pickle=False) as arrays:
+        np.testing.assert_array_equal(arrays["M @ end"], sweep["M @ end"].values)
+        assert dict(arrays["units"].tolist())["arguments.m"] == "kg"
+        assert arrays["error"].tolist() == [sweep.errors.get(case, "") for case in range(6)]
+
+
+def test_parquet_is_written_where_it_can_be(sweep: pinarm.Sweep, tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    sweep.save(tmp_path / "out", plots=False)
+    table = parquet.read_table(tmp_path / "out" / "cases.parquet").to_pydict()
+    np.testing.assert_array_equal(table["M @ end [N*m]"], sweep["M @ end"].values)
+    assert table["symbols.s"] == ["alpha", "2*alpha"] * 3
+
+
+def test_the_statistics_are_those_of_the_cases_that_were_solved(sweep: pinarm.Sweep, tmp_path: Path) -> None:
+    sweep.save(tmp_path / "out", plots=False)
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    found = summary["results"]["M @ end"]
+    assert (summary["cases"], summary["failed"], found["cases"], found["unit"]) == (6, 2, 4, "N*m")
+    wanted = {"min": 1, "at_min": 2, "max": 3, "at_max": 4, "mean": 2, "deviation": np.sqrt(4 / 3), "median": 2,
+              "5 %": 1, "95 %": 3}  # fmt: skip
+    assert {key: found[key] for key in wanted} == pytest.approx(wanted, rel=1e-12)
+    assert summary["accuracy"]["equilibrium"] < 1e-14
+
+
+def test_the_definition_says_what_was_asked(sweep: pinarm.Sweep, tmp_path: Path) -> None:
+    sweep.save(tmp_path / "out", plots=False)
+    asked = Document.read(tmp_path / "out" / "sweep.yaml").data
+    assert asked["over"] == OVER
+    assert asked["units"] == {"arguments.m": "kg"}
+    assert asked["results"] == ["M @ end", "min min(0, 1)*s", "max min(0, 1)*s"]
+    assert (tmp_path / "out" / asked["scenario"]).resolve() == tmp_path / "held.yaml"
+    assert asked["base"]["mechanism"] == "pendulum.yaml"
