@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -32,6 +32,7 @@ from pinarm.mechanics.forces import ForceElement
 from pinarm.mechanics.forces.joint import SpringDamper
 from pinarm.mechanics.model import build_model
 from pinarm.mechanics.payload import Payload, laden
+from pinarm.mechanics.rounding import shaken
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities import Quantities
@@ -110,6 +111,12 @@ class Mechanism:
         if gravity is not None:
             description = msgspec.structs.replace(description, gravity=gravity)
         return _build(cls, description, folder, arguments or {}, payloads or {}, here, locate)
+
+    def shaken(self, seed: int) -> Mechanism:
+        """Return the mechanism with its numbers changed in the last digits; see ``mechanics.rounding``."""
+        model = shaken(self.model, seed)
+        bound = {name: force.bind(model, self.joints) for name, force in self.description.forces.items()}
+        return replace(self, model=model, forces={**self.forces, **bound})
 
     @cached_property
     def dynamics(self) -> Dynamics:
