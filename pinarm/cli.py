@@ -1,8 +1,8 @@
 """The command line: ``run``, ``check``, ``validate``, ``sweep``, ``schema``.
 
-Exit codes: 0 all is well, 1 an expectation is missed, 2 the input has a mistake, 3 the numerics failed (what was
-computed until then is kept) or a case of a sweep did, 130 interrupted. Results go to stdout; progress to stderr, where
-that is a terminal.
+Exit codes: 0 all is well, 1 an expectation or the wanted accuracy is missed, 2 the input has a mistake, 3 the numerics
+failed (what was computed until then is kept) or a case of a sweep did, 130 interrupted. Results go to stdout; progress
+to stderr, where that is a terminal.
 """
 
 from __future__ import annotations
@@ -71,6 +71,8 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("scenario", type=Path)
     run.add_argument("-o", "--output", type=Path, help="result folder (default: results/SCENARIO)")
     run.add_argument("--no-plots", action="store_true", help="write numbers only")
+    run.add_argument("--verify", action="store_true",
+                     help="estimate the global error by a second solution, and check every row")  # fmt: skip
     run.set_defaults(command=_run)
 
     check = commands.add_parser("check", parents=[common, overrides], help="compare scenarios with their answer keys")
@@ -118,7 +120,7 @@ def _run(options: argparse.Namespace) -> int:
     scenario = load(options.scenario, options.overrides)
     folder = options.output or Path("results") / scenario.name
     options.output = folder
-    result = scenario.run()
+    result = scenario.verified() if options.verify else scenario.run()
     solved = time.perf_counter()
     save(result, folder, plots=not options.no_plots, timing={"solve [s]": solved - begin})
     if options.json:
@@ -126,7 +128,7 @@ def _run(options: argparse.Namespace) -> int:
     else:
         print(report(result))
         print(f"written to {folder}")
-    return OK
+    return MISSED if result.missed else OK
 
 
 def _check(options: argparse.Namespace) -> int:
@@ -282,6 +284,7 @@ def report(result: Result) -> str:
 
     run = result.trajectory
     lines = [f"{result.content.title or result.name}", _ranges(result)]
+    lines += _error(result)
     lines += _worth(result.figures, result.trajectory.parameter)
     cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name in COSTS]
     lines.append(f"rows: {len(run)}" + (f"; {', '.join(cost)}" if cost else ""))
@@ -291,6 +294,18 @@ def report(result: Result) -> str:
     lines += [f"limit: {excess.words(run)}" for excess in result.excesses()]
     lines += [f"note: {note}" for note in result.notes()]
     return "\n".join(_printable(line) for line in lines)
+
+
+def _error(result: Result) -> list[str]:
+    """Return what is known of the global error, and whether it is below its target."""
+    if result.error is None:
+        return []
+    target = result.content.accuracy.target
+    worst = max(result.errors, key=lambda name: result.errors[name])
+    where = f", largest in {worst}" if len(result.errors) > 1 else ""
+    line = f"error: {result.error:.1e} of the largest value{where} ({result.setting})"
+    verdict = "reached" if not result.missed else "MISSED"
+    return [line] + ([f"target {target:g}: {verdict}"] if target is not None else [])
 
 
 def _worth(figures: Mapping[str, float], parameter: str) -> list[str]:

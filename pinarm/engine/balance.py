@@ -16,19 +16,23 @@ Whole = Callable[[Array, Array], tuple[Array, Array]]
 """Rows of integrated states to rows of those of the mechanism: ``q, v -> q, v``."""
 
 SAMPLE = 64
-"""Largest number of rows that are checked: a fixed, even choice, so that the cost of large tables stays bounded."""
+"""Number of rows that are checked where not all are: a fixed, even choice, so that the cost of tables stays bounded."""
 
 PARTS, GAUSS_NODES = 4, 4
 """Parts of a step at whose ends the energy is looked at: within it the dense output errs more than at its end. Nodes
 of the quadrature of dissipated power over a part: degree 7, the order of the dense output."""
 
 
-def power_balance(trajectory: Trajectory) -> dict[str, float]:
+def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, float]:
     """Return the largest violation of d'Alembert's principle, and of the balance of power, relative to their terms.
 
     For every unit velocity e_k the virtual power of the efforts and loads must equal that of the bodies' momentum
     rates less their weights: ``sum_i J_i^T (I_i A_i + V_i x* I_i V_i)``, with the Jacobians J_i of the bodies and
     their twists from forward kinematics. Neither appears in the recursions that solved the motion.
+
+    Args:
+        trajectory: The motion.
+        most: Largest number of rows that are checked.
 
     Returns:
         ``equilibrium``: largest residual, and ``power``: largest residual of power along the motion, each relative to
@@ -37,7 +41,7 @@ def power_balance(trajectory: Trajectory) -> dict[str, float]:
     """
     if trajectory.unasked:
         return {}
-    rows = np.linspace(0, len(trajectory) - 1, min(len(trajectory), SAMPLE)).astype(int)
+    rows = np.linspace(0, len(trajectory) - 1, min(len(trajectory), most)).astype(int)
     model, data = trajectory.mechanism.model, trajectory.mechanism.model.createData()
     loads = trajectory.gather(lambda dynamics, part: dynamics.loads(
         trajectory.grid.t[part], trajectory.q[part], trajectory.v[part]))  # fmt: skip

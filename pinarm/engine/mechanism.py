@@ -34,6 +34,7 @@ from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import ForceElement
 from pinarm.mechanics.model import Base, RobotModel, build_model
 from pinarm.mechanics.payload import Payload, laden
+from pinarm.mechanics.rounding import shaken
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities import Quantities
@@ -120,6 +121,12 @@ class Mechanism:
         changed = {"gravity": gravity, "base": base}
         description = msgspec.structs.replace(description, **{k: x for k, x in changed.items() if x is not None})
         return _build(cls, description, Path(path).parent, arguments or {}, payloads or {}, here, locate)
+
+    def shaken(self, seed: int) -> Mechanism:
+        """Return the mechanism with its numbers changed in the last digits; see ``mechanics.rounding``."""
+        model = shaken(self.model, seed)
+        bound = {name: force.bind(model, self.joints) for name, force in self.description.forces.items()}
+        return replace(self, model=model, forces={**self.forces, **bound})
 
     @cached_property
     def dynamics(self) -> Dynamics:

@@ -34,7 +34,8 @@ def table_figures(run: Trajectory, most: int = SAMPLE) -> dict[str, float]:
         singular position, and ``least regular at``, where that is. ``condition``: largest condition number of the mass
         matrix of the free motions, scaled to a diagonal of ones. ``return trip``: largest difference of the
         accelerations that the efforts give by forward dynamics to those of the table, relative to the largest
-        acceleration that efforts and loads would give if none of them cancelled.
+        acceleration that efforts and loads would give if none of them cancelled; weights count with the most that
+        they can do, ``g sqrt(m M_kk)`` for the mass m of all bodies (Cauchy-Schwarz).
     """
     rows = np.unique(np.linspace(0, len(run) - 1, min(len(run), most)).astype(np.intp))
     found = [_Row.of(run, int(row)) for row in rows]
@@ -97,12 +98,15 @@ def _return_trip(run: Trajectory, rows: Indices, found: list[_Row]) -> float:
     still = np.zeros_like(run.a)
     bias = run.gather(lambda dynamics, part: dynamics.inverse(run.grid.t[part], run.q[part], run.v[part], still[part]))
     error, size = 0.0, float(np.abs(run.a[rows]).max(initial=0.0))
+    model = run.mechanism.model
+    pull = run.mechanism.gravity * sum(inertia.mass for inertia in model.inertias) ** 0.5
     for row, one in zip(rows, found, strict=True):
         supplied, resisting = run.tau[row] + one.guided, bias[row]
         back = one.split.solve(one.mass, supplied - resisting, one.right)
         error = max(error, float(np.abs(back - run.a[row]).max(initial=0.0)))
         free = one.split.free
-        terms = np.abs(free).T @ (np.abs(supplied) + np.abs(resisting))
+        weights = pull * np.sqrt(np.maximum(np.diag(one.mass), 0.0))
+        terms = np.abs(free).T @ (np.abs(supplied) + np.abs(resisting) + weights)
         given = free @ np.linalg.solve(free.T @ one.mass @ free, terms)
         size = max(size, float(np.abs(given).max(initial=0.0)))
     return error / size if size else 0.0

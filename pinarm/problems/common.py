@@ -56,10 +56,13 @@ class Accuracy(Model, frozen=True):
     Attributes:
         tolerance: Local error of a step of the time integration, relative to ``1 + |y|`` in SI. The global error is
             reported by the balances and is usually ten to a hundred times larger.
+        target: Largest global error wanted in every output, relative to its largest absolute value over the run. The
+            cheapest setting that reaches it is looked for; without it the setting is as it stands here.
         max_steps: Number of steps after which the time integration gives up, rejected ones included.
     """
 
     tolerance: Annotated[float, msgspec.Meta(ge=1e-14, le=1e-2)] = 1e-9
+    target: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)] | None = None
     max_steps: Annotated[int, msgspec.Meta(ge=1)] = 200_000
 
 

@@ -37,6 +37,9 @@ class Result:
         quantities: Everything that can be asked of the run, by name.
         figures: Measured accuracy and cost, by name.
         folder: Folder of the scenario file; paths in it are relative to that.
+        errors: Estimate of the global error of each output, relative to its scale (see ``worth.scales``); empty where
+            none was asked for.
+        setting: How the motion was integrated, and what the estimate rests on, in words.
     """
 
     name: str
@@ -46,6 +49,19 @@ class Result:
     quantities: Quantities = field(repr=False)
     figures: Mapping[str, float]
     folder: Path = Path()
+    errors: Mapping[str, float] = field(default_factory=dict)
+    setting: str = ""
+
+    @property
+    def error(self) -> float | None:
+        """Largest of the estimated errors; none where none was asked for."""
+        return max(self.errors.values()) if self.errors else None
+
+    @property
+    def missed(self) -> bool:
+        """Whether the error is not below the target of the scenario."""
+        target = self.content.accuracy.target
+        return target is not None and not (self.error is not None and self.error <= target)
 
     @property
     def trajectory(self) -> Trajectory:
@@ -135,7 +151,7 @@ class Result:
                 for name, payload in mechanism.payloads.items()
             },
             "outputs": {series.name: self._headline(series) for series in self.columns()[1:]},
-            "accuracy": {name: self.figures[name] for name in self.figures if name in MEASURES},
+            "accuracy": self._accuracy(),
             "cost": {name: int(value) for name, value in self.figures.items() if name in COSTS},
             "findings": {name: x for name, x in self.figures.items() if name not in (*MEASURES, *COSTS)},
             "limits": [{**vars(excess), "unit": str(excess.unit)} for excess in self.excesses()],
@@ -143,6 +159,15 @@ class Result:
             "versions": {"pinarm": pinarm.__version__, "pinocchio": pinocchio.__version__, "numpy": np.__version__},
             "input": self.digest(),
         }
+
+    def _accuracy(self) -> dict[str, Any]:
+        """Return what was measured, and where it was asked for, the estimate of the global error."""
+        measured: dict[str, Any] = {name: self.figures[name] for name in self.figures if name in MEASURES}
+        if self.errors:
+            measured |= {"error": self.error, "error of outputs": dict(self.errors), "setting": self.setting}
+        if self.content.accuracy.target is not None:
+            measured |= {"target": self.content.accuracy.target, "target reached": not self.missed}
+        return measured
 
     def _headline(self, series: Series) -> dict[str, Any]:
         """Return a quantity's smallest and largest value among the rows, and where they stand."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
@@ -100,12 +101,14 @@ class Scenario:
         content: The same, validated.
         problem: The question in it.
         folder: Folder that paths in it are relative to.
+        seed: Of changes in the last digits of the mechanism; none for the mechanism as it is.
     """
 
     document: Document = field(repr=False)
     content: ScenarioFile
     problem: Problem
     folder: Path
+    seed: int | None = None
 
     @classmethod
     def load(cls, path: str | Path, overrides: list[str] | None = None) -> Scenario:
@@ -158,10 +161,11 @@ class Scenario:
             if Path(wanted).suffix:
                 source = inside((self.folder / wanted).absolute(), root_of(self.folder), {})
             changes = self.document.part("changes") if self.content.changes else None
-            return Mechanism.load(
+            loaded = Mechanism.load(
                 source, self.content.arguments, gravity=gravity, payloads=self.content.payloads, changes=changes,
                 locate=self.document.locating,
             )  # fmt: skip
+        return loaded if self.seed is None else loaded.shaken(self.seed)
 
     @cached_property
     def symbols(self) -> Mapping[str, Expression]:
@@ -173,10 +177,32 @@ class Scenario:
         return parsed
 
     def run(self) -> Result:
-        """Solve the problem; with ``find``, for the values that bring about what is wanted.
+        """Solve the problem; with ``accuracy.target``, at the cheapest setting whose error is below it.
 
         Raises:
             PinarmError: The input is impossible, or the numerics failed; then ``partial`` holds the result until there.
+        """
+        if self.content.accuracy.target is None:
+            return self.solve()
+        from pinarm.use.target import reach
+
+        return reach(self)
+
+    def verified(self) -> Result:
+        """Return the result with its global error estimated, and every row of it checked.
+
+        Raises:
+            PinarmError: See ``run``.
+        """
+        from pinarm.use.worth import verified
+
+        return verified(self)
+
+    def solve(self) -> Result:
+        """Solve the problem as it is set; with ``find``, for the values that bring about what is wanted.
+
+        Raises:
+            PinarmError: See ``run``.
         """
         if self.content.find:
             return self._found(self.content.find)
@@ -199,7 +225,7 @@ class Scenario:
 
         with self.document.locating("find"):
             found = find(asked, residuals)
-        result = bare._set(found.values).run()
+        result = bare._set(found.values).solve()
         starts = zip(asked.unknown.items(), found.numbers, strict=True)
         figures = {f"{path} [{start.unit or '1'}]" if isinstance(start, Measured) else path: value
                    for (path, start), value in starts}  # fmt: skip
@@ -214,7 +240,11 @@ class Scenario:
         for path, text in values.items():
             document = document.override(f"{path}={text}")
         content = document.validate(ScenarioFile)
-        return Scenario(document, content, _problem(document, content.problem), self.folder)
+        return replace(self, document=document, content=content, problem=_problem(document, content.problem))
+
+    def varied(self, values: Mapping[str, Any]) -> Scenario:
+        """Return the scenario with other values: path -> value as a file would have it."""
+        return self._set({path: json.dumps(value) for path, value in values.items()})
 
     def _left(self, asked: Find) -> dict[str, Array]:
         """Return the wanted quantities less their targets, at all rows."""

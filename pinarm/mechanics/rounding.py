@@ -1,0 +1,44 @@
+"""A model whose numbers differ in their last digits: what rounding can do to a result is seen by solving again with it.
+
+Algorithms of mechanics are backward stable in the main: what they give is exact for numbers that differ from the given
+ones in the last digits. How far that moves a result, its conditioning, is what the difference of two solutions tells.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+
+SHAKE = 4.0 * float(np.finfo(float).eps)
+"""Largest relative change of a number: the rounding of a few operations."""
+
+
+def shaken(model: pin.Model, seed: int) -> pin.Model:
+    """Return a copy of a model with every length, mass, moment of inertia and gravity changed by at most ``SHAKE``.
+
+    What is 0 stays 0, so that planes stay planes, but a loop that closes only at special lengths is off by the change.
+
+    Args:
+        model: Pinocchio's model.
+        seed: Of the random changes.
+    """
+    generator, changed = np.random.default_rng(seed), pin.Model(model)
+
+    def near(numbers: Array) -> Array:
+        return numbers * (1.0 + SHAKE * generator.uniform(-1.0, 1.0, np.shape(numbers)))
+
+    for index in range(1, model.njoints):
+        joint, inertia = model.jointPlacements[index], model.inertias[index]
+        changed.jointPlacements[index] = pin.SE3(joint.rotation, near(joint.translation))
+        moments = near(inertia.inertia)
+        changed.inertias[index] = pin.Inertia(
+            float(near(np.array(inertia.mass))), near(inertia.lever), (moments + moments.T) / 2.0
+        )
+    for index, frame in enumerate(model.frames):
+        if frame.type != pin.FrameType.JOINT:
+            changed.frames[index].placement = pin.SE3(frame.placement.rotation, near(frame.placement.translation))
+    changed.armature = near(model.armature)
+    changed.gravity.linear = near(model.gravity.linear)
+    return changed
