@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
@@ -145,7 +144,9 @@ class Scenario:
         Raises:
             InputError: A path leads nowhere, or a value is wrong there.
         """
-        return Scenario.of(self.document.varied(values), self.folder)
+        document = self.document.varied(values)
+        content = document.validate(ScenarioFile)
+        return replace(self, document=document, content=content, problem=_problem(document, content.problem))
 
     @property
     def name(self) -> str:
@@ -221,11 +222,11 @@ class Scenario:
         )
 
         def residuals(values: Mapping[str, str]) -> dict[str, Array]:
-            return bare._set(values)._left(asked)
+            return bare.varied(values)._left(asked)
 
         with self.document.locating("find"):
             found = find(asked, residuals)
-        result = bare._set(found.values).solve()
+        result = bare.varied(found.values).solve()
         starts = zip(asked.unknown.items(), found.numbers, strict=True)
         figures = {f"{path} [{start.unit or '1'}]" if isinstance(start, Measured) else path: value
                    for (path, start), value in starts}  # fmt: skip
@@ -233,18 +234,6 @@ class Scenario:
             f"left of {name} (started with {found.before[name]:.3g})": rest for name, rest in found.residuals.items()
         }
         return replace(result, figures={**result.figures, **figures, **left})
-
-    def _set(self, values: Mapping[str, str]) -> Scenario:
-        """Return the scenario with other values, by their paths."""
-        document = self.document
-        for path, text in values.items():
-            document = document.override(f"{path}={text}")
-        content = document.validate(ScenarioFile)
-        return replace(self, document=document, content=content, problem=_problem(document, content.problem))
-
-    def varied(self, values: Mapping[str, Any]) -> Scenario:
-        """Return the scenario with other values: path -> value as a file would have it."""
-        return self._set({path: json.dumps(value) for path, value in values.items()})
 
     def _left(self, asked: Find) -> dict[str, Array]:
         """Return the wanted quantities less their targets, at all rows."""

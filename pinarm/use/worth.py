@@ -95,7 +95,7 @@ def setting_of(accuracy: Accuracy) -> dict[str, Any]:
 def comparable(accuracy: Accuracy) -> list[dict[str, Any]]:
     """Return settings whose errors differ much from that of another, finer ones first.
 
-    A coarser one serves where the given one is at the limit of rounding: the difference is then the coarser one's error.
+    A coarser one serves where the given one is at the limit of rounding: the difference is then the coarser's error.
     """
     near = [accuracy.tolerance / FINER, accuracy.tolerance / 10.0, accuracy.tolerance * 10.0]
     return [{"tolerance": value} for value in near if TIGHTEST < 1.001 * value < LOOSEST]

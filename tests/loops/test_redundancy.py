@@ -108,7 +108,7 @@ def test_in_the_plane_a_loosened_four_bar_has_the_same_forces(tmp_path):
 
 @pytest.mark.parametrize(("tip", "degree"), [("spherical", 4), ("revolute", 6)])
 def test_the_manipulator_is_hyperstatic_of_the_degree_that_its_publication_counts(tip, degree, tmp_path):
-    """Three out of the plane for the parallelogram; one along z for the loop of the cylinder, three with a pivot there."""
+    """Three out of the plane for the parallelogram; one along z for the cylinder's loop, three with a pivot there."""
     linkage = manipulator()
     along_z = linkage.joints["F"].turn
     changed = linkage.joints["D"]

@@ -31,9 +31,9 @@ def test_the_numbers_are_those_of_the_formula(scenario: pinarm.Scenario) -> None
     row = solved(scenario, results, arguments__m="3 kg", arguments__l="0.5 m")
     full = 3 * 10 * 0.5
     assert row.error == ""
-    assert row.numbers[:-3] == pytest.approx([0, full, 0, full, full * sin(pi / 6), pi / 2, -full, 0], abs=1e-12)
+    assert row.numbers[:8] == pytest.approx([0, full, 0, full, full * sin(pi / 6), pi / 2, -full, 0], abs=1e-12)
     assert len(row.numbers) == 8 + len(MEASURES)
-    assert max(row.numbers[-3:-1]) < 1e-14  # equilibrium and power; a rounding each
+    assert max(row.numbers[8:10]) < 1e-14  # equilibrium and power; a rounding each
 
 
 def test_numbers_of_the_mechanism_file_can_vary(scenario: pinarm.Scenario) -> None:

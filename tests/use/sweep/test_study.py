@@ -118,7 +118,8 @@ def test_a_fault_of_the_program_is_not_kept(
     scenario: pinarm.Scenario, tmp_path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     faulty = module(
-        "from pinarm.use.sweep.cases import Row\ndef solve(task, job):\n    return Row((), 'a fault', (), final=False)\n"
+        "from pinarm.use.sweep.cases import Row\n"
+        "def solve(task, job):\n    return Row((), 'a fault', (), final=False)\n"
     )
     with monkeypatch.context() as patched:
         patched.setattr(solving, "_solve_job", faulty.solve)
