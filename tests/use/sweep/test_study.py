@@ -40,7 +40,8 @@ def test_the_table_is_that_of_the_formula(scenario: pinarm.Scenario) -> None:
     np.testing.assert_allclose(sweep["max M"].values, 10 * m * l, rtol=1e-14)
     labels = [series.label for series in sweep.table.values()]
     results = ["M @ end [N*m]", "min M [N*m]", "max M [N*m]"]
-    assert labels == ["arguments.m [kg]", "arguments.l [m]", *results, "equilibrium", "power"]
+    worth = ["equilibrium", "power", "return trip", "condition"]
+    assert labels == ["arguments.m [kg]", "arguments.l [m]", *results, *worth]
     assert sweep["equilibrium"].values.max() < 1e-14
     assert sweep.errors == {}
     frame = sweep.to_dataframe()
