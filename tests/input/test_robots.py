@@ -34,6 +34,11 @@ def test_every_file_of_the_package_loads_but_the_one_without_a_robot():
             assert Mechanism.load(next(name for name, path in robots().items() if path == file)).model.nv
 
 
+def test_a_robot_that_has_no_urdf_is_refused_with_the_reason():
+    with pytest.raises(ModelError, match="the robot 'cassie' has an SDF file only"):
+        robot("cassie")
+
+
 def test_files_of_one_name_are_told_apart():
     assert robot("anymal").parts[-3] == "anymal_b_simple_description"
     assert robot("anymal_c").parts[-3] == "anymal_c_simple_description"
