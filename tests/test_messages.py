@@ -161,6 +161,7 @@ SCENARIOS = [
     # names
     (SCENARIO, "kind: inverse", "kind: invers",
      ["s.yaml:5:9: unknown kind 'invers'", "forward, inverse", "try: inverse"]),
+    (SCENARIO, "kind: inverse", "kind: {a: b}", ["s.yaml:5:3: unknown kind '{'a': 'b'}'"]),
     (SCENARIO, "law: trapezoid", "law: trapeze", ["s.yaml:8:18: unknown law 'trapeze'", "constant", "try: trapezoid"]),
     (SCENARIO, "kind: joint_effort", "kind: effort", ["s.yaml:12:18: unknown kind 'effort'", "joint_effort"]),
     (SCENARIO, "    track: {law", "    trakc: {law",

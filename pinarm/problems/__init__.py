@@ -54,10 +54,10 @@ def problem_class(kind: object) -> type[Any]:
     Raises:
         InputError: There is no such kind.
     """
-    if kind not in KINDS:
+    if not isinstance(kind, str) or kind not in KINDS:
         expected, hint = choices(str(kind), KINDS)
         raise InputError(f"unknown kind '{kind}'", expected=expected, hint=hint)
-    module, name = KINDS[str(kind)]
+    module, name = KINDS[kind]
     found: type[Any] = getattr(import_module(f"pinarm.problems.{module}"), name)
     return found
 

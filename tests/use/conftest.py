@@ -58,7 +58,40 @@ problem:
 outputs: [alpha, energy.total]
 """
 
-KINDS = {"statics": STATICS, "inverse": INVERSE, "forward": FORWARD}
+STATE = """\
+pinarm: 1
+mechanism: pendulum.yaml
+problem:
+  kind: state
+  hold: {pivot: 30 deg}
+  velocity: {pivot: 2 rad/s}
+  acceleration: {pivot: 3 rad/s^2}
+outputs: [M, alpha]
+"""
+
+EQUILIBRIA = """\
+pinarm: 1
+mechanism: pendulum.yaml
+problem:
+  kind: equilibria
+  starts: [{pivot: 10 deg}, {pivot: 170 deg}]
+outputs: [alpha, equilibrium.stability, equilibrium.frequency2_1]
+"""
+
+KINEMATICS = """\
+pinarm: 1
+mechanism: pendulum.yaml
+problem:
+  kind: kinematics
+  time: {end: 2 s, samples: 9}
+  motion: {pivot: {law: over, of: crank, period: 360 deg,
+                   profile: {law: harmonic, amplitude: 1 rad, pulsation: 1 rad/rad}},
+           crank: {law: constant_speed, speed: 1 rad/s}}
+outputs: [alpha, point.tip.velocity.x]
+"""
+
+KINDS = {"statics": STATICS, "inverse": INVERSE, "forward": FORWARD, "state": STATE, "equilibria": EQUILIBRIA,
+         "kinematics": KINEMATICS}  # fmt: skip
 
 
 @pytest.fixture
