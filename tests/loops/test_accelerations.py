@@ -6,7 +6,7 @@ Newton-Euler equations of all bodies in extended precision (``newton_euler``), a
 import numpy as np
 import pinocchio as pin
 import pytest
-from linkage import GROUND, SIMPLE, Joint, Linkage, random_body, random_joint
+from linkage import GROUND, SIMPLE, Linkage, random_body, random_joint
 from motions import free, poses, wrench
 from newton_euler import LONG, newton_euler
 
