@@ -7,10 +7,12 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.closure import Closure, Split
-from pinarm.engine.stamp import MASSLESS
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.balls import coordinate_name
 from pinarm.mechanics.tree import listed
+
+MASSLESS = 1e-12
+"""Eigenvalue of the mass matrix, scaled to a diagonal of ones, below which a direction has no mass."""
 
 NOTHING = 1e-24
 """Diagonal entry of M, relative to the largest, that is rounding of 0."""

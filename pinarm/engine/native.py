@@ -43,6 +43,7 @@ class PointClosure:
         inertia: The armature that holds each of them to it, shape (k,).
         scale: Smallest Delassus diagonal that is not 0 [1/kg].
         rank: Rank of the rows at a configuration of no special kind.
+        regularity: Smallest singular value of the rows there, relative to the largest.
     """
 
     model: pin.Model
@@ -54,6 +55,7 @@ class PointClosure:
     inertia: Array
     scale: float
     rank: int
+    regularity: float
 
     @classmethod
     def of(cls, closure: Closure, q: Array, driven: Sequence[int] = ()) -> PointClosure | None:
@@ -69,7 +71,7 @@ class PointClosure:
         tied = [_points_of(model, constraint) for constraint in closure.constraints]
         if not tied or any(points is None for points in tied):
             return None
-        needed, rank = _independent(model, [point for points in tied for point in points or ()])
+        needed, rank, regularity = _independent(model, [point for points in tied for point in points or ()])
         points, states = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
         for point in needed:
             points.append(point)
@@ -84,7 +86,7 @@ class PointClosure:
         diagonal = np.einsum("ij,jk,ik->i", rows, inverse, rows)
         scale = float(diagonal[diagonal > RANK**2 * diagonal.max()].min())
         cholesky = pin.ConstraintCholeskyDecomposition(model, data, points, states)
-        return cls(model, data, points, states, cholesky, held, inertia, scale, rank)
+        return cls(model, data, points, states, cholesky, held, inertia, scale, rank, regularity)
 
     def acceleration(self, dynamics: Dynamics, setting: tuple[float, int], targets: Targets) -> Acceleration:
         """Return the constrained motion's ``(t, q, v) -> a`` under the forces of ``dynamics`` and the given laws."""
@@ -163,8 +165,12 @@ def _rows(model: pin.Model, data: pin.Data, points: Sequence[pin.RigidConstraint
 
 def _independent(
     model: pin.Model, points: Sequence[pin.RigidConstraintModel]
-) -> tuple[list[pin.RigidConstraintModel], int]:
-    """Leave out points that add nothing to the rank, at two configurations of no special kind; return it too."""
+) -> tuple[list[pin.RigidConstraintModel], int, float]:
+    """Leave out points that add nothing to the rank, at two configurations of no special kind.
+
+    Returns:
+        What is left, the rank, and the better regularity of the two.
+    """
     data, generator = model.createData(), np.random.default_rng(0)
     places = [pin.integrate(model, pin.neutral(model), generator.uniform(-1.0, 1.0, model.nv)) for _ in range(2)]
     rows = [_rows(model, data, points, q).reshape(len(points), 3, -1) for q in places]
@@ -175,7 +181,8 @@ def _independent(
         if any(len(new) > len(old) for new, old in zip(grown, bases, strict=True)):
             kept.append(point)
             bases = grown
-    return kept, len(bases[0])
+    values = [np.linalg.svd(_rows(model, data, kept, q), compute_uv=False) for q in places]
+    return kept, len(bases[0]), max(float(value[len(bases[0]) - 1] / value[0]) for value in values)
 
 
 def _grown(basis: Array, rows: Array) -> Array:

@@ -12,13 +12,11 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.closure import Split
+from pinarm.engine.masses import MASSLESS
 from pinarm.engine.trajectory import Trajectory
 
 SAMPLE = 64
 """Number of rows that are looked at."""
-
-MASSLESS = 1e-12
-"""Eigenvalue of the mass matrix, scaled to a diagonal of ones, below which a direction has no mass."""
 
 
 def table_figures(run: Trajectory, most: int = SAMPLE) -> dict[str, float]:

@@ -13,6 +13,7 @@ from linkage import GROUND, SIMPLE, Linkage, random_body, random_joint
 from motions import driven, free, poses, power, states, wrench
 from newton_euler import newton_euler
 
+from pinarm.engine.measures import Measures
 from pinarm.engine.quantities import Quantities
 from pinarm.mechanics.laws import Harmonic
 from pinarm.mechanics.loops import Loop
@@ -170,6 +171,25 @@ class TestRows:
             assert power == pytest.approx(lam @ closure.rows() @ v, abs=1e-12)
             assert closure.load(lam) == pytest.approx(closure.rows().T @ lam, abs=1e-12)
 
+    def test_many_at_once_are_those_one_by_one(self, loop):
+        mechanism, _ = loop
+        closure, model, n = mechanism.closure, mechanism.model, 7
+        many, wanted = Measures.of(model, closure.constraints), range(closure.size)
+        q, v = np.random.default_rng(4).normal(size=(2, n, model.nv))
+        measured = many.at(q.T)
+        rows, drift = measured.rows(wanted), measured.drift(wanted, v.T)
+        gaps = np.array([np.broadcast_to(value, n) for value in measured.gap()]).T
+        for i in range(n):
+            closure.place(q[i])
+            assert gaps[i] == pytest.approx(closure.gap(q[i]), abs=1e-14)
+            dense = np.zeros((closure.size, model.nv))
+            for k, entries in rows.items():
+                for column, entry in entries.items():
+                    dense[k, column] = np.broadcast_to(entry, n)[i]
+            assert dense == pytest.approx(closure.rows(), abs=1e-13)
+            found = [np.broadcast_to(drift.get(k, 0.0), n)[i] for k in wanted]
+            assert found == pytest.approx(closure.drift(q[i], v[i]), abs=1e-12)
+
     def test_they_leave_the_freedom_that_the_kind_has(self, linkage, loop):
         mechanism, q = loop
         mechanism.closure.place(q)
@@ -190,10 +210,12 @@ def gap(mechanism, q, step):
 def test_the_open_angle_is_the_tilt_of_the_axes_whatever_the_turn_about_them(kind, tilt, tmp_path):
     generator = np.random.default_rng(0)
     joints = {"joint": random_joint(generator, kind, GROUND, "A"), "free": random_joint(generator, "free", GROUND, "A")}
-    pair = Linkage({"A": random_body(generator)}, joints).build(tmp_path, IN_LOOP).constraints[0].pair
+    mechanism = Linkage({"A": random_body(generator)}, joints).build(tmp_path, IN_LOOP)
+    loop, data = mechanism.constraints[0], mechanism.model.createData()
     for turn in np.linspace(0.0, 2 * np.pi, 13):
         rotation = pin.exp3(np.array([0.0, 0.0, turn])) @ pin.exp3(np.array([tilt, 0.0, 0.0]))
-        open_angle = np.linalg.norm(np.concatenate(pair.gap(np.zeros(3), rotation)))
+        data.oMf[loop.first], data.oMf[loop.second] = pin.SE3.Identity(), pin.SE3(rotation, np.zeros(3))
+        open_angle = np.linalg.norm(loop.gap(data, pin.neutral(mechanism.model)))
         if tilt < np.pi:
             assert open_angle == pytest.approx(tilt, rel=1e-12, abs=1e-15)
         else:

@@ -18,6 +18,7 @@ from pinarm.engine.closure import Closure, Split
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.integrators import Acceleration, Manifold, Settle, Stretch
+from pinarm.engine.masses import require_masses
 from pinarm.engine.systems.contract import Initial, Motion
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.balls import coordinate_at, coordinate_name
@@ -67,6 +68,7 @@ class ConstrainedSystem:
         Raises:
             AssemblyError: The loops cannot be closed with the given coordinates.
             InputError: A law contradicts the loops, or given velocities do.
+            DynamicsError: Something without mass is left free.
         """
         w, dw, _ = self.imposed.on(start, end)(start)
         given = [coordinate_at(self.rows.model, index) for index in initial.positions]
@@ -79,6 +81,7 @@ class ConstrainedSystem:
         q = assembled(self.own, everything, initial.q, np.array([*w, *values]), start)
         self.rows.place(q)
         self._check_independent(Split.of(self.rows.rows()))
+        require_masses(self.rows, q, start)
         return q, self._velocity(q, initial, dw)
 
     def _check_independent(self, split: Split) -> None:

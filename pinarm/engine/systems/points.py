@@ -29,8 +29,12 @@ STALLED = 1e-9
 """Gap below which Newton's method may end because rounding lets it shrink no more [m]."""
 
 NEAR, CLOSE = 0.2, 0.03
-"""Smallest singular value of the rows, relative to the largest: below the first every stage is brought back onto the
-constraints, below the second the proximal term is the truncating one. Overconstrained loops are always below."""
+"""Smallest singular value of the rows, relative to the largest, and this to what it is at positions of no special kind:
+below the first every stage is brought back onto the constraints, as it always is where loops are overconstrained; below
+the second the proximal term is the truncating one, which is less exact where masses differ much."""
+
+VANISHED = 1e-14
+"""Square of a singular value, relative to the largest, that is 0 but for rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,13 +85,15 @@ class _PointMotion:
         self.places = [points.model.joints[int(points.joint_at(v))].idx_q for v in points.driven]
         self.usual = points.acceleration(dynamics, ACCURATE, targets)
         self.truncated = points.acceleration(dynamics, TRUNCATED, targets)
-        self.free, self.near = self.truncated, True
+        self.free, self.near, self.looked = self.usual, True, False
         self.t, self.step, self.least = -np.inf, 0.0, 0.0
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration, near singular positions that of the closed state."""
         if self.near:
             q, v = self.closed(q, v)
+            if not self.looked:
+                self.look()
         return self.free(t, q, v)
 
     def floor(self) -> float:
@@ -99,16 +105,22 @@ class _PointMotion:
         if self.places:
             q[self.places], v[self.points.driven], _ = self.targets(t)
         q, v = self.closed(q, v)
-        rows = self.points.rows()
-        squares = np.linalg.eigvalsh(rows @ rows.T)  # quicker than singular values, and exact enough
-        regularity = (max(squares[-self.points.rank], 0.0) / squares[-1]) ** 0.5
-        self.near = regularity < NEAR
-        self.free = self.truncated if regularity < CLOSE else self.usual
+        self.look()
         if not self.near:
             self.step = t - self.t
         self.least = FLOOR * self.step if self.near else 0.0
         self.t = t
         return q, v
+
+    def look(self) -> None:
+        """Choose how to go on, by how regular the position last closed is."""
+        rows = self.points.rows()
+        squares = np.linalg.eigvalsh(rows @ rows.T)  # quicker than singular values, and exact enough
+        held = squares[squares > VANISHED * squares[-1]]
+        regularity = (held[0] / held[-1]) ** 0.5 / self.points.regularity
+        self.near = regularity < NEAR or len(held) < self.points.rank
+        self.free = self.truncated if regularity < CLOSE else self.usual
+        self.looked = True
 
     def closed(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the closed state nearest to (q, v), the distance measured by the masses."""
