@@ -1,4 +1,4 @@
-"""The command line: ``run``, ``check``, ``validate``, ``schema``.
+"""The command line: ``run``, ``check``, ``validate``, ``replay``, ``schema``.
 
 Exit codes: 0 all is well, 1 an expectation is missed, 2 the input has a mistake, 3 the numerics failed (what was
 computed until then is kept), 130 interrupted. Results go to stdout; progress to stderr, where that is a terminal.
@@ -86,6 +86,22 @@ def _parser() -> argparse.ArgumentParser:
     explain.add_argument("path", metavar="SCENARIO|MODEL")
     explain.set_defaults(command=_explain)
 
+    replay = commands.add_parser("replay", parents=[common], help="show the motion of a result in a web page")
+    replay.add_argument("result", type=Path, metavar="RESULT", help="result folder")
+    replay.add_argument("-o", "--output", type=Path, help="file (default: replay.html or replay.png in the folder)")
+    replay.add_argument("--trace", action="extend", nargs="+", default=[], metavar="POINT",
+                        help="draw the paths of these links' origins; com: of the centre of mass")  # fmt: skip
+    replay.add_argument("--arrows", action="extend", nargs="+", default=[], metavar="KIND",
+                        help="draw forces, torques, reactions, or all")  # fmt: skip
+    replay.add_argument("--plot", action="extend", nargs="*", metavar="QUANTITY",
+                        help="plot these beside it, or nothing (default: the outputs)")  # fmt: skip
+    instead = replay.add_mutually_exclusive_group()
+    instead.add_argument("--png", metavar="t=VALUE", help="write a picture of this instant, by Chromium")
+    instead.add_argument("--video", type=Path, metavar="FILE.mp4", help="write a video, by Chromium and ffmpeg")
+    replay.add_argument("--fps", type=float, default=30.0, help="pictures a second of the video")
+    replay.add_argument("--speed", type=float, default=1.0, help="of the video, relative to real time")
+    replay.set_defaults(command=_replay)
+
     schema = commands.add_parser("schema", parents=[common], help="print the JSON Schema for editors")
     schema.add_argument("of", nargs="?", choices=["scenario", "mechanism"], default="scenario")
     schema.set_defaults(command=_schema)
@@ -168,6 +184,28 @@ def _explain(options: argparse.Namespace) -> int:
         _print_json({"mechanism": found.mechanism.title, **msgspec.to_builtins(found.mobility)})
     else:
         print(_printable(str(found)))
+    return OK
+
+
+def _replay(options: argparse.Namespace) -> int:
+    from pinarm.use.restore import restore
+
+    result = restore(options.result)
+    shown = result.replay(traces=options.trace, arrows=options.arrows, plots=options.plot)
+    target = options.output or options.result / ("replay.png" if options.png else "replay.html")
+    if options.png or options.video:
+        from pinarm.use.replay import pictures
+
+        if options.png:
+            pictures.picture(shown, pictures.place(result.trajectory, options.png), target)
+        else:
+            target = pictures.video(shown, options.video, fps=options.fps, speed=options.speed, progress=_progress)
+    else:
+        shown.save(target)
+    if options.json:
+        _print_json({"file": str(target), "bytes": target.stat().st_size, "notes": shown.notes})
+    else:
+        print("\n".join([*(_printable(f"note: {note}") for note in shown.notes), f"written to {target}"]))
     return OK
 
 
