@@ -22,13 +22,12 @@ from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import InputError
 from pinarm.mechanics.motion import Grid
 from pinarm.problems.common import bind_loads
-from pinarm.problems.kinematics import UNASKED
 from pinarm.use.result import Result
 from pinarm.use.save import OWN
 from pinarm.use.scenario import Scenario
 
 AGAIN = "run the scenario again: python -m pinarm run SCENARIO -o DIR"
-STATE = ("q", "v", "a", "tau", "t", "cuts", "rows")
+STATE = ("q", "v", "a", "tau", "lam", "t", "cuts", "rows")
 
 
 def restore(folder: str | Path) -> Result:
@@ -45,15 +44,14 @@ def restore(folder: str | Path) -> Result:
         if not (folder / name).is_file():
             problem = f"{folder} is no result: it has no {name}" if folder.is_dir() else f"there is no folder {folder}"
             raise InputError(problem, expected="a folder that 'pinarm run' wrote", hint=AGAIN)
-    summary = _summary(folder / "summary.json")
+    summary, arrays = _summary(folder / "summary.json"), _arrays(folder / "trajectory.npz")
     scenario = Scenario.load(folder / "scenario.yaml")
-    run = _trajectory(scenario, _mechanism(folder, scenario), _states(folder / "trajectory.npz"))
+    content = scenario.content
+    run = _trajectory(scenario, _mechanism(folder, scenario), arrays)
     figures = {**summary["accuracy"], **summary["cost"], **summary["findings"]}
-    quantities = Quantities(replace(run, figures=figures), scenario.symbols)
-    return Result(
-        str(summary["scenario"]), scenario.problem.kind, scenario.content, scenario.document.data, quantities, figures,
-        folder,
-    )  # fmt: skip
+    quantities = Quantities(replace(run, figures=figures), scenario.symbols, content.undetermined)
+    name, kind = str(summary["scenario"]), scenario.problem.kind
+    return Result(name, kind, content, scenario.document.data, quantities, figures, folder)
 
 
 def _summary(path: Path) -> dict[str, Any]:
@@ -67,48 +65,55 @@ def _summary(path: Path) -> dict[str, Any]:
         raise InputError(f"{path} is no summary of a run ({error})", hint=AGAIN) from None
 
 
-def _states(path: Path) -> dict[str, Array]:
-    """Return the arrays behind the outputs; nothing but plain numbers is read.
+def _arrays(path: Path) -> dict[str, Array]:
+    """Return what is behind the outputs: states, other quantities, and names of guided coordinates.
 
     Raises:
-        InputError: They are missing, or no finite numbers.
+        InputError: They are missing, or the states are no finite numbers.
     """
     try:
         with np.load(path, allow_pickle=False) as arrays:
-            found = {name: np.asarray(arrays[f"state.{name}"], float) for name in STATE}
+            found = {name: np.asarray(arrays[f"state.{name}"], float) for name in (*STATE, "further")}
+            found["guides"] = arrays["state.guides"].astype(str)
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(f"{path} does not hold the states of a run ({error})", hint=AGAIN) from None
-    if not all(np.isfinite(array).all() for array in found.values()):
+    if not all(np.isfinite(found[name]).all() for name in STATE):
         raise InputError(f"the states in {path} are not finite")
     return found
 
 
 def _mechanism(folder: Path, scenario: Scenario) -> Mechanism:
     """Return the mechanism, whose arguments the text of the model no longer has."""
-    mechanism = Mechanism.load(folder / "mechanism.yaml", gravity=scenario.content.gravity)
+    mechanism = Mechanism.load(folder / "mechanism.yaml", gravity=scenario.content.gravity,
+                               payloads=scenario.content.payloads)  # fmt: skip
     given = scenario.content.arguments
     units = {name: value.unit for name, value in given.items() if value.unit is not None}
     arguments: Mapping[str, float] = {name: float(value) for name, value in given.items()}
     return replace(mechanism, arguments=arguments, argument_units=units)
 
 
-def _trajectory(scenario: Scenario, mechanism: Mechanism, states: Mapping[str, Array]) -> Trajectory:
+def _trajectory(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
     """Return the motion; asked for other instants, it is solved anew.
 
     Raises:
-        InputError: The states are not those of this mechanism.
+        InputError: The arrays are not those of this mechanism.
     """
-    problem, place = scenario.problem, scenario.document.locating
-    n, model = len(states["t"]), mechanism.model
-    wanted = {"q": (n, model.nq), "v": (n, model.nv), "a": (n, model.nv), "tau": (n, model.nv), "t": (n,)}
-    grid = Grid(states["t"], tuple(states["cuts"]), tuple(int(row) for row in states["rows"]))
-    if n == 0 or any(states[name].shape != shape for name, shape in wanted.items()) or not _fits(grid):
+    problem, place, n = scenario.problem, scenario.document.locating, len(arrays["t"])
+    guides = [str(name) for name in arrays["guides"].reshape(-1)]
+    closure = mechanism.closure.with_guides(guides, [mechanism.coordinate(name) for name in guides])
+    still, (nq, nv) = problem.still(mechanism), (mechanism.model.nq, mechanism.model.nv)
+    wanted = {"q": (n, nq), "v": (n, nv), "a": (n, nv), "tau": (n, nv), "lam": (n, closure.size), "t": (n,)}
+    wanted |= {"further": (len(still.further), n)} if still.further else {}
+    grid = Grid(arrays["t"], tuple(arrays["cuts"].tolist()), tuple(int(row) for row in arrays["rows"]))
+    if n == 0 or any(arrays[name].shape != shape for name, shape in wanted.items()) or not _fits(grid):
         raise InputError("the states of this result are not those of its model", hint=AGAIN)
+    further = {name: replace(series, values=row)
+               for (name, series), row in zip(still.further.items(), arrays["further"], strict=False)}  # fmt: skip
     loads = bind_loads(mechanism, getattr(problem, "loads", {}), lambda *at: place("problem", *at))
     again = lambda other: problem.solve(mechanism, scenario.content.accuracy, place).again(other)  # noqa: E731
-    return Trajectory(
-        mechanism, *problem.parameter(mechanism), grid, states["q"], states["v"], states["a"], states["tau"],
-        Dynamics.of(model, loads), again, unasked=UNASKED if problem.kind == "kinematics" else "",
+    return replace(
+        still, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], tau=arrays["tau"], lam=arrays["lam"],
+        closure=closure, dynamics=Dynamics.of(mechanism.model, loads), again=again, further=further,
     )  # fmt: skip
 
 

@@ -97,12 +97,14 @@ def _cell(label: str) -> str:
 
 
 def _arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
-    """Return the outputs by name, their units, and the states and stretches behind them as ``state.q`` and so on."""
+    """Return the outputs by name, their units, and what is behind them as ``state.q`` and so on."""
     run = result.trajectory
     units = np.array([[series.name, str(series.unit or "?")] for series in columns])
     state = {
         "state.q": run.q, "state.v": run.v, "state.a": run.a, "state.tau": run.tau, "state.units": units,
         "state.t": run.grid.t, "state.cuts": np.array(run.grid.cuts), "state.rows": np.array(run.grid.rows),
+        "state.lam": run.lam, "state.further": np.array([series.values for series in run.further.values()]),
+        "state.guides": np.array([one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]], str),
     }  # fmt: skip
     return {**state, **{series.name: np.asarray(series.values) for series in columns}}
 

@@ -56,22 +56,26 @@ class Page:
     """One page in the browser.
 
     Attributes:
-        events: What the browser has reported since the page was made, such as requests and console messages.
+        events: What the browser has reported since the replay was opened, such as requests and console messages.
     """
 
     def __init__(self, commands: int, answers: int) -> None:
         self.events: list[dict[str, Any]] = []
         self._commands, self._answers = commands, answers
-        self._rest, self._count, self._session = b"", 0, ""
+        self._rest, self._count, self._session, self._target = b"", 0, "", ""
 
     def open(self, path: Path, fragment: str = "", *, width: int = 1280, height: int = 720) -> None:
-        """Show a replay and wait until it is ready.
+        """Show a replay, in place of the one before, and wait until it is ready.
 
         Raises:
             PinarmError: The page does not start.
         """
-        target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self._session = ""
+        if self._target:
+            self.call("Target.closeTarget", targetId=self._target)
+        self._target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        self._session = self.call("Target.attachToTarget", targetId=self._target, flatten=True)["sessionId"]
+        self.events.clear()
         for domain in ("Page", "Runtime", "Network", "Log"):
             self.call(f"{domain}.enable")
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)

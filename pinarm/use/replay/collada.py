@@ -15,28 +15,28 @@ from xml.etree import ElementTree
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError
-from pinarm.use.replay.meshes import Mesh, Triangles
+from pinarm.use.replay.surfaces import Triangles, joined
 
 Element = ElementTree.Element
 Colour = tuple[float, float, float, float]
+Part = tuple[Array, Triangles, Colour | None]
+"""Vertices, shape (n, 3), triangles, shape (m, 3), and their colour."""
+
 MOST_NODES = 10_000
 """Nodes of a scene, instances followed: a file of a few lines can name any number of them."""
 
 
-def read_collada(path: Path) -> list[Mesh]:
-    """Return the meshes of a file, one for each material of each node.
+def read_collada(path: Path) -> list[Part]:
+    """Return the triangles of a file, apart for each material of each node.
 
     Raises:
-        InputError: The file is damaged.
+        ValueError: The file is damaged.
+        ElementTree.ParseError: It is no XML.
     """
     raw = path.read_bytes()
     if b"<!DOCTYPE" in raw or b"<!ENTITY" in raw:
-        raise InputError(f"the mesh {path.name} declares entities, which are not read")
-    try:
-        return list(_File(ElementTree.fromstring(raw)).meshes())
-    except (ElementTree.ParseError, ValueError, KeyError, IndexError, TypeError) as error:
-        raise InputError(f"the mesh {path.name} cannot be read: {error!r}") from None
+        raise ValueError("it declares entities")
+    return list(_File(ElementTree.fromstring(raw)).parts())
 
 
 @dataclass
@@ -51,8 +51,8 @@ class _File:
         self.ids = {element.get("id"): element for element in self.root.iter() if element.get("id")}
         self.visited = 0
 
-    def meshes(self) -> Iterator[Mesh]:
-        """Yield the meshes of the scene."""
+    def parts(self) -> Iterator[Part]:
+        """Yield the triangles of the scene."""
         unit = self.root.find("asset/unit")
         scale = float(unit.get("meter", "1")) if unit is not None else 1.0
         scene = self._named(self.root.find("scene/instance_visual_scene"))
@@ -62,7 +62,7 @@ class _File:
     def _named(self, element: Element | None, key: str = "url") -> Element | None:
         return self.ids.get(element.get(key, "").removeprefix("#")) if element is not None else None
 
-    def _node(self, node: Element, outer: Array, depth: int = 0) -> Iterator[Mesh]:
+    def _node(self, node: Element, outer: Array, depth: int = 0) -> Iterator[Part]:
         self.visited += 1
         if self.visited > MOST_NODES or depth > 50:
             raise ValueError("its nodes are too many")
@@ -79,7 +79,7 @@ class _File:
             if shared is not None:
                 yield from self._node(shared, placement, depth + 1)
 
-    def _geometry(self, instance: Element, placement: Array) -> Iterator[Mesh]:
+    def _geometry(self, instance: Element, placement: Array) -> Iterator[Part]:
         geometry = self._named(instance)
         mesh = geometry.find("mesh") if geometry is not None else None
         if mesh is None:
@@ -90,12 +90,10 @@ class _File:
                 continue
             symbol = part.get("material", "")
             points, corners = self._positions(part), _triangles(part)
-            used, places = np.unique(corners, return_inverse=True)
-            vertices = points[used] @ placement[:3, :3].T + placement[:3, 3]
-            triangles = places.reshape(-1, 3).astype(np.int64)
-            if np.linalg.det(placement[:3, :3]) < 0.0:
-                triangles = triangles[:, ::-1]
-            yield _joined(Mesh(vertices, triangles, self._colour(bound.get(symbol, symbol))))
+            if np.linalg.det(placement[:3, :3]) < 0.0:  # a mirror image: what was outside stays outside
+                corners = corners[:, ::-1]
+            vertices = points @ placement[:3, :3].T + placement[:3, 3]
+            yield *joined(vertices, corners), self._colour(bound.get(symbol, symbol))
 
     def _positions(self, part: Element) -> Array:
         vertices = self._named(_input(part, "VERTEX"), "source")
@@ -142,12 +140,6 @@ def _triangles(part: Element) -> Triangles:
     fans = [(corners[s], corners[s + k], corners[s + k + 1]) for s, n in zip(starts, counts, strict=True)
             for k in range(1, n - 1)]  # fmt: skip
     return np.array(fans, np.int64).reshape(-1, 3)
-
-
-def _joined(mesh: Mesh) -> Mesh:
-    """Return the mesh with vertices at one place made one, so that the page can tell edges from smooth surfaces."""
-    unique, places = np.unique(mesh.vertices.astype(np.float32), axis=0, return_inverse=True)
-    return Mesh(unique.astype(float), places.reshape(-1)[mesh.triangles], mesh.colour)
 
 
 def _translate(numbers: Array) -> Array:

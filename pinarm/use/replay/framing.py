@@ -15,7 +15,7 @@ from pinarm.use.replay.tracks import Node
 PARALLEL = 1e-6
 """Sine of the angle between axes that still are parallel."""
 
-DIRECTIONS, GOLDEN = 96, np.pi * (1.0 + np.sqrt(5.0))
+DIRECTIONS, GOLDEN = 80, np.pi * (1.0 + np.sqrt(5.0))
 """By how many points the extent is told, and the turn from one of their directions to the next."""
 
 SLACK = 0.03
@@ -98,8 +98,8 @@ def _outline(points: Array) -> Array:
     k = np.arange(DIRECTIONS) + 0.5
     z, turn = 1.0 - 2.0 * k / DIRECTIONS, GOLDEN * k
     radius = np.sqrt(1.0 - z * z)
-    directions = np.stack([radius * np.cos(turn), radius * np.sin(turn), z])
-    return np.asarray(points[np.unique((points @ directions).argmax(axis=0))])
+    directions = np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=1)
+    return np.asarray(points[sorted({int((points @ direction).argmax()) for direction in directions})])
 
 
 def _common_axis(nodes: Sequence[Node], place: Array) -> Array | None:

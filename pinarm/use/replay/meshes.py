@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError
+from pinarm.use.replay.collada import read_collada
 from pinarm.use.replay.packing import Packing
-
-Triangles = NDArray[np.int64]
+from pinarm.use.replay.surfaces import Triangles, read_obj, read_stl
 
 MOST_BYTES = 100_000_000
 MOST_TRIANGLES = 220_000
@@ -71,30 +71,24 @@ def read_mesh(path: Path) -> list[Mesh]:
     Raises:
         InputError: It is none of those, or damaged.
     """
-    from pinarm.use.replay.collada import read_collada
-
     if path.stat().st_size > MOST_BYTES:
         raise InputError(f"the mesh {path.name} is too large", expected=f"at most {MOST_BYTES} bytes")
-    found = read_collada(path) if path.suffix.lower() == ".dae" else [_read_plain(path)]
-    meshes = [mesh for mesh in found if len(mesh.triangles)]
+    try:
+        meshes = [mesh for mesh in _read(path) if len(mesh.triangles)]
+    except (ElementTree.ParseError, ValueError, KeyError, IndexError, TypeError) as error:
+        raise InputError(f"the mesh {path.name} cannot be read: {error}") from None
     if not meshes or not all(np.isfinite(mesh.vertices).all() for mesh in meshes):
         raise InputError(f"the mesh {path.name} has no triangles, or some that are not finite")
     return meshes
 
 
-def _read_plain(path: Path) -> Mesh:
-    """Read a file that has no colours of its own."""
-    import coal
-
-    if path.suffix.lower() not in (".stl", ".obj"):
-        raise InputError(f"the mesh {path.name} is of an unknown kind", expected=".stl, .obj or .dae")
-    try:
-        shape = coal.MeshLoader().load(str(path), np.ones(3))
-    except (ValueError, RuntimeError) as error:
-        raise InputError(f"the mesh {path.name} cannot be read: {' '.join(str(error).split())[:200]}") from None
-    corners = [shape.tri_indices(k) for k in range(shape.num_tris)]
-    triangles = np.array([[c[0], c[1], c[2]] for c in corners], np.int64).reshape(-1, 3)
-    return Mesh(np.array(shape.vertices()).reshape(-1, 3), triangles)
+def _read(path: Path) -> list[Mesh]:
+    kind = path.suffix.lower()
+    if kind == ".dae":
+        return [Mesh(*part) for part in read_collada(path)]
+    if kind not in (".stl", ".obj"):
+        raise ValueError(f"{kind} is not .stl, .obj or .dae")
+    return [Mesh(*(read_stl if kind == ".stl" else read_obj)(path))]
 
 
 def thinned(meshes: Sequence[Mesh], size: float, most: int = MOST_TRIANGLES) -> list[Mesh]:

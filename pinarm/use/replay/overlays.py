@@ -10,18 +10,20 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.passes import Passes
+from pinarm.engine.quantities import UNDETERMINED
+from pinarm.engine.reactions import Reactions
 from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import InputError, choices
 from pinarm.mechanics.coordinates import frame_of
 from pinarm.mechanics.forces.point import AppliedWrench, TwoPointSpring
+from pinarm.mechanics.loops import LoopJoint
 from pinarm.use.replay.packing import Packing
 from pinarm.use.replay.tracks import Node
 
 ARROWS = {
     "forces": "weights and loads",
     "torques": "efforts of the drives",
-    "reactions": "reactions of the joints",
+    "reactions": "reactions of the joints, where rigid bodies determine them",
 }
 """Kinds of arrows, and what the legend calls them. Their colours are in ``overlays.js``."""
 
@@ -52,11 +54,11 @@ class Pair:
     """Two points that something joins, drawn as what it is.
 
     Attributes:
-        kind: A ``spring``, a ``cylinder`` (a constant force or a damper), or the mark of a ``loop`` joint.
+        kind: A ``spring``, a ``cylinder`` (a constant force or a damper), a ``rod``, or the mark of a ``loop`` joint.
         ends: The two points.
     """
 
-    kind: Literal["spring", "cylinder", "loop"]
+    kind: Literal["spring", "cylinder", "rod", "loop"]
     ends: tuple[Point, Point]
 
     def plain(self, places: Array) -> dict[str, Any]:
@@ -123,11 +125,15 @@ def traced(model: pin.Model, name: str) -> list[tuple[Point, float]]:
 
 
 def pairs(run: Trajectory) -> list[Pair]:
-    """Return what joins two points: the springs and cylinders among the forces of the run."""
+    """Return what joins two points: springs and cylinders among the forces of the run, and its loop joints."""
     model = run.mechanism.model
-    return [
+    found = [
         Pair("spring" if force.stiffness > 0.0 else "cylinder", (point_of(model, one), point_of(model, two)))
         for force in run.dynamics.forces.values() if isinstance(force, TwoPointSpring) for one, two in [force.frames]
+    ]  # fmt: skip
+    return found + [
+        Pair("rod" if joint.kind == "rod" else "loop", (point_of(model, joint.first), point_of(model, joint.second)))
+        for joint in run.mechanism.constraints if isinstance(joint, LoopJoint)
     ]  # fmt: skip
 
 
@@ -204,7 +210,16 @@ def _torques(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
 
 
 def _reactions(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
-    """Yield the forces of the parents on the children at the joints."""
-    found = Passes(run).reactions
-    for joint in range(1, run.mechanism.model.njoints):
-        yield Arrow("reactions", Point(joint, np.zeros(3)), False, found[:, joint, :3])
+    """Yield the forces of the parents on the children at the joints, as far as rigid bodies determine them."""
+    found, model = Reactions(run), run.mechanism.model
+    for joint in range(1, model.njoints):
+        if _determined([stressed[:, joint] for stressed in found.stressed_joints]):
+            yield Arrow("reactions", Point(joint, np.zeros(3)), False, found.joints[:, joint, :3])
+    for name, loop in found.loops.items():
+        if _determined(found.stressed_loop(name)):
+            yield Arrow("reactions", point_of(model, loop.second), False, found.loop(name)[:, :3])
+
+
+def _determined(added: Sequence[Array]) -> bool:
+    """Tell whether no self-stress adds to a force."""
+    return all(np.abs(stressed[:, :3]).max(initial=0.0) <= UNDETERMINED for stressed in added)

@@ -30,6 +30,9 @@ from pinarm.use.result import Result
 FILES = Path(__file__).parent / "page"
 SCRIPTS = ("data.js", "motion.js", "solids.js", "view.js", "overlays.js", "plots.js", "main.js")
 CURVES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#3a87b7")
+LINKS = 6.0
+"""Typical links along the extent of a mechanism; one of more has smaller marks."""
+
 DEGREE = 0.017453292519943295
 
 Plain = dict[str, Any]
@@ -125,8 +128,8 @@ def _scene(
         "traces": [_trace(path) for path in paths],
         "pairs": [pair.plain(places) for pair in joined],
         "arrows": [arrow.plain(packing, largest[arrow.of, arrow.moment]) for arrow in acting],
-        "view": {name: value.tolist() for name, value in vars(seen).items()},
-        "legend": _legend(traces, largest),
+        "view": {**{name: value.tolist() for name, value in vars(seen).items()}, "detail": _detail(nodes, seen)},
+        "legend": _legend(traces, largest, any(pair.kind == "loop" for pair in joined)),
     }
     return scene, drawn.notes
 
@@ -137,7 +140,8 @@ def _only(run: Trajectory, rows: Indices) -> Trajectory:
         return run
     starts = tuple(int(k) for k in np.searchsorted(rows, run.grid.rows))
     grid = Grid(run.grid.t[rows], run.grid.cuts, starts)
-    return replace(run, grid=grid, q=run.q[rows], v=run.v[rows], a=run.a[rows], tau=run.tau[rows])
+    q, v, a, tau, lam = (array[rows] for array in (run.q, run.v, run.a, run.tau, run.lam))
+    return replace(run, grid=grid, q=q, v=v, a=a, tau=tau, lam=lam)
 
 
 def _node(node: Node, packing: Packing) -> Plain:
@@ -161,13 +165,19 @@ def _solids(shapes: Sequence[Shape], seen: Framing, packing: Packing) -> Plain:
     return {"shapes": plain, "meshes": [mesh.pack(packing) for mesh in thinned(meshes, seen.size)]}
 
 
+def _detail(nodes: Sequence[Node], seen: Framing) -> float:
+    """Return the length [m] that marks are relative to: the extent, less where a mechanism has many small links."""
+    links = [length for node in nodes if (length := float(np.linalg.norm(node.placement.translation))) > 0.0]
+    return min(seen.size, LINKS * float(np.median(links))) if links else seen.size
+
+
 def _trace(path: Sequence[tuple[overlays.Point, float]]) -> Plain:
     if len(path) == 1:
         return path[0][0].plain()
     return {"masses": [{**point.plain(), "mass": mass} for point, mass in path]}
 
 
-def _legend(traces: Sequence[str], largest: dict[tuple[str, bool], float]) -> list[Plain]:
+def _legend(traces: Sequence[str], largest: dict[tuple[str, bool], float], loops: bool) -> list[Plain]:
     """Return what the colours mean, and what the longest arrows stand for."""
     told: list[Plain] = [
         {"trace": k, "text": "centre of mass" if name == "com" else f"path of {name}"} for k, name in enumerate(traces)
@@ -175,7 +185,7 @@ def _legend(traces: Sequence[str], largest: dict[tuple[str, bool], float]) -> li
     for (kind, moment), size in largest.items():
         longest = f"full arc {size:.4g} N·m" if moment else f"longest arrow {size:.4g} N"
         told.append({"arrow": kind, "text": f"{overlays.ARROWS[kind]}: {longest}"})
-    return told
+    return [*told, {"loop": True, "text": "loop joint"}] if loops else told
 
 
 def _parameter(run: Trajectory) -> Plain:

@@ -98,11 +98,12 @@ def visuals(mechanism: Mechanism) -> Visuals:
     shapes: list[Shape] = []
     notes: list[str] = []
     missing: set[int] = set()
+    meshes: dict[Path, list[Mesh]] = {}  # a leg's mesh serves four times
     for link in robot.iter("link"):
         frame = frames[str(link.get("name"))]
         for visual in link.findall("visual"):
             try:
-                shapes += _visual(visual, frame, palette, mechanism.source.robot)
+                shapes += _visual(visual, frame, palette, mechanism.source.robot, meshes)
             except (PinarmError, ValueError) as error:
                 said = error.message if isinstance(error, PinarmError) else str(error)
                 notes.append(f"link {link.get('name')} is not drawn as its file says: {said}")
@@ -127,8 +128,9 @@ def _colour(material: ElementTree.Element | None) -> Colour | None:
 
 
 def _visual(
-    visual: ElementTree.Element, frame: pin.Frame, palette: Mapping[str, Colour], robot: Path
-) -> Iterator[Shape]:
+    visual: ElementTree.Element, frame: pin.Frame, palette: Mapping[str, Colour], robot: Path,
+    meshes: dict[Path, list[Mesh]],
+) -> Iterator[Shape]:  # fmt: skip
     """Yield the solids of one visual.
 
     Raises:
@@ -145,7 +147,10 @@ def _visual(
     colour = given or colour_of(node)
     if element.tag == "mesh":
         scale = tuple(float(x) for x in _numbers(element.get("scale", "1 1 1"), 3))
-        for mesh in read_mesh(_mesh_file(element.get("filename", ""), robot)):
+        file = _mesh_file(element.get("filename", ""), robot)
+        if file not in meshes:
+            meshes[file] = read_mesh(file)
+        for mesh in meshes[file]:
             yield Shape(node, placement, "mesh", scale, given or mesh.colour or colour, mesh)
     elif element.tag == "box":
         yield Shape(node, placement, "box", tuple(_positive(_numbers(element.get("size", ""), 3))), colour)

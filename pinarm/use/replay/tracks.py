@@ -18,7 +18,7 @@ from pinarm.engine.trajectory import Trajectory
 MOST_ROWS = 2400
 """Rows in the page: forty seconds at sixty pictures a second; of more, evenly spaced ones are taken."""
 
-SAMPLED = 160
+SAMPLED = 100
 """Rows by which the extent of a motion is judged."""
 
 Kind = Literal["fixed", "turn", "slide", "pose"]

@@ -4,10 +4,10 @@ const SWEEP = 6; // seconds in which a motion that is not over time is played at
 const REST = 0.8; // seconds at the end before it begins again
 
 function legend(entries) {
-  document.getElementById("legend").append(...entries.map(({ text, arrow, trace }) => {
+  document.getElementById("legend").append(...entries.map(({ text, arrow, trace, loop }) => {
     const item = document.createElement("li");
     const chip = document.createElement("i");
-    chip.style.background = arrow ? HUES[arrow] : PATHS[trace % PATHS.length];
+    chip.style.background = loop ? HUES.loops : arrow ? HUES[arrow] : PATHS[trace % PATHS.length];
     item.append(chip, document.createTextNode(text));
     return item;
   }));

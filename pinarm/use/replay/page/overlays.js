@@ -1,6 +1,6 @@
 // What is drawn over the mechanism: paths of points, arrows, springs, cylinders and loop joints.
 
-const HUES = { forces: "#009e73", torques: "#d55e00", reactions: "#0072b2" };
+const HUES = { forces: "#009e73", torques: "#d55e00", reactions: "#0072b2", loops: "#cc79a7" };
 const PATHS = ["#cc4778", "#e69f00", "#56b4e9", "#7e4fb0", "#2b8a3e", "#8a5a2b"];
 const STATIONS = 900; // places at which a path is computed, if there are not more rows
 const FULL_ARC = 1.6 * Math.PI;
@@ -122,10 +122,10 @@ function twist(view, motion, arrow, array) {
 
 /** Draw what joins two points: a spring, a cylinder, or the mark of a loop joint. */
 function link(view, motion, pair) {
-  const { THREE, size } = view;
+  const { THREE, detail: size } = view;
   const between = new THREE.Group();
   view.world.add(between);
-  const parts = { spring, cylinder, loop }[pair.kind](THREE, pair, size);
+  const parts = { spring, cylinder, rod, loop }[pair.kind](THREE, pair, size);
   between.add(...parts.fixed, ...parts.stretched);
   return () => {
     const [a, b] = [motion.point(pair.a.node, pair.a.point), motion.point(pair.b.node, pair.b.point)];
@@ -165,16 +165,24 @@ function cylinder(THREE, pair, size) {
   return { fixed: [barrel, start, end], stretched: [rod], atEnd: [end] };
 }
 
+function rod(THREE, pair, size) {
+  const bar = new THREE.Mesh(new THREE.CylinderGeometry(0.008 * size, 0.008 * size, 1, 20).rotateX(Math.PI / 2)
+    .translate(0, 0, 0.5), paint(THREE, [0.55, 0.58, 0.62, 1]));
+  bar.castShadow = true;
+  const [start, end] = eyes(THREE, size);
+  return { fixed: [start, end], stretched: [bar], atEnd: [end] };
+}
+
 /** A loop joint: a bright ball on each of its two links, and a line between them where they have come apart. */
 function loop(THREE, pair, size) {
   const ball = () => {
-    const mark = new THREE.Mesh(new THREE.SphereGeometry(0.014 * size, 20, 14), onTop(THREE, "#cc79a7"));
+    const mark = new THREE.Mesh(new THREE.SphereGeometry(0.014 * size, 20, 14), onTop(THREE, HUES.loops));
     mark.renderOrder = 7;
     return mark;
   };
   const [start, end] = [ball(), ball()];
   const gap = new THREE.Mesh(new THREE.CylinderGeometry(0.004 * size, 0.004 * size, 1).rotateX(Math.PI / 2)
-    .translate(0, 0, 0.5), onTop(THREE, "#cc79a7"));
+    .translate(0, 0, 0.5), onTop(THREE, HUES.loops));
   return { fixed: [start, end], stretched: [gap], atEnd: [end] };
 }
 

@@ -3,7 +3,7 @@
 class View {
   constructor(MeshCat, scene, array, motion) {
     const THREE = MeshCat.THREE;
-    Object.assign(this, { THREE, motion, box: scene.view, element: document.getElementById("view") });
+    Object.assign(this, { THREE, motion, box: scene.view, detail: scene.view.detail, element: document.getElementById("view") });
     const renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true, preserveDrawingBuffer: true });
     renderer.shadowMap.enabled = true;
     renderer.shadowMap.type = THREE.PCFSoftShadowMap;
