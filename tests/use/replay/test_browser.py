@@ -64,7 +64,7 @@ def test_bodies_are_where_pinocchio_has_them(solved: Callable[..., Any], shown: 
 
 
 def test_between_two_rows_joints_turn_evenly(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
-    """The rotor turns by 3.6 degrees a row here; half way it has turned by half, and no rod has changed its length."""
+    """Half way every joint has turned by half, and no rod has changed its length."""
     result = solved("manipulator_motion")
     run, model = result.trajectory, result.trajectory.mechanism.model
     data, row = model.createData(), len(result) // 3

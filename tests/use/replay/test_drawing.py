@@ -101,8 +101,8 @@ def test_a_collada_scene_that_calls_itself_ends(tmp_path: Path) -> None:
     loop = '<node id="n"><instance_node url="#n"/><instance_node url="#n"/></node>'
     (tmp_path / "a.dae").write_text(
         f'<COLLADA><library_nodes>{loop}</library_nodes><library_visual_scenes><visual_scene id="s"><node>'
-        '<instance_node url="#n"/></node></visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/>'
-        "</scene></COLLADA>"
+        '<instance_node url="#n"/></node></visual_scene></library_visual_scenes>'
+        '<scene><instance_visual_scene url="#s"/></scene></COLLADA>'
     )
     with pytest.raises(InputError, match="too many"):
         read_mesh(tmp_path / "a.dae")
