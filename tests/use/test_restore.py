@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 @pytest.mark.parametrize(
     "name",
     ["gen411_arm_static", "gen411_arm_equilibria", "exoskeleton_leg_guided_knee", "manipulator_pressure",
-     "magic_arms_kinematics", "gyroscope_free"],
+     "magic_arms_kinematics", "gyroscope_free", "manipulator_operator"],
 )  # fmt: skip
 def test_every_number_comes_back(tmp_path: Path, name: str) -> None:
     """Outputs, multipliers and figures, and what is asked only now: to the last bit."""

@@ -52,6 +52,25 @@ def test_meshes_are_read_as_assimp_reads_them(name: str) -> None:
     assert total == pytest.approx(wanted, abs=1e-6 * size**3) or not MESHES[name]
 
 
+TETRAHEDRON = """<COLLADA><asset><unit meter="0.001"/></asset><library_geometries><geometry id="g"><mesh>
+<source id="s"><float_array id="f">0 0 0 1 0 0 0 1 0 0 0 1</float_array><technique_common><accessor stride="3"/>
+</technique_common></source><vertices id="v"><input semantic="POSITION" source="#s"/></vertices>
+<polylist><input semantic="NORMAL" source="#n" offset="1"/><input semantic="VERTEX" source="#v" offset="0"/>
+<vcount>3 3 3 3</vcount><p>0 9 2 9 1 9  0 9 1 9 3 9  0 9 3 9 2 9  1 9 2 9 3 9</p></polylist></mesh></geometry>
+</library_geometries><library_visual_scenes><visual_scene id="w"><node><translate>100 0 0</translate>
+<node><rotate>0 0 1 90</rotate><scale>2 1 -3</scale><instance_geometry url="#g"/></node></node></visual_scene>
+</library_visual_scenes><scene><instance_visual_scene url="#w"/></scene></COLLADA>"""
+
+
+def test_collada_nodes_are_nested_scaled_and_mirrored(tmp_path: Path) -> None:
+    """Shifted by 100 mm along x, turned by 90 degrees about z, stretched by 2, 1 and -3: outside stays outside."""
+    (tmp_path / "a.dae").write_text(TETRAHEDRON)
+    [mesh] = read_mesh(tmp_path / "a.dae")
+    wanted = {(100, 0, 0), (100, 2, 0), (99, 0, 0), (100, 0, -3)}
+    assert {tuple(int(x) for x in np.round(1000 * vertex, 4)) for vertex in mesh.vertices} == wanted
+    assert volume(mesh.vertices, mesh.triangles) == pytest.approx(1e-9, rel=1e-6)
+
+
 CUBE = """o cube
 v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1
 g bottom and top\nf 1 4 3 2\nf 5/1 6/2/3 7//1 8
@@ -165,6 +184,15 @@ def test_shapes_of_urdf(picture: Callable[..., Any], chain: Callable[..., str]) 
         assert shape["colour"] == [0.1, 0.2, 0.3, 0.4]
 
 
+def test_a_visual_of_a_fixed_link_moves_with_its_body(picture: Callable[..., Any], chain: Callable[..., str]) -> None:
+    visual = VISUAL.format(origin='<origin xyz="0 0 0.1"/>', shape='<sphere radius="0.1"/>', rgba="1 1 1 1")
+    xml = chain({"name": "a"}, {"name": "tip", "kind": "fixed", "at": "0.5 0 0"})
+    scene, _ = picture(xml.replace('<link name="tip_link">', f'<link name="tip_link">{visual}'))
+    [sphere] = [shape for shape in scene["shapes"] if shape["kind"] == "sphere"]
+    assert sphere["node"] == 1
+    assert sphere["place"] == pytest.approx([0.5, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0])
+
+
 @pytest.mark.parametrize(
     "file", ["../../../etc/passwd", "/etc/passwd", "package://other/a.stl", "http://a/b.stl", "no.stl"]
 )
@@ -227,7 +255,7 @@ def test_loop_joints_are_marked_at_both_links(solved: Callable[..., Any], read: 
         ("handling_arm_c1", [0, 0, 1], [0, 0, 1]),  # horizontal: from above
         ("panda_quintic", None, [0, 0, 1]),
         ("gyroscope_free", None, [0, 0, 1]),
-        ("rotor_horizontal", None, None),  # one axis, but a long shaft: not from its end
+        ("unbalanced_rotor_free", None, None),  # one axis, but a long shaft: not from its end
     ],
 )
 def test_the_view(solved: Callable[..., Any], read: Callable[..., Any], name: str, eye: Any, up: Any) -> None:

@@ -59,6 +59,12 @@ def test_many_rows_are_thinned_but_jumps_and_extremes_stay(
     assert len(rows) < 2500
     assert set(result.trajectory.grid.t[np.array(result.trajectory.grid.rows[:-1])]) <= set(rows)
     assert (values.min(), values.max()) == (result["M"].values.min(), result["M"].values.max())
+    swing = scenario("forward", "", ("samples: 23", "samples: 20001")).run()
+    page_of_swing = read(swing.replay(plots=["alpha"]).html)
+    shown = page_of_swing.array(page_of_swing.scene["plots"][0]["values"])
+    assert np.radians([shown.min(), shown.max()]) == pytest.approx(
+        [swing["alpha"].values.min(), swing["alpha"].values.max()], abs=1e-15
+    )
     assert page.scene["notes"] == [f"{len(rows)} of {len(result)} rows"]
 
 
