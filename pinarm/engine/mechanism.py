@@ -54,7 +54,7 @@ class Mechanism:
         forces: Force elements, by name.
         symbols: Published symbols and the formulas they stand for.
         arguments: Values of the model's arguments [SI].
-        argument_units: Their units, as far as the mechanism file says them.
+        argument_units: Their units in SI, as far as the mechanism file says them.
         description: What the mechanism file says.
         source: The files behind it.
         payloads: What links carry beside the model's own masses, by name.
@@ -242,7 +242,7 @@ def _build(
     return cls(
         description.title or model.name, model, robot.xml, joints, balls, coordinates, tuple(constraints),
         dict(description.drives), forces, symbols, resolved,
-        {name: units[name] for name in resolved if name in units}, description, source, carried, robot.notes,
+        {name: units[name].si for name in resolved if name in units}, description, source, carried, robot.notes,
     )  # fmt: skip
 
 

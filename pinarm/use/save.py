@@ -27,7 +27,7 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
 
     The folder gets ``scenario.yaml`` (as resolved: it can be run again), ``mechanism.yaml`` and the model (the
     mechanism with its arguments filled in), ``summary.json``, ``trajectory.csv``, ``trajectory.npz``, and with
-    ``plots`` a picture per output. It says all that ``restore`` needs, wherever it is moved.
+    ``plots`` a picture per output. With the tables that its laws name, it is all that ``restore`` needs.
 
     Raises:
         InputError: The folder cannot be written.

@@ -168,6 +168,16 @@ def test_keys_move_it(solved: Callable[..., Any], shown: Callable[..., Any]) -> 
     assert value() == there
 
 
+def test_it_plays_when_opened_and_begins_again(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
+    """A hundredth of a second long: it has come round to its start again before the second is over."""
+    page = shown(solved("unbalanced_rotor_free"), "")
+    assert page.evaluate("replay.player.playing")
+    page.evaluate(
+        "new Promise((done) => { let last = 0; const look = () => { const now = replay.player.value;"
+        "if (now < last) done(); else { last = now; setTimeout(look, 5); } }; look(); })"
+    )
+
+
 def test_steps_pass_a_jump_once(solved: Callable[..., Any], shown: Callable[..., Any]) -> None:
     """Two rows share the instant of a jump: a step never stays where it is, either way."""
     result = solved("exoskeleton_leg_knee")
