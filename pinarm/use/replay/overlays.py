@@ -23,7 +23,7 @@ from pinarm.use.replay.tracks import Node
 ARROWS = {
     "forces": "weights and loads",
     "torques": "efforts of the drives",
-    "reactions": "reactions of the joints, where rigid bodies determine them",
+    "reactions": "reactions of the joints",
 }
 """Kinds of arrows, and what the legend calls them. Their colours are in ``overlays.js``."""
 
@@ -79,6 +79,7 @@ class Arrow:
         moment: Whether it is a moment: an arc, not an arrow.
         vectors: In world axes [N or N*m], shape (n, 3), or (3,) where it is constant; or along ``axis``, shape (n,).
         axis: In the body's frame; ``None`` where ``vectors`` are vectors.
+        partial: Whether components are left out that rigid bodies do not determine.
     """
 
     of: str
@@ -86,6 +87,7 @@ class Arrow:
     moment: bool
     vectors: Array
     axis: Array | None = None
+    partial: bool = False
 
     @property
     def largest(self) -> float:
@@ -213,13 +215,24 @@ def _reactions(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
     """Yield the forces of the parents on the children at the joints, as far as rigid bodies determine them."""
     found, model = Reactions(run), run.mechanism.model
     for joint in range(1, model.njoints):
-        if _determined([stressed[:, joint] for stressed in found.stressed_joints]):
-            yield Arrow("reactions", Point(joint, np.zeros(3)), False, found.joints[:, joint, :3])
+        added = [stressed[:, joint, :3] for stressed in found.stressed_joints]
+        yield _reaction(Point(joint, np.zeros(3)), found.joints[:, joint, :3], added)
     for name, loop in found.loops.items():
-        if _determined(found.stressed_loop(name)):
-            yield Arrow("reactions", point_of(model, loop.second), False, found.loop(name)[:, :3])
+        added = [stressed[:, :3] for stressed in found.stressed_loop(name)]
+        yield _reaction(point_of(model, loop.second), found.loop(name)[:, :3], added)
 
 
-def _determined(added: Sequence[Array]) -> bool:
-    """Tell whether no self-stress adds to a force."""
-    return all(np.abs(stressed[:, :3]).max(initial=0.0) <= UNDETERMINED for stressed in added)
+def _reaction(at: Point, forces: Array, added: Sequence[Array]) -> Arrow:
+    """Return a reaction without the directions in which self-stresses can add to it.
+
+    In planar loops of revolute joints, for example, the forces in the plane are determined, those across it are not.
+
+    Args:
+        at: Where it acts.
+        forces: One choice of the reaction [N], shape (n, 3).
+        added: What each self-stress adds to it, each of shape (n, 3).
+    """
+    _, sizes, axes = np.linalg.svd(np.concatenate([np.zeros((3, 3)), *added]), full_matrices=False)
+    free = axes[sizes > UNDETERMINED]
+    left = forces - forces @ free.T @ free if len(free) < 3 else np.zeros_like(forces)
+    return Arrow("reactions", at, False, left, partial=len(free) > 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -129,7 +129,7 @@ def _scene(
         "pairs": [pair.plain(places) for pair in joined],
         "arrows": [arrow.plain(packing, largest[arrow.of, arrow.moment]) for arrow in acting],
         "view": {**{name: value.tolist() for name, value in vars(seen).items()}, "detail": _detail(nodes, seen)},
-        "legend": _legend(traces, largest, any(pair.kind == "loop" for pair in joined)),
+        "legend": [*_paths(traces), *_families(acting, largest), *_marks(joined)],
     }
     return scene, drawn.notes
 
@@ -177,15 +177,29 @@ def _trace(path: Sequence[tuple[overlays.Point, float]]) -> Plain:
     return {"masses": [{**point.plain(), "mass": mass} for point, mass in path]}
 
 
-def _legend(traces: Sequence[str], largest: dict[tuple[str, bool], float], loops: bool) -> list[Plain]:
-    """Return what the colours mean, and what the longest arrows stand for."""
-    told: list[Plain] = [
+def _paths(traces: Sequence[str]) -> list[Plain]:
+    """Return what the colours of the paths mean, for the legend."""
+    return [
         {"trace": k, "text": "centre of mass" if name == "com" else f"path of {name}"} for k, name in enumerate(traces)
     ]
+
+
+def _families(acting: Sequence[overlays.Arrow], largest: Mapping[tuple[str, bool], float]) -> list[Plain]:
+    """Return what the colours of the arrows mean, and what the longest of each kind stands for."""
+    told: list[Plain] = []
     for (kind, moment), size in largest.items():
-        longest = f"full arc {size:.4g} N·m" if moment else f"longest arrow {size:.4g} N"
-        told.append({"arrow": kind, "text": f"{overlays.ARROWS[kind]}: {longest}"})
-    return [*told, {"loop": True, "text": "loop joint"}] if loops else told
+        partial = any(arrow.partial for arrow in acting if arrow.of == kind)
+        name = overlays.ARROWS[kind] + (" (components that rigid bodies determine)" if partial else "")
+        number = f"{float(f'{size:.4g}'):g}"
+        told.append(
+            {"arrow": kind, "text": f"{name}: full arc {number} N·m" if moment else f"{name}: longest arrow {number} N"}
+        )
+    return told
+
+
+def _marks(joined: Sequence[overlays.Pair]) -> list[Plain]:
+    """Return what the marks mean."""
+    return [{"loop": True, "text": "loop joint"}] if any(pair.kind == "loop" for pair in joined) else []
 
 
 def _parameter(run: Trajectory) -> Plain:

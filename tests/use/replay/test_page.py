@@ -93,6 +93,26 @@ def test_reactions_that_rigid_bodies_do_not_determine_are_not_drawn(
     assert page.scene["arrows"] == []
 
 
+def test_of_planar_loops_the_forces_in_the_plane_are_drawn(
+    solved: Callable[..., Any], read: Callable[..., Any]
+) -> None:
+    """Across the plane a loop of revolute joints can be stressed freely; in it the forces are what is asked by name."""
+    result = solved("crank_rocker_turning")
+    page = read(result.replay(arrows=["reactions"], plots=[]).html)
+    model, across = result.trajectory.mechanism.model, []
+    for arrow in page.scene["arrows"]:
+        vectors = page.array(arrow["vectors"]).reshape(-1, 3)
+        across.append(np.abs(vectors[:, 2]).max())
+        if np.any(arrow["point"]):
+            continue
+        for k, axis in enumerate("xy"):
+            wanted = result[f"joint.{model.names[arrow['node']]}.force.{axis}"].values
+            assert vectors[:, k] == pytest.approx(wanted, rel=1e-6, abs=1e-5 * arrow["largest"])
+    assert len(across) == 4
+    assert max(across) < 1e-9
+    assert any("that rigid bodies determine" in entry["text"] for entry in page.scene["legend"])
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

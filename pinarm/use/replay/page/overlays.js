@@ -115,6 +115,7 @@ function twist(view, motion, arrow, array) {
     const angle = (FULL_ARC * steps) / 60;
     head.position.set(radius * Math.cos(angle), radius * Math.sin(angle), 0);
     head.quaternion.setFromAxisAngle(new THREE.Vector3(0, 0, 1), angle);
+    head.scale.setScalar(Math.min(1, (1.3 * angle * radius) / (0.04 * size)));
     both.position.copy(motion.point(arrow.node, arrow.point));
     both.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), vector.normalize());
   };
