@@ -1,4 +1,4 @@
-"""The command line: ``run``, ``check``, ``validate``, ``sweep``, ``schema``.
+"""The command line: ``run``, ``check``, ``validate``, ``explain``, ``sweep``, ``replay``, ``schema``.
 
 Exit codes: 0 all is well, 1 an expectation or the wanted accuracy is missed, 2 the input has a mistake, 3 the numerics
 failed (what was computed until then is kept) or a case of a sweep did, 130 interrupted. Results go to stdout; progress
@@ -105,6 +105,22 @@ def _parser() -> argparse.ArgumentParser:
     sweep.add_argument("-o", "--output", type=Path, help="folder of the sweep (default: results/SCENARIO-sweep)")
     sweep.add_argument("--no-plots", action="store_true", help="write numbers only")
     sweep.set_defaults(command=_sweep)
+
+    replay = commands.add_parser("replay", parents=[common], help="show the motion of a result in a web page")
+    replay.add_argument("result", type=Path, metavar="RESULT", help="result folder")
+    replay.add_argument("-o", "--output", type=Path, help="file (default: replay.html or replay.png in the folder)")
+    replay.add_argument("--trace", action="extend", nargs="+", default=[], metavar="POINT",
+                        help="draw the paths of these links' origins; com: of the centre of mass")  # fmt: skip
+    replay.add_argument("--arrows", action="extend", nargs="+", default=[], metavar="KIND",
+                        help="draw forces, torques, reactions, or all")  # fmt: skip
+    replay.add_argument("--plot", action="extend", nargs="*", metavar="QUANTITY",
+                        help="plot these beside it, or nothing (default: the outputs)")  # fmt: skip
+    instead = replay.add_mutually_exclusive_group()
+    instead.add_argument("--png", metavar="t=VALUE", help="write a picture of this instant, by Chromium")
+    instead.add_argument("--video", type=Path, metavar="FILE.mp4", help="write a video, by Chromium and ffmpeg")
+    replay.add_argument("--fps", type=float, default=30.0, help="pictures a second of the video")
+    replay.add_argument("--speed", type=float, default=1.0, help="of the video, relative to real time")
+    replay.set_defaults(command=_replay)
 
     schema = commands.add_parser("schema", parents=[common], help="print the JSON Schema for editors")
     schema.add_argument("of", nargs="?", choices=["scenario", "mechanism"], default="scenario")
@@ -228,6 +244,28 @@ def _assignments(texts: Sequence[str]) -> dict[str, str]:
             raise InputError(said, expected="--over path.to.number='1, 2, 3 kg'")
         found[path] = values
     return found
+
+
+def _replay(options: argparse.Namespace) -> int:
+    from pinarm.use.restore import restore
+
+    result = restore(options.result)
+    shown = result.replay(traces=options.trace, arrows=options.arrows, plots=options.plot)
+    target = options.output or options.result / ("replay.png" if options.png else "replay.html")
+    if options.png or options.video:
+        from pinarm.use.replay import pictures
+
+        if options.png:
+            pictures.picture(shown, pictures.place(result.trajectory, options.png), target)
+        else:
+            target = pictures.video(shown, options.video, fps=options.fps, speed=options.speed, progress=_progress)
+    else:
+        shown.save(target)
+    if options.json:
+        _print_json({"file": str(target), "bytes": target.stat().st_size, "notes": shown.notes})
+    else:
+        print("\n".join([*(_printable(f"note: {note}") for note in shown.notes), f"written to {target}"]))
+    return OK
 
 
 def _schema(options: argparse.Namespace) -> int:

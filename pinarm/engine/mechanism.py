@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,14 +17,10 @@ from numpy.typing import ArrayLike
 from pinarm.arrays import Array
 from pinarm.engine.closure import Closure, Constraint
 from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.source import Source, read_robot
 from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.documents import Document
-from pinarm.input.expansion import expand
 from pinarm.input.expressions import Expression
-from pinarm.input.includes import included
-from pinarm.input.robots import floats
-from pinarm.input.robots import robot as robot_file
-from pinarm.input.roots import inside, root_of
 from pinarm.input.schema import Measured, quantity
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.balls import Ball, ball_coordinates, balls_of
@@ -32,15 +28,12 @@ from pinarm.mechanics.coordinates import Coordinate, Joint, coordinates_of, join
 from pinarm.mechanics.description import Gravity, MechanismDescription, field_of
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import ForceElement
-from pinarm.mechanics.model import Base, RobotModel, build_model
+from pinarm.mechanics.model import Base
 from pinarm.mechanics.payload import Payload, laden
 from pinarm.mechanics.rounding import shaken
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities import Quantities
-
-FILES = (".urdf", ".xacro", ".xml", ".mjcf")
-"""Endings of model files; what has none of them is the name of a robot."""
 
 Locate = Callable[..., AbstractContextManager[None]]
 """``with locate("forces", "spring"):`` gives errors of the block that place of a file."""
@@ -62,8 +55,9 @@ class Mechanism:
         forces: Force elements, by name.
         symbols: Published symbols and the formulas they stand for.
         arguments: Values of the model's arguments [SI].
-        argument_units: Their units, as far as the mechanism file says them.
+        argument_units: Their units in SI, as far as the mechanism file says them.
         description: What the mechanism file says.
+        source: The files behind it.
         payloads: What links carry beside the model's own masses, by name.
         notes: What is not modelled as the files have it.
     """
@@ -81,6 +75,7 @@ class Mechanism:
     arguments: Mapping[str, float]
     argument_units: Mapping[str, Unit]
     description: MechanismDescription = field(repr=False)
+    source: Source = field(repr=False)
     payloads: Mapping[str, Payload] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
@@ -120,7 +115,7 @@ class Mechanism:
         description = document.validate(MechanismDescription)
         changed = {"gravity": gravity, "base": base}
         description = msgspec.structs.replace(description, **{k: x for k, x in changed.items() if x is not None})
-        return _build(cls, description, Path(path).parent, arguments or {}, payloads or {}, here, locate)
+        return _build(cls, description, document.data, Path(path).parent, arguments or {}, payloads or {}, here, locate)
 
     def shaken(self, seed: int) -> Mechanism:
         """Return the mechanism with its numbers changed in the last digits; see ``mechanics.rounding``."""
@@ -228,13 +223,13 @@ def mechanism_document(file: Path) -> Document:
 
 
 def _build(
-    cls: type[Mechanism], description: MechanismDescription, folder: Path, arguments: Mapping[str, float | str],
-    payloads: Mapping[str, Payload], here: Locate, caller: Locate,
+    cls: type[Mechanism], description: MechanismDescription, data: Mapping[str, Any], folder: Path,
+    arguments: Mapping[str, float | str], payloads: Mapping[str, Payload], here: Locate, caller: Locate,
 ) -> Mechanism:  # fmt: skip
     """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's."""
     units, given = _arguments(description, arguments, here, caller)
     with here("robot"):
-        robot, resolved = _robot(description, folder, given)
+        robot, resolved, source = read_robot(description, data, folder, given)
     model, carried = _loaded(robot.model, description.payloads, payloads, here, caller)
     joints, balls = joints_of(model), balls_of(model)
     model.gravity.linear = field_of(description.gravity, robot.gravity)
@@ -264,7 +259,7 @@ def _build(
     return cls(
         description.title or model.name, model, robot.xml, joints, balls, coordinates, tuple(constraints),
         dict(description.drives), forces, symbols, resolved,
-        {name: units[name] for name in resolved if name in units}, description, carried, robot.notes,
+        {name: units[name].si for name in resolved if name in units}, description, source, carried, robot.notes,
     )  # fmt: skip
 
 
@@ -294,30 +289,6 @@ def _argument(name: str, value: float | str, expected: Unit | None) -> float:
         return float(kind.read(value, bare=unitless))
     except InputError as error:
         raise type(error)(f"the argument {name}: {error.message}", expected=error.expected, hint=error.hint) from None
-
-
-def _robot(
-    description: MechanismDescription, folder: Path, arguments: Mapping[str, float]
-) -> tuple[RobotModel, dict[str, float]]:
-    """Return the model of a mechanism, and the values of its arguments."""
-    if description.robot.endswith(FILES):
-        root, base, defects = root_of(folder / "mechanism.yaml"), description.base, description.defects or "refused"
-        path = inside((folder / description.robot).absolute(), root, {})
-    else:
-        path, defects = robot_file(description.robot), description.defects or "noted"
-        root, base = path.parent, description.base or ("floating" if floats(path) else None)
-    expansion = expand(path, arguments, root=root)
-    xml, creep = included(expansion.xml, path, root), float(description.creep)
-    robot = build_model(xml, base=base, defects=defects, creep=creep)
-    notes = (*robot.notes, *(f"xacro: {warning}" for warning in expansion.warnings))
-    return replace(robot, notes=notes), dict(_numbers(expansion.arguments))
-
-
-def _numbers(arguments: Mapping[str, str]) -> Iterator[tuple[str, float]]:
-    """Yield the arguments of a model that are numbers; those that are words choose parts of it."""
-    for name, text in arguments.items():
-        with suppress(ValueError):
-            yield name, float(text)
 
 
 def _loaded(

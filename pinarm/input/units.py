@@ -42,6 +42,14 @@ class Unit:
         m, kg, s = self.dimension
         return Unit(math.pow(self.factor, exponent), (m * exponent, kg * exponent, s * exponent))
 
+    @property
+    def si(self) -> Unit:
+        """The unit of SI of the same dimension; angles in rad."""
+        if self.factor == 1.0:
+            return self
+        turning = any(word in self.text for word in ("deg", "°", "rev", "rpm", "rad"))
+        return Unit(1.0, self.dimension, _ANGULAR.get(self.dimension, "") if turning else "")
+
     def __str__(self) -> str:
         return self.text or _SI_NAMES.get(self.dimension) or _composed(self.dimension)
 
@@ -78,6 +86,8 @@ _SI_NAMES: dict[Dimension, str] = {
     (0, 0, 0): "1", _FORCE: "N", _ENERGY: "N*m", _PRESSURE: "Pa", _POWER: "W", (0, 1, -2): "N/m", (0, 1, -1): "N*s/m",
     (2, 1, -1): "kg*m^2/s", (1, 1, -1): "kg*m/s", (1, 0, -1): "m/s", (1, 0, -2): "m/s^2", (2, 1, 0): "kg*m^2",
 }  # fmt: skip
+
+_ANGULAR: dict[Dimension, str] = {(0, 0, 0): "rad", (0, 0, -1): "rad/s", (0, 0, -2): "rad/s^2"}
 
 MAX_LENGTH = 100
 """Of a unit; nothing in mechanics needs half as much."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
+    from pinarm.use.replay.page import Replay
     from pinarm.use.scenario import ScenarioFile
 
 
@@ -100,6 +101,32 @@ class Result:
         from pinarm.use.plot import plot
 
         return plot(self, names or tuple(self.content.outputs), against=against)
+
+    def replay(
+        self,
+        path: str | Path | None = None,
+        *,
+        traces: Sequence[str] = (),
+        arrows: Sequence[str] = (),
+        plots: Sequence[str] | None = None,
+    ) -> Replay:
+        """Return the moving picture of the run: one HTML page, which a notebook shows and ``save`` writes.
+
+        Args:
+            path: Where to write it; nowhere where it is left out.
+            traces: Links whose origins leave a path; ``com`` for the centre of mass.
+            arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
+            plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
+
+        Raises:
+            InputError: A name is unknown, or the run does not have what is asked.
+        """
+        from pinarm.use.replay.page import replay
+
+        shown = replay(self, traces=traces, arrows=arrows, plots=plots)
+        if path is not None:
+            shown.save(path)
+        return shown
 
     def save(self, folder: str | Path, *, plots: bool = True) -> Path:
         """Write the result as a folder: scenario, summary, CSV, npz, plots; return the folder."""

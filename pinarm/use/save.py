@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.source import Source
 from pinarm.engine.trajectory import Series
 from pinarm.errors import InputError
 from pinarm.mechanics.model import ending
@@ -20,8 +23,9 @@ from pinarm.use.result import Result
 def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, float] | None = None) -> Path:
     """Write a result.
 
-    The folder gets ``scenario.yaml`` (as resolved: it can be run again), the model, ``summary.json``,
-    ``trajectory.csv``, ``trajectory.npz``, and with ``plots`` a picture per output.
+    The folder gets ``scenario.yaml`` (as resolved: it can be run again), ``mechanism.yaml`` and the model (the
+    mechanism with its arguments filled in), ``summary.json``, ``trajectory.csv``, ``trajectory.npz``, and with
+    ``plots`` a picture per output. With the tables that its laws name, it is all that ``restore`` needs.
 
     Raises:
         InputError: The folder cannot be written.
@@ -29,9 +33,11 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _clear(result, folder)
-        xml = result.trajectory.mechanism.xml
+        mechanism = result.trajectory.mechanism
+        model = f"model{ending(mechanism.xml)}"
         write(folder / "scenario.yaml", _resolved(result, folder))
-        write(folder / f"model{ending(xml)}", xml)
+        write(folder / "mechanism.yaml", _mechanism(mechanism.source, folder, model))
+        write(folder / model, _model(mechanism, folder))
         write(folder / "summary.json", json_text(result.summary()) + "\n")
         columns = result.columns()
         write(folder / "trajectory.csv", csv(columns))
@@ -58,7 +64,7 @@ def _clear(result: Result, folder: Path) -> None:
         raise InputError(f"{folder} holds files of the same names that are no result", hint="another folder: -o DIR")
     if scenario.exists() and scenario.resolve() == (result.folder / f"{result.name}.yaml").resolve():
         raise InputError(f"the result would overwrite its own input {scenario}", hint="another folder: -o DIR")
-    for name in (*OWN, "summary.json", "timing.json"):
+    for name in (*OWN, "summary.json", "timing.json", "replay.html", "replay.png"):
         (folder / name).unlink(missing_ok=True)
     for plot in (folder / "plots").glob("*.png"):
         plot.unlink()
@@ -68,7 +74,7 @@ def _clear(result: Result, folder: Path) -> None:
         shutil.rmtree(folder / "partial")
 
 
-OWN = ("scenario.yaml", "model.urdf", "model.xml", "trajectory.csv", "trajectory.npz")
+OWN = ("scenario.yaml", "mechanism.yaml", "model.urdf", "model.xml", "trajectory.csv", "trajectory.npz")
 """Files of a result, beside the summary that marks the folder as one."""
 
 
@@ -84,10 +90,15 @@ def csv(columns: list[Series]) -> str:
 
 
 def _arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
-    """Return the outputs by name, their units, and the state behind them as ``state.q`` and so on."""
+    """Return the outputs by name, their units, and what is behind them as ``state.q`` and so on."""
     run = result.trajectory
     units = np.array([[series.name, str(series.unit or "?")] for series in columns])
-    state = {"state.q": run.q, "state.v": run.v, "state.a": run.a, "state.tau": run.tau, "state.units": units}
+    state = {
+        "state.q": run.q, "state.v": run.v, "state.a": run.a, "state.tau": run.tau, "state.units": units,
+        "state.t": run.grid.t, "state.cuts": np.array(run.grid.cuts), "state.rows": np.array(run.grid.rows),
+        "state.lam": run.lam, "state.further": np.array([series.values for series in run.further.values()]),
+        "state.guides": np.array([one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]], str),
+    }  # fmt: skip
     return {**state, **{series.name: np.asarray(series.values) for series in columns}}
 
 
@@ -105,6 +116,22 @@ def _resolved(result: Result, folder: Path) -> str:
     if source.suffix:
         written["mechanism"] = os.path.relpath(result.folder / source, folder)
     return yaml_text(written)
+
+
+def _mechanism(source: Source, folder: Path, model: str) -> str:
+    """Return the mechanism file for the model beside it, which has no arguments any more."""
+    told = {key: value for key, value in _moved(source.data, source.folder, folder).items() if key != "arguments"}
+    base = {"base": source.base} if source.base else {}
+    return yaml_text({**told, "robot": model, **base, "defects": source.defects})
+
+
+_MESH = re.compile(r"""(<mesh\b[^>]*?\bfilename\s*=\s*)(["'])(?!\w+://|/)(.*?)\2""", re.DOTALL)
+
+
+def _model(mechanism: Mechanism, folder: Path) -> str:
+    """Return the model's text with the files of its meshes named from another folder."""
+    home = mechanism.source.robot.parent
+    return _MESH.sub(lambda m: f"{m[1]}{m[2]}{os.path.relpath(home / m[3], folder)}{m[2]}", mechanism.xml)
 
 
 def _moved(data: Any, source: Path, target: Path) -> Any:

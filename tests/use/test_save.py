@@ -45,6 +45,29 @@ def test_an_override_is_in_the_resolved_scenario(scenario: Callable[..., Any], f
     assert again.run()["alpha"].values[-1] == 0.25
 
 
+def test_arguments_in_other_units_than_si_stay_what_they_are(tmp_path: Path) -> None:
+    """30 deg are told as 0.52 rad, not as 0.52 deg: in the table, in the summary and in the resolved scenario."""
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "rod.urdf.xacro").write_text(
+        '<robot name="rod" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="tilt" default="0"/>'
+        '<xacro:arg name="L" default="1"/><link name="base"/><link name="rod"><inertial><origin xyz="$(arg L) 0 0"/>'
+        '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="pin" type="continuous"><parent link="base"/><child link="rod"/><origin rpy="0 $(arg tilt) 0"/>'
+        '<axis xyz="0 1 0"/></joint></robot>'
+    )
+    (tmp_path / "rod.yaml").write_text("pinarm: 1\nrobot: rod.urdf.xacro\narguments: {tilt: deg, L: mm}\n")
+    (tmp_path / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: rod.yaml\narguments: {tilt: 60 deg, L: 400 mm}\n"
+        "problem: {kind: statics, hold: {pin: 0 deg}}\noutputs: [joint.pin.effort, tilt, L]\n"
+    )
+    saved = pinarm.load(tmp_path / "s.yaml").run().save(tmp_path / "out", plots=False)
+    again = pinarm.load(saved / "scenario.yaml").run()
+    assert again["joint.pin.effort"].values == pytest.approx([-9.81 * 0.4 * 0.5], rel=1e-12)
+    assert [again[name].label for name in ("tilt", "L")] == ["tilt [rad]", "L [m]"]
+    summary = json.loads((saved / "summary.json").read_text())
+    assert summary["arguments"]["L"] == {"value": 0.4, "unit": "m"}
+
+
 def test_csv_keeps_every_digit(scenario: Callable[..., Any], folder: Path) -> None:
     result = scenario("forward").run()
     text = (result.save(folder / "out", plots=False) / "trajectory.csv").read_text(encoding="utf-8")

@@ -1,0 +1,116 @@
+// Curves beside the picture, with a cursor that follows. A press or a drag on one leads to that place of the motion.
+
+const SVG = "http://www.w3.org/2000/svg";
+const MARGIN = { left: 50, right: 16, top: 5, bottom: 17 };
+const HEIGHT = 104;
+
+function plots(scene, array, motion, seek) {
+  const made = scene.plots.map((plot) => new Plot(scene, plot, array(plot.values), motion, seek));
+  document.getElementById("plots").append(...made.map((plot) => plot.figure));
+  return { update: (at, value) => made.forEach((plot) => plot.point(at, value)), resize: () => made.forEach((p) => p.draw()) };
+}
+
+function svg(name, attributes, parent) {
+  const element = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+  if (parent) parent.append(element);
+  return element;
+}
+
+class Plot {
+  constructor(scene, plot, values, motion, seek) {
+    const { name, unit, scale } = scene.parameter;
+    Object.assign(this, { plot, values, motion, scale, axis: unit ? `${name} [${unit}]` : name });
+    this.figure = document.createElement("figure");
+    const caption = document.createElement("figcaption");
+    const label = document.createElement("span");
+    label.textContent = label.title = plot.label;
+    label.style.color = plot.colour;
+    this.now = document.createElement("output");
+    caption.append(label, this.now);
+    this.svg = svg("svg", { height: HEIGHT });
+    this.figure.append(caption, this.svg);
+    this.range = bounds(values);
+    const drag = (event) => {
+      if (!(event.buttons & 1) && event.type !== "pointerdown") return;
+      const share = (event.clientX - this.svg.getBoundingClientRect().left - MARGIN.left) / this.width;
+      const [low, high] = this.span();
+      seek((low + Math.min(1, Math.max(0, share)) * (high - low)) * this.scale);
+    };
+    this.svg.addEventListener("pointerdown", drag);
+    this.svg.addEventListener("pointermove", drag);
+  }
+
+  /** Return the ends of the horizontal axis, in the unit shown. */
+  span() {
+    const [a, b] = [this.motion.first / this.scale, this.motion.last / this.scale];
+    return a === b ? [a - 1, b + 1] : [Math.min(a, b), Math.max(a, b)];
+  }
+
+  x(value) {
+    const [low, high] = this.span();
+    return MARGIN.left + (this.width * (value / this.scale - low)) / (high - low);
+  }
+
+  y(value) {
+    const [low, high] = this.range;
+    return MARGIN.top + (HEIGHT - MARGIN.top - MARGIN.bottom) * (1 - (value - low) / (high - low));
+  }
+
+  draw() {
+    this.width = Math.max(40, this.svg.clientWidth - MARGIN.left - MARGIN.right);
+    this.svg.replaceChildren();
+    const [right, bottom] = [MARGIN.left + this.width, HEIGHT - MARGIN.bottom];
+    for (const { place, text } of ticks(...this.range, 4)) {
+      const y = this.y(place);
+      svg("line", { class: "grid", x1: MARGIN.left, x2: right, y1: y, y2: y }, this.svg);
+      svg("text", { x: MARGIN.left - 5, y: y + 3.5, "text-anchor": "end" }, this.svg).textContent = text;
+    }
+    for (const { place, text } of ticks(...this.span(), 5)) {
+      const x = this.x(place * this.scale);
+      svg("line", { class: "grid", x1: x, x2: x, y1: MARGIN.top, y2: bottom }, this.svg);
+      svg("text", { x, y: HEIGHT - 4, "text-anchor": "middle" }, this.svg).textContent = text;
+    }
+    svg("text", { x: 0, y: HEIGHT - 4 }, this.svg).textContent = this.axis;
+    const corners = Array.from(this.values, (value, k) => `${this.x(this.motion.rows[k]).toFixed(2)} ${this.y(value).toFixed(2)}`);
+    if (this.motion.discrete) {
+      for (const corner of corners) {
+        const [cx, cy] = corner.split(" ");
+        svg("circle", { cx, cy, r: 3.5, fill: this.plot.colour }, this.svg);
+      }
+    } else svg("path", { class: "curve", d: `M${corners.join("L")}`, stroke: this.plot.colour }, this.svg);
+    this.cursor = svg("line", { class: "cursor", y1: MARGIN.top, y2: bottom }, this.svg);
+    this.dot = svg("circle", { r: 3.5, fill: this.plot.colour, stroke: "#fff", "stroke-width": 1.2 }, this.svg);
+    if (this.last) this.point(...this.last);
+  }
+
+  /** Show the value at a place of the motion. */
+  point(at, value) {
+    this.last = [at, value];
+    if (!this.cursor) return;
+    const [y] = this.motion.blend(this.values, 1, at);
+    const x = this.x(this.motion.discrete ? this.motion.rows[at[0]] : value);
+    const noise = 1e-9 * Math.max(...this.range.map(Math.abs));
+    this.now.textContent = shown(Math.abs(y) < noise ? 0 : y) + suffix(this.plot.unit);
+    this.cursor.setAttribute("x1", x);
+    this.cursor.setAttribute("x2", x);
+    this.dot.setAttribute("cx", x);
+    this.dot.setAttribute("cy", this.y(y));
+  }
+}
+
+/** Return the range of an axis: that of the values with a margin, or about a constant. */
+function bounds(values) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const value of values) {
+    low = Math.min(low, value);
+    high = Math.max(high, value);
+  }
+  const size = Math.max(Math.abs(low), Math.abs(high));
+  if (high - low < 1e-6 * size || size < 1e-9) { // rounding must not be blown up to the height of the axis
+    const [centre, half] = size < 1e-9 ? [0, 1] : [(low + high) / 2, 0.1 * size];
+    return [centre - half, centre + half];
+  }
+  const margin = 0.06 * (high - low);
+  return [low - margin, high + margin];
+}

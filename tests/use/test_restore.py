@@ -1,0 +1,91 @@
+"""A result read back from its folder is the result."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.errors import InputError
+from pinarm.mechanics.motion import Grid
+from pinarm.use.restore import restore
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["gen411_arm_static", "gen411_arm_equilibria", "exoskeleton_leg_guided_knee", "manipulator_pressure",
+     "magic_arms_kinematics", "gyroscope_free", "manipulator_operator"],
+)  # fmt: skip
+def test_every_number_comes_back(tmp_path: Path, name: str) -> None:
+    """Outputs, multipliers and figures, and what is asked only now: to the last bit."""
+    result = pinarm.load(ROOT / "scenarios" / f"{name}.yaml").run()
+    again = restore(result.save(tmp_path / "elsewhere", plots=False))
+    assert again.figures == result.figures
+    assert again.trajectory.grid.cuts == result.trajectory.grid.cuts
+    links = [frame.name for frame in result.trajectory.mechanism.model.frames if "BODY" in str(frame.type)]
+    for asked in (*result.content.outputs, f"point.{links[-1]}.acceleration.norm", "momentum.all.angular.z"):
+        assert np.array_equal(again[asked].values, result[asked].values)
+        assert again[asked].label == result[asked].label
+    assert np.array_equal(again.trajectory.lam, result.trajectory.lam)
+
+
+def test_it_needs_nothing_outside_of_the_folder(scenario: Callable[..., Any], folder: Path, tmp_path: Path) -> None:
+    result = scenario("inverse").run()
+    saved = result.save(folder / "out", plots=False)
+    for file in ("pendulum.urdf", "pendulum.yaml", "inverse.yaml"):
+        (folder / file).unlink()
+    again = restore(saved)
+    assert np.array_equal(again["drive.motor.torque"].values, result["drive.motor.torque"].values)
+    assert np.array_equal(again["M"].values, result["M"].values)
+
+
+def test_other_instants_are_solved_anew(scenario: Callable[..., Any], folder: Path) -> None:
+    result = scenario("forward").run()
+    again = restore(result.save(folder / "out", plots=False))
+    grid = Grid(np.array([1.234]), (0.0, 5.0), (0, 1))
+    assert np.array_equal(again.trajectory.again(grid).q, result.trajectory.again(grid).q)
+
+
+def test_a_partial_result_comes_back(scenario: Callable[..., Any], folder: Path) -> None:
+    saved = scenario("inverse").run().save(folder / "out" / "partial", plots=False)
+    assert len(restore(saved)) > 9
+
+
+@pytest.mark.parametrize(
+    ("file", "content"),
+    [
+        ("summary.json", "{}"), ("summary.json", "["), ("summary.json", '{"accuracy": {"a": "b"}, "cost": {}, '
+        '"findings": {}, "scenario": "a"}'), ("trajectory.npz", "no archive"), ("scenario.yaml", "pinarm: 2"),
+        ("model.urdf", "<robot/>"), ("mechanism.yaml", "pinarm: 1\nrobot: model.urdf\nloops: []"),
+    ],
+)  # fmt: skip
+def test_a_damaged_folder_is_refused(scenario: Callable[..., Any], folder: Path, file: str, content: str) -> None:
+    saved = scenario("inverse").run().save(folder / "out", plots=False)
+    (saved / file).write_text(content)
+    with pytest.raises(pinarm.PinarmError):
+        restore(saved)
+
+
+def test_states_of_another_model_are_refused(scenario: Callable[..., Any], folder: Path) -> None:
+    one = scenario("inverse").run().save(folder / "one", plots=False)
+    other = pinarm.load(ROOT / "scenarios" / "gen411_arm_static.yaml").run().save(folder / "two", plots=False)
+    (one / "trajectory.npz").write_bytes((other / "trajectory.npz").read_bytes())
+    with pytest.raises(InputError, match="not those of its model"):
+        restore(one)
+
+
+def test_relative_meshes_are_found_from_the_folder(folder: Path, scenario: Callable[..., Any]) -> None:
+    (folder / "meshes").mkdir()
+    (folder / "meshes" / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    urdf = (folder / "pendulum.urdf").read_text()
+    visual = '<visual><geometry><mesh filename="meshes/a.obj"/></geometry></visual>'
+    (folder / "pendulum.urdf").write_text(urdf.replace('<link name="rod">', f'<link name="rod">{visual}'))
+    result = scenario("statics").run()
+    saved = result.save(folder / "deep" / "er" / "out", plots=False)
+    page = restore(saved).replay()
+    assert page.notes == ()
+    assert page.html == result.replay().html
