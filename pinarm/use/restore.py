@@ -23,8 +23,10 @@ from pinarm.errors import InputError
 from pinarm.mechanics.motion import Grid
 from pinarm.problems.common import bind_loads
 from pinarm.use.result import Result
-from pinarm.use.save import OWN
 from pinarm.use.scenario import Scenario
+
+NEEDED = ("scenario.yaml", "mechanism.yaml", "trajectory.npz", "summary.json")
+"""Files without which a folder is no result."""
 
 AGAIN = "run the scenario again: python -m pinarm run SCENARIO -o DIR"
 STATE = ("q", "v", "a", "tau", "lam", "t", "cuts", "rows")
@@ -40,7 +42,7 @@ def restore(folder: str | Path) -> Result:
         InputError: The folder is no result, or its files do not belong together.
     """
     folder = Path(folder)
-    for name in (*OWN, "summary.json"):
+    for name in NEEDED:
         if not (folder / name).is_file():
             problem = f"{folder} is no result: it has no {name}" if folder.is_dir() else f"there is no folder {folder}"
             raise InputError(problem, expected="a folder that 'pinarm run' wrote", hint=AGAIN)

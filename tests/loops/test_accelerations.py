@@ -1,4 +1,4 @@
-"""Random trees with random loops: accelerations and multipliers against two routes that share nothing with the engine's.
+"""Random trees with random loops: accelerations and multipliers against two routes that share nothing with ours.
 
 Newton-Euler equations of all bodies in extended precision (``newton_euler``), and Pinocchio's ``constraintDynamics``.
 """
