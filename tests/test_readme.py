@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -41,7 +42,7 @@ def scenario(tmp_path):
 
 
 def test_every_marked_block_is_known():
-    assert set(BLOCKS) == {"run", "test", "scenario", "output", "python"}
+    assert set(BLOCKS) == {"run", "test", "scenario", "output", "python", "sweep", "swept"}
 
 
 def test_commands_name_what_there_is():
@@ -75,6 +76,16 @@ def test_the_python_block_runs(project):
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("Cr [N*m] -241.1")
     assert (project / "torques.png").stat().st_size > 10_000
+
+
+def test_the_sweep_prints_what_it_says(project):
+    command = shlex.split(BLOCKS["sweep"])[1:]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, *command], cwd=project, env=environment, capture_output=True, text=True)
+    residual = re.compile(r"\d\.\de[-+]\d\d")  # which differs between machines
+    assert done.returncode == 0, done.stderr
+    assert residual.sub("", done.stdout) == residual.sub("", BLOCKS["swept"])
+    assert {path.name for path in (project / "results" / "arm").iterdir()} >= {"cases.csv", "cases.npz", "plots"}
 
 
 def test_links_lead_somewhere():

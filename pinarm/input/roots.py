@@ -6,6 +6,7 @@ Symbolic links are followed before a path is compared with it, and nothing is op
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -42,6 +43,11 @@ def rooted(folder: str | Path | None) -> Iterator[None]:
         _given.reset(token)
 
 
+def given_root() -> Path | None:
+    """Return the folder that ``rooted`` says, to hand it on to another process."""
+    return _given.get()
+
+
 _noted: ContextVar[set[Path] | None] = ContextVar("noted", default=None)
 
 
@@ -63,12 +69,13 @@ def root_of(path: Path) -> Path:
     """
     if (given := _given.get()) is not None:
         return given
-    resolved = path.resolve()
-    own = resolved if resolved.is_dir() else resolved.parent
-    for folder in (own, *own.parents):
-        if any((folder / marker).is_file() for marker in MARKERS):
-            return folder
-    return own
+    resolved = os.path.realpath(path)
+    folder = own = resolved if os.path.isdir(resolved) else os.path.dirname(resolved)
+    while not any(os.path.isfile(os.path.join(folder, marker)) for marker in MARKERS):
+        folder, below = os.path.dirname(folder), folder
+        if folder == below:
+            return Path(own)
+    return Path(folder)
 
 
 def inside(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKAGES) -> Path:
@@ -106,22 +113,24 @@ def contained(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PA
     Raises:
         InputError: It leads out of the root and of the packages, or is no path.
     """
-    allowed = [folder.resolve() for folder in (root, *packages.values())]
+    allowed = [os.path.realpath(folder) for folder in (root, *packages.values())]
     local = _local(str(path), packages)
     try:
-        resolved = (allowed[0] / local).resolve()
-        resolved.is_file()  # raises for names too long to be asked for
-    except (OSError, ValueError, RuntimeError) as error:
+        resolved = os.path.realpath(os.path.join(allowed[0], local))
+        with suppress(FileNotFoundError, NotADirectoryError):
+            os.stat(resolved)  # raises for loops of links, and for names too long to be asked for
+    except (OSError, ValueError) as error:
         raise InputError(f"{_short(path)} is no path ({error.__class__.__name__})") from None
-    if not any(resolved.is_relative_to(folder) for folder in allowed):
+    if not any(f"{resolved}{os.sep}".startswith(os.path.join(folder, "")) for folder in allowed):
         raise InputError(
             f"the path {_short(path)} leads out of the root folder",
-            expected=f"a path under {' or '.join(str(folder) for folder in allowed)}",
+            expected=f"a path under {' or '.join(allowed)}",
             hint="copy the file there, put an empty .pinarm-root in a folder above both, or say --root DIR",
         )
+    found = Path(resolved)
     if (noted := _noted.get()) is not None:
-        noted.add(resolved)
-    return resolved
+        noted.add(found)
+    return found
 
 
 def _local(text: str, packages: Mapping[str, Path]) -> Path:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from pinarm.errors import ModelError, PinarmError
 from pinarm.input.expander import Expander, Expansion
-from pinarm.input.roots import contained, inside
+from pinarm.input.roots import contained
 from pinarm.input.tape import OPEN, UNRECORDABLE, Number, Tape, Traced, joined, marks
 from pinarm.input.xmltext import MAX_BYTES, Survey, bound, read
 
@@ -109,15 +109,15 @@ class Template:
         return cls(tape, xml, arguments, expansion.warnings, texts, expander.includes)
 
     def is_current(self, request: Request) -> bool:
-        """Tell whether every file still has the text that it had, and may still be read.
+        """Tell whether every included file lies where it lay, and every file has the text that it had.
 
         Raises:
-            PinarmError: A file may not.
+            PinarmError: A file may not be read any more.
         """
         for name, path in self.includes.items():
             if str(contained(name, request.root, request.packages)) != path:
                 return False
-        return all(_text(path, request) == text for path, text in self.texts.items())
+        return all(_text(Path(path)) == text for path, text in self.texts.items())
 
     def fill(self, request: Request) -> Expansion | None:
         """Return the expansion for other numbers; ``None`` where they lead another way."""
@@ -132,10 +132,8 @@ class Template:
         return Expansion(xml, dict(zip(self.arguments, arguments, strict=True)), self.warnings)
 
 
-def _text(path: str, request: Request) -> str | None:
-    if not Path(path).exists():
-        return None
-    return read(inside(path, request.root, request.packages), path, MAX_BYTES)
+def _text(path: Path) -> str | None:
+    return read(path, str(path), MAX_BYTES) if path.is_file() else None
 
 
 @dataclass

@@ -13,7 +13,7 @@ from pinarm.engine.quantities import Quantities
 from pinarm.engine.trajectory import Series
 from pinarm.errors import DynamicsError, InputError, Location, PinarmError
 from pinarm.input.documents import Document
-from pinarm.input.roots import noting_files
+from pinarm.input.roots import noting_files, rooted
 from pinarm.input.units import Unit
 from pinarm.use import instants
 from pinarm.use.result import MEASURES, Result
@@ -140,11 +140,13 @@ class Task:
         document: The scenario.
         folder: Folder that paths in it are relative to.
         wanted: What to take from each result.
+        root: Folder that files may refer to; each file's own where it is ``None``.
     """
 
     document: Document
     folder: Path
     wanted: tuple[Wanted, ...]
+    root: Path | None = None
 
 
 def solve_case(task: Task, values: Mapping[str, Value]) -> Row:
@@ -157,7 +159,7 @@ def solve_case(task: Task, values: Mapping[str, Value]) -> Row:
     Returns:
         The row; that of a case that fails says why.
     """
-    with noting_files() as files:
+    with rooted(task.root), noting_files() as files:
         try:
             result = Scenario.of(task.document.varied(values), task.folder).run()
             numbers = [number for entry in task.wanted for number in entry.numbers(result)]

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import IO
 
+from pinarm.use.result import CLOSURES, RESIDUALS
 from pinarm.use.sweep.solving import Progress
 from pinarm.use.sweep.study import Sweep
 from pinarm.use.sweep.table import summary
@@ -52,9 +53,11 @@ def report(sweep: Sweep) -> str:
     for row in rows:
         cells = [text.ljust(w) if k < 2 else text.rjust(w) for k, (text, w) in enumerate(zip(row, widths, strict=True))]
         lines.append("  ".join(cells).rstrip())
-    if found["accuracy"]:
-        worst = ", ".join(f"{name} {value:.1e}" for name, value in found["accuracy"].items())
-        lines.append(f"accuracy: largest relative residuals: {worst}")
+    for head, names in (("accuracy: largest relative residuals", RESIDUALS), ("loops: largest", CLOSURES)):
+        measured = [f"{name} {found['accuracy'][name]:.1e}" for name in names if name in found["accuracy"]]
+        lines += [f"{head}: {', '.join(measured)}"] if measured else []
+    if "regularity" in found["accuracy"]:
+        lines.append(f"regularity: {found['accuracy']['regularity']:.2g} at least, 0 at a singular position")
     lines += [f"note: {note}" for note in found["notes"]]
     lines.append(f"cases: {found['cases']}" + (f", {found['failed']} failed" if found["failed"] else ""))
     for failure in found["failures"][:SHOWN]:

@@ -14,7 +14,7 @@ import numpy as np
 from pinarm.engine.mechanism import mechanism_document
 from pinarm.engine.trajectory import Series
 from pinarm.errors import InputError, Interrupted, PinarmError, choices
-from pinarm.input.roots import noting_files
+from pinarm.input.roots import given_root, noting_files
 from pinarm.input.units import DIMENSIONLESS, read_quantity, unit
 from pinarm.use.result import MEASURES
 from pinarm.use.scenario import Scenario, load
@@ -138,7 +138,7 @@ def sweep(
         chosen = Cases.of(_axes(scenario, given, cases, samples, seed, sampling))
         quantities = _end(scenario, chosen).quantities()
         found = [Wanted.read(text).measured(quantities) for text in results or scenario.content.outputs]
-    task = Task(scenario.document, scenario.folder, tuple(entry for entry, _ in found))
+    task = Task(scenario.document, scenario.folder, tuple(entry for entry, _ in found), given_root())
     named = [column for _, columns in found for column in columns]
     named += [Series(name, DIMENSIONLESS, np.zeros(0)) for name in MEASURES]
     solving = Solving(task, chosen, np.full((len(chosen), len(named)), np.nan), progress)

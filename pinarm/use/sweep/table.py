@@ -5,21 +5,28 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pinarm.arrays import Array
 from pinarm.engine.trajectory import Series
 from pinarm.errors import InputError
 from pinarm.use.files import cell, json_text, write, write_arrays, yaml_text
+from pinarm.use.result import CLOSURES, RESIDUALS
 
 if TYPE_CHECKING:
     from pinarm.use.sweep.study import Sweep
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+WORST: dict[str, Callable[[Array], Any]] = {
+    **dict.fromkeys((*RESIDUALS, *CLOSURES, "condition"), np.nanmax),
+    "regularity": np.nanmin,
+}
+"""Measures of accuracy, and which of their values is the worst."""
 QUANTILES = {"5 %": 0.05, "median": 0.5, "95 %": 0.95}
 
 
@@ -97,20 +104,22 @@ def _write_parquet(sweep: Sweep, path: Path) -> None:
 
 
 def summary(sweep: Sweep) -> dict[str, Any]:
-    """Return the number of cases, the statistics of every result, the largest measures, and the failures."""
-    from pinarm.use.result import MEASURES
-
-    measures = [series for series in sweep.columns if series.name in MEASURES]
+    """Return the number of cases, the statistics of every result, the worst measures of accuracy, and the failures."""
     return {
         "scenario": sweep.name,
         "title": sweep.title,
         "cases": len(sweep),
         "failed": len(sweep.errors),
         "results": {series.name: statistics(series) for series in sweep.results()},
-        "accuracy": {series.name: float(np.nanmax(series.values)) for series in measures},
+        "accuracy": {series.name: worst(series) for series in sweep.columns if series.name in WORST},
         "failures": failures(sweep.errors),
         "notes": [f"{series.name}: least multipliers; {series.doubt}" for series in sweep.columns if series.doubt],
     }
+
+
+def worst(series: Series) -> float:
+    """Return the value of a measure of accuracy that is furthest from what is wanted."""
+    return float(WORST[series.name](series.values))
 
 
 def statistics(series: Series) -> dict[str, Any]:
