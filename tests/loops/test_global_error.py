@@ -1,0 +1,54 @@
+"""The estimate of the global error against the true one, of random chains in free motion."""
+
+import numpy as np
+import pytest
+from random_chains import closed_chain, open_chain, reference, scenario
+
+from pinarm.use.worth import estimated, scales
+
+RESOLVED = 1e-13
+"""True error that the reference can tell from rounding."""
+
+
+def compared(folder, chain, seed):
+    """Estimate and true error of every output of a random chain at a random tolerance, both relative."""
+    generator = np.random.default_rng([seed, chain is open_chain])
+    tolerance = 10.0 ** generator.uniform(-10.0, -3.0)
+    asked = scenario(folder, chain(generator), tolerance, generator)
+    result = asked.solve()
+    errors, _ = estimated(asked, result)
+    q, v = reference(result.trajectory)
+    exact = result.trajectory.mechanism.at(q, v, tau=np.zeros_like(v))
+    true = {name: np.abs(result[name].values - exact[name].values).max() / scale
+            for name, scale in scales(result).items()}  # fmt: skip
+    return [(errors[name], true[name]) for name in true]
+
+
+def honest(pairs):
+    """At least 95 % of true errors are below 10 estimates, which are hardly larger than the errors in the median."""
+    estimates, true = np.array(pairs).T
+    seen = true > RESOLVED
+    below, ratio = (true <= 10 * estimates).mean(), estimates[seen] / true[seen]
+    low, middle, high = np.quantile(ratio, (0.05, 0.5, 0.95))
+    print(f"{len(true)} outputs: {100 * below:.1f} % below 10 x the estimate; estimate/true: median {middle:.3f}, "
+          f"5 % {low:.3f}, 95 % {high:.3f}")  # fmt: skip
+    assert below >= 0.95
+    assert 1 / 3 < middle < 30
+
+
+def test_the_error_of_open_chains_is_told(tmp_path):
+    honest([pair for seed in range(12) for pair in compared(tmp_path, open_chain, seed)])
+
+
+def test_the_error_of_closed_chains_is_told(tmp_path):
+    honest([pair for seed in range(2) for pair in compared(tmp_path, closed_chain, seed)])
+
+
+@pytest.mark.slow
+def test_the_errors_of_300_open_chains_are_told(tmp_path):
+    honest([pair for seed in range(300) for pair in compared(tmp_path, open_chain, seed)])
+
+
+@pytest.mark.slow
+def test_the_errors_of_100_closed_chains_are_told(tmp_path):
+    honest([pair for seed in range(100) for pair in compared(tmp_path, closed_chain, seed)])
