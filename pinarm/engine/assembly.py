@@ -204,6 +204,16 @@ def _solve(rows: Array, right: Array) -> Array:
 
 
 def check_rank(rows: Array, names: Sequence[str], t: float) -> None:
+    """Raise where rows do not determine the velocity of every joint.
+
+    Args:
+        rows: Those of constraints and coordinates, shape (m, nv).
+        names: What they belong to.
+        t: The instant, for the message.
+
+    Raises:
+        AssemblyError: The position is singular.
+    """
     nv = rows.shape[1]
     singular = np.linalg.svd(rows, compute_uv=False)
     if len(rows) < nv or singular[nv - 1] < SINGULAR * singular[0]:

@@ -59,7 +59,7 @@ class Elimination:
     lower: Sequence[tuple[int, int, Array]]
 
     @classmethod
-    def of(cls, rows: Sequence[Entries], order: Sequence[tuple[int, int]]) -> Elimination:
+    def of(cls, rows: Mapping[int, Entries], order: Sequence[tuple[int, int]]) -> Elimination:
         """Return the elimination of the systems with the given rows; rows without a pivot are not read."""
         left = [dict(rows[row]) for row, _ in order]
         values, lower = [], []
@@ -90,7 +90,7 @@ class Elimination:
         for k in range(len(self.order) - 1, -1, -1):
             known = [entry * x[column] for column, entry in self.upper[k].items() if column in x]
             if k in b or known:
-                total = b[k] if k in b else 0.0
+                total = b.get(k, 0.0)
                 for part in known:
                     total = total - part
                 x[self.order[k][1]] = np.asarray(total / self.pivots[k])

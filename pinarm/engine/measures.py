@@ -6,7 +6,7 @@ the n configurations along their last axis, or 1 where a number is the same in a
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -33,7 +33,7 @@ class Measured(Protocol):
         """Return the value of every row [m or rad], shape (n,) or (1,)."""
         ...
 
-    def rows(self, wanted: Container[int]) -> dict[int, Entries]:
+    def rows(self, wanted: Container[int]) -> Mapping[int, Entries]:
         """Return the wanted rows of J."""
         ...
 
@@ -94,7 +94,7 @@ class PairRows:
         lengths, angles = self.pair.gap(self.placed.p, self.placed.axes)
         return [*lengths, *angles]
 
-    def rows(self, wanted: Container[int]) -> dict[int, Entries]:
+    def rows(self, wanted: Container[int]) -> Mapping[int, Entries]:
         """Return ``e . p'`` of the lengths and ``w . omega`` of the angles."""
         e, w = self._directions(wanted)
         found = {k: self.placed.along(one) for k, one in e.items()}
@@ -208,7 +208,8 @@ class Measures:
     def at(self, q: Array) -> MeasuredAll:
         """Return the rows at configurations, shape (nv, n)."""
         cosine, sine = np.cos(q), np.sin(q)
-        return MeasuredAll([(start, part.at(q, cosine, sine)) for start, part in zip(self.starts, self.parts, strict=True)])
+        parts = [part.at(q, cosine, sine) for part in self.parts]
+        return MeasuredAll(list(zip(self.starts, parts, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.engine.assembly import CLOSED
 from pinarm.engine.closure import Closure
 from pinarm.engine.elimination import Elimination, pivots
@@ -22,7 +22,8 @@ from pinarm.engine.imposed import Imposed
 from pinarm.engine.measures import MeasuredAll, Measures
 
 SHORTEST, LONGEST = 4, 2048
-"""Smallest number of rows that is tried, and largest number of rows in a sweep: arrays of more would not stay in the processor's cache."""
+"""Smallest number of rows that is tried, and largest number of rows in a sweep: arrays of more would not stay in the
+processor's cache."""
 
 NEAR, WANTED = 0.1, 1e-3
 """Largest correction of a prediction that is accepted, and the one that the length of sweeps aims at [rad or m]."""
@@ -62,7 +63,7 @@ class Solved:
     transmission: Array
 
     def __len__(self) -> int:
-        return self.q.shape[1]
+        return int(self.q.shape[1])
 
     def until(self, n: int) -> Solved:
         """Return the first n rows."""
@@ -132,7 +133,7 @@ class Sweep:
         return Solved(q, v, a, np.zeros((self.k, self.nv, 0)))
 
     def _begun(self, q: Array) -> bool:
-        """Choose the order of the pivots at a configuration, unless there is one; tell whether that is regular enough."""
+        """Choose the order of the pivots at a configuration, unless there is one; tell whether it is regular."""
         if not self._order:
             measured = self.measures.at(q[:, None])
             rows = measured.rows(range(self.own + self.k))
@@ -147,7 +148,7 @@ class Sweep:
             self._reference = list(Elimination.of(rows, self._order).pivots)
         return len(self._order) == self.nv
 
-    def _newton(self, q: Array, w: Array) -> tuple[Array, Array, Array]:
+    def _newton(self, q: Array, w: Array) -> tuple[Array, Array, Flags]:
         """Return the solutions near predictions, how far they were from them, and which came as they should."""
         chosen = [row for row, _ in self._order]
         first = last = np.full(q.shape[1], np.inf)
@@ -164,9 +165,9 @@ class Sweep:
             last = size
             if size[good].max(initial=0.0) < ENOUGH:
                 break
-        return q, first, good & (last < ENOUGH)
+        return q, first, np.asarray(good & (last < ENOUGH))
 
-    def _closed(self, measured: MeasuredAll, w: Array) -> Array:
+    def _closed(self, measured: MeasuredAll, w: Array) -> Flags:
         """Return at which configurations all rows are closed, those without pivots too."""
         gap, closed = measured.gap(), np.ones(w.shape[1], dtype=bool)
         for x in gap[: self.own]:
@@ -175,7 +176,7 @@ class Sweep:
             closed &= np.abs(wanted - x) <= CLOSED * (1.0 + np.abs(wanted))
         return closed
 
-    def _rates(self, q: Array, measured: MeasuredAll, dw: Array, ddw: Array) -> tuple[Solved, Array]:
+    def _rates(self, q: Array, measured: MeasuredAll, dw: Array, ddw: Array) -> tuple[Solved, Flags]:
         """Return velocities and accelerations, and where the pivots are still good."""
         chosen = [row for row, _ in self._order]
         elimination = Elimination.of(measured.rows(chosen), self._order)
@@ -197,7 +198,7 @@ class Sweep:
             kept &= (share > KEPT) & (product > KEPT)
         return Solved(q, v, a, transmission), kept
 
-    def _leading(self, kept: Array, good: Array) -> int:
+    def _leading(self, kept: Flags, good: Flags) -> int:
         """Return the number of rows before the first that is not good; forget the order where pivots got small."""
         if not kept.all():
             self._order = []

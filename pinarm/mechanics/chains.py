@@ -1,11 +1,12 @@
 """Open chains between two frames of a tree, at many configurations at once.
 
 The chain from frame 1 to frame 2 runs along the tree: against the joints up to the common ancestor, with them down from
-there. Seen from frame 1 it is a serial arm on a fixed base, with the twist of frame 2 in frame 1 as its own. So only the
-joints between the frames matter, and all vectors are in the axes of frame 1, in which a loop joint says what it holds.
+there. Seen from frame 1 it is a serial arm on a fixed base, with the twist of frame 2 in frame 1 as its own. So only
+the joints between the frames matter, and all vectors are in the axes of frame 1, in which a loop joint says what it
+holds.
 
-Arrays have the configurations along their last axis, so that numpy works on long rows: n of them, or 1 where a vector is
-the same in all, such as the axes of a planar mechanism.
+Arrays have the configurations along their last axis, so that numpy works on long rows: n of them, or 1 where a vector
+is the same in all, such as the axes of a planar mechanism.
 """
 
 from __future__ import annotations

@@ -229,7 +229,7 @@ class LoopJoint:
         ddp = turn @ a2.linear - a1.linear - np.cross(a1.angular, p) - np.cross(spin, np.cross(spin, p) + 2.0 * dp)
         domega = turn @ a2.angular - a1.angular + np.cross(omega, spin)
         e, w = self.pair.directions(p, axes)
-        return np.concatenate([e @ ddp, w @ domega]) + np.concatenate(self.pair.bend(p, axes, dp, omega))
+        return np.asarray(np.concatenate([e @ ddp, w @ domega]) + np.concatenate(self.pair.bend(p, axes, dp, omega)))
 
     def wrenches(self, model: pin.Model, data: pin.Data, lam: Array) -> dict[int, Array]:
         """Return what the multipliers do to the links: joint index -> [f; m] at the world's origin, world axes."""

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 
-Axes = Sequence[Array]
+Axes = Sequence[Array] | Array
 """The three axes of a frame, each of shape (3,) or (3, n): the columns of its rotation matrix."""
 
 
@@ -44,7 +44,7 @@ def combined(axes: Axes, weights: Array) -> Array:
 def rotation_vector(axes: Axes) -> Array:
     """Return ``log R``, shape (3,) or (3, n); of many it is not exact within 1e-6 of half a turn."""
     if axes[0].ndim == 1:
-        return np.asarray(pin.log3(np.column_stack(axes)))
+        return np.asarray(pin.log3(np.column_stack(list(axes))))
     x, y, z = axes
     twice = np.array(np.broadcast_arrays(y[2] - z[1], z[0] - x[2], x[1] - y[0]))
     sine, cosine = 0.5 * np.sqrt(dot(twice, twice)), 0.5 * (x[0] + y[1] + z[2] - 1.0)
