@@ -141,7 +141,7 @@ def hold(value: object, field: msgspec.structs.FieldInfo) -> object:
     Raises:
         InputError: It does not fit.
     """
-    plain = value.tolist() if isinstance(value, np.ndarray) else value
+    plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
     try:
         return msgspec.convert(plain, field.type, dec_hook=convert)
     except msgspec.ValidationError as error:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 
 from pinarm.errors import InputError, UnitError
@@ -15,6 +16,7 @@ from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces.joint import JointSpring
 from pinarm.mechanics.laws import Cycloidal, Polynomial
+from pinarm.problems.common import Accuracy, TimeGrid
 
 
 class Piece(Model, rename={"angle": "from"}):
@@ -138,3 +140,8 @@ def test_pieces_are_immutable_and_know_their_keys() -> None:
         from_file(lenght="1 m")
     with pytest.raises(AttributeError):
         from_file(length="1 m").length = 2.0
+
+
+def test_numbers_of_numpy_are_numbers():
+    assert Accuracy(tolerance=np.float64(1e-6)).tolerance == 1e-6
+    assert TimeGrid(end=np.float64(2.0), samples=np.int64(5)).samples == 5

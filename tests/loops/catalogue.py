@@ -48,6 +48,20 @@ def four_bar(kinds=("revolute",) * 4) -> Linkage:
     return Linkage(bodies, joints)
 
 
+def five_bar() -> Linkage:
+    """Two cranks and two couplers in the plane x-z: two freedoms."""
+    o, a, m, b, c = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.2], [0.3, 0.0, 0.4], [0.5, 0.0, 0.25], [0.6, 0.0, 0.0]])
+    bodies = {
+        "crank": bar(o, a, 1.0),
+        "one": bar(a, m, 0.8, (0.0, 0.0, 0.03)),
+        "two": bar(b, m, 1.2),
+        "last": bar(c, b, 0.9),
+    }
+    ends = {"O": (GROUND, "crank", o), "A": ("crank", "one", a), "M": ("one", "two", m), "B": ("last", "two", b),
+            "C": (GROUND, "last", c)}  # fmt: skip
+    return Linkage(bodies, {name: Joint("revolute", *both, at, ABOUT_Y) for name, (*both, at) in ends.items()})
+
+
 def rssr(second="universal") -> Linkage:
     """A spatial four-bar; with two ball joints the coupler spins freely, with a universal one everything is held."""
     o, a, b, c = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.02], [0.25, 0.35, 0.3], [0.3, 0.4, 0.05]])

@@ -1,11 +1,12 @@
 """Any joint may be the one that closes: the same linkage, cut at each of its joints in turn."""
 
+import numpy as np
 import pytest
-from catalogue import four_bar, manipulator, rssr, slider_crank
+from catalogue import five_bar, four_bar, manipulator, rssr, slider_crank
 from motions import driven, free, poses, power, states, wrench
 
 from pinarm.engine.quantities import Quantities
-from pinarm.mechanics.laws import Harmonic
+from pinarm.mechanics.laws import Harmonic, Trapezoid
 
 CRANK = {"crank_angle": {"kind": "rotation", "body": "crank_com", "about": "y"}}
 LAW = Harmonic(amplitude=1.2, pulsation=2.5)
@@ -71,6 +72,38 @@ class TestCutAtEachJointInTurn:
                 assert set(components) == set(seen[0])
                 for component, values in components.items():
                     assert values == pytest.approx(seen[0][component], rel=1e-9, abs=1e-9)
+
+
+class TestOneCrankFollowsALaw:
+    """A linkage of two freedoms: the law holds one, the other is free."""
+
+    law = Trapezoid(start=0.0, end=0.5, acceleration=8.0, begin=0.1)
+
+    def run(self, tmp_path, cut):
+        mechanism = five_bar().build(tmp_path, cut, coordinates=CRANK)
+        along = "O" if "O" in mechanism.joints else "crank_angle"
+        found = free(mechanism, 0.7, 15, motion={along: self.law})
+        return found, Quantities(found)[f"coordinate.{along}.effort"].values
+
+    def test_motion_and_torque_are_the_same_wherever_it_is_cut(self, tmp_path):
+        runs = [self.run(tmp_path, [cut]) for cut in "OAMBC"]
+        t = runs[0][0].grid.t
+        assert len(t) == 18  # the acceleration jumps three times
+        first = states(five_bar(), runs[0][0])
+        turned = [
+            np.arctan2(pose.turn["crank"][0, 2], pose.turn["crank"][0, 0]) for pose in poses(five_bar(), runs[0][0])
+        ]
+        grid = runs[0][0].grid
+        assert turned == pytest.approx(grid.evaluate(self.law)[0], abs=1e-12)
+        for run, torque in runs[1:]:
+            assert states(five_bar(), run) == pytest.approx(first, rel=1e-9, abs=1e-8)
+            assert torque == pytest.approx(runs[0][1], rel=1e-9, abs=1e-8)
+
+    def test_the_torque_is_what_the_energy_takes(self, tmp_path):
+        run, torque = self.run(tmp_path, ["B"])
+        rows = poses(five_bar(), run)
+        given = [effort * pose.omega["crank"][1] for effort, pose in zip(torque, rows, strict=True)]
+        assert given == pytest.approx([power(five_bar(), pose) for pose in rows], rel=1e-9, abs=1e-9)
 
 
 def sorted_as(name, cut):

@@ -1,0 +1,70 @@
+"""Closed loops over ten seconds: how well they stay closed, what becomes of their energy, and the error by tolerance."""
+
+import numpy as np
+import pytest
+from catalogue import bennett, four_bar, rssr
+from motions import free, poses
+
+TOLERANCE = 1e-9
+LONG = {
+    "four-bar": (four_bar(), ["B"], 6.0), "rsur by a ball joint": (rssr(), ["A"], 6.0), "rsur by a cross": (rssr(), ["B"], 6.0),
+    "bennett": (bennett(), ["axis_3"], 4.0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LONG)
+class TestTenSeconds:
+    @pytest.fixture
+    def run(self, name, tmp_path):
+        linkage, cut, speed = LONG[name]
+        mechanism = linkage.build(tmp_path, cut)
+        first = "O" if "O" in mechanism.joints else "axis_1"
+        return free(mechanism, 10.0, 401, velocity={first: speed}, tolerance=TOLERANCE)
+
+    def test_loops_stay_closed(self, name, run):
+        closure = run.mechanism.closure
+        for q, v in zip(run.q, run.v, strict=True):
+            closure.place(q)
+            assert np.abs(closure.gap(q)).max() < 1e-10
+            assert np.abs(closure.rows() @ v).max() < 1e-10
+
+    def test_energy_is_kept_at_the_tolerance(self, name, run):
+        """By the motion of the bodies; some hundred steps add their errors."""
+        linkage = LONG[name][0]
+        total = np.array([energy(linkage, pose) for pose in poses(linkage, run)])
+        kinetic = np.array([energy(linkage, pose, weight=0.0) for pose in poses(linkage, run)])
+        assert np.ptp(kinetic) > 0.1 * kinetic.max()
+        assert np.abs(total - total[0]).max() < 300 * TOLERANCE * kinetic.max()
+        assert run.figures["energy"] < 300 * TOLERANCE
+
+    def test_many_turns_are_made(self, name, run):
+        """What is closed and keeps its energy has moved at all."""
+        assert np.abs(run.v).max(axis=0).min() > 0.1
+        assert np.ptp(run.q, axis=0).max() > 1.0
+
+
+def energy(linkage, pose, weight=1.0):
+    total = 0.0
+    for name, body in linkage.bodies.items():
+        turned = pose.turn[name].T @ pose.omega[name]
+        total += 0.5 * body.mass * pose.velocity[name] @ pose.velocity[name] + 0.5 * turned @ body.inertia @ turned
+        total += weight * body.mass * linkage.gravity * pose.place[name][2]
+    return total
+
+
+class TestTolerance:
+    """The error follows the tolerance: a step is brought back onto the loop without loss of order."""
+
+    tolerances = (1e-5, 1e-7, 1e-9, 1e-11)
+
+    @pytest.mark.parametrize("name", ["four-bar", "rsur by a ball joint", "rsur by a cross"])
+    def test_the_error_shrinks_with_it(self, name, tmp_path):
+        linkage, cut, speed = LONG[name]
+        mechanism = linkage.build(tmp_path, cut)
+        exact = free(mechanism, 1.0, 5, velocity={"O": speed}, tolerance=1e-14)
+        errors = []
+        for tolerance in self.tolerances:
+            run = free(mechanism, 1.0, 5, velocity={"O": speed}, tolerance=tolerance)
+            errors.append(np.abs(run.q - exact.q).max())
+        assert np.polyfit(np.log(self.tolerances), np.log(errors), 1)[0] > 0.85
+        assert (np.array(errors) < 1000 * np.array(self.tolerances)).all()
