@@ -77,7 +77,7 @@ def free_motion() -> tuple[float, float]:
 
     def ours(tolerance: float) -> np.ndarray:
         stretch = Stretch(0.0, 10.0, dynamics.acceleration())
-        return integrate([stretch], dynamics.manifold, start, idle, tolerance=tolerance).states(samples)[0][-1]
+        return integrate([stretch], dynamics.manifold, start, idle, Adaptive(tolerance)).states(samples)[0][-1]
 
     def rate(t: float, y: np.ndarray) -> np.ndarray:
         return np.concatenate([y[2:], pin.aba(model, data, y[:2], y[2:], idle)])

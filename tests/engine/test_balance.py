@@ -135,14 +135,14 @@ class TestEnergyBalance:
         less = Dynamics.of(arm.model, {key: force for key, force in bound.items() if key != name})
         pairs = list(itertools.pairwise(bounds))
         stretches = [Stretch(low, high, whole.on(low, high).acceleration()) for low, high in pairs]
-        solution = integrate(stretches, whole.manifold, np.array([0.4, 0.0]), np.array([0.0, 3.0]), tolerance=1e-10)
+        solution = integrate(stretches, whole.manifold, np.array([0.4, 0.0]), np.array([0.0, 3.0]), Adaptive(1e-10))
         assert energy_balance(solution, [whole.on(*pair) for pair in pairs])["energy"] < 1e-8
         assert energy_balance(solution, [less.on(*pair) for pair in pairs])["energy"] > 1e-4
 
     def test_a_wrong_law_of_motion_shows(self, arm):
         honest = arm.dynamics.acceleration()
         skewed = Stretch(0.0, 2.0, lambda t, q, v: honest(t, q, v) * (1 + 1e-6))
-        solution = integrate([skewed], arm.dynamics.manifold, np.array([0.4, 0.0]), np.zeros(2), tolerance=1e-12)
+        solution = integrate([skewed], arm.dynamics.manifold, np.array([0.4, 0.0]), np.zeros(2), Adaptive(1e-12))
         assert energy_balance(solution, [arm.dynamics])["energy"] > 1e-8
 
     def test_free_motion_keeps_its_energy(self, arm):

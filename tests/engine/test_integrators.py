@@ -120,31 +120,31 @@ class TestOrder:
 
 class TestDenseOutput:
     def test_meets_the_steps_at_their_ends(self):
-        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-9)
+        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
         t = np.array([step.t for step in solution.steps])
         assert np.array_equal(np.hstack(solution.states(t)), np.array([step.y for step in solution.steps]))
 
     def test_is_smooth_across_the_steps(self):
-        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-9)
+        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
         ends = np.array([step.t for step in solution.steps[1:]])
         before, after = solution.states(np.nextafter(ends, -1.0)), solution.states(ends)
         assert np.hstack(before) == pytest.approx(np.hstack(after), abs=1e-14)
 
     def test_is_as_accurate_as_the_steps(self):
-        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-10)
+        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-10))
         ends = np.array([step.t for step in solution.steps])
         between = np.linspace(0.0, 6.0, 2001)
         assert deviation(solution, between) < 10 * deviation(solution, ends) + 1e-12
 
     def test_takes_times_in_any_order(self):
-        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-9)
+        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
         t = np.array([5.0, 0.0, 6.0, 2.5, 2.5])
         together = solution.states(t)
         for k, instant in enumerate(t):
             assert np.array_equal(solution.states(np.array([instant]))[0][0], together[0][k])
 
     def test_quaternions_have_unit_length(self, top):
-        solution = integrate([Stretch(0.0, 4.0, top.acceleration())], top.manifold, ATTITUDE, SPIN, tolerance=1e-4)
+        solution = integrate([Stretch(0.0, 4.0, top.acceleration())], top.manifold, ATTITUDE, SPIN, Adaptive(1e-4))
         q, _ = solution.states(np.linspace(0.0, 4.0, 101))
         assert np.linalg.norm(q, axis=1) == pytest.approx(1.0, abs=1e-15)
         assert all(abs(np.linalg.norm(step.y[:4]) - 1.0) < 1e-15 for step in solution.steps)
@@ -156,7 +156,7 @@ class TestTolerance:
     def errors(self, acceleration, manifold, q, v, t, exact):
         found = []
         for tolerance in self.tolerances:
-            solution = integrate([Stretch(0.0, t[-1], acceleration)], manifold, q, v, tolerance=tolerance)
+            solution = integrate([Stretch(0.0, t[-1], acceleration)], manifold, q, v, Adaptive(tolerance))
             found.append(np.abs(np.hstack(solution.states(t)) - exact).max())
         return np.array(found)
 
@@ -198,7 +198,7 @@ def test_free_rotation_follows_the_elliptic_functions(top):
         np.sqrt((momentum2 - energy2 * i1) / (i3 * (i3 - i1))) * dn,
     ])  # fmt: skip
     stretch = Stretch(0.0, t[-1], top.acceleration())
-    _, v = integrate([stretch], top.manifold, ATTITUDE, w, tolerance=1e-13).states(t)
+    _, v = integrate([stretch], top.manifold, ATTITUDE, w, Adaptive(1e-13)).states(t)
     assert pytest.approx(expected, abs=1e-11) == v.T
 
 
@@ -226,13 +226,13 @@ class TestStretches:
         ]
 
     def test_a_load_that_jumps_between_them_costs_no_accuracy(self):
-        solution = integrate(self.stretches(), self.flat, *self.rest, tolerance=1e-12)
+        solution = integrate(self.stretches(), self.flat, *self.rest, Adaptive(1e-12))
         t = np.linspace(0.0, 5.0, 301)
         for found, exact in zip(solution.states(t), kicked(t), strict=True):
             assert found == pytest.approx(exact, abs=1e-10)
 
     def test_steps_end_exactly_on_their_bounds(self):
-        solution = integrate(self.stretches(), self.flat, *self.rest, tolerance=1e-9)
+        solution = integrate(self.stretches(), self.flat, *self.rest, Adaptive(1e-9))
         first = {k: next(step for step in solution.steps if step.stretch == k) for k in range(3)}
         assert [step.t for step in first.values()] == list(self.bounds[:-1])
         assert solution.end == pytest.approx(5.0, abs=1e-15)
@@ -243,19 +243,19 @@ class TestStretches:
         def load(t):
             return 1.0 if 1 / 3 < t < 2.0 else 0.0
 
-        split = integrate(self.stretches(), self.flat, *self.rest, tolerance=1e-12)
-        whole = integrate([Stretch(0.0, 5.0, oscillator_with(load))], self.flat, *self.rest, tolerance=1e-12)
+        split = integrate(self.stretches(), self.flat, *self.rest, Adaptive(1e-12))
+        whole = integrate([Stretch(0.0, 5.0, oscillator_with(load))], self.flat, *self.rest, Adaptive(1e-12))
         assert split.rejected <= 2
         assert whole.rejected > 10 * max(1, split.rejected)
 
     def test_a_stretch_that_starts_late_is_on_its_own_clock(self):
         late = [Stretch(s.start + 1e3, s.end + 1e3, s.acceleration) for s in self.stretches()]
         t = np.linspace(0.0, 5.0, 31)
-        q, _ = integrate(late, self.flat, *self.rest, tolerance=1e-12).states(1e3 + t)
+        q, _ = integrate(late, self.flat, *self.rest, Adaptive(1e-12)).states(1e3 + t)
         assert q == pytest.approx(kicked(t)[0], abs=1e-10)  # times near 1000 s are known to 1e-13 s
 
     def test_rest_is_crossed_in_few_steps(self):
-        solution = integrate([Stretch(0.0, 1e3, lambda t, q, v: 0.0 * q)], self.flat, *self.rest, tolerance=1e-12)
+        solution = integrate([Stretch(0.0, 1e3, lambda t, q, v: 0.0 * q)], self.flat, *self.rest, Adaptive(1e-12))
         assert len(solution.steps) < 20
         assert np.hstack(solution.states(np.array([1e3]))).tolist() == [[0.0, 0.0]]
 
@@ -267,13 +267,13 @@ def test_evaluations_are_counted():
         calls.append(t)
         return attraction(t, q, v)
 
-    solution = integrate([Stretch(0.0, 6.0, counted)], PLANE, *orbit(0.0), tolerance=1e-9)
+    solution = integrate([Stretch(0.0, 6.0, counted)], PLANE, *orbit(0.0), Adaptive(1e-9))
     assert solution.evaluations == len(calls)
     assert len(calls) == 2 + 12 * (len(solution.steps) + solution.rejected)
 
 
 def test_equal_input_gives_equal_bits():
-    runs = [integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-9) for _ in range(2)]
+    runs = [integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9)) for _ in range(2)]
     assert all(np.array_equal(one.y, other.y) for one, other in zip(runs[0].steps, runs[1].steps, strict=True))
 
 
@@ -282,7 +282,7 @@ class TestFailures:
 
     def fails(self, acceleration, q=0.0, v=1.0, end=2.0):
         with pytest.raises(IntegrationError) as caught:
-            integrate([Stretch(0.0, end, acceleration)], self.flat, np.array([q]), np.array([v]), tolerance=1e-9)
+            integrate([Stretch(0.0, end, acceleration)], self.flat, np.array([q]), np.array([v]), Adaptive(1e-9))
         return caught.value
 
     @pytest.mark.parametrize("value", [np.nan, np.inf])
@@ -335,7 +335,7 @@ class TestInterruption:
         parts = [Stretch(low, high, acceleration) for low, high in pairwise(cuts)]
         parts[-1] = Stretch(*cuts[-2:], interrupted)
         with pytest.raises((Interrupted, KeyboardInterrupt)) as caught:
-            integrate(parts, self.flat, *self.start, tolerance=1e-10)
+            integrate(parts, self.flat, *self.start, Adaptive(1e-10))
         assert isinstance(caught.value, Interrupted), "what was integrated is lost"
         return caught.value
 
@@ -362,7 +362,7 @@ class TestInterruption:
 class TestMaxSteps:
     def test_no_more_steps_are_taken_and_those_taken_are_kept(self):
         with pytest.raises(IntegrationError, match="has taken 7 steps and is at t = ") as caught:
-            integrate([Stretch(0.0, 60.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-9, max_steps=7)
+            integrate([Stretch(0.0, 60.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=7)
         partial = caught.value.partial
         assert len(partial.steps) + partial.rejected == 7
         assert caught.value.data["t"] == pytest.approx(partial.end, abs=1e-14)
@@ -372,11 +372,11 @@ class TestMaxSteps:
     def test_they_are_counted_over_all_stretches(self):
         cuts = np.linspace(0.0, 6.0, 13).tolist()
         parts = [Stretch(low, high, attraction) for low, high in pairwise(cuts)]
-        whole = integrate(parts, PLANE, *orbit(0.0), tolerance=1e-9)
+        whole = integrate(parts, PLANE, *orbit(0.0), Adaptive(1e-9))
         needed = len(whole.steps) + whole.rejected
-        assert integrate(parts, PLANE, *orbit(0.0), tolerance=1e-9, max_steps=needed).end == pytest.approx(6.0)
+        assert integrate(parts, PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=needed).end == pytest.approx(6.0)
         with pytest.raises(IntegrationError, match=f"has taken {needed - 1} steps"):
-            integrate(parts, PLANE, *orbit(0.0), tolerance=1e-9, max_steps=needed - 1)
+            integrate(parts, PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=needed - 1)
 
 
 class TestJointSpace:
