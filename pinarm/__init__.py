@@ -30,7 +30,18 @@ _HOMES = {
     "rooted": "pinarm.input.roots",
 }
 
-__all__ = ["Mechanism", "PinarmError", "Result", "Scenario", "Series", "Trajectory", "check", "explain", "load", "rooted"]
+__all__ = [
+    "Mechanism",
+    "PinarmError",
+    "Result",
+    "Scenario",
+    "Series",
+    "Trajectory",
+    "check",
+    "explain",
+    "load",
+    "rooted",
+]
 
 
 def __getattr__(name: str) -> Any:

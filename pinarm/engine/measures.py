@@ -208,7 +208,9 @@ class Measures:
     def at(self, q: Array) -> MeasuredAll:
         """Return the rows at configurations, shape (nv, n)."""
         cosine, sine = np.cos(q), np.sin(q)
-        return MeasuredAll([(start, part.at(q, cosine, sine)) for start, part in zip(self.starts, self.parts, strict=True)])
+        return MeasuredAll(
+            [(start, part.at(q, cosine, sine)) for start, part in zip(self.starts, self.parts, strict=True)]
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
 from pinarm.engine.dynamics import Dynamics, JointSpace
-from pinarm.engine.integrators import Flat, Solution, Step, Stretch, _Stepper, integrate
+from pinarm.engine.integrators import Adaptive, FixedStep, Flat, Stretch, integrate
 from pinarm.engine.tableaus import DOP853
 from pinarm.errors import IntegrationError, Interrupted
 
@@ -64,16 +64,9 @@ def turned():
 
 
 def fixed_steps(acceleration, manifold, q, v, end, n):
-    """Return the solution of n equal steps."""
-    stretch = Stretch(0.0, end, acceleration)
-    solution, stepper = Solution(DOP853, manifold, [stretch]), _Stepper(DOP853, manifold, 1.0)
-    stepper.begin(0.0, np.concatenate([q, v]), acceleration)
-    h = end / n
-    for k in range(n):
-        stepper.attempt(k * h, h, acceleration)
-        solution.steps.append(Step(k * h, h, stepper.y.copy(), stepper.slopes.copy(), 0))
-        stepper.accept()
-    return solution, stepper.y.copy()
+    """Return the solution of n equal steps, and its last state."""
+    solution = integrate([Stretch(0.0, end, acceleration)], manifold, q, v, FixedStep(end / n, DOP853))
+    return solution, np.hstack(solution.states(np.array([end])))[0]
 
 
 def slope(steps, errors):
@@ -177,7 +170,7 @@ class TestTolerance:
 @pytest.mark.parametrize("noise", [0.0, 3e-17, -1e-16, 1e-15])
 def test_a_start_at_rest_that_is_off_zero_by_rounding_begins_with_no_smaller_steps(noise):
     stretch = Stretch(0.0, 1.0, lambda t, q, v: np.array([np.cos(t), 50.0]))
-    solution = integrate([stretch], PLANE, np.full(2, noise), np.zeros(2), tolerance=1e-12)
+    solution = integrate([stretch], PLANE, np.full(2, noise), np.zeros(2), Adaptive(1e-12))
     assert len(solution.steps) < 30
     assert solution.states(np.ones(1))[0][0] == pytest.approx([1.0 - np.cos(1.0), 25.0], rel=1e-11)
 
@@ -245,8 +238,8 @@ class TestStretches:
 
         split = integrate(self.stretches(), self.flat, *self.rest, Adaptive(1e-12))
         whole = integrate([Stretch(0.0, 5.0, oscillator_with(load))], self.flat, *self.rest, Adaptive(1e-12))
-        assert split.rejected <= 2
-        assert whole.rejected > 10 * max(1, split.rejected)
+        assert split.count.rejected <= 2
+        assert whole.count.rejected > 10 * max(1, split.count.rejected)
 
     def test_a_stretch_that_starts_late_is_on_its_own_clock(self):
         late = [Stretch(s.start + 1e3, s.end + 1e3, s.acceleration) for s in self.stretches()]
@@ -268,8 +261,8 @@ def test_evaluations_are_counted():
         return attraction(t, q, v)
 
     solution = integrate([Stretch(0.0, 6.0, counted)], PLANE, *orbit(0.0), Adaptive(1e-9))
-    assert solution.evaluations == len(calls)
-    assert len(calls) == 2 + 12 * (len(solution.steps) + solution.rejected)
+    assert solution.count.evaluations == len(calls)
+    assert len(calls) == 2 + 12 * (len(solution.steps) + solution.count.rejected)
 
 
 def test_equal_input_gives_equal_bits():
@@ -364,7 +357,7 @@ class TestMaxSteps:
         with pytest.raises(IntegrationError, match="has taken 7 steps and is at t = ") as caught:
             integrate([Stretch(0.0, 60.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=7)
         partial = caught.value.partial
-        assert len(partial.steps) + partial.rejected == 7
+        assert len(partial.steps) + partial.count.rejected == 7
         assert caught.value.data["t"] == pytest.approx(partial.end, abs=1e-14)
         assert 0.0 < partial.end < 60.0
         assert deviation(partial, np.linspace(0.0, partial.end, 20)) < 1e-7
@@ -373,7 +366,7 @@ class TestMaxSteps:
         cuts = np.linspace(0.0, 6.0, 13).tolist()
         parts = [Stretch(low, high, attraction) for low, high in pairwise(cuts)]
         whole = integrate(parts, PLANE, *orbit(0.0), Adaptive(1e-9))
-        needed = len(whole.steps) + whole.rejected
+        needed = len(whole.steps) + whole.count.rejected
         assert integrate(parts, PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=needed).end == pytest.approx(6.0)
         with pytest.raises(IntegrationError, match=f"has taken {needed - 1} steps"):
             integrate(parts, PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=needed - 1)

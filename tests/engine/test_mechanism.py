@@ -87,7 +87,6 @@ def test_a_law_of_the_file_is_that_of_the_instant(mechanism, chain):
         assert pushed.inverse(zero, zero, zero, t=t)[0, 0] == pytest.approx(-expected)
 
 
-
 def test_loading_twice_gives_mechanisms_of_their_own():
     one, other = Mechanism.load(ARM), Mechanism.load(ARM, gravity="none")
     assert one.gravity == 9.81

@@ -6,7 +6,7 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from pinarm.engine.dynamics import Dynamics
-from pinarm.engine.integrators import Stretch, integrate
+from pinarm.engine.integrators import Adaptive, Stretch, integrate
 from pinarm.engine.quantities import Quantities
 from pinarm.mechanics.forces.joint import JointEffort, JointSpring
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Trapezoid

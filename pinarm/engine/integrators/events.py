@@ -40,8 +40,8 @@ def find(solution: Solution, watches: Sequence[Watch], y: Array) -> bool:
     """Look for crossings in the last step of a solution, and cut it where one stops the integration.
 
     A value is replaced by the Chebyshev polynomial through it at 9 points of the step, whose roots are all known: a
-    coordinate that is linear in q is such a polynomial, and none of its crossings is missed, however short. Each root is
-    then refined on the value itself. A state that is exactly at zero counts as above it.
+    coordinate that is linear in q is such a polynomial, and none of its crossings is missed, however short. Each root
+    is then refined on the value itself. A state that is exactly at zero counts as above it.
 
     Args:
         solution: Its crossings are completed.
@@ -79,7 +79,7 @@ def _nodes() -> Array:
 @cache
 def _to_series() -> Array:
     """Return the matrix from values at the nodes to Chebyshev coefficients on [-1, 1]."""
-    return np.linalg.inv(np.polynomial.chebyshev.chebvander(2.0 * _nodes() - 1.0, NODES - 1))
+    return np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(2.0 * _nodes() - 1.0, NODES - 1)))
 
 
 def _brackets(values: Array, direction: int) -> list[tuple[float, float]]:
@@ -105,13 +105,13 @@ def _brackets(values: Array, direction: int) -> list[tuple[float, float]]:
 def _refined(solution: Solution, index: int, watch: Watch, low: float, high: float) -> float:
     """Return the first instant to rounding after the crossing within a bracket."""
 
-    def above(t: Array) -> Array:
-        return watch.value(t, *solution.states_in(np.full(len(t), index), t)) >= 0.0
+    def value(t: Array) -> Array:
+        return watch.value(t, *solution.states_in(np.full(len(t), index), t))
 
-    before = above(np.array([low]))[0]
+    before = value(np.array([low]))[0] >= 0.0
     for _ in range(ROUNDS):
         t = np.linspace(low, high, PARTS + 1)
-        beyond = np.flatnonzero(above(t[1:-1]) != before)
+        beyond = np.flatnonzero((value(t[1:-1]) >= 0.0) != before)
         first = int(beyond[0]) + 1 if len(beyond) else PARTS
         low, high = float(t[first - 1]), float(t[first])
     return high

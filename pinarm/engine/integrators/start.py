@@ -13,7 +13,13 @@ NOISELESS = 1e-8
 
 
 def first_step(
-    start: float, end: float, y: Array, slope: Array, rates: Callable[[float, Array], Array], tolerance: float, order: int
+    start: float,
+    end: float,
+    y: Array,
+    slope: Array,
+    rates: Callable[[float, Array], Array],
+    tolerance: float,
+    order: int,
 ) -> float:
     """Return a first step from two slopes; Hairer, Norsett, Wanner, section II.4.
 

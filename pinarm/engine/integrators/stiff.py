@@ -36,12 +36,12 @@ class Radau:
     """Radau IIA with three stages: order 5, L-stable, steps by an embedded estimate of order 3.
 
     ``Z_i = h sum_j a_ij f(y + Z_j)``, ``y_new = y + Z_3``, by simplified Newton iterations with a Jacobian by
-    differences; dense output of order 3, the collocation polynomial. For springs of 1e6 to 1e9 N*m/rad with damping, in
-    open chains and in loops, and for dry friction with little creep: steps follow the slow motion, whatever decays
+    differences; dense output of order 3, the collocation polynomial. For springs of 1e6 to 1e9 N*m/rad with damping,
+    in open chains and in loops, and for dry friction with little creep: steps follow the slow motion, whatever decays
     quickly. A fast oscillation without damping is not followed but damped. Of no use for smooth motion, where
-    ``Adaptive`` is ten times cheaper, nor for long runs without loss, whose energy it eats. It breaks where the acceleration
-    is not smooth: Newton's method then forces tiny steps. Source: Hairer, Wanner, Solving Ordinary Differential Equations
-    II, section IV.8 (RADAU5).
+    ``Adaptive`` is ten times cheaper, nor for long runs without loss, whose energy it eats. It breaks where the
+    acceleration is not smooth: Newton's method then forces tiny steps. Source: Hairer, Wanner, Solving Ordinary
+    Differential Equations II, section IV.8 (RADAU5).
 
     Attributes:
         tolerance: Local error per step, relative to ``1 + |y|`` in SI; good values 1e-5 to 1e-10.
@@ -82,7 +82,8 @@ class RadauStepper:
         self.z, self.last_z, self.last_h = np.zeros((3, n)), np.zeros((3, n)), 0.0
         self.jacobian: Array | None = None
         self.fresh, self.h = False, 0.0
-        self.inverse, self.filter = np.zeros((3 * n, 3 * n)), np.zeros((n, n))
+        self.inverse: Array = np.zeros((3 * n, 3 * n))
+        self.filter: Array = np.zeros((n, n))
         self.enough = max(10 * np.finfo(float).eps / tolerance, min(0.03, tolerance**0.5))
         self.iterations, self.rate, self.promise, self.ceiling = 0, 0.0, 1.0, FASTEST
         self.before = (0.0, 1.0)
@@ -117,8 +118,8 @@ class RadauStepper:
         if h != self.h:
             n = len(self.y)
             try:
-                self.inverse = np.linalg.inv(np.eye(3 * n) - h * np.kron(A, self.jacobian))
-                self.filter = np.linalg.inv(np.eye(n) - h * REAL * self.jacobian)
+                self.inverse = np.asarray(np.linalg.inv(np.eye(3 * n) - h * np.kron(A, self.jacobian)))
+                self.filter = np.asarray(np.linalg.inv(np.eye(n) - h * REAL * self.jacobian))
             except np.linalg.LinAlgError:
                 return np.nan
             self.h = h
