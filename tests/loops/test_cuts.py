@@ -1,6 +1,5 @@
 """Any joint may be the one that closes: the same linkage, cut at each of its joints in turn."""
 
-import numpy as np
 import pytest
 from catalogue import four_bar, manipulator, rssr, slider_crank
 from motions import driven, free, poses, power, states, wrench
