@@ -18,7 +18,7 @@ import pinocchio as pin
 
 import pinarm
 from pinarm.engine.dynamics import Dynamics
-from pinarm.engine.integrators import Stretch, integrate
+from pinarm.engine.integrators import Adaptive, Stretch, integrate
 
 ROOT = Path(__file__).parents[1]
 END_OF_DOUBLE_PENDULUM = np.array([0.522210808870693, 1.436052080126094])
@@ -77,7 +77,7 @@ def free_motion() -> tuple[float, float]:
 
     def ours(tolerance: float) -> np.ndarray:
         stretch = Stretch(0.0, 10.0, dynamics.acceleration())
-        return integrate([stretch], dynamics.manifold, start, idle, tolerance=tolerance).states(samples)[0][-1]
+        return integrate([stretch], dynamics.manifold, start, idle, Adaptive(tolerance)).states(samples)[0][-1]
 
     def rate(t: float, y: np.ndarray) -> np.ndarray:
         return np.concatenate([y[2:], pin.aba(model, data, y[:2], y[2:], idle)])

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Solution
 from pinarm.engine.trajectory import Trajectory
 
-Whole = Callable[[Array, Array], tuple[Array, Array]]
-"""Rows of integrated states to rows of those of the mechanism: ``q, v -> q, v``."""
+Whole = Callable[[Array, Array, Array], tuple[Array, Array]]
+"""Rows of integrated states to rows of those of the mechanism: ``t, q, v -> q, v``."""
 
 SAMPLE = 64
 """Number of rows that are checked where not all are: a fixed, even choice, so that the cost of tables stays bounded."""
@@ -70,46 +71,67 @@ def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, float
     return {"equilibrium": _relative(residuals, terms), "power": _relative(powers, scale)}
 
 
-def energy_balance(
-    solution: Solution, dynamics: list[Dynamics], whole: Whole = lambda q, v: (q, v)
-) -> dict[str, float]:
-    """Return the largest change of energy that nothing accounts for, at the ends of the steps and within them.
+@dataclass(frozen=True)
+class Account:
+    """What the energy of an integrated motion is balanced from.
 
-    ``E(t) - E(0) + integral of the dissipated power``, relative to the largest energy exchanged: between kinetic and
-    potential, and through dampers and drives. For a motion without loads it is the drift of the energy.
-
-    Args:
-        solution: The integrated motion.
+    Attributes:
+        solution: The motion.
         dynamics: The equation of motion on each of its stretches.
         whole: Integrated states to those of the mechanism, where they are not the same.
     """
-    steps = solution.steps
-    if not steps:
+
+    solution: Solution
+    dynamics: list[Dynamics]
+    whole: Whole = lambda t, q, v: (q, v)
+
+    def columns(self) -> tuple[Array, Array, Array]:
+        """Return kinetic, potential and so far dissipated energy [J] at the ends of all parts, each of shape (n,)."""
+        index, start, h = self._parts()
+        ends, where = np.concatenate([start[:1], start + h]), np.concatenate([index[:1], index])
+        kinetic, potential = self.dynamics[0].energy(*self.whole(ends, *self.solution.states_in(where, ends)))
+        return kinetic, potential, np.concatenate([[0.0], np.cumsum(self._losses(index, start, h))])
+
+    def _parts(self) -> tuple[Indices, Array, Array]:
+        """Return the step of every part, its start and its length [s], each of shape (PARTS * steps,)."""
+        steps = self.solution.steps
+        index, part = np.repeat(np.arange(len(steps)), PARTS), np.tile(np.arange(PARTS), len(steps))
+        start, h = np.array([(step.t, (step.until - step.t) / PARTS) for step in steps])[index].T
+        return index, start + part * h, h
+
+    def _losses(self, index: Indices, start: Array, h: Array) -> Array:
+        """Return the energy dissipated in every part [J], shape (PARTS * steps,)."""
+        if not any(part.forces for part in self.dynamics):
+            return np.zeros(len(h))
+        nodes, weights = np.polynomial.legendre.leggauss(GAUSS_NODES)
+        t = (start[:, None] + 0.5 * h[:, None] * (nodes + 1.0)).ravel()
+        where = np.repeat(index, GAUSS_NODES)
+        q, v = self.whole(t, *self.solution.states_in(where, t))
+        stretch = np.array([step.stretch for step in self.solution.steps])[where]
+        powers = np.zeros(len(t))
+        for number in np.unique(stretch):
+            rows = stretch == number
+            powers[rows] = self.dynamics[number].dissipated_power(t[rows], q[rows], v[rows])
+        return np.asarray(0.5 * h * (powers.reshape(-1, GAUSS_NODES) @ weights))
+
+
+def energy_balance(*accounts: Account) -> dict[str, float]:
+    """Return the largest change of energy that nothing accounts for, at the ends of the steps and within them.
+
+    ``E(t) - E(0) + integral of the dissipated power``, relative to the largest energy exchanged: between kinetic and
+    potential, and through dampers and drives. For a motion without loads it is the drift of the energy. Where a motion
+    has several parts, what impacts between them take is none of its errors.
+    """
+    found = [account.columns() for account in accounts if account.solution.steps]
+    if not found:
         return {}
-    ends = np.array([steps[0].t, *(step.t + part / PARTS * step.h for step in steps for part in range(1, PARTS + 1))])
-    q, v = whole(*solution.states(ends))
-    kinetic, potential = dynamics[0].energy(q, v)
-    lost = np.concatenate([[0.0], np.cumsum(_losses(solution, dynamics, whole))])
-    drift = kinetic + potential + lost - kinetic[0] - potential[0]
-    exchanged = max(np.ptp(kinetic), np.ptp(potential), np.ptp(lost), np.abs(kinetic).max())
-    return {"energy": float(np.abs(drift).max() / exchanged) if exchanged else 0.0}
-
-
-def _losses(solution: Solution, dynamics: list[Dynamics], whole: Whole) -> Array:
-    """Return the energy dissipated in every part of every step [J], shape (PARTS * steps,)."""
-    if not any(part.forces for part in dynamics):
-        return np.zeros(PARTS * len(solution.steps))
-    nodes, weights = np.polynomial.legendre.leggauss(GAUSS_NODES)
-    h = np.repeat([step.h for step in solution.steps], PARTS) / PARTS
-    begin = np.repeat([step.t for step in solution.steps], PARTS) + np.tile(range(PARTS), len(solution.steps)) * h
-    t = (begin[:, None] + 0.5 * h[:, None] * (nodes + 1.0)).ravel()
-    q, v = whole(*solution.states(t))
-    stretch = np.repeat([step.stretch for step in solution.steps], PARTS * GAUSS_NODES)
-    powers = np.zeros(len(t))
-    for index in np.unique(stretch):
-        rows = stretch == index
-        powers[rows] = dynamics[index].dissipated_power(t[rows], q[rows], v[rows])
-    return np.asarray(0.5 * h * (powers.reshape(-1, GAUSS_NODES) @ weights))
+    drift, largest = 0.0, 0.0
+    for parts in found:
+        here = drift + np.sum([part - part[0] for part in parts], axis=0)
+        largest, drift = max(largest, float(np.abs(here).max())), float(here[-1])
+    columns = [np.concatenate(column) for column in zip(*found, strict=True)]
+    exchanged = max(*(float(np.ptp(column)) for column in columns), float(np.abs(columns[0]).max()))
+    return {"energy": largest / exchanged if exchanged else 0.0}
 
 
 def _relative(residuals: Array, terms: Array) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.integrators import Acceleration, Flat, Manifold
+from pinarm.engine.integrators import Acceleration, Energy, Flat, Manifold
 from pinarm.errors import InputError
 from pinarm.mechanics.forces import ForceElement
 
@@ -163,6 +163,27 @@ class Dynamics:
         for force in self.forces.values():
             potential = potential + force.potential_energy(q)
         return kinetic, potential
+
+    @cached_property
+    def conserved(self) -> Energy | None:
+        """Return ``(q, v) -> T, V`` of one state; ``None`` where force elements exchange energy.
+
+        Those do that follow laws, or dissipate at any of several states of no special kind.
+        """
+        model, data, forces = self.model, self.data, tuple(self.forces.values())
+        rng = np.random.default_rng(0)
+        q = np.array([pin.integrate(model, pin.neutral(model), row) for row in rng.uniform(-1.0, 1.0, (3, model.nv))])
+        v = rng.uniform(-1.0, 1.0, (3, model.nv))
+        if any(force.laws() or np.asarray(force.dissipated_power(0.0, q, v)).any() for force in forces):
+            return None
+
+        def energy(q: Array, v: Array) -> tuple[float, float]:
+            potential = pin.computePotentialEnergy(model, data, q)
+            for force in forces:
+                potential += float(force.potential_energy(q))
+            return pin.computeKineticEnergy(model, data, q, v), potential
+
+        return energy
 
     def dissipated_power(self, t: Array, q: Array, v: Array) -> Array:
         """Return the power that leaves through force elements [W], shape (n,); negative where they drive."""

@@ -11,7 +11,7 @@ from pinarm.arrays import Array
 
 @dataclass(frozen=True)
 class Tableau:
-    """An explicit Runge-Kutta pair with dense output.
+    """An explicit Runge-Kutta method with dense output; an embedded pair where it estimates its error.
 
     Stage i is ``k_i = f(t + c_i h, y + h sum_j a_ij k_j)``; the step is ``y + h sum_i b_i k_i``, and ``k_s``, behind
     the stages, is the slope at its end, which is also the first slope of the next step.
@@ -19,11 +19,12 @@ class Tableau:
     Attributes:
         name: Name for summaries.
         order: Order of the step.
-        error_order: Power of h, less one, that the error estimate behaves like.
+        error_order: Power of h, less one, that the error estimate behaves like; 0 where there is none.
+        stability: ``h |lambda|`` just below the end of the stability interval on the negative real axis.
         a: Shape (s, s), strictly lower triangular.
         b: Shape (s,).
         c: Shape (s,).
-        error: Weights of the error estimates over ``k_0 .. k_s``, shape (m, s + 1); see ``ErrorNorm`` in integrators.
+        error: Weights of the error estimates over ``k_0 .. k_s``, shape (m, s + 1); see ``AdaptiveStepper``.
         dense_a: Further stages that only the dense output needs, shape (e, s + 1 + e).
         dense_c: Their times, shape (e,).
         dense_d: Weights of the higher terms of the interpolant over all stages, shape (d, s + 1 + e).
@@ -35,6 +36,7 @@ class Tableau:
     name: str
     order: int
     error_order: int
+    stability: float
     a: Array
     b: Array
     c: Array
@@ -103,6 +105,7 @@ DOP853 = Tableau(
     name="Dormand-Prince 8(5,3)",
     order=8,
     error_order=7,
+    stability=6.1,
     a=_matrix(_A[:12], 12),
     b=np.array(_A[12]),
     c=np.array(_C[:12]),
@@ -110,4 +113,47 @@ DOP853 = Tableau(
     dense_a=_matrix(_A[13:], 16),
     dense_c=np.array(_C[13:]),
     dense_d=_matrix(_D, 16),
+)
+
+# Dormand and Prince's 5(4) pair, dense output of order 4: the same book, table 5.2 and the code DOPRI5 in its appendix.
+DOPRI5 = Tableau(
+    name="Dormand-Prince 5(4)",
+    order=5,
+    error_order=4,
+    stability=3.25,
+    a=_matrix(
+        (
+            (),
+            (1 / 5,),
+            (3 / 40, 9 / 40),
+            (44 / 45, -56 / 15, 32 / 9),
+            (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
+            (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
+        ),
+        6,
+    ),
+    b=np.array([35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84]),
+    c=np.array([0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1]),
+    error=np.array([[71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40]]),
+    dense_a=np.zeros((0, 7)),
+    dense_c=np.zeros(0),
+    dense_d=np.array([[
+        -12715105075 / 11282082432, 0, 87487479700 / 32700410799, -10690763975 / 1880347072,
+        701980252875 / 199316789632, -1453857185 / 822651844, 69997945 / 29380423,
+    ]]),
+)  # fmt: skip
+
+# The classical method of Kutta (1901); the same book, table 1.2. Its dense output is the cubic through both ends.
+RK4 = Tableau(
+    name="Runge-Kutta 4",
+    order=4,
+    error_order=0,
+    stability=2.7,
+    a=_matrix(((), (1 / 2,), (0, 1 / 2), (0, 0, 1)), 4),
+    b=np.array([1 / 6, 1 / 3, 1 / 3, 1 / 6]),
+    c=np.array([0, 1 / 2, 1 / 2, 1]),
+    error=np.zeros((0, 5)),
+    dense_a=np.zeros((0, 5)),
+    dense_c=np.zeros(0),
+    dense_d=np.zeros((0, 5)),
 )

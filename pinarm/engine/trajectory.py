@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -49,6 +49,23 @@ class Series:
 
 
 @dataclass(frozen=True, eq=False)
+class Happening:
+    """An event of a run, or an impact.
+
+    Attributes:
+        name: Of the event, or of the end stop.
+        t: When [s].
+        q: Configuration, shape (nq,).
+        v: Velocity, just after an impact, shape (nv,).
+    """
+
+    name: str
+    t: float
+    q: Array
+    v: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """A motion, or a sequence of positions at rest.
 
@@ -68,6 +85,8 @@ class Trajectory:
         figures: What was measured of its accuracy and cost, by name.
         unasked: Why the run has no efforts; empty where it has.
         further: What the problem found beside the motion, by name.
+        happenings: Events and impacts, in order of time.
+        notes: What the run has to say of itself, such as that its integrator was a poor choice.
         separate: Whether the rows are states of their own, not one motion.
     """
 
@@ -87,6 +106,8 @@ class Trajectory:
     unasked: str = ""
     further: Mapping[str, Series] = field(default_factory=dict)
     separate: bool = False
+    happenings: Sequence[Happening] = ()
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def still(cls, mechanism: Mechanism, parameter: str, measured: Unit) -> Trajectory:

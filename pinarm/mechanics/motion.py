@@ -144,12 +144,19 @@ class Grid:
     rows: tuple[int, ...]
 
     @classmethod
-    def cover(cls, t: Array, laws: Iterable[MotionLaw]) -> Grid:
-        """Return the grid of the given instants, with the jumps of the laws between the first and the last added."""
+    def cover(cls, t: Array, laws: Iterable[MotionLaw], jumps: Iterable[float] = ()) -> Grid:
+        """Return the grid of the given instants, with the jumps of the laws between the first and the last added.
+
+        Args:
+            t: Instants, shape (n,).
+            laws: Their breakpoints cut the grid.
+            jumps: Further instants at which something jumps.
+        """
         first, last = float(t[0]), float(t[-1])
         laws = list(laws)
-        doubled = {first, last, *(x for law in laws for x in law.jumps())}
-        inner = sorted({x for law in laws for x in law.breakpoints() if first < x < last})
+        doubled = {first, last, *jumps, *(x for law in laws for x in law.jumps())}
+        breaks = {*jumps, *(x for law in laws for x in law.breakpoints())}
+        inner = sorted(x for x in breaks if first < x < last)
         cuts, slack = (first, *inner, last), ROUNDING * (last - first)
         if not inner:
             return cls(t, cuts, (0, len(t)))
@@ -169,6 +176,12 @@ class Grid:
         parts = [law.on(start, end)(self.t[rows]) for start, end, rows in self.stretches()]
         s, ds, dds = (np.concatenate([part[k] for part in parts]) for k in range(3))
         return s, ds, dds
+
+    def part(self, first: int, last: int) -> Grid:
+        """Return the stretches from the first to the last of the given indices."""
+        low, high = self.rows[first], self.rows[last + 1]
+        rows = tuple(row - low for row in self.rows[first : last + 2])
+        return Grid(self.t[low:high], self.cuts[first : last + 2], rows)
 
     def until(self, end: float) -> Grid:
         """Return the grid up to an instant, which becomes its last cut."""

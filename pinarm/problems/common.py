@@ -11,9 +11,10 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.integrators import METHODS, Method, MethodName
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, Key, within
-from pinarm.input.schema import Model, Time, check_unit
+from pinarm.input.schema import Duration, Model, Time, check_unit
 from pinarm.input.units import Unit
 from pinarm.mechanics.balls import positions_of, unit_of, velocities_of
 from pinarm.mechanics.forces import Force, ForceElement
@@ -50,20 +51,55 @@ class TimeGrid(Model, frozen=True):
         return np.linspace(self.start, self.end, self.samples)
 
 
+TOLERANCE = 1e-9
+"""Tolerance of an adaptive method where none is given."""
+
+
 class Accuracy(Model, frozen=True):
     """How accurate the result is wanted.
 
     Attributes:
-        tolerance: Local error of a step of the time integration, relative to ``1 + |y|`` in SI. The global error is
-            reported by the balances and is usually ten to a hundred times larger.
+        method: How motions are integrated over time: ``dop853`` (order 8, adaptive, for smooth motions), ``dopri5``
+            (order 5, adaptive, for rough ones), ``rk4`` (order 4, steps of one length), ``stiff`` (Radau IIA of order
+            5, for stiff springs with dampers), ``conserving`` (as dop853, at constant energy, for many periods).
+        tolerance: Local error of a step of an adaptive method, relative to ``1 + |y|`` in SI; 1e-9 where it is left
+            out. The global error is reported by the balances and is usually ten to a hundred times larger.
+        step: Longest step of ``rk4``.
         target: Largest global error wanted in every output, relative to its largest absolute value over the run. The
             cheapest setting that reaches it is looked for; without it the setting is as it stands here.
         max_steps: Number of steps after which the time integration gives up, rejected ones included.
     """
 
-    tolerance: Annotated[float, msgspec.Meta(ge=1e-14, le=1e-2)] = 1e-9
+    method: MethodName = "dop853"
+    tolerance: Annotated[float, msgspec.Meta(ge=1e-14, le=1e-2)] | None = None
+    step: Duration | None = None
     target: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)] | None = None
     max_steps: Annotated[int, msgspec.Meta(ge=1)] = 200_000
+
+    def check(self) -> None:
+        """Refuse a tolerance for steps of one length, and a step for a method that chooses its own."""
+        by = METHODS[self.method].by
+        if by == "step" and self.step is None:
+            raise InputError(f"the method {self.method} takes steps of one length and needs it", hint="step: 1 ms")
+        if by == "tolerance" and self.step is not None:
+            with within("step"):
+                raise InputError(f"the method {self.method} chooses its steps by the tolerance",
+                                 hint="tolerance alone, or method: rk4")  # fmt: skip
+        if by == "step" and self.tolerance is not None:
+            with within("tolerance"):
+                raise InputError(f"the method {self.method} takes steps of one length, whatever their error",
+                                 hint="step alone, or method: dop853")  # fmt: skip
+
+    def integrator(self) -> Method:
+        """Return the method of integration."""
+        return METHODS[self.method].make(self.setting[1])
+
+    @property
+    def setting(self) -> tuple[str, float]:
+        """Return the key that decides the error of the method, and its value."""
+        by = METHODS[self.method].by
+        wanted = self.step if by == "step" else self.tolerance
+        return by, TOLERANCE if wanted is None else float(wanted)
 
 
 def laws_of(

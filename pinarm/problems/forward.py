@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import ClassVar
 
 import msgspec
+import numpy as np
 
 from pinarm.engine.assembly import start_configuration
-from pinarm.engine.balance import energy_balance
+from pinarm.engine.course import Course
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.imposed import Imposed
-from pinarm.engine.integrators import Solution, integrate
 from pinarm.engine.masses import require_masses
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.systems import Initial, System, system_of
-from pinarm.engine.trajectory import Trajectory
+from pinarm.engine.systems import Initial
+from pinarm.engine.trajectory import Happening, Series, Trajectory
+from pinarm.engine.travel import Journey
 from pinarm.errors import InputError, IntegrationError, Interrupted, Key
 from pinarm.input.schema import Level, Model, Rate
 from pinarm.input.units import unit
@@ -25,6 +27,9 @@ from pinarm.mechanics.forces import Force
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.motion import Grid
 from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_rates, laws_of
+from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
+
+DEFAULT = Accuracy()
 
 
 class InitialState(Model, frozen=True):
@@ -50,6 +55,8 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         motion: Coordinate -> law over time, or over another one of these coordinates, for those that are prescribed;
             the efforts that this takes come out.
         loads: Applied forces, springs and dampers of this run.
+        events: What to look for on the way, by name.
+        end_stops: Joint -> the limits that it meets with an impact.
     """
 
     kind: ClassVar[str] = "forward"
@@ -58,20 +65,33 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
     start: dict[str, Level] = {}
     motion: dict[str, Motion] = {}
     loads: dict[str, Force] = {}
+    events: dict[str, Event] = {}
+    end_stops: dict[str, EndStop] = {}
 
     def still(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        return Trajectory.still(mechanism, "t", unit("s"))
+        row = Trajectory.still(mechanism, "t", unit("s"))
+        return replace(row, further=_further(self.events, [], 1))
 
-    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Dynamics, System, Initial]:
-        """Check all names and units; return laws, equation of motion, what is integrated, and the initial state."""
+    def prepare(self, mechanism: Mechanism, place: Place, accuracy: Accuracy = DEFAULT) -> Journey:
+        """Check all names and units; return what is to be integrated."""
         motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, place))
         initial = self._start(mechanism, place)
+        bounds = bounds_of(mechanism, self.end_stops, place)
+        watches = watches_of(mechanism, self.events, place)
+        for name in self.end_stops:
+            if name in self.motion:
+                with place("end_stops", Key(name)):
+                    raise InputError(f"'{name}' follows a law", expected="end stops of free joints only")
         with place("motion"):
             imposed = Imposed.some(mechanism, motion)
-            system = system_of(mechanism.closure, dynamics, imposed, initial)
-        return imposed, dynamics, system, initial
+            journey = Journey(
+                mechanism.closure, dynamics, imposed, initial, (self.time.start, self.time.end), bounds, watches,
+                accuracy.integrator(), accuracy.max_steps,
+            )  # fmt: skip
+            journey.system()
+        return journey
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
         """Return the motion, with what its energy says of its accuracy.
@@ -80,28 +100,23 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
             DynamicsError: Masses do not determine the accelerations.
             IntegrationError: The motion could not be followed to its end; ``partial`` holds it until then.
         """
-        imposed, dynamics, system, initial = self.prepare(mechanism, place)
-        laws = [*imposed.laws, *(law for force in dynamics.forces.values() for law in force.laws())]
-        grid = Grid.cover(self.time.instants(), laws)
-        spans = list(pairwise(grid.cuts))
+        journey = self.prepare(mechanism, place, accuracy)
         with place("initial"):
-            begin = system.begin(initial, *spans[0])
-        laid = mechanism.closure.with_guides(imposed.names, imposed.coordinates)
-        require_masses(laid, begin[0] if len(begin[0]) == len(initial.q) else initial.q, spans[0][0])
-        stretches = [system.stretch(dynamics, low, high) for low, high in spans]
-        run = _Run(mechanism, dynamics, system)
+            q, v = journey.begin()
+        laid = mechanism.closure.with_guides(journey.imposed.names, journey.imposed.coordinates)
+        require_masses(laid, q if len(q) == len(journey.initial.q) else journey.initial.q, self.time.start)
         try:
-            solution = integrate(
-                stretches,
-                system.manifold,
-                *begin,
-                tolerance=accuracy.tolerance,
-                max_steps=accuracy.max_steps,
-            )
+            course = journey.travel(q, v)
         except (IntegrationError, Interrupted) as error:
-            error.partial = run.until(error.partial, grid) if error.partial.steps else None
+            if error.partial is not None:
+                grid = journey.grid(self.time.instants(), error.partial.seams).until(error.partial.end)
+                error.partial = _at(mechanism, journey, error.partial, self.events, grid)
             raise
-        return run.trajectory(solution, grid, self._figures(solution, run, spans))
+        t, end = self.time.instants(), course.end
+        grid = journey.grid(t if end == t[-1] else np.array([*t[t < end], end]), course.seams)
+        whole = _at(mechanism, journey, course, self.events, grid)
+        energy = {} if self.motion else course.energy()
+        return replace(whole, figures={**course.cost(), **energy}, notes=tuple(course.doubts()))
 
     def _start(self, mechanism: Mechanism, place: Place) -> Initial:
         """Return the initial state of the mechanism."""
@@ -123,38 +138,22 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         )
         return Initial(q, v, positions, velocities)
 
-    def _figures(self, solution: Solution, run: _Run, spans: list[tuple[float, float]]) -> dict[str, float]:
-        """Return the cost of a run and, where no drive works, the balance of its energy."""
-        cost = {
-            "steps": float(len(solution.steps)),
-            "evaluations": float(solution.evaluations),
-            "rejected steps": float(solution.rejected),
-        }
-        if solution.floored:
-            cost["steps at the noise floor"] = float(solution.floored)
-        if self.motion:
-            return cost
-        local = [run.dynamics.on(low, high) for low, high in spans]
-        return {**cost, **energy_balance(solution, local, run.system.whole)}
+
+def _at(mechanism: Mechanism, journey: Journey, course: Course, events: Mapping[str, Event], grid: Grid) -> Trajectory:
+    """Return a course at the instants of a grid; accelerations are those of the equation of motion there."""
+    motion = course.complete(grid)
+    return Trajectory(
+        mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau, motion.lam,
+        journey.system().closure, journey.dynamics, partial(_at, mechanism, journey, course, events),
+        further=_further(events, course.happenings, len(grid.t)), happenings=tuple(course.happenings),
+    )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class _Run:
-    """What turns an integrated solution into a trajectory of the mechanism."""
-
-    mechanism: Mechanism
-    dynamics: Dynamics
-    system: System
-
-    def trajectory(self, solution: Solution, grid: Grid, figures: dict[str, float]) -> Trajectory:
-        """Return the solution at the instants of a grid; accelerations are those of the equation of motion there."""
-        motion = self.system.complete(self.dynamics, grid, *solution.states(grid.t))
-        return Trajectory(
-            self.mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau, motion.lam,
-            self.system.closure, self.dynamics,
-            lambda other: self.trajectory(solution, other, {}), figures,
-        )  # fmt: skip
-
-    def until(self, solution: Solution, grid: Grid) -> Trajectory:
-        """Return what was computed before an integration failed."""
-        return self.trajectory(solution, grid.until(solution.end), {})
+def _further(events: Mapping[str, Event], happenings: Sequence[Happening], rows: int) -> dict[str, Series]:
+    """Return when each event first took place, and how often, as quantities that are the same in all rows."""
+    found = {}
+    for name in events:
+        times = [one.t for one in happenings if one.name == name]
+        found[f"event.{name}.time"] = Series(f"event.{name}.time", unit("s"), np.full(rows, [*times, np.nan][0]))
+        found[f"event.{name}.count"] = Series(f"event.{name}.count", unit("1"), np.full(rows, float(len(times))))
+    return found

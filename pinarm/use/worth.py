@@ -89,7 +89,8 @@ def _compared(scenario: Scenario, result: Result, setting: Mapping[str, Any], ma
 
 def setting_of(accuracy: Accuracy) -> dict[str, Any]:
     """Return what decides how a motion is integrated, as the keys of a scenario."""
-    return {"tolerance": accuracy.tolerance}
+    key, value = accuracy.setting
+    return {"method": accuracy.method, key: value}
 
 
 def comparable(accuracy: Accuracy) -> list[dict[str, Any]]:
@@ -97,8 +98,11 @@ def comparable(accuracy: Accuracy) -> list[dict[str, Any]]:
 
     A coarser one serves where the given one is at the limit of rounding: the difference is then the coarser's error.
     """
-    near = [accuracy.tolerance / FINER, accuracy.tolerance / 10.0, accuracy.tolerance * 10.0]
-    return [{"tolerance": value} for value in near if TIGHTEST < 1.001 * value < LOOSEST]
+    key, own = accuracy.setting
+    if key == "step":
+        return [{"method": accuracy.method, key: own / 2.0}]
+    near = [own / FINER, own / 10.0, own * 10.0]
+    return [{"method": accuracy.method, key: value} for value in near if TIGHTEST < 1.001 * value < LOOSEST]
 
 
 def patience(result: Result, most: int) -> int:

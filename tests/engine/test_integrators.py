@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
 from pinarm.engine.dynamics import Dynamics, JointSpace
-from pinarm.engine.integrators import Flat, Solution, Step, Stretch, _Stepper, integrate
+from pinarm.engine.integrators import Adaptive, FixedStep, Flat, Stretch, integrate
 from pinarm.engine.tableaus import DOP853
 from pinarm.errors import IntegrationError, Interrupted
 
@@ -64,16 +64,9 @@ def turned():
 
 
 def fixed_steps(acceleration, manifold, q, v, end, n):
-    """Return the solution of n equal steps."""
-    stretch = Stretch(0.0, end, acceleration)
-    solution, stepper = Solution(DOP853, manifold, [stretch]), _Stepper(DOP853, manifold, 1.0)
-    stepper.begin(0.0, np.concatenate([q, v]), acceleration)
-    h = end / n
-    for k in range(n):
-        stepper.attempt(k * h, h, acceleration)
-        solution.steps.append(Step(k * h, h, stepper.y.copy(), stepper.slopes.copy(), 0))
-        stepper.accept()
-    return solution, stepper.y.copy()
+    """Return the solution of n equal steps, and its last state."""
+    solution = integrate([Stretch(0.0, end, acceleration)], manifold, q, v, FixedStep(end / n, DOP853))
+    return solution, np.hstack(solution.states(np.array([end])))[0]
 
 
 def slope(steps, errors):
@@ -120,31 +113,31 @@ class TestOrder:
 
 class TestDenseOutput:
     def test_meets_the_steps_at_their_ends(self):
-        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-9)
+        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
         t = np.array([step.t for step in solution.steps])
         assert np.array_equal(np.hstack(solution.states(t)), np.array([step.y for step in solution.steps]))
 
     def test_is_smooth_across_the_steps(self):
-        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-9)
+        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
         ends = np.array([step.t for step in solution.steps[1:]])
         before, after = solution.states(np.nextafter(ends, -1.0)), solution.states(ends)
         assert np.hstack(before) == pytest.approx(np.hstack(after), abs=1e-14)
 
     def test_is_as_accurate_as_the_steps(self):
-        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-10)
+        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-10))
         ends = np.array([step.t for step in solution.steps])
         between = np.linspace(0.0, 6.0, 2001)
         assert deviation(solution, between) < 10 * deviation(solution, ends) + 1e-12
 
     def test_takes_times_in_any_order(self):
-        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-9)
+        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
         t = np.array([5.0, 0.0, 6.0, 2.5, 2.5])
         together = solution.states(t)
         for k, instant in enumerate(t):
             assert np.array_equal(solution.states(np.array([instant]))[0][0], together[0][k])
 
     def test_quaternions_have_unit_length(self, top):
-        solution = integrate([Stretch(0.0, 4.0, top.acceleration())], top.manifold, ATTITUDE, SPIN, tolerance=1e-4)
+        solution = integrate([Stretch(0.0, 4.0, top.acceleration())], top.manifold, ATTITUDE, SPIN, Adaptive(1e-4))
         q, _ = solution.states(np.linspace(0.0, 4.0, 101))
         assert np.linalg.norm(q, axis=1) == pytest.approx(1.0, abs=1e-15)
         assert all(abs(np.linalg.norm(step.y[:4]) - 1.0) < 1e-15 for step in solution.steps)
@@ -156,7 +149,7 @@ class TestTolerance:
     def errors(self, acceleration, manifold, q, v, t, exact):
         found = []
         for tolerance in self.tolerances:
-            solution = integrate([Stretch(0.0, t[-1], acceleration)], manifold, q, v, tolerance=tolerance)
+            solution = integrate([Stretch(0.0, t[-1], acceleration)], manifold, q, v, Adaptive(tolerance))
             found.append(np.abs(np.hstack(solution.states(t)) - exact).max())
         return np.array(found)
 
@@ -177,7 +170,7 @@ class TestTolerance:
 @pytest.mark.parametrize("noise", [0.0, 3e-17, -1e-16, 1e-15])
 def test_a_start_at_rest_that_is_off_zero_by_rounding_begins_with_no_smaller_steps(noise):
     stretch = Stretch(0.0, 1.0, lambda t, q, v: np.array([np.cos(t), 50.0]))
-    solution = integrate([stretch], PLANE, np.full(2, noise), np.zeros(2), tolerance=1e-12)
+    solution = integrate([stretch], PLANE, np.full(2, noise), np.zeros(2), Adaptive(1e-12))
     assert len(solution.steps) < 30
     assert solution.states(np.ones(1))[0][0] == pytest.approx([1.0 - np.cos(1.0), 25.0], rel=1e-11)
 
@@ -198,7 +191,7 @@ def test_free_rotation_follows_the_elliptic_functions(top):
         np.sqrt((momentum2 - energy2 * i1) / (i3 * (i3 - i1))) * dn,
     ])  # fmt: skip
     stretch = Stretch(0.0, t[-1], top.acceleration())
-    _, v = integrate([stretch], top.manifold, ATTITUDE, w, tolerance=1e-13).states(t)
+    _, v = integrate([stretch], top.manifold, ATTITUDE, w, Adaptive(1e-13)).states(t)
     assert pytest.approx(expected, abs=1e-11) == v.T
 
 
@@ -226,13 +219,13 @@ class TestStretches:
         ]
 
     def test_a_load_that_jumps_between_them_costs_no_accuracy(self):
-        solution = integrate(self.stretches(), self.flat, *self.rest, tolerance=1e-12)
+        solution = integrate(self.stretches(), self.flat, *self.rest, Adaptive(1e-12))
         t = np.linspace(0.0, 5.0, 301)
         for found, exact in zip(solution.states(t), kicked(t), strict=True):
             assert found == pytest.approx(exact, abs=1e-10)
 
     def test_steps_end_exactly_on_their_bounds(self):
-        solution = integrate(self.stretches(), self.flat, *self.rest, tolerance=1e-9)
+        solution = integrate(self.stretches(), self.flat, *self.rest, Adaptive(1e-9))
         first = {k: next(step for step in solution.steps if step.stretch == k) for k in range(3)}
         assert [step.t for step in first.values()] == list(self.bounds[:-1])
         assert solution.end == pytest.approx(5.0, abs=1e-15)
@@ -243,19 +236,19 @@ class TestStretches:
         def load(t):
             return 1.0 if 1 / 3 < t < 2.0 else 0.0
 
-        split = integrate(self.stretches(), self.flat, *self.rest, tolerance=1e-12)
-        whole = integrate([Stretch(0.0, 5.0, oscillator_with(load))], self.flat, *self.rest, tolerance=1e-12)
-        assert split.rejected <= 2
-        assert whole.rejected > 10 * max(1, split.rejected)
+        split = integrate(self.stretches(), self.flat, *self.rest, Adaptive(1e-12))
+        whole = integrate([Stretch(0.0, 5.0, oscillator_with(load))], self.flat, *self.rest, Adaptive(1e-12))
+        assert split.count.rejected <= 2
+        assert whole.count.rejected > 10 * max(1, split.count.rejected)
 
     def test_a_stretch_that_starts_late_is_on_its_own_clock(self):
         late = [Stretch(s.start + 1e3, s.end + 1e3, s.acceleration) for s in self.stretches()]
         t = np.linspace(0.0, 5.0, 31)
-        q, _ = integrate(late, self.flat, *self.rest, tolerance=1e-12).states(1e3 + t)
+        q, _ = integrate(late, self.flat, *self.rest, Adaptive(1e-12)).states(1e3 + t)
         assert q == pytest.approx(kicked(t)[0], abs=1e-10)  # times near 1000 s are known to 1e-13 s
 
     def test_rest_is_crossed_in_few_steps(self):
-        solution = integrate([Stretch(0.0, 1e3, lambda t, q, v: 0.0 * q)], self.flat, *self.rest, tolerance=1e-12)
+        solution = integrate([Stretch(0.0, 1e3, lambda t, q, v: 0.0 * q)], self.flat, *self.rest, Adaptive(1e-12))
         assert len(solution.steps) < 20
         assert np.hstack(solution.states(np.array([1e3]))).tolist() == [[0.0, 0.0]]
 
@@ -267,13 +260,13 @@ def test_evaluations_are_counted():
         calls.append(t)
         return attraction(t, q, v)
 
-    solution = integrate([Stretch(0.0, 6.0, counted)], PLANE, *orbit(0.0), tolerance=1e-9)
-    assert solution.evaluations == len(calls)
-    assert len(calls) == 2 + 12 * (len(solution.steps) + solution.rejected)
+    solution = integrate([Stretch(0.0, 6.0, counted)], PLANE, *orbit(0.0), Adaptive(1e-9))
+    assert solution.count.evaluations == len(calls)
+    assert len(calls) == 2 + 12 * (len(solution.steps) + solution.count.rejected)
 
 
 def test_equal_input_gives_equal_bits():
-    runs = [integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-9) for _ in range(2)]
+    runs = [integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9)) for _ in range(2)]
     assert all(np.array_equal(one.y, other.y) for one, other in zip(runs[0].steps, runs[1].steps, strict=True))
 
 
@@ -282,7 +275,7 @@ class TestFailures:
 
     def fails(self, acceleration, q=0.0, v=1.0, end=2.0):
         with pytest.raises(IntegrationError) as caught:
-            integrate([Stretch(0.0, end, acceleration)], self.flat, np.array([q]), np.array([v]), tolerance=1e-9)
+            integrate([Stretch(0.0, end, acceleration)], self.flat, np.array([q]), np.array([v]), Adaptive(1e-9))
         return caught.value
 
     @pytest.mark.parametrize("value", [np.nan, np.inf])
@@ -335,7 +328,7 @@ class TestInterruption:
         parts = [Stretch(low, high, acceleration) for low, high in pairwise(cuts)]
         parts[-1] = Stretch(*cuts[-2:], interrupted)
         with pytest.raises((Interrupted, KeyboardInterrupt)) as caught:
-            integrate(parts, self.flat, *self.start, tolerance=1e-10)
+            integrate(parts, self.flat, *self.start, Adaptive(1e-10))
         assert isinstance(caught.value, Interrupted), "what was integrated is lost"
         return caught.value
 
@@ -362,9 +355,9 @@ class TestInterruption:
 class TestMaxSteps:
     def test_no_more_steps_are_taken_and_those_taken_are_kept(self):
         with pytest.raises(IntegrationError, match="has taken 7 steps and is at t = ") as caught:
-            integrate([Stretch(0.0, 60.0, attraction)], PLANE, *orbit(0.0), tolerance=1e-9, max_steps=7)
+            integrate([Stretch(0.0, 60.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=7)
         partial = caught.value.partial
-        assert len(partial.steps) + partial.rejected == 7
+        assert len(partial.steps) + partial.count.rejected == 7
         assert caught.value.data["t"] == pytest.approx(partial.end, abs=1e-14)
         assert 0.0 < partial.end < 60.0
         assert deviation(partial, np.linspace(0.0, partial.end, 20)) < 1e-7
@@ -372,11 +365,11 @@ class TestMaxSteps:
     def test_they_are_counted_over_all_stretches(self):
         cuts = np.linspace(0.0, 6.0, 13).tolist()
         parts = [Stretch(low, high, attraction) for low, high in pairwise(cuts)]
-        whole = integrate(parts, PLANE, *orbit(0.0), tolerance=1e-9)
-        needed = len(whole.steps) + whole.rejected
-        assert integrate(parts, PLANE, *orbit(0.0), tolerance=1e-9, max_steps=needed).end == pytest.approx(6.0)
+        whole = integrate(parts, PLANE, *orbit(0.0), Adaptive(1e-9))
+        needed = len(whole.steps) + whole.count.rejected
+        assert integrate(parts, PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=needed).end == pytest.approx(6.0)
         with pytest.raises(IntegrationError, match=f"has taken {needed - 1} steps"):
-            integrate(parts, PLANE, *orbit(0.0), tolerance=1e-9, max_steps=needed - 1)
+            integrate(parts, PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=needed - 1)
 
 
 class TestJointSpace:

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.imposed import Imposed
-from pinarm.engine.integrators import Flat, integrate
+from pinarm.engine.integrators import Adaptive, Flat, integrate
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.reduction import Reduction
 from pinarm.engine.systems import Initial, system_of
@@ -231,7 +231,7 @@ class TestQuaternions:
         system = system_of(Closure.of(carousel), dynamics, imposed, initial)
         assert isinstance(system.manifold, FreePart)
         solution = integrate([system.stretch(dynamics, 0.0, 1.0)], system.manifold,
-                             *system.begin(initial, 0.0, 1.0), tolerance=1e-13)  # fmt: skip
+                             *system.begin(initial, 0.0, 1.0), Adaptive(1e-13))  # fmt: skip
         found = system.complete(dynamics, Grid(t, (0.0, 1.0), (0, 11)), *solution.states(t))
         rows, data = np.array([coordinates[n].weights for n in prescribed]), carousel.createData()
 

@@ -1,4 +1,4 @@
-"""Closed loops over ten seconds: how well they stay closed, what becomes of their energy, and the error by tolerance."""
+"""Closed loops over ten seconds: how well they stay closed, what becomes of their energy, the error by tolerance."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,8 @@ from motions import free, poses
 
 TOLERANCE = 1e-9
 LONG = {
-    "four-bar": (four_bar(), ["B"], 6.0), "rsur by a ball joint": (rssr(), ["A"], 6.0), "rsur by a cross": (rssr(), ["B"], 6.0),
+    "four-bar": (four_bar(), ["B"], 6.0), "rsur by a ball joint": (rssr(), ["A"], 6.0),
+    "rsur by a cross": (rssr(), ["B"], 6.0),
     "bennett": (bennett(), ["axis_3"], 4.0),
 }  # fmt: skip
 

@@ -17,7 +17,7 @@ from pinarm.engine.assembly import assembled
 from pinarm.engine.closure import Closure, Split
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.imposed import Imposed
-from pinarm.engine.integrators import Acceleration, Manifold, Settle, Stretch
+from pinarm.engine.integrators import Acceleration, Energy, Manifold, Settle, Stretch
 from pinarm.engine.masses import require_masses
 from pinarm.engine.systems.contract import Initial, Motion
 from pinarm.errors import AssemblyError, InputError
@@ -120,7 +120,12 @@ class ConstrainedSystem:
 
     def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
         """Return the motion on an interval without jumps."""
-        return Stretch(start, end, self._acceleration(dynamics.on(start, end), start, end), self._settle(start, end))
+        acceleration, settle = self._acceleration(dynamics.on(start, end), start, end), self._settle(start, end)
+        return Stretch(start, end, acceleration, settle, energy=self.energy(dynamics))
+
+    def energy(self, dynamics: Dynamics) -> Energy | None:
+        """Return the energy of a state, as far as it is conserved."""
+        return dynamics.conserved if all(isinstance(law, Constant) for law in self.imposed.laws) else None
 
     def _acceleration(self, dynamics: Dynamics, start: float, end: float) -> Acceleration:
         model, data, rows, targets = self.rows.model, dynamics.data, self.rows, self.imposed.on(start, end)
@@ -167,7 +172,11 @@ class ConstrainedSystem:
             expected="a motion on which the loops stay closed", t=t, q=q, gap=gap,
         )  # fmt: skip
 
-    def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
+    def part(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the state itself."""
+        return q, v
+
+    def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the states themselves."""
         return q, v
 

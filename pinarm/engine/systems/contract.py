@@ -69,8 +69,12 @@ class System(Protocol):
         """Return the motion of the integrated state on an interval without jumps."""
         ...
 
-    def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the mechanism's states, (n, nq) and (n, nv), from integrated ones, where nothing follows a law."""
+    def part(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the integrated part of one state of the mechanism."""
+        ...
+
+    def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the mechanism's states, shapes (n, nq) and (n, nv), from integrated ones at times t, shape (n,)."""
         ...
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:

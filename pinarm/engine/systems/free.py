@@ -32,9 +32,13 @@ class FreeSystem:
 
     def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
         """Return the motion of the free tree."""
-        return Stretch(start, end, dynamics.on(start, end).acceleration())
+        return Stretch(start, end, dynamics.on(start, end).acceleration(), energy=dynamics.conserved)
 
-    def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
+    def part(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the state itself."""
+        return q, v
+
+    def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the states themselves."""
         return q, v
 

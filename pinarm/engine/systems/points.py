@@ -66,9 +66,13 @@ class PointSystem:
     def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
         """Return the motion on an interval without jumps."""
         motion = _PointMotion(self.points, dynamics.on(start, end), self.general.imposed.on(start, end))
-        return Stretch(start, end, motion.acceleration, motion.settle, motion.floor)
+        return Stretch(start, end, motion.acceleration, motion.settle, motion.floor, self.general.energy(dynamics))
 
-    def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
+    def part(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the state itself."""
+        return q, v
+
+    def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the states themselves."""
         return q, v
 

@@ -10,7 +10,7 @@ from pinarm.arrays import Array
 from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.imposed import Imposed
-from pinarm.engine.integrators import Acceleration, Manifold, Stretch
+from pinarm.engine.integrators import Acceleration, Energy, Manifold, Stretch
 from pinarm.engine.reduction import Reduction
 from pinarm.engine.systems.contract import Initial, Motion, parts
 from pinarm.errors import InputError
@@ -57,15 +57,33 @@ class ReducedSystem:
 
     def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
         """Return the motion of the free coordinates."""
-        return Stretch(start, end, self._acceleration(dynamics, start, end))
+        return Stretch(start, end, self._acceleration(dynamics, start, end), energy=self._energy(dynamics))
+
+    def _energy(self, dynamics: Dynamics) -> Energy | None:
+        """Return the energy of the free coordinates, as far as it is conserved."""
+        whole, constant = dynamics.conserved, all(isinstance(law, Constant) for law in self.imposed.laws)
+        if whole is None or not constant:
+            return None
+        reduction, (w, dw, _) = self.reduction, self.imposed.on(0.0, 0.0)(0.0)
+
+        def energy(q: Array, v: Array) -> tuple[float, float]:
+            return whole(reduction.configuration(q, w), reduction.velocity(v, dw))
+
+        return energy
 
     def _acceleration(self, dynamics: Dynamics, start: float, end: float) -> Acceleration:
         return self.reduction.acceleration(dynamics.on(start, end), self.imposed.on(start, end))
 
-    def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the states with the coupled coordinates in them."""
-        w = np.array([law.value for law in self.imposed.laws if isinstance(law, Constant)])
-        return np.array([self.reduction.configuration(row, w) for row in q]), v @ self.reduction.basis.T
+    def part(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the free part of a state."""
+        return q[self.reduction.free_q], v[self.reduction.free_v]
+
+    def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the states with the coupled and the prescribed coordinates in them."""
+        reduction, targets = self.reduction, [self.imposed.on(instant, instant)(instant) for instant in t]
+        states = zip(q, v, targets, strict=True)
+        pairs = [(reduction.configuration(q, w), reduction.velocity(v, dw)) for q, v, (w, dw, _) in states]
+        return np.array([q for q, _ in pairs]), np.array([v for _, v in pairs])
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
         """Return the whole motion, and the efforts by inverse dynamics."""

@@ -1,0 +1,268 @@
+"""What is integrated, what an integrator is, and what comes out; nothing here knows of mechanisms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from pinarm.arrays import Array, Indices
+
+Acceleration = Callable[[float, Array, Array], Array]
+"""``(t, q, v) -> a``; q and v are buffers that the next call overwrites."""
+
+Settle = Callable[[float, Array, Array], tuple[Array, Array]]
+"""``(t, q, v) -> q, v``: the nearest state that meets the constraints."""
+
+Energy = Callable[[Array, Array], tuple[float, float]]
+"""``(q, v) -> T, V``: kinetic and potential energy [J]; T is quadratic in v."""
+
+
+class Manifold(Protocol):
+    """The space of configurations."""
+
+    @property
+    def nq(self) -> int:
+        """Numbers in q."""
+        ...
+
+    @property
+    def nv(self) -> int:
+        """Numbers in v."""
+        ...
+
+    def velocity(self, q: Array, v: Array) -> Array:
+        """Return the time derivative of q, shape (nq,)."""
+        ...
+
+    def project(self, q: Array) -> Array:
+        """Return q brought back onto the manifold; rows of many samples where q is (n, nq)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Flat:
+    """Configurations that are plain numbers: ``q' = v``."""
+
+    nq: int
+    nv: int
+
+    def velocity(self, q: Array, v: Array) -> Array:
+        """Return v."""
+        return v
+
+    def project(self, q: Array) -> Array:
+        """Return q."""
+        return q
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """An interval of time on which the acceleration is smooth.
+
+    Attributes:
+        start: Its first instant [s].
+        end: Its last instant [s].
+        acceleration: Smooth up to both ends; at a jump each side has its own.
+        settle: Brings the state back onto the constraints after every accepted step; none where there are none.
+        floor: Returns the step that is taken although its error is above the tolerance, as long as it is below
+            ``NOISE`` [s]: close to a singular position, where rounding is blown up, shorter steps are no better.
+        energy: Energy of a state; none where dampers, loads over time, drives or laws of motion exchange energy.
+    """
+
+    start: float
+    end: float
+    acceleration: Acceleration
+    settle: Settle | None = None
+    floor: Callable[[], float] = float
+    energy: Energy | None = None
+
+
+@dataclass(frozen=True)
+class Step:
+    """An accepted step, with all that its dense output needs.
+
+    Attributes:
+        t: Its start [s].
+        h: Its length [s].
+        until: Where it ends [s]: ``t + h`` to rounding, or earlier where an event cut it short.
+        y: State [q, v] at the start, shape (nq + nv,).
+        slopes: Slopes at the method's stages, shape (s, nq + nv).
+        stretch: Index of the stretch that it belongs to.
+    """
+
+    t: float
+    h: float
+    until: float
+    y: Array
+    slopes: Array
+    stretch: int
+
+
+@dataclass
+class Count:
+    """Work of an integration.
+
+    Attributes:
+        evaluations: Number of accelerations computed for the steps.
+        rejected: Number of steps that were tried and refused.
+        floored: Number of steps that were taken at their floor, with an error above the tolerance.
+    """
+
+    evaluations: int = 0
+    rejected: int = 0
+    floored: int = 0
+
+
+class Stepper(Protocol):
+    """A method at work: the present state, and buffers."""
+
+    y: Array
+    """Present state [q, v], shape (nq + nv,)."""
+
+    @property
+    def finite(self) -> bool:
+        """Whether the slopes last computed are finite."""
+        ...
+
+    def begin(self, stretch: Stretch, y: Array) -> None:
+        """Stand at the first instant of a stretch with the state y."""
+        ...
+
+    def first(self, h: float) -> float:
+        """Return the first step in the stretch [s]; h is what the stretch before would have gone on with, or 0."""
+        ...
+
+    def attempt(self, t: float, h: float) -> float:
+        """Compute a step from the present state; return its error, up to 1 accepted, not a number where it failed."""
+        ...
+
+    def retry(self, h: float, error: float) -> float:
+        """Return the step to try after one of that error was refused [s]; 0 to give up."""
+        ...
+
+    def accept(self, t: float, h: float, error: float) -> tuple[Array, float]:
+        """Move on to the end t of the step, settled; return its slopes and the step to go on with [s]."""
+        ...
+
+
+class Method(Protocol):
+    """A method of integration."""
+
+    @property
+    def name(self) -> str:
+        """Name for messages."""
+        ...
+
+    @property
+    def order(self) -> int:
+        """Order of the step."""
+        ...
+
+    @property
+    def remedy(self) -> str:
+        """What to try where it fails."""
+        ...
+
+    def prepare(self, stretches: Sequence[Stretch], q: Array, v: Array) -> Sequence[Stretch]:
+        """Return the stretches as this method integrates them from an initial state."""
+        ...
+
+    def stepper(self, manifold: Manifold, count: Count) -> Stepper:
+        """Return the method at work on a manifold."""
+        ...
+
+    def interpolant(self, stretch: Stretch, manifold: Manifold, step: Step) -> Array:
+        """Return the terms r of the dense output, shape (d, nq + nv).
+
+        With ``x = (t - step.t) / h`` it is ``y + x (r_0 + (1 - x) (r_1 + x (r_2 + (1 - x) (...))))``.
+        """
+        ...
+
+    def doubts(self, solution: Solution) -> list[str]:
+        """Return what says that this method was a poor choice for what it has integrated."""
+        ...
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """An instant at which a watched value crossed zero.
+
+    Attributes:
+        watch: Index of the watch.
+        t: The instant [s].
+        q: Configuration there, shape (nq,).
+        v: Velocity there, shape (nv,).
+    """
+
+    watch: int
+    t: float
+    q: Array
+    v: Array
+
+
+@dataclass
+class Solution:
+    """What an integration gives: steps, and the state at any time between the first and the last.
+
+    Attributes:
+        method: The method.
+        manifold: The space of configurations.
+        stretches: The intervals that were integrated.
+        steps: Accepted steps, in order of time.
+        crossings: What was watched for, in order of time.
+        count: Work done.
+    """
+
+    method: Method
+    manifold: Manifold
+    stretches: Sequence[Stretch]
+    steps: list[Step] = field(default_factory=list)
+    crossings: list[Crossing] = field(default_factory=list)
+    count: Count = field(default_factory=Count)
+    _starts: Array | None = field(default=None, repr=False)
+    _interpolants: dict[int, Array] = field(default_factory=dict, repr=False)
+
+    @property
+    def end(self) -> float:
+        """Return the last time reached [s]."""
+        return self.steps[-1].until if self.steps else self.stretches[0].start
+
+    def states(self, t: Array) -> tuple[Array, Array]:
+        """Return the states at many times, to the order of the dense output.
+
+        Args:
+            t: Times [s], shape (n,), within what was integrated.
+
+        Returns:
+            q of shape (n, nq) and v of shape (n, nv).
+        """
+        if self._starts is None or len(self._starts) != len(self.steps):
+            self._starts = np.array([step.t for step in self.steps])
+        index = np.clip(np.searchsorted(self._starts, t, side="right") - 1, 0, len(self.steps) - 1)
+        return self.states_in(index, t)
+
+    def states_in(self, index: Indices, t: Array) -> tuple[Array, Array]:
+        """Return the states at many times, each from the step of the given index, both of shape (n,)."""
+        needed, where = np.unique(index, return_inverse=True)
+        steps = [self.steps[i] for i in needed]
+        h, start = np.array([step.h for step in steps])[where], np.array([step.t for step in steps])[where]
+        base, terms = np.array([step.y for step in steps]), np.array([self._interpolant(i) for i in needed])
+        x = ((t - start) / h)[:, None]
+        y = np.zeros((len(t), base.shape[1]))
+        for degree in range(terms.shape[1] - 1, -1, -1):
+            y = (y + terms[where, degree]) * (1.0 - x if degree % 2 else x)
+        y += base[where]
+        return self.manifold.project(y[:, : self.manifold.nq]), y[:, self.manifold.nq :]
+
+    def _interpolant(self, index: int) -> Array:
+        """Return the terms of a step's interpolant, computing its further stages when first asked."""
+        known = self._interpolants.get(index)
+        if known is None:
+            step = self.steps[index]
+            known = self._interpolants[index] = self.method.interpolant(
+                self.stretches[step.stretch], self.manifold, step
+            )
+        return known

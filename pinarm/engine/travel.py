@@ -1,0 +1,208 @@
+"""Forward motion over impacts and contacts: each is found, the velocity or the constraints change, and it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from itertools import pairwise
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.closure import Closure
+from pinarm.engine.contacts import RESTING, Bound, Contacts
+from pinarm.engine.course import Course, Leg
+from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.imposed import Imposed
+from pinarm.engine.integrators import Method, Solution, Watch, integrate
+from pinarm.engine.systems import Initial, System, system_of
+from pinarm.engine.systems.constrained import ConstrainedSystem
+from pinarm.engine.trajectory import Happening
+from pinarm.errors import InputError, IntegrationError, Interrupted
+from pinarm.mechanics.laws import Constant
+from pinarm.mechanics.motion import Grid
+
+Held = frozenset[int]
+"""Indices of the stops on which joints rest."""
+
+
+@dataclass(frozen=True, eq=False)
+class Journey:
+    """A forward motion that is to be integrated.
+
+    Attributes:
+        closure: Constraints of the mechanism.
+        dynamics: Its equation of motion with all the forces of the run.
+        imposed: Coordinates with laws.
+        initial: The initial state.
+        time: First and last instant [s].
+        bounds: End stops.
+        watches: Events by name; their values are of states of the mechanism.
+        method: The integrator.
+        max_steps: Number of steps after which to give up.
+    """
+
+    closure: Closure
+    dynamics: Dynamics
+    imposed: Imposed
+    initial: Initial
+    time: tuple[float, float]
+    bounds: tuple[Bound, ...]
+    watches: Mapping[str, Watch]
+    method: Method
+    max_steps: int
+    _systems: dict[Held, System] = field(default_factory=dict, repr=False)
+
+    def system(self, held: Held = frozenset()) -> System:
+        """Return what is integrated while joints rest on the given stops.
+
+        Raises:
+            InputError: The imposed coordinates cannot be prescribed independently.
+        """
+        if held not in self._systems:
+            self._systems[held] = self._resting(held) if held else system_of(
+                self.closure, self.dynamics, self.imposed, self.initial)  # fmt: skip
+        return self._systems[held]
+
+    def _resting(self, held: Held) -> System:
+        bounds = [self.bounds[k] for k in sorted(held)]
+        imposed = Imposed(
+            (*self.imposed.names, *(one.name for one in bounds)),
+            (*self.imposed.coordinates, *(one.coordinate for one in bounds)),
+            (*self.imposed.laws, *(Constant(value=one.limit) for one in bounds)),
+        )
+        return ConstrainedSystem.of(self.closure, self.dynamics, imposed)
+
+    def grid(self, t: Array, seams: Iterable[float] = ()) -> Grid:
+        """Return the grid of given instants, cut where a law or the motion jumps."""
+        laws = [*self.imposed.laws, *(law for force in self.dynamics.forces.values() for law in force.laws())]
+        return Grid.cover(t, laws, seams)
+
+    @cached_property
+    def cuts(self) -> tuple[float, ...]:
+        """Return the bounds of the stretches on which all laws are smooth [s]."""
+        return self.grid(np.array(self.time)).cuts
+
+    def begin(self) -> tuple[Array, Array]:
+        """Return the initial state of the mechanism, assembled.
+
+        Raises:
+            InputError: It contradicts itself, the laws, or a stop.
+        """
+        system = self.system()
+        q, v = (x[None] for x in system.begin(self.initial, *self.cuts[:2]))
+        whole_q, whole_v = system.whole(np.array(self.cuts[:1]), q, v)
+        for one in self.bounds:
+            if one.gap(whole_q[0]) < 0.0:
+                raise InputError(
+                    f"the motion begins at {whole_q[0, one.place]:.6g} {one.coordinate.unit}, beyond the end stop "
+                    f"'{one.name}' at {one.limit:.6g} {one.coordinate.unit}"
+                )
+        return whole_q[0], whole_v[0]
+
+    def travel(self, q: Array, v: Array) -> Course:
+        """Return the motion from an initial state.
+
+        Raises:
+            IntegrationError: It could not be followed to its end; ``partial`` is the course until then.
+            Interrupted: The user interrupted it; likewise.
+        """
+        course, t = Course(self.dynamics), self.cuts[0]
+        contacts = Contacts(self.closure, self.imposed, self.bounds)
+        approached = [k for k in contacts.near(q) if self.bounds[k].side * v[self.bounds[k].joint] < -RESTING]
+        if approached:
+            v = contacts.impact(t, q, v, approached)
+        held = self.pressed(contacts, t, q, v)
+        while (met := self.leg(course, held, t, q, v)) is not None:
+            t, q, v = met.t, met.q, met.v
+            if met.released is not None:
+                held = held - {met.released}
+                continue
+            if met.hit is None:
+                break
+            bound = self.bounds[met.hit]
+            q[bound.place] = bound.limit
+            v = contacts.impact(t, q, v, [met.hit])
+            course.happenings.append(Happening(bound.name, t, q, v))
+            held = self.pressed(contacts, t, q, v)
+        return course
+
+    def leg(self, course: Course, held: Held, t: float, q: Array, v: Array) -> _Meeting | None:
+        """Add a leg to the course; return what ended it before its time."""
+        system, watched = self.system(held), self._watched(held)
+        spans = [(max(low, t), high) for low, high in pairwise(self.cuts) if high > t]
+        stretches = [system.stretch(self.dynamics, *span) for span in spans]
+        watches = [_of_mechanism(one, system) for _, one in watched]
+        steps = self.max_steps - int(sum(course.cost()[name] for name in ("steps", "rejected steps")))
+        try:
+            solution = integrate(
+                stretches, system.manifold, *system.part(q, v), self.method, max_steps=steps, watches=watches
+            )
+        except (IntegrationError, Interrupted) as error:
+            if error.partial.steps:
+                course.legs.append(Leg(system, error.partial))
+            error.partial = course if course.legs else None
+            raise
+        course.legs.append(Leg(system, solution))
+        return self._met(course, solution, system, [key for key, _ in watched])
+
+    def _met(self, course: Course, solution: Solution, system: System, keys: list[str | int]) -> _Meeting | None:
+        """Note the events of the last leg; return what it ended with, if with one."""
+        meeting = None
+        for crossing in solution.crossings:
+            key, t = keys[crossing.watch], crossing.t
+            q, v = (rows[0] for rows in system.whole(np.array([t]), crossing.q[None], crossing.v[None]))
+            if isinstance(key, str):
+                course.happenings.append(Happening(key, t, q, v))
+                meeting = _Meeting(t, q, v) if self.watches[key].stops else None
+            elif key >= 0:
+                meeting = _Meeting(t, q, v, hit=key)
+            else:
+                meeting = _Meeting(t, q, v, released=~key)
+        return meeting
+
+    def _watched(self, held: Held) -> list[tuple[str | int, Watch]]:
+        """Return the events, free stops by their index, and those rested on by its complement."""
+        found: list[tuple[str | int, Watch]] = list(self.watches.items())
+        for k, bound in enumerate(self.bounds):
+            key, value = (~k, partial(self.push, held, k)) if k in held else (k, partial(_gap, bound))
+            found.append((key, Watch(value, -1, stops=True)))
+        return found
+
+    def push(self, held: Held, k: int, t: Array, q: Array, v: Array) -> Array:
+        """Return the push of a stop that is rested on, at many states [N*m or N], shape (n,)."""
+        span = (float(t[0]), max(float(t[-1]), float(np.nextafter(t[0], np.inf))))
+        motion = self.system(held).complete(self.dynamics, Grid(t, span, (0, len(t))), q, v)
+        return np.asarray(self.bounds[k].side * motion.tau[:, self.bounds[k].joint])
+
+    def pressed(self, contacts: Contacts, t: float, q: Array, v: Array) -> Held:
+        """Return the stops that a state at rest on them presses against."""
+        held = frozenset(k for k in contacts.near(q) if abs(v[self.bounds[k].joint]) <= RESTING)
+        while held:
+            pushes = {k: self.push(held, k, np.array([t]), q[None], v[None])[0] for k in held}
+            least = min(pushes, key=pushes.__getitem__)
+            if pushes[least] > 0.0:
+                break
+            held = held - {least}
+        return held
+
+
+@dataclass(frozen=True, eq=False)
+class _Meeting:
+    """What ended a leg: an event that stops the run, a stop that is hit, or one that lets go."""
+
+    t: float
+    q: Array
+    v: Array
+    hit: int | None = None
+    released: int | None = None
+
+
+def _gap(bound: Bound, t: Array, q: Array, v: Array) -> Array:
+    return bound.gap(q)
+
+
+def _of_mechanism(watch: Watch, system: System) -> Watch:
+    """Return the watch of integrated states."""
+    return Watch(lambda t, q, v: watch.value(t, *system.whole(t, q, v)), watch.direction, watch.stops)

@@ -1,0 +1,114 @@
+"""What may happen on the way of a forward motion: events of coordinates, and end stops of joints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.closure import Closure
+from pinarm.engine.contacts import Bound
+from pinarm.engine.integrators import Watch
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError, Key
+from pinarm.input.schema import AnyQuantity, Model, check_unit
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, joint_of
+from pinarm.problems.common import Place
+
+DIRECTIONS = {"rising": 1, "falling": -1, "any": 0}
+
+
+class Event(Model, frozen=True):
+    """A coordinate that takes a value.
+
+    Attributes:
+        when: The coordinate, or a joint.
+        reaches: The value.
+        direction: Whether it has to rise to the value, fall to it, or either.
+        then: ``stop`` ends the run there, ``record`` lists time and state among what was found.
+    """
+
+    when: str
+    reaches: AnyQuantity
+    direction: Literal["rising", "falling", "any"] = "any"
+    then: Literal["stop", "record"] = "record"
+
+
+class EndStop(Model, frozen=True):
+    """Limits of a joint's coordinate, met with an impact.
+
+    Attributes:
+        lower: Smallest value; none where it is left out.
+        upper: Largest value; none where it is left out.
+        restitution: Velocity after an impact relative to that before: 0 does not rebound, 1 loses no energy.
+    """
+
+    lower: AnyQuantity | None = None
+    upper: AnyQuantity | None = None
+    restitution: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.0
+
+    def check(self) -> None:
+        """Refuse a stop without limits, or with limits that leave no room."""
+        if self.lower is None and self.upper is None:
+            raise InputError("the end stop has no limit", expected="lower, upper, or both")
+        if self.lower is not None and self.upper is not None and not self.lower < self.upper:
+            raise InputError(f"the upper limit {self.upper:g} is not above the lower one {self.lower:g}")
+
+
+def watches_of(mechanism: Mechanism, events: Mapping[str, Event], place: Place) -> dict[str, Watch]:
+    """Return the events as what the integration watches, by name.
+
+    Raises:
+        InputError: A coordinate does not exist.
+        UnitError: A value has another dimension than its coordinate.
+    """
+    found = {}
+    for name, event in events.items():
+        with place("events", name, "when"):
+            coordinate = mechanism.coordinate(event.when)
+        with place("events", name, "reaches"):
+            check_unit(event.reaches, coordinate.unit)
+        value = _distance(mechanism.closure, coordinate, float(event.reaches))
+        found[name] = Watch(value, DIRECTIONS[event.direction], event.then == "stop")
+    return found
+
+
+def bounds_of(mechanism: Mechanism, stops: Mapping[str, EndStop], place: Place) -> tuple[Bound, ...]:
+    """Return the end stops, one for each side.
+
+    Raises:
+        InputError: A joint does not exist.
+        UnitError: A limit has another dimension than its joint.
+    """
+    found = []
+    for name, stop in stops.items():
+        with place("end_stops", Key(name)):
+            joint = joint_of(mechanism.joints, name)
+            coordinate = mechanism.coordinate(name)
+        for side, sign in (("lower", 1.0), ("upper", -1.0)):
+            limit = getattr(stop, side)
+            if limit is None or not isinstance(coordinate, LinearCoordinate):
+                continue
+            with place("end_stops", name, side):
+                check_unit(limit, joint.unit)
+            found.append(Bound(f"{name} {side}", coordinate, joint.v, float(limit), sign, stop.restitution))
+    return tuple(found)
+
+
+def _distance(closure: Closure, coordinate: Coordinate, value: float) -> Callable[[Array, Array, Array], Array]:
+    """Return ``(t, q, v) -> w(q) - value`` of many states, shape (n,)."""
+    if isinstance(coordinate, LinearCoordinate):
+        weights, places = coordinate.weights, coordinate.places
+        return lambda t, q, v: q[:, places] @ weights - value
+
+    def distance(t: Array, q: Array, v: Array) -> Array:
+        found = np.empty(len(q))
+        for i, row in enumerate(q):
+            closure.place(row)
+            found[i] = coordinate.value(closure.data, row)
+        return found - value
+
+    return distance
