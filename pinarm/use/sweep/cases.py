@@ -20,6 +20,9 @@ from pinarm.use.result import MEASURES, Result
 from pinarm.use.scenario import Scenario
 from pinarm.use.sweep.axes import Value
 
+WORTH = (*MEASURES, "global error")
+"""What tells the accuracy of a case; the last where the scenario has a target for it."""
+
 _PLACE = re.compile(r"\s*(start|end|max|min|largest)\s*(?:\((.*)\))?\s*")
 _KEY = re.compile(r"\s*([^=,]+?)\s*=\s*([^=,]+?)\s*")
 
@@ -120,7 +123,7 @@ class Row:
     """What came out of one case.
 
     Attributes:
-        numbers: Results, then the measures of accuracy in the order of ``MEASURES``; nothing where the case failed.
+        numbers: Results, then the measures of accuracy in the order of ``WORTH``; nothing where the case failed.
         error: Why it failed; empty where it did not.
         files: The files that it refers to.
         final: Whether solving it again would give the same; not so where the program itself failed.
@@ -163,8 +166,13 @@ def solve_case(task: Task, values: Mapping[str, Value]) -> Row:
         try:
             result = Scenario.of(task.document.varied(values), task.folder).run()
             numbers = [number for entry in task.wanted for number in entry.numbers(result)]
-            measures = [result.figures.get(name, np.nan) for name in MEASURES]
-            return Row((*numbers, *measures), "", _names(files))
+            if result.missed:
+                target = result.content.accuracy.target
+                return Row(
+                    (), f"the global error is {result.error:.1e}, not below its target {target:g}", _names(files)
+                )
+            figures = {**result.figures, WORTH[-1]: np.nan if result.error is None else result.error}
+            return Row((*numbers, *(figures.get(name, np.nan) for name in WORTH)), "", _names(files))
         except PinarmError as error:
             return Row((), _one_line(error), _names(files))
         except Exception as error:  # a fault of the program costs one case, and is told as what it is

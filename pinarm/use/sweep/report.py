@@ -56,6 +56,8 @@ def report(sweep: Sweep) -> str:
     for head, names in (("accuracy: largest relative residuals", RESIDUALS), ("loops: largest", CLOSURES)):
         measured = [f"{name} {found['accuracy'][name]:.1e}" for name in names if name in found["accuracy"]]
         lines += [f"{head}: {', '.join(measured)}"] if measured else []
+    if "global error" in found["accuracy"]:
+        lines.append(f"error: at most {found['accuracy']['global error']:.1e} of the largest value")
     if "regularity" in found["accuracy"]:
         lines.append(f"regularity: {found['accuracy']['regularity']:.2g} at least, 0 at a singular position")
     lines += [f"note: {note}" for note in found["notes"]]

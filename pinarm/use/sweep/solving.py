@@ -13,9 +13,8 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.trajectory import Series
 from pinarm.errors import InputError
-from pinarm.use.result import MEASURES
 from pinarm.use.sweep.axes import Cases, Value
-from pinarm.use.sweep.cases import Row, Task, solve_case
+from pinarm.use.sweep.cases import WORTH, Row, Task, solve_case
 from pinarm.use.sweep.journal import Journal, Sources, task_digest
 from pinarm.use.sweep.pool import Death, spread
 
@@ -104,7 +103,7 @@ class Solving:
     def columns(self, named: Sequence[Series]) -> list[Series]:
         """Return columns with their numbers; measures that no case has are left out."""
         filled = [replace(series, values=self.numbers[:, k]) for k, series in enumerate(named)]
-        return [series for series in filled if series.name not in MEASURES or not np.isnan(series.values).all()]
+        return [series for series in filled if series.name not in WORTH or not np.isnan(series.values).all()]
 
     def failures(self) -> dict[int, str]:
         """Return why cases failed, in order, those that were not solved included."""

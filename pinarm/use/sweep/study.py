@@ -16,10 +16,9 @@ from pinarm.engine.trajectory import Series
 from pinarm.errors import InputError, Interrupted, PinarmError, choices
 from pinarm.input.roots import given_root, noting_files
 from pinarm.input.units import DIMENSIONLESS, read_quantity, unit
-from pinarm.use.result import MEASURES
 from pinarm.use.scenario import Scenario, load
 from pinarm.use.sweep.axes import MOST, Axis, Cases, Distribution, Sampling, draw
-from pinarm.use.sweep.cases import Task, Wanted
+from pinarm.use.sweep.cases import WORTH, Task, Wanted
 from pinarm.use.sweep.reading import read_axis, read_cases
 from pinarm.use.sweep.solving import Progress, Solving
 
@@ -69,7 +68,7 @@ class Sweep:
 
     def results(self) -> list[Series]:
         """Return the columns that were asked for, without the measures of accuracy."""
-        return [series for series in self.columns if series.name not in MEASURES]
+        return [series for series in self.columns if series.name not in WORTH]
 
     def to_dataframe(self) -> DataFrame:
         """Return the table as a pandas table, one row per case, units in the headings, and why cases failed."""
@@ -140,14 +139,14 @@ def sweep(
         found = [Wanted.read(text).measured(quantities) for text in results or scenario.content.outputs]
     task = Task(scenario.document, scenario.folder, tuple(entry for entry, _ in found), given_root())
     named = [column for _, columns in found for column in columns]
-    named += [Series(name, DIMENSIONLESS, np.zeros(0)) for name in MEASURES]
+    named += [Series(name, DIMENSIONLESS, np.zeros(0)) for name in WORTH]
     solving = Solving(task, chosen, np.full((len(chosen), len(named)), np.nan), progress)
     solving.sources.check(tuple(map(str, files)))
     definition = {
         "scenario": str(scenario.document.path or ""), "over": given, "cases": None if cases is None else str(cases),
         "units": {column.path: column.unit for column in chosen.columns() if column.unit},
         "samples": samples, "seed": seed, "sampling": sampling,
-        "results": [series.name for series in named if series.name not in MEASURES],
+        "results": [series.name for series in named if series.name not in WORTH],
         "base": {key: value for key, value in scenario.document.data.items() if key != "expect"},
     }  # fmt: skip
     interrupted = False

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 WORST: dict[str, Callable[[Array], Any]] = {
-    **dict.fromkeys((*RESIDUALS, *CLOSURES, "condition"), np.nanmax),
+    **dict.fromkeys((*RESIDUALS, *CLOSURES, "condition", "global error"), np.nanmax),
     "regularity": np.nanmin,
 }
 """Measures of accuracy, and which of their values is the worst."""

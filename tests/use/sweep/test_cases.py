@@ -8,8 +8,7 @@ import pytest
 
 import pinarm
 from pinarm import PinarmError
-from pinarm.use.result import MEASURES
-from pinarm.use.sweep.cases import Row, Task, Wanted, solve_case
+from pinarm.use.sweep.cases import WORTH, Row, Task, Wanted, solve_case
 
 
 def solved(scenario: pinarm.Scenario, results: list[str], **values: object) -> Row:
@@ -32,8 +31,8 @@ def test_the_numbers_are_those_of_the_formula(scenario: pinarm.Scenario) -> None
     full = 3 * 10 * 0.5
     assert row.error == ""
     assert row.numbers[:8] == pytest.approx([0, full, 0, full, full * sin(pi / 6), pi / 2, -full, 0], abs=1e-12)
-    assert len(row.numbers) == 8 + len(MEASURES)
-    measures = dict(zip(MEASURES, row.numbers[8:], strict=True))
+    assert len(row.numbers) == 8 + len(WORTH)
+    measures = dict(zip(WORTH, row.numbers[8:], strict=True))
     assert max(measures["equilibrium"], measures["power"]) < 1e-14  # a rounding each
 
 
@@ -89,6 +88,16 @@ def test_a_fault_of_the_program_costs_one_case(scenario: pinarm.Scenario, monkey
     monkeypatch.setattr(Wanted, "numbers", lambda *_: 1 / 0)
     row = solved(scenario, ["M"])
     assert (row.error, row.final) == ("the program failed: ZeroDivisionError: division by zero", False)
+
+
+FALLING = {"problem": {"kind": "forward", "time": {"end": "1 s"}, "initial": {"position": {"pivot": "30 deg"}}}}
+
+
+def test_a_target_of_the_error_is_reached_or_the_case_fails(scenario: pinarm.Scenario) -> None:
+    reached = solved(scenario, ["alpha @ end"], **FALLING, accuracy={"target": 1e-6})
+    assert 0 < reached.numbers[-1] < 1e-6
+    missed = solved(scenario, ["alpha @ end"], **FALLING, accuracy={"target": 1e-18})
+    assert re.fullmatch(r"the global error is \d\.\de-\d\d, not below its target 1e-18", missed.error)
 
 
 def test_a_row_names_the_files_that_it_refers_to(scenario: pinarm.Scenario) -> None:
