@@ -383,7 +383,7 @@ def _not_finite(solution: Solution, t: float, y: Array, manifold: Manifold) -> I
 def _too_many(solution: Solution, t: float, h: float, stepper: _Stepper) -> IntegrationError:
     return IntegrationError(
         f"the integration has taken {stepper.max_steps} steps and is at t = {t:.9g} s; its steps are {h:.2g} s long",
-        hint="a wider tolerance, a shorter time, softer springs, or accuracy.max_steps",
+        hint="a wider tolerance, a shorter time, softer springs, dry friction of a larger creep, or accuracy.max_steps",
         partial=solution, t=t,
     )  # fmt: skip
 
