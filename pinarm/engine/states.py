@@ -18,7 +18,7 @@ from pinarm.engine.quantities import Quantities
 from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import InputError
 from pinarm.input.units import unit
-from pinarm.mechanics.coordinates import joint_of
+from pinarm.mechanics.balls import configuration, places_of, unit_of, velocities_of
 from pinarm.mechanics.motion import Grid
 
 CLOSED = 1e-8
@@ -32,7 +32,8 @@ def configurations(mechanism: Mechanism, positions: Mapping[str, ArrayLike]) -> 
 
     Args:
         mechanism: The mechanism.
-        positions: Joint -> values [rad or m], arrays of one length or single numbers; what is not named is neutral.
+        positions: Joint -> values [rad or m], arrays of one length or single numbers; what is not named is 0. Ball
+            joints by their components, as in ``mechanics.balls.configuration``.
 
     Returns:
         q, shape (n, nq).
@@ -40,17 +41,33 @@ def configurations(mechanism: Mechanism, positions: Mapping[str, ArrayLike]) -> 
     Raises:
         InputError: A joint does not exist, or the lengths differ.
     """
-    indices = {name: joint_of(mechanism.joints, name).q for name in positions}
-    return _filled(np.asarray(pin.neutral(mechanism.model)), indices, positions)
+    model, joints, balls = mechanism.model, mechanism.joints, mechanism.balls
+    columns = _columns(positions)
+    if all(name in joints for name in positions):
+        rows = np.tile(np.asarray(pin.neutral(model)), (len(columns[0]), 1))
+        rows[:, [joints[name].q for name in positions]] = columns[1:].T
+        return rows
+    return np.array(
+        [configuration(model, joints, balls, dict(zip(positions, row[1:], strict=True))) for row in columns.T]
+    )
 
 
 def rates(mechanism: Mechanism, values: Mapping[str, ArrayLike]) -> Array:
-    """Return velocities, accelerations or efforts of joints by name, shape (n, nv); see ``configurations``."""
-    indices = {name: joint_of(mechanism.joints, name).v for name in values}
-    return _filled(np.zeros(mechanism.model.nv), indices, values)
+    """Return velocities, accelerations or efforts of joints by name, shape (n, nv); see ``configurations``.
+
+    Those of a ball joint J are ``J.angular_velocity.x`` and so on, in the axes of the link, whatever they are.
+    """
+    known, places = velocities_of(mechanism.joints, mechanism.balls), places_of(mechanism.joints, mechanism.balls)
+    for name in values:
+        unit_of(name, known)
+    columns = _columns(values)
+    rows = np.zeros((len(columns[0]), mechanism.model.nv))
+    rows[:, [places[name] for name in values]] = columns[1:].T
+    return rows
 
 
-def _filled(one: Array, indices: Mapping[str, int], values: Mapping[str, ArrayLike]) -> Array:
+def _columns(values: Mapping[str, ArrayLike]) -> Array:
+    """Return a row of zeros and then the values of every name, shape (1 + k, n)."""
     try:
         columns = np.broadcast_arrays(np.zeros(1), *(np.asarray(value, float) for value in values.values()))
     except ValueError:
@@ -58,10 +75,7 @@ def _filled(one: Array, indices: Mapping[str, int], values: Mapping[str, ArrayLi
         raise InputError(f"the arrays have the shapes {lengths}", expected="one length, or single numbers") from None
     if columns[0].ndim != 1:
         raise InputError(f"the arrays have {columns[0].ndim} axes", expected="one: a value for every state")
-    rows = np.tile(one, (len(columns[0]), 1))
-    for index, column in zip(indices.values(), columns[1:], strict=True):
-        rows[:, index] = column
-    return rows
+    return np.array(columns)
 
 
 def quantities(

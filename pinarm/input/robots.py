@@ -55,13 +55,12 @@ def robot(name: str) -> Path:
         ModelError: There is none of that name; the message lists what there is.
     """
     known = robots()
-    others = {file.stem for file in (example_robot_data() / "robots").glob("*/*/*.sdf")} if name not in known else {}
-    if name in others:
+    if name in known:
+        return known[name]
+    if name in {file.stem for file in (example_robot_data() / "robots").glob("*/*/*.sdf")}:
         raise ModelError(f"the robot '{name}' has an SDF file only, which is not read", expected="URDF, xacro or MJCF")
-    if name not in known:
-        expected, hint = choices(name, known, most=100)
-        raise ModelError(f"there is no robot '{name}'", expected=f"a file, or {expected}", hint=hint)
-    return known[name]
+    expected, hint = choices(name, known, most=100)
+    raise ModelError(f"there is no robot '{name}'", expected=f"a file, or {expected}", hint=hint)
 
 
 def floats(file: Path) -> bool:

@@ -156,6 +156,14 @@ def velocities_of(joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> dic
     return {**rates, **dict.fromkeys(spins, SPIN)}
 
 
+def places_of(joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> dict[str, int]:
+    """Return the indices in v of what velocities can be given by."""
+    spins = {
+        f"{name}.angular_velocity.{axis}": ball.v + k for name, ball in balls.items() for k, axis in enumerate("xyz")
+    }
+    return {**{name: joint.v for name, joint in joints.items()}, **spins}
+
+
 def unit_of(name: str, known: Mapping[str, Unit]) -> Unit:
     """Return the unit of a value given by name.
 
@@ -210,9 +218,7 @@ def velocity(
         balls: Ball joints J, with the keys ``J.angular_velocity.x`` and so on, in the child's axes.
         values: Values [rad/s or m/s].
     """
-    v = np.zeros(model.nv)
-    for name, joint in joints.items():
-        v[joint.v] = values.get(name, 0.0)
-    for name, ball in balls.items():
-        v[ball.v : ball.v + 3] = [values.get(f"{name}.angular_velocity.{axis}", 0.0) for axis in "xyz"]
+    v, places = np.zeros(model.nv), places_of(joints, balls)
+    for name, value in values.items():
+        v[places[name]] = value
     return v

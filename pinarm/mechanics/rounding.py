@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.mechanics.tree import inertia
 
 SHAKE = 4.0 * float(np.finfo(float).eps)
 """Largest relative change of a number: the rounding of a few operations."""
@@ -30,12 +31,11 @@ def shaken(model: pin.Model, seed: int) -> pin.Model:
         return numbers * (1.0 + SHAKE * generator.uniform(-1.0, 1.0, np.shape(numbers)))
 
     for index in range(1, model.njoints):
-        joint, inertia = model.jointPlacements[index], model.inertias[index]
+        joint, body = model.jointPlacements[index], model.inertias[index]
         changed.jointPlacements[index] = pin.SE3(joint.rotation, near(joint.translation))
-        moments = near(inertia.inertia)
-        changed.inertias[index] = pin.Inertia(
-            float(near(np.array(inertia.mass))), near(inertia.lever), (moments + moments.T) / 2.0
-        )
+        moments = near(body.inertia)
+        mass = float(near(np.array(body.mass)))
+        changed.inertias[index] = inertia(mass, near(body.lever), (moments + moments.T) / 2.0)
     for index, frame in enumerate(model.frames):
         if frame.type != pin.FrameType.JOINT:
             changed.frames[index].placement = pin.SE3(frame.placement.rotation, near(frame.placement.translation))

@@ -130,3 +130,22 @@ def test_spring_of_a_ball_joint_gives_what_its_energy_loses(model):
     turned[ball.q : ball.q + 4] *= -1.0  # the same orientation
     assert spring.potential_energy(turned) == pytest.approx(spring.potential_energy(q), rel=1e-14)
     assert spring.potential_energy(pin.neutral(model)) == 0.0
+
+
+def test_arrays_of_states_are_given_by_name(mechanism, chain):
+    body = mechanism(chain(*ARM), gravity="none")
+    yaw = np.linspace(-1.0, 2.0, 4)
+    q = body.configurations({"swing": 0.3, "body.y": [1.0, 2.0, 3.0, 4.0], "body.yaw": yaw})
+    assert q[:, :4] == pytest.approx(np.array([[0.3, 0.0, y, 0.0] for y in (1.0, 2.0, 3.0, 4.0)]))
+    assert roll_pitch_yaw(q[:, 4:]) == pytest.approx(np.array([[0.0, 0.0, x] for x in yaw]), abs=1e-14)
+    v = body.rates({"body.angular_velocity.y": yaw, "swing": 1.0})
+    assert v[:, [0, 5]] == pytest.approx(np.array([[1.0, x] for x in yaw]))
+    assert body.at(q, v)["joint.body.angular_velocity.y"].values == pytest.approx(yaw)
+    with pytest.raises(InputError, match=r"no joint 'body\.spin'"):
+        body.rates({"body.spin": 1.0})
+
+
+def test_a_model_whose_inertia_is_bad_can_be_shaken_too(mechanism, chain):
+    bad = mechanism(chain(*ARM).replace('ixx="0.1"', 'ixx="-0.1"', 1), defects="noted")
+    changed = bad.shaken(1).model.inertias[1].inertia[0, 0]
+    assert changed == pytest.approx(bad.model.inertias[1].inertia[0, 0], rel=1e-15)

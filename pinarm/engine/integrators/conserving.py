@@ -30,7 +30,8 @@ class Conserving:
     Chosen by measurement, on the double pendulum of two rods from (2.2, 1.0) rad (chaotic, to 30 rad/s; milliseconds a
     simulated second, in Python): Gauss-Legendre methods in (q, p), which are symplectic, of order 4, 6 and 8 take 28,
     46 and 27 to keep the energy within 5e-5, 1e-6 and 2e-5 of it, and lose it altogether at twice the step;
-    compositions of the midpoint variational integrator of order 4 take 64 for 2e-4. This takes 3 at a tolerance of 1e-9, for 1e-14.
+    compositions of the midpoint variational integrator of order 4 take 64 for 2e-4. This takes 3 at a tolerance of
+    1e-9, for 1e-14.
 
     Attributes:
         tolerance: Local error per step, relative to ``1 + |y|`` in SI; good values 1e-7 to 1e-12.
