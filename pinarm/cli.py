@@ -106,6 +106,12 @@ def _parser() -> argparse.ArgumentParser:
     sweep.add_argument("--no-plots", action="store_true", help="write numbers only")
     sweep.set_defaults(command=_sweep)
 
+    trade = commands.add_parser("tradeoff", parents=[common, overrides], help="error against cost of settings and models")
+    trade.add_argument("scenario", type=Path)
+    trade.add_argument("-o", "--output", type=Path, help="folder (default: results/SCENARIO-tradeoff)")
+    trade.add_argument("--no-plots", action="store_true", help="write numbers only")
+    trade.set_defaults(command=_tradeoff)
+
     replay = commands.add_parser("replay", parents=[common], help="show the motion of a result in a web page")
     replay.add_argument("result", type=Path, metavar="RESULT", help="result folder")
     replay.add_argument("-o", "--output", type=Path, help="file (default: replay.html or replay.png in the folder)")
@@ -228,6 +234,23 @@ def _sweep(options: argparse.Namespace) -> int:
         print(_printable(report(swept)))
         print(f"written to {folder}")
     return NUMERICS_FAILED if swept.errors else OK
+
+
+def _tradeoff(options: argparse.Namespace) -> int:
+    from pinarm.use.scenario import load
+    from pinarm.use.tradeoff.report import report
+    from pinarm.use.tradeoff.study import tradeoff
+
+    scenario = load(options.scenario, options.overrides)
+    folder = options.output or Path("results") / f"{scenario.name}-tradeoff"
+    trade = tradeoff(scenario)
+    trade.save(folder, plots=not options.no_plots)
+    if options.json:
+        _print_json({**trade.summary(), "folder": str(folder)})
+    else:
+        print(_printable(report(trade)))
+        print(f"written to {folder}")
+    return OK
 
 
 def _assignments(texts: Sequence[str]) -> dict[str, str]:
