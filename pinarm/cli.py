@@ -1,4 +1,4 @@
-"""The command line: ``run``, ``check``, ``validate``, ``explain``, ``sweep``, ``replay``, ``schema``.
+"""The command line: ``run``, ``check``, ``validate``, ``explain``, ``sweep``, ``tradeoff``, ``replay``, ``schema``.
 
 Exit codes: 0 all is well, 1 an expectation or the wanted accuracy is missed, 2 the input has a mistake, 3 the numerics
 failed (what was computed until then is kept) or a case of a sweep did, 130 interrupted. Results go to stdout; progress
@@ -88,7 +88,26 @@ def _parser() -> argparse.ArgumentParser:
     )
     explain.add_argument("path", metavar="SCENARIO|MODEL")
     explain.set_defaults(command=_explain)
-    sweep = commands.add_parser("sweep", parents=[common, overrides], help="solve a scenario for many values")
+    _add_sweep(commands, [common, overrides])
+
+    trade = commands.add_parser(
+        "tradeoff", parents=[common, overrides], help="error against cost of settings, of models"
+    )
+    trade.add_argument("scenario", type=Path)
+    trade.add_argument("-o", "--output", type=Path, help="folder (default: results/SCENARIO-tradeoff)")
+    trade.add_argument("--no-plots", action="store_true", help="write numbers only")
+    trade.set_defaults(command=_tradeoff)
+
+    _add_replay(commands, [common])
+
+    schema = commands.add_parser("schema", parents=[common], help="print the JSON Schema for editors")
+    schema.add_argument("of", nargs="?", choices=["scenario", "mechanism"], default="scenario")
+    schema.set_defaults(command=_schema)
+    return parser
+
+
+def _add_sweep(commands: Any, parents: list[argparse.ArgumentParser]) -> None:
+    sweep = commands.add_parser("sweep", parents=parents, help="solve a scenario for many values")
     sweep.add_argument("scenario", type=Path)
     sweep.add_argument("--over", action="append", default=[], metavar="PATH=VALUES",
                        help="such as arguments.m_A='0.1:0.5:41 kg', '1, 2, 3 kg' or 'normal(0.25, 0.01) kg'; "
@@ -106,7 +125,9 @@ def _parser() -> argparse.ArgumentParser:
     sweep.add_argument("--no-plots", action="store_true", help="write numbers only")
     sweep.set_defaults(command=_sweep)
 
-    replay = commands.add_parser("replay", parents=[common], help="show the motion of a result in a web page")
+
+def _add_replay(commands: Any, parents: list[argparse.ArgumentParser]) -> None:
+    replay = commands.add_parser("replay", parents=parents, help="show the motion of a result in a web page")
     replay.add_argument("result", type=Path, metavar="RESULT", help="result folder")
     replay.add_argument("-o", "--output", type=Path, help="file (default: replay.html or replay.png in the folder)")
     replay.add_argument("--trace", action="extend", nargs="+", default=[], metavar="POINT",
@@ -121,11 +142,6 @@ def _parser() -> argparse.ArgumentParser:
     replay.add_argument("--fps", type=float, default=30.0, help="pictures a second of the video")
     replay.add_argument("--speed", type=float, default=1.0, help="of the video, relative to real time")
     replay.set_defaults(command=_replay)
-
-    schema = commands.add_parser("schema", parents=[common], help="print the JSON Schema for editors")
-    schema.add_argument("of", nargs="?", choices=["scenario", "mechanism"], default="scenario")
-    schema.set_defaults(command=_schema)
-    return parser
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -228,6 +244,23 @@ def _sweep(options: argparse.Namespace) -> int:
         print(_printable(report(swept)))
         print(f"written to {folder}")
     return NUMERICS_FAILED if swept.errors else OK
+
+
+def _tradeoff(options: argparse.Namespace) -> int:
+    from pinarm.use.scenario import load
+    from pinarm.use.tradeoff.report import report
+    from pinarm.use.tradeoff.study import tradeoff
+
+    scenario = load(options.scenario, options.overrides)
+    folder = options.output or Path("results") / f"{scenario.name}-tradeoff"
+    trade = tradeoff(scenario)
+    trade.save(folder, plots=not options.no_plots)
+    if options.json:
+        _print_json({**trade.summary(), "folder": str(folder)})
+    else:
+        print(_printable(report(trade)))
+        print(f"written to {folder}")
+    return OK
 
 
 def _assignments(texts: Sequence[str]) -> dict[str, str]:

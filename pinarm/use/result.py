@@ -218,7 +218,7 @@ class Result:
 
     def digest(self) -> str:
         """Return a hash of what determines the numbers: the scenario and the model's text."""
-        relevant = {key: value for key, value in self.data.items() if key not in ("expect", "title")}
+        relevant = {key: value for key, value in self.data.items() if key not in ("expect", "title", "variants")}
         mechanism = self.trajectory.mechanism
         described = msgspec.to_builtins(mechanism.description, enc_hook=float)
         text = json.dumps([relevant, described, mechanism.xml], sort_keys=True)

@@ -115,6 +115,7 @@ def _resolved(result: Result, folder: Path) -> str:
     source = Path(str(written["mechanism"]))
     if source.suffix:
         written["mechanism"] = os.path.relpath(result.folder / source, folder)
+    written.pop("variants", None)  # which paths lead to from here, and are no part of the result
     return yaml_text(written)
 
 

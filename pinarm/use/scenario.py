@@ -71,6 +71,7 @@ class ScenarioFile(Model, frozen=True):
         undetermined: What to do with reactions that rigid bodies do not determine: ``refuse`` them, or give those of
             the least multipliers (``minimum_norm``), marked as such.
         accuracy: How accurate the answer is wanted.
+        variants: Simplified models to compare with this one (see ``tradeoff``): name -> values replaced, by their path.
         find: Numbers of the scenario to find first, and what they are to bring about.
         expect: The answer key: what the answer must be, and what was published.
     """
@@ -87,6 +88,7 @@ class ScenarioFile(Model, frozen=True):
     symbols: dict[str, str] = {}
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"
     accuracy: Accuracy = msgspec.field(default_factory=Accuracy)
+    variants: dict[str, dict[str, Any]] = {}
     find: Find | None = None
     expect: list[Expectation] = []
 
@@ -278,6 +280,18 @@ class Scenario:
             for index, expectation in enumerate(self.content.expect):
                 with self.document.locating("expect", index):
                     expectation.check_names(quantities)
+        for name in self.content.variants:
+            with self.document.locating("variants", name):
+                self.variant(name).validate()
+
+    def variant(self, name: str) -> Scenario:
+        """Return the scenario with the values of one of its variants.
+
+        Raises:
+            InputError: A path leads nowhere, or a value is wrong there.
+        """
+        with self.document.locating("variants", name):
+            return self.varied({**self.content.variants[name], "variants": {}})
 
     def quantities(self) -> Quantities:
         """Return the quantities of one row, with nothing solved: enough to see which there are, and their units."""

@@ -9,7 +9,8 @@ import numpy as np
 
 from pinarm.errors import NumericsError
 from pinarm.use.result import Result
-from pinarm.use.worth import differences, estimated, patience, spoken, varied
+from pinarm.use.settings import patience, spoken, varied
+from pinarm.use.worth import differences, estimated
 
 if TYPE_CHECKING:
     from pinarm.use.scenario import Scenario

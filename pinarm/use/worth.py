@@ -20,20 +20,11 @@ from pinarm.engine.stamp import table_figures
 from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import NumericsError
 from pinarm.input.units import Unit
-from pinarm.problems.common import Accuracy
 from pinarm.use.result import Result
+from pinarm.use.settings import comparable, patience, setting_of, spoken, varied
 
 if TYPE_CHECKING:
     from pinarm.use.scenario import Scenario
-
-FINER = 100.0
-"""Quotient of the tolerances of a solution and of the finer one that it is compared with."""
-
-LOOSEST, TIGHTEST = 1e-2, 1e-14
-"""Tolerances that can be asked for."""
-
-PATIENCE = 10.0
-"""Steps of a finer solution over those of the coarser one beyond which it is given up; order 5 needs 2.5 times."""
 
 ZERO = 1e-12
 """Size of an output, relative to what the masses, lengths and times of the run make of its unit, that is 0."""
@@ -87,49 +78,9 @@ def _compared(scenario: Scenario, result: Result, setting: Mapping[str, Any], ma
         return dict.fromkeys(result.content.outputs, np.inf)
 
 
-def setting_of(accuracy: Accuracy) -> dict[str, Any]:
-    """Return what decides how a motion is integrated, as the keys of a scenario."""
-    key, value = accuracy.setting
-    return {"method": accuracy.method, key: value}
-
-
-def comparable(accuracy: Accuracy) -> list[dict[str, Any]]:
-    """Return settings whose errors differ much from that of another, finer ones first.
-
-    A coarser one serves where the given one is at the limit of rounding: the difference is then the coarser's error.
-    """
-    key, own = accuracy.setting
-    if key == "step":
-        return [{"method": accuracy.method, key: own / 2.0}]
-    near = [own / FINER, own / 10.0, own * 10.0]
-    return [{"method": accuracy.method, key: value} for value in near if TIGHTEST < 1.001 * value < LOOSEST]
-
-
-def patience(result: Result, most: int) -> int:
-    """Return how many steps a comparison may take before it is given up.
-
-    Close to singular positions a tighter tolerance can be below the noise, and would take steps without end.
-    """
-    steps = sum(result.figures[name] for name in ("steps", "rejected steps"))
-    return min(most, int(PATIENCE * steps) + 1000)
-
-
-def spoken(setting: Mapping[str, Any]) -> str:
-    """Return a setting in words."""
-    return ", ".join(f"{key} {value:.3g}" if isinstance(value, float) else str(value) for key, value in setting.items())
-
-
-def varied(
-    scenario: Scenario, setting: Mapping[str, Any], max_steps: int | None = None, *, seed: int | None = None
-) -> Scenario:
-    """Return a scenario with another setting of the integration and no target, and with other last digits."""
-    accuracy = {**setting, "max_steps": max_steps or scenario.content.accuracy.max_steps}
-    return replace(scenario, seed=seed).varied({"accuracy": accuracy})
-
-
 def differences(result: Result, other: Result) -> dict[str, float]:
     """Return the largest difference of every output of two results, relative to its scale in the first."""
-    first, second = _common(result.trajectory, other.trajectory)
+    first, second = common(result.trajectory, other.trajectory)
     if not len(first):
         return dict.fromkeys(result.content.outputs, np.inf)
     found = {}
@@ -155,7 +106,7 @@ def scales(result: Result) -> dict[str, float]:
     return found
 
 
-def _common(one: Trajectory, two: Trajectory) -> tuple[Indices, Indices]:
+def common(one: Trajectory, two: Trajectory) -> tuple[Indices, Indices]:
     """Return the rows of two runs that belong together; none where that cannot be told.
 
     Events may stand at other instants in either. Where there are as many rows, an event's rows belong together, however

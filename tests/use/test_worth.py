@@ -8,7 +8,9 @@ import pytest
 import pinarm
 from pinarm.cli import main
 from pinarm.errors import NumericsError
-from pinarm.use.worth import differences, estimated, scales, varied
+from pinarm.use.check import check
+from pinarm.use.settings import varied
+from pinarm.use.worth import differences, estimated, scales
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted((ROOT / "scenarios").glob("*.yaml"))

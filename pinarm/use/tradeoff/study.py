@@ -1,0 +1,88 @@
+"""The trade of a scenario between accuracy and cost, as a whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pinarm.errors import InputError
+from pinarm.use.files import json_text, write
+from pinarm.use.scenario import Scenario
+from pinarm.use.tradeoff.settings import WANTED, Point, Reference, points, recommended, reference
+from pinarm.use.tradeoff.variants import Variant, variants
+
+
+@dataclass(frozen=True, eq=False)
+class Tradeoff:
+    """What accuracy costs in a scenario.
+
+    Attributes:
+        scenario: The scenario.
+        reference: What errors of settings are measured against; none where nothing is integrated.
+        points: Settings tried.
+        variants: The exact model, then the simplified ones; empty where the scenario has none.
+    """
+
+    scenario: Scenario
+    reference: Reference | None
+    points: list[Point] = field(default_factory=list)
+    variants: list[Variant] = field(default_factory=list)
+
+    def recommended(self) -> dict[float, Point | None]:
+        """Return the cheapest setting for every wanted error."""
+        bound = self.reference.bound if self.reference else 0.0
+        return {wanted: recommended(self.points, bound, wanted) for wanted in WANTED}
+
+    def summary(self) -> dict[str, Any]:
+        """Return everything but the curves as plain data."""
+        found: dict[str, Any] = {"scenario": self.scenario.name, "title": self.scenario.content.title}
+        if self.reference:
+            found["reference"] = {"settings": self.reference.words, "bound": self.reference.bound}
+            found["settings"] = [
+                {"method": point.method, "setting": point.setting, "error": point.error, "errors": point.errors,
+                 "evaluations": point.evaluations, "seconds": point.seconds} for point in self.points
+            ]  # fmt: skip
+            found["recommended"] = {
+                f"{wanted:g}": point and {"method": point.method, "setting": point.setting}
+                for wanted, point in self.recommended().items()
+            }
+        found["variants"] = {
+            variant.name: {"seconds": variant.seconds, "errors": variant.errors, "relative": variant.relative,
+                           "where": variant.where, "failure": variant.failure} for variant in self.variants
+        }  # fmt: skip
+        return found
+
+    def save(self, folder: Path, *, plots: bool = True) -> Path:
+        """Write ``tradeoff.json`` and the plots; return the folder.
+
+        Raises:
+            InputError: The folder cannot be written.
+        """
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            write(folder / "tradeoff.json", json_text(self.summary()) + "\n")
+        except OSError as error:
+            raise InputError(f"the trade-off cannot be written to {folder}: {error.strerror}") from None
+        if plots:
+            from pinarm.use.tradeoff.plot import save_plots
+
+            save_plots(self, folder)
+        return folder
+
+
+def tradeoff(scenario: Scenario) -> Tradeoff:
+    """Measure what accuracy costs: of settings, where the scenario is integrated over time, and of its variants.
+
+    Raises:
+        InputError: Neither is there to be traded.
+        PinarmError: The scenario cannot be solved.
+    """
+    integrated = scenario.problem.kind == "forward"
+    if not integrated and not scenario.content.variants:
+        raise InputError(f"there is nothing to trade: a problem of kind {scenario.problem.kind} is solved to rounding, "
+                         "whatever the setting, and the scenario has no variants",
+                         hint="variants: {light: {arguments.mass: 0 kg}}")  # fmt: skip
+    against = reference(scenario) if integrated else None
+    tried = points(scenario, against) if against else []
+    return Tradeoff(scenario, against, tried, variants(scenario) if scenario.content.variants else [])
