@@ -8,7 +8,6 @@ import pytest
 import pinarm
 from pinarm.cli import main
 from pinarm.errors import NumericsError
-from pinarm.use.check import check
 from pinarm.use.settings import varied
 from pinarm.use.worth import differences, estimated, scales
 

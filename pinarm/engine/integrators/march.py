@@ -108,7 +108,9 @@ def _too_many(solution: Solution, t: float, h: float, most: int) -> IntegrationE
     doubts, remedy = solution.method.doubts(solution), solution.method.remedy
     return IntegrationError(
         f"the integration has taken {most} steps and is at t = {t:.9g} s; its steps are {h:.2g} s long",
-        hint=doubts[0] if doubts else f"{remedy}, a shorter time, softer springs, friction of more creep, or accuracy.max_steps",
+        hint=doubts[0] if doubts else (
+            f"{remedy}, a shorter time, softer springs, dry friction of a larger creep, or accuracy.max_steps"
+        ),
         partial=solution, t=t,
     )  # fmt: skip
 
