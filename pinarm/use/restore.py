@@ -49,7 +49,8 @@ def restore(folder: str | Path) -> Result:
     summary, arrays = _summary(folder / "summary.json"), _arrays(folder / "trajectory.npz")
     scenario = Scenario.load(folder / "scenario.yaml")
     content = scenario.content
-    run = _trajectory(scenario, _mechanism(folder, scenario), arrays)
+    mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
+    run = _trajectory(scenario, mechanism, arrays)
     figures = {**summary["accuracy"], **summary["cost"], **summary["findings"]}
     quantities = Quantities(replace(run, figures=figures), scenario.symbols, content.undetermined)
     name, kind = str(summary["scenario"]), scenario.problem.kind
@@ -62,7 +63,9 @@ def _summary(path: Path) -> dict[str, Any]:
         figures = [found[part] for part in ("accuracy", "cost", "findings")]
         if not all(isinstance(value, int | float) for part in figures for value in part.values()):
             raise ValueError("figures that are no numbers")
-        return {**found, "scenario": found["scenario"]}
+        doubts = ": least multipliers; "  # which the outputs bring along themselves
+        notes = [str(note) for note in found["notes"] if doubts not in str(note)]
+        return {**found, "scenario": found["scenario"], "notes": notes}
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path} is no summary of a run ({error})", hint=AGAIN) from None
 

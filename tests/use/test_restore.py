@@ -25,6 +25,7 @@ def test_every_number_comes_back(tmp_path: Path, name: str) -> None:
     result = pinarm.load(ROOT / "scenarios" / f"{name}.yaml").run()
     again = restore(result.save(tmp_path / "elsewhere", plots=False))
     assert again.figures == result.figures
+    assert again.summary() == {**result.summary(), "input": again.digest()}
     assert again.trajectory.grid.cuts == result.trajectory.grid.cuts
     links = [frame.name for frame in result.trajectory.mechanism.model.frames if "BODY" in str(frame.type)]
     for asked in (*result.content.outputs, f"point.{links[-1]}.acceleration.norm", "momentum.all.angular.z"):
@@ -58,8 +59,8 @@ def test_a_partial_result_comes_back(scenario: Callable[..., Any], folder: Path)
 @pytest.mark.parametrize(
     ("file", "content"),
     [
-        ("summary.json", "{}"), ("summary.json", "["), ("summary.json", '{"accuracy": {"a": "b"}, "cost": {}, '
-        '"findings": {}, "scenario": "a"}'), ("trajectory.npz", "no archive"), ("scenario.yaml", "pinarm: 2"),
+        ("summary.json", "{}"), ("summary.json", "["), ("trajectory.npz", "no archive"), ("scenario.yaml", "pinarm: 2"),
+        ("summary.json", '{"accuracy": {"a": "b"}, "cost": {}, "findings": {}, "scenario": "a", "notes": []}'),
         ("model.urdf", "<robot/>"), ("mechanism.yaml", "pinarm: 1\nrobot: model.urdf\nloops: []"),
     ],
 )  # fmt: skip
@@ -76,6 +77,24 @@ def test_states_of_another_model_are_refused(scenario: Callable[..., Any], folde
     (one / "trajectory.npz").write_bytes((other / "trajectory.npz").read_bytes())
     with pytest.raises(InputError, match="not those of its model"):
         restore(one)
+
+
+MJCF = """<mujoco><option gravity="0 0 -4"/><worldbody><body name="rod" pos="0 0 1"><joint name="pin" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 0 0 -1" size="0.05"/></body></worldbody></mujoco>"""
+
+
+def test_other_kinds_of_models_and_bases_come_back(tmp_path: Path) -> None:
+    """MJCF with a gravity of its own, and a robot by name, which floats."""
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "rod.xml").write_text(MJCF)
+    forward = "problem: {kind: forward, time: {end: 0.1 s, samples: 5}}\n"
+    for mechanism, output in (("rod.xml", "joint.pin.acceleration"), ("iris", "root.z")):
+        (tmp_path / "s.yaml").write_text(f"pinarm: 1\nmechanism: {mechanism}\n{forward}outputs: [{output}]\n")
+        result = pinarm.load(tmp_path / "s.yaml").run()
+        again = restore(result.save(tmp_path / "out", plots=False))
+        assert np.array_equal(again["energy.total"].values, result["energy.total"].values)
+        assert np.array_equal(again["momentum.all.linear.z"].values, result["momentum.all.linear.z"].values)
+        assert again.replay().html == result.replay().html
 
 
 def test_relative_meshes_are_found_from_the_folder(folder: Path, scenario: Callable[..., Any]) -> None:

@@ -83,8 +83,9 @@ def _still(shapes: Sequence[Shape]) -> Array:
 
 def _moving(nodes: Sequence[Node], shapes: Sequence[Shape], places: Array, paths: Sequence[Array]) -> Array:
     """Return the corners of what moves at every row, in the world, shape (k, 3)."""
-    points = [places[:, 1:, :3, 3].reshape(-1, 3), *paths]
-    for node in range(1, len(nodes)):
+    carrying = [node for node in range(1, len(nodes)) if nodes[node].carries]
+    points = [places[:, carrying, :3, 3].reshape(-1, 3), *paths]
+    for node in carrying:
         corners = [shape.extent() for shape in shapes if shape.node == node]
         if corners:
             outer = np.concatenate(corners)

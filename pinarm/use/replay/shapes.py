@@ -27,6 +27,9 @@ PALETTE: tuple[Colour, ...] = (
 )  # fmt: skip
 """Of bodies for which no colour is given, in turn; Okabe and Ito's hues, softened."""
 
+PLAIN: Colour = (0.74, 0.76, 0.79, 1.0)
+"""Of meshes for which no colour is given."""
+
 PACKAGE = "example-robot-data"
 
 GROUND: Colour = (0.55, 0.57, 0.60, 1.0)
@@ -151,7 +154,7 @@ def _visual(
         if file not in meshes:
             meshes[file] = read_mesh(file)
         for mesh in meshes[file]:
-            yield Shape(node, placement, "mesh", scale, given or mesh.colour or colour, mesh)
+            yield Shape(node, placement, "mesh", scale, given or mesh.colour or PLAIN, mesh)
     elif element.tag == "box":
         yield Shape(node, placement, "box", tuple(_positive(_numbers(element.get("size", ""), 3))), colour)
     elif element.tag in ("cylinder", "capsule"):

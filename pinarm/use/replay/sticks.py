@@ -11,7 +11,7 @@ from pinarm.arrays import Array
 from pinarm.use.replay.shapes import GROUND, Colour, Shape, colour_of
 from pinarm.use.replay.tracks import Node
 
-ROD, PIN, POINT, BOX = 0.014, 0.026, 0.02, 0.25
+ROD, PIN, POINT, BOX = 0.014, 0.026, 0.02, 0.18
 """Radii of rods, joints and end points, and the largest edge of a box, relative to the size of the figure."""
 
 LINKS = 4.0
@@ -31,10 +31,11 @@ def sticks(model: pin.Model, nodes: Sequence[Node], bare: Collection[int]) -> li
         nodes: Its bodies.
         bare: Bodies without shapes of their own.
     """
-    points = {node: _points(model, nodes, node) for node in sorted(bare)}
+    points = {node: _points(model, nodes, node) for node in sorted(bare) if nodes[node].carries}
     size = _size(model, nodes, points)
     if 0 in points:  # what is only fixed to the world, such as the end of a spring, is no body
-        points[0] = np.unique([node.placement.translation for node in nodes if node.parent == 0], axis=0)
+        mounted = [node.placement.translation for node in nodes if node.parent == 0 and node.carries]
+        points[0] = np.unique(np.array(mounted).reshape(-1, 3), axis=0)
     shapes = [shape for node in points for shape in _body(model, node, points[node], size)]
     joints = [i for i in range(1, len(nodes)) if i in points or nodes[i].parent in points.keys() - {0}]
     return shapes + [shape for joint in joints for shape in _joint(nodes[joint], joint, size)]

@@ -35,6 +35,7 @@ class Node:
             quaternion x, y, z, w).
         axis: In the joint's frame, shape (3,).
         values: Shape (rows,), or (rows, 7) for placements.
+        carries: Whether it carries a link: of the simple joints that make up a floating one, only the last does.
     """
 
     parent: int
@@ -42,6 +43,7 @@ class Node:
     kind: Kind
     axis: Array
     values: Array
+    carries: bool = True
 
 
 def rows_shown(run: Trajectory, extremes: list[Array], most: int = MOST_ROWS) -> Indices:
@@ -70,6 +72,7 @@ def nodes_of(model: pin.Model, q: Array) -> list[Node]:
         q: Configurations, shape (rows, nq).
     """
     data, still = model.createData(), np.zeros(3)
+    carrying = {frame.parentJoint for frame in model.frames if frame.type == pin.FrameType.BODY}
     pin.computeJointJacobians(model, data, pin.neutral(model))
     nodes = [Node(-1, pin.SE3.Identity(), "fixed", still, np.zeros(0))]
     for index in range(1, model.njoints):
@@ -79,7 +82,8 @@ def nodes_of(model: pin.Model, q: Array) -> list[Node]:
             jacobian = np.asarray(pin.getJointJacobian(model, data, index, pin.LOCAL)).reshape(6, -1)
             kind, axis = _axis(jacobian[:, joint.idx_v])
         values = q[:, joint.idx_q] if kind != "pose" else _placements(model, index, q)
-        nodes.append(Node(model.parents[index], model.jointPlacements[index], kind, axis, np.ascontiguousarray(values)))
+        values = np.ascontiguousarray(values)
+        nodes.append(Node(model.parents[index], model.jointPlacements[index], kind, axis, values, index in carrying))
     return nodes
 
 
