@@ -63,8 +63,8 @@ def varied(
 
 
 def references() -> list[dict[str, Any]]:
-    """Return tight settings for a reference, the tightest first."""
-    return [{"tolerance": tolerance} for tolerance in (1e-13, 1e-12, 1e-11, 1e-10)]
+    """Return tight settings for a reference, the tightest last."""
+    return [{"tolerance": tolerance} for tolerance in (1e-11, 1e-12, 1e-13, 1e-14)]
 
 
 def ladders(result: Result) -> dict[str, list[dict[str, Any]]]:

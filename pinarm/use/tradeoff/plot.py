@@ -43,6 +43,8 @@ def work_precision(trade: Tradeoff) -> Figure:
 
 
 def _curves(axis: Axes, trade: Tradeoff, cost: str, scale: float) -> None:
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
     from pinarm.use.plot import COLOURS
 
     assert trade.reference
@@ -56,6 +58,9 @@ def _curves(axis: Axes, trade: Tradeoff, cost: str, scale: float) -> None:
         axis.axhline(wanted, color="0.6", linewidth=0.8, linestyle=":")
         if point:
             axis.plot(scale * getattr(point, cost), point.error, "o", markersize=10, fillstyle="none", color="black")
+    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.xaxis.set_minor_formatter(NullFormatter())
     axis.axhspan(min(floor, axis.get_ylim()[0]), floor, color="0.9", zorder=0)
     axis.set_ylim(top=max(axis.get_ylim()[1], WANTED[0]))
 

@@ -51,8 +51,8 @@ class Reference:
     """What errors are measured against.
 
     Attributes:
-        result: The tighter of two solutions that share neither tolerance nor last digits.
-        bound: Largest difference between the two: the reference's own error, but for a factor near 1.
+        result: The tightest of some solutions that share neither tolerances nor last digits.
+        bound: Largest difference to the next: the larger of both errors, but for a factor near 1.
         words: Both settings.
     """
 
@@ -71,13 +71,12 @@ def reference(scenario: Scenario) -> Reference:
     for seed, setting in enumerate(references()):
         most = patience(solved[-1][1], scenario.content.accuracy.max_steps) if solved else None
         try:
-            solved.append((spoken(setting), varied(scenario, setting, most, seed=seed or None).solve()))
+            solved.append((spoken(setting), varied(scenario, setting, most, seed=seed).solve()))
         except NumericsError:
             continue
-        if len(solved) == 2:
-            (one, result), (two, other) = solved
-            bound = max(differences(result, other).values())
-            return Reference(result, bound, f"{one}, and {two} with other last digits")
+    if len(solved) > 1:
+        (two, other), (one, result) = solved[-2:]
+        return Reference(result, max(differences(result, other).values()), f"{one}, compared with {two}")
     raise IntegrationError("no two tight settings get to the end: there is no reference to measure errors against",
                            hint="a shorter time, away from singular positions")  # fmt: skip
 
