@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import zipfile
+from collections.abc import Iterable
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,14 @@ import numpy as np
 
 def write(path: Path, text: str) -> None:
     """Write through a file beside it, so that an interruption leaves the old file whole."""
+    write_parts(path, [text.encode()])
+
+
+def write_parts(path: Path, parts: Iterable[bytes]) -> None:
+    """Write pieces one after the other; see ``write``."""
     draft = path.with_name(f".{path.name}.part")
-    draft.write_text(text, encoding="utf-8")
+    with open(draft, "wb") as stream:
+        stream.writelines(parts)
     draft.replace(path)
 
 

@@ -16,6 +16,10 @@ from pinarm.errors import InputError
 from pinarm.use.save import csv
 
 
+def text_of(columns: list[Series]) -> str:
+    return b"".join(csv(columns)).decode()
+
+
 def contents(folder: Path) -> dict[str, bytes]:
     return {str(file.relative_to(folder)): file.read_bytes() for file in sorted(folder.rglob("*")) if file.is_file()}
 
@@ -79,16 +83,32 @@ def test_csv_keeps_every_digit(scenario: Callable[..., Any], folder: Path) -> No
 
 @pytest.mark.parametrize("name", ["=cmd|' /C calc'!A0", "+1+1", "-2*alpha", "@SUM(A1)", "\t=1", "\r=1"])
 def test_csv_has_no_cell_that_a_spreadsheet_would_run(name: str) -> None:
-    [head, _] = csv_reader.reader(io.StringIO(csv([Series(name, None, np.zeros(1))]), newline=""))
+    [head, _] = csv_reader.reader(io.StringIO(text_of([Series(name, None, np.zeros(1))]), newline=""))
     assert len(head) == 1
     assert head[0][0] not in "=+-@\t\r"
     assert name.strip() in head[0]
 
 
+def test_csv_keeps_numbers_of_every_size_to_the_last_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of every exponent, those that decimals hit hardest, and what is no number; cut in pieces of any length."""
+    bits = np.random.default_rng(5).integers(0, 2**64, size=20_000, dtype=np.uint64)
+    hard = [0.1, 1 / 3, 5e-324, 2.2250738585072014e-308, 1.7976931348623157e308, 1e16, 9007199254740993.0, -0.0]
+    values = np.concatenate([bits.view(float), hard])
+    for chunk in (7, 50_000):
+        monkeypatch.setattr("pinarm.use.save.CHUNK", chunk)
+        for part in (values, values[np.isfinite(values)]):
+            head, *lines = text_of([Series("x", None, part), Series("y", None, -part)]).splitlines()
+            read = np.array([line.split(",") for line in lines], float)
+            assert head == "x [?],y [?]"
+            for column, expected in ((read[:, 0], part), (read[:, 1], -part)):
+                same = column.view(np.uint64) == expected.view(np.uint64)
+                assert (same | np.isnan(column) & np.isnan(expected)).all()
+
+
 @pytest.mark.parametrize("name", ["a,b", 'a"b', "a\nb", "max(alpha, 1)", 'x"",y'])
 def test_csv_quotes_what_must_be(name: str) -> None:
     series = [Series(name, None, np.array([1.0, 2.0])), Series("z", None, np.zeros(2))]
-    rows = list(csv_reader.reader(io.StringIO(csv(series), newline="")))
+    rows = list(csv_reader.reader(io.StringIO(text_of(series), newline="")))
     assert [len(row) for row in rows] == [2, 2, 2]
     assert rows[0][0] == f"{name} [?]"
 
