@@ -18,6 +18,7 @@ from pinarm.arrays import Array
 from pinarm.engine.integrators import Acceleration, Energy, Flat, Manifold
 from pinarm.errors import InputError
 from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.motion import Grid
 
 NO_FORCES: Mapping[str, ForceElement] = MappingProxyType({})
 
@@ -211,3 +212,8 @@ def same_rows(*arrays: Array) -> None:
     if len({len(array) for array in arrays}) > 1:
         rows = ", ".join(str(len(array)) for array in arrays)
         raise InputError(f"the arrays have {rows} rows", expected="as many in each")
+
+
+def parts(dynamics: Dynamics, grid: Grid) -> list[tuple[slice, Dynamics]]:
+    """Return the rows of every stretch of a grid, each with the dynamics that holds there."""
+    return [(rows, dynamics.on(start, end)) for start, end, rows in grid.stretches()]

@@ -11,9 +11,8 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.closure import Closure
-from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.dynamics import Dynamics, parts
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.systems.contract import parts
 from pinarm.input.units import Unit
 from pinarm.mechanics.motion import Grid
 

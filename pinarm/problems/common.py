@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.integrators import METHODS, Method, MethodName
+from pinarm.engine.integrators import SETTING, Method, MethodName
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, Key, within
 from pinarm.input.schema import Duration, Model, Time, check_unit
@@ -78,7 +78,7 @@ class Accuracy(Model, frozen=True):
 
     def check(self) -> None:
         """Refuse a tolerance for steps of one length, and a step for a method that chooses its own."""
-        by = METHODS[self.method].by
+        by = SETTING[self.method]
         if by == "step" and self.step is None:
             raise InputError(f"the method {self.method} takes steps of one length and needs it", hint="step: 1 ms")
         if by == "tolerance" and self.step is not None:
@@ -92,12 +92,14 @@ class Accuracy(Model, frozen=True):
 
     def integrator(self) -> Method:
         """Return the method of integration."""
-        return METHODS[self.method].make(self.setting[1])
+        from pinarm.engine.integrators import METHODS
+
+        return METHODS[self.method](self.setting[1])
 
     @property
     def setting(self) -> tuple[str, float]:
         """Return the key that decides the error of the method, and its value."""
-        by = METHODS[self.method].by
+        by = SETTING[self.method]
         wanted = self.step if by == "step" else self.tolerance
         return by, TOLERANCE if wanted is None else float(wanted)
 

@@ -1,40 +1,48 @@
 """Time integration of ``q' = velocity(q, v)``, ``v' = acceleration(t, q, v)``; nothing here knows of mechanisms.
 
 A method is a frozen dataclass in a module of its own; ``METHODS`` has an entry for each that scenarios may choose.
+Methods are imported when they are first used: most problems integrate nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Literal, NamedTuple
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-from pinarm.engine.integrators.conserving import Conserving
-from pinarm.engine.integrators.contract import Acceleration, Energy, Flat, Manifold, Method, Settle, Solution, Stretch
-from pinarm.engine.integrators.events import Watch
-from pinarm.engine.integrators.explicit import Adaptive, FixedStep
-from pinarm.engine.integrators.march import integrate
-from pinarm.engine.integrators.stiff import Radau
-from pinarm.engine.tableaus import DOPRI5
+from pinarm.engine.integrators.contract import (
+    SETTING,
+    Acceleration,
+    Energy,
+    Flat,
+    Manifold,
+    Method,
+    MethodName,
+    Settle,
+    Solution,
+    Stretch,
+)  # fmt: skip
+
+if TYPE_CHECKING:
+    from pinarm.engine.integrators.conserving import Conserving
+    from pinarm.engine.integrators.events import Watch
+    from pinarm.engine.integrators.explicit import Adaptive, FixedStep
+    from pinarm.engine.integrators.march import integrate
+    from pinarm.engine.integrators.methods import METHODS
+    from pinarm.engine.integrators.stiff import Radau
 
 __all__ = [
-    "METHODS", "Acceleration", "Adaptive", "Conserving", "Energy", "FixedStep", "Flat", "Manifold", "Method",
+    "METHODS", "SETTING", "Acceleration", "Adaptive", "Conserving", "Energy", "FixedStep", "Flat", "Manifold", "Method",
     "MethodName", "Radau", "Settle", "Solution", "Stretch", "Watch", "integrate",
 ]  # fmt: skip
 
-MethodName = Literal["dop853", "dopri5", "rk4", "stiff", "conserving"]
+_HOMES = {
+    "METHODS": "methods", "Adaptive": "explicit", "Conserving": "conserving", "FixedStep": "explicit",
+    "Radau": "stiff", "Watch": "events", "integrate": "march",
+}  # fmt: skip
 
 
-class Choice(NamedTuple):
-    """A method as scenarios choose it: by its tolerance, or by the length of its steps."""
-
-    by: Literal["tolerance", "step"]
-    make: Callable[[float], Method]
-
-
-METHODS: dict[MethodName, Choice] = {
-    "dop853": Choice("tolerance", Adaptive),
-    "dopri5": Choice("tolerance", lambda tolerance: Adaptive(tolerance, DOPRI5)),
-    "rk4": Choice("step", FixedStep),
-    "stiff": Choice("tolerance", Radau),
-    "conserving": Choice("tolerance", Conserving),
-}
+def __getattr__(name: str) -> Any:
+    """Import a method when it is first asked for."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

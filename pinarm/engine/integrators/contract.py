@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -266,3 +266,12 @@ class Solution:
                 self.stretches[step.stretch], self.manifold, step
             )
         return known
+
+
+MethodName = Literal["dop853", "dopri5", "rk4", "stiff", "conserving"]
+"""Names of the methods that scenarios may choose."""
+
+SETTING: dict[MethodName, Literal["tolerance", "step"]] = {
+    "dop853": "tolerance", "dopri5": "tolerance", "rk4": "step", "stiff": "tolerance", "conserving": "tolerance",
+}  # fmt: skip
+"""What decides the error of each: its tolerance, or the length of its steps."""

@@ -80,8 +80,3 @@ class System(Protocol):
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
         """Return the motion of the mechanism at the rows of a grid, from the integrated states there."""
         ...
-
-
-def parts(dynamics: Dynamics, grid: Grid) -> list[tuple[slice, Dynamics]]:
-    """Return the rows of every stretch of a grid, each with the dynamics that holds there."""
-    return [(rows, dynamics.on(start, end)) for start, end, rows in grid.stretches()]

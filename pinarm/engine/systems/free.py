@@ -8,9 +8,9 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.closure import Closure
-from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.dynamics import Dynamics, parts
 from pinarm.engine.integrators import Manifold, Stretch
-from pinarm.engine.systems.contract import Initial, Motion, parts
+from pinarm.engine.systems.contract import Initial, Motion
 from pinarm.mechanics.motion import Grid
 
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.closure import Closure
-from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.dynamics import Dynamics, parts
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.integrators import Acceleration, Energy, Manifold, Stretch
 from pinarm.engine.reduction import Reduction
-from pinarm.engine.systems.contract import Initial, Motion, parts
+from pinarm.engine.systems.contract import Initial, Motion
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.motion import Grid

@@ -1,0 +1,20 @@
+"""The methods that scenarios may choose, by name; a new one is a module beside these and an entry here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from pinarm.engine.integrators.conserving import Conserving
+from pinarm.engine.integrators.contract import Method, MethodName
+from pinarm.engine.integrators.explicit import Adaptive, FixedStep
+from pinarm.engine.integrators.stiff import Radau
+from pinarm.engine.tableaus import DOPRI5
+
+METHODS: dict[MethodName, Callable[[float], Method]] = {
+    "dop853": Adaptive,
+    "dopri5": lambda tolerance: Adaptive(tolerance, DOPRI5),
+    "rk4": FixedStep,
+    "stiff": Radau,
+    "conserving": Conserving,
+}
+"""Name -> what makes the method of its tolerance, or of the length of its steps."""
