@@ -317,12 +317,20 @@ def test_mistakes_in_a_mechanism(here: Path, old: str, new: str, says: list[str]
 
 
 MODELS = [
-    ('<mass value="2"/>', '<mass value="-2"/>', ["slider.yaml:2:8: link 'rod': the mass is negative (-2 kg)"]),
-    ('<mass value="2"/>', '<mass value="nan"/>', ["slider.yaml:2:8: link 'rod': mass", "not a finite number"]),
-    ('<mass value="2"/>', '<mass value="two"/>', ["slider.yaml:2:8: link 'rod': mass: 'two' is not a number"]),
-    ('<axis xyz="0 1 0"/>', '<axis xyz="0 0 0"/>', ["slider.yaml:2:8: joint 'pivot': its axis is 0 0 0"]),
+    ('<mass value="2"/>', '<mass value="-2"/>', ["slider.urdf:5:3: link 'rod': the mass is negative (-2 kg)"]),
+    ('<mass value="2"/>', '<mass value="nan"/>', ["slider.urdf:5:3: link 'rod': mass", "not a finite number"]),
+    ('<mass value="2"/>', '<mass value="two"/>', ["slider.urdf:5:3: link 'rod': mass: 'two' is not a number"]),
+    ('<axis xyz="0 1 0"/>', '<axis xyz="0 0 0"/>', ["slider.urdf:9:3: joint 'pivot': its axis is 0 0 0"]),
     ('<child link="rod"/>', '<child link="rood"/>',
-     ["joint 'pivot': its child link 'rood' does not exist", "try: rod"]),
+     ["slider.urdf:9:3: joint 'pivot': its child link 'rood' does not exist", "try: rod"]),
+    ('<mass value="2"/>\n    <inertia ixx="1" iyy="1" izz="1"',
+     '<mass value="2"/>\n    <inertia ixx="1" iyy="1" izz="3"',
+     ["slider.urdf:5:3: link 'rod': no body has principal moments of inertia 1, 1, 3", "defects: noted"]),
+    ('<link name="base"/>', '<link name="base"/><link name="base"/>',
+     ["slider.urdf: two links have the name 'base'", "a name of its own"]),
+    ('type="continuous"', 'type="hinge"', ["slider.urdf:9:3: joint 'pivot': its type is 'hinge'", "one of continuous"]),
+    ("</robot>", '<link name="alone"/></robot>', ["slider.urdf: ", "alone"]),
+    ('<parent link="cart"/>', '<parent link="rod"/>', ["slider.urdf: ", "rod"]),
     ("<robot name", "<robbot name", ["this is not XML"]),
     ("</robot>", "", ["this is not XML"]),
 ]  # fmt: skip

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from pinarm.errors import Location, ModelError
 from pinarm.input.expansion import expand
 from pinarm.input.includes import included
 from pinarm.input.robots import floats
 from pinarm.input.robots import robot as robot_file
 from pinarm.input.roots import inside, root_of
+from pinarm.input.xmltext import MAX_BYTES, location, read
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.mechanics.model import Base, Defects, RobotModel, build_model
 
@@ -63,10 +66,28 @@ def read_robot(
         root, base = path.parent, description.base or ("floating" if floats(path) else None)
     expansion = expand(path, arguments, root=root)
     xml, creep = included(expansion.xml, path, root), float(description.creep)
-    robot = build_model(xml, base=base, defects=defects, creep=creep)
+    try:
+        robot = build_model(xml, base=base, defects=defects, creep=creep)
+    except ModelError as error:
+        raise error.at(_place(error.message, path)) from None
     notes = (*robot.notes, *(f"xacro: {warning}" for warning in expansion.warnings))
     resolved = dict(_numbers(expansion.arguments))
     return replace(robot, notes=notes), resolved, Source(data, folder, path, base, defects)
+
+
+_NAMED = re.compile(r"(link|joint|body) '([^']+)'")
+
+
+def _place(message: str, path: Path) -> Location:
+    """Return the line of a model's file that names the link or joint which a message begins with; else the file."""
+    source, named = str(path), _NAMED.match(message)
+    if named:
+        text = read(path, source, MAX_BYTES)
+        element = rf"<{named[1]}\s[^<>]*?\bname\s*=\s*([\"']){re.escape(named[2])}\1"
+        starts = [match.start() for match in re.finditer(element, text)]
+        if len(starts) == 1:
+            return location(source, text, text.count("\n", 0, starts[0]) + 1)
+    return Location(source)
 
 
 def _numbers(arguments: Mapping[str, str]) -> Iterator[tuple[str, float]]:

@@ -53,7 +53,8 @@ class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
         free = mechanism.model.nv - len(self.hold)
         units = _units(mechanism, free)
         row = Trajectory.still(mechanism, "row", unit("1"))
-        return replace(row, further={name: Series(name, measured, np.zeros(1)) for name, measured in units.items()})
+        further = {name: Series(name, measured, np.zeros(1)) for name, measured in units.items()}
+        return replace(row, further=further, separate=True)
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Balance, list[Array]]:
         """Check all names and units; return the balance of forces, and the configuration of every start."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated, ClassVar
 
 import msgspec
@@ -61,7 +62,7 @@ class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
 
     def still(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        return Trajectory.still(mechanism, *_parameter(self.over, mechanism))
+        return replace(Trajectory.still(mechanism, *_parameter(self.over, mechanism)), separate=True)
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement]]:
         """Check all names and units; return the imposed coordinates, the drives and the forces."""
@@ -105,7 +106,7 @@ class State(Model, frozen=True, tag_field="kind", tag="state"):
 
     def still(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        return Trajectory.still(mechanism, *_parameter(self.over, mechanism))
+        return replace(Trajectory.still(mechanism, *_parameter(self.over, mechanism)), separate=True)
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement], Rates]:
         """Check all names and units; return the imposed coordinates, the drives, the forces, and the given rates."""

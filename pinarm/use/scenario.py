@@ -212,6 +212,11 @@ class Scenario:
         try:
             with np.errstate(all="ignore"):  # what is not finite is found in the results, and said in words
                 return self._solved()
+        except np.linalg.LinAlgError as error:
+            raise DynamicsError(
+                f"the equations of this mechanism have no solution ({error})",
+                hint="numbers of ordinary size, and a mass for whatever is free to move",
+            ) from error
         except NumericsError as error:
             if isinstance(error.partial, Trajectory):
                 error.partial = self._result(error.partial, {})
