@@ -32,6 +32,10 @@ SINGULAR = 1e-6
 """Smallest ratio of singular values of J that still determines velocities. Near a stretched position Newton's method
 leaves an angle of the square root of ``CLOSED``, so a smaller ratio is not told from 0."""
 
+AGREED, SHORT = 1e-7, 1e-3
+"""Largest disagreement of redundant rows, relative to their terms: loops closed to rounding leave 1e-12. And the length
+with which centripetal terms are compared that have vanished but for rounding [m]."""
+
 ITERATIONS = 60
 
 SMALLEST = 1e-9
@@ -168,29 +172,54 @@ class Solver:
         """Return v and a, each of shape (nv,).
 
         Raises:
-            AssemblyError: The position is singular: the coordinates do not determine the velocities.
+            AssemblyError: The position is singular: the coordinates do not determine the velocities, or the mechanism
+                moves that way for an instant only.
         """
         self.gap(q, np.zeros(len(dw)))
         rows, still = self.rows(), np.zeros(self.closure.size)
         check_rank(rows, self.names, t)
-        v = _solve(rows, np.concatenate([still, dw]))
+        v = self._agreed(rows, np.concatenate([still, dw]), 0.0, t)
         drift = self.closure.drift(q, v)
         own = np.array([coordinate.drift(self.model, self.data) for coordinate in self.coordinates])
-        return v, _solve(rows, np.concatenate([-drift, ddw - own]))
+        return v, self._agreed(rows, np.concatenate([-drift, ddw - own]), float(np.abs(v).max()) ** 2, t)
+
+    def _agreed(self, rows: Array, right: Array, square: float, t: float) -> Array:
+        """Return x with ``rows x = right``, on which redundant rows agree, unless the loops move for an instant only.
+
+        Terms in the ``square`` of a velocity [1/s^2] may have vanished in the right-hand side but for their rounding.
+
+        Raises:
+            AssemblyError: They do not agree.
+        """
+        x = _solve(rows, right)
+        left, terms = np.abs(rows @ x - right), np.abs(rows) @ np.abs(x) + np.abs(right)
+        if left.max(initial=0.0) > AGREED * (terms.max(initial=0.0) + SHORT * square):
+            torn = dict.fromkeys(name for name, part in zip(self.names, left, strict=True) if part > 0.1 * left.max())
+            raise AssemblyError(
+                f"the position at {t:.9g} is singular: {', '.join(torn)} can move that way for an instant only",
+                expected="a motion on which the loops stay closed",
+                hint="a position beside it, or no velocity there",
+                t=t, q=None,
+            )  # fmt: skip
+        return x
 
     def _closed(self, gap: Array, w: Array) -> bool:
         k = self.closure.size
         return bool((np.abs(gap[:k]) <= CLOSED).all() and (np.abs(gap[k:]) <= CLOSED * (1.0 + np.abs(w))).all())
 
     def _unreachable(self, q: Array, gap: Array, t: float) -> AssemblyError:
-        worst = int(np.abs(gap).argmax())
-        missed = "stays open" if worst < self.closure.size else "misses its value"
-        torn = {name: None for name, size in zip(self.names, np.abs(gap), strict=True) if size > 0.1 * abs(gap[worst])}
-        others = ", ".join(name for name in torn if name != self.names[worst])
+        owners = list(zip(self.names, self.units, strict=True))
+        sizes = {owner: float(np.linalg.norm(gap[[one == owner for one in owners]])) for owner in owners}
+        worst = max(sizes, key=sizes.__getitem__)
+        missed = "misses its value" if worst in owners[self.closure.size :] else "stays open"
+        torn = dict.fromkeys(name for (name, _), size in sizes.items() if size > 0.1 * sizes[worst])
+        others = ", ".join(name for name in torn if name != worst[0])
+        beside = f", and with it {others}" if others else ""
+        what = f"the motion is out of reach at {t:.9g}" if self.coordinates else "the loops do not close"
+        wanted = "a motion that the mechanism can follow" if self.coordinates else "loops that close"
         return AssemblyError(
-            f"the motion is out of reach at {t:.9g}: {self.names[worst]} {missed} by {abs(gap[worst]):.3g} "
-            f"{self.units[worst]}" + (f", and with it {others}" if others else ""),
-            expected=f"a motion that the mechanism can follow; the closest it comes is {spelled(self.model, q)}",
+            f"{what}: {worst[0]} {missed} by {sizes[worst]:.3g} {worst[1]}{beside}",
+            expected=f"{wanted}; the closest it comes is {spelled(self.model, q)}",
             hint="other values of the law, or another start that chooses the branch",
             t=t, q=q, gap=gap,
         )  # fmt: skip

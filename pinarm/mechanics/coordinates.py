@@ -17,6 +17,7 @@ from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.schema import Model
 from pinarm.input.units import Unit, unit
+from pinarm.mechanics.vectors import MEETING, direction
 
 METRE, RADIAN = unit("m"), unit("rad")
 AXES: dict[str, tuple[float, float, float]] = {
@@ -219,7 +220,7 @@ class FrameCoordinate:
 class DistanceCoordinate:
     """Distance between the origins of two links: ``w = |d|``, ``d = p_2 - p_1``, ``w' = u . d'`` with ``u = d / w``.
 
-    The drift is ``u . d'' + (|d'|^2 - (u . d')^2) / w`` with d'' for a = 0. Undefined where the points meet.
+    The drift is ``u . d'' + (|d'|^2 - (u . d')^2) / w`` with d'' for a = 0. Where the points meet u is any direction.
 
     Attributes:
         first: Index of the first frame.
@@ -241,20 +242,20 @@ class DistanceCoordinate:
             pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)[:3]
             for frame in (self.first, self.second)
         )
-        return np.asarray(self._apart(data) @ (two - one) / self.value(data, np.empty(0)))
+        return np.asarray(direction(self._apart(data)) @ (two - one))
 
     def drift(self, model: pin.Model, data: pin.Data) -> float:
         """Return the drift."""
         world, frames = pin.LOCAL_WORLD_ALIGNED, (self.first, self.second)
         v1, v2 = (pin.getFrameVelocity(model, data, frame, world).linear for frame in frames)
         a1, a2 = (pin.getFrameClassicalAcceleration(model, data, frame, world).linear for frame in frames)
-        length = self.value(data, np.empty(0))
-        along, rate = self._apart(data) / length, v2 - v1
+        along, rate = direction(self._apart(data)), v2 - v1
+        length = max(self.value(data, np.empty(0)), MEETING)
         return float(along @ (a2 - a1) + (rate @ rate - (along @ rate) ** 2) / length)
 
     def wrenches(self, model: pin.Model, data: pin.Data, effort: float) -> dict[int, Array]:
         """Return the forces that push the two points apart."""
-        force = effort * self._apart(data) / self.value(data, np.empty(0))
+        force = effort * direction(self._apart(data))
         return {**pull(model, data, self.first, -force), **pull(model, data, self.second, force)}
 
     def _apart(self, data: pin.Data) -> Array:

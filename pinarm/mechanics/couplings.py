@@ -100,6 +100,11 @@ class Screw(Model, frozen=True, tag_field="kind", tag="screw"):
     lead: Lead
     offset: Lead = 0.0
 
+    def check(self) -> None:
+        """Refuse a lead that couples nothing."""
+        if self.lead == 0.0:
+            raise InputError("a screw without a lead couples nothing", expected="a length other than 0")
+
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
         """Return the coupling of one model.
 

@@ -19,7 +19,7 @@ from pinarm.errors import InputError
 from pinarm.input.schema import Model, Span
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import METRE, RADIAN, Direction, frame_of, unit_vector
-from pinarm.mechanics.vectors import Axes, combined, cross, dot, rotation_vector
+from pinarm.mechanics.vectors import MEETING, Axes, combined, cross, direction, dot, rotation_vector
 
 LOCAL = pin.ReferenceFrame.LOCAL
 
@@ -167,13 +167,12 @@ class Tie:
 
     def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
         """Return the direction of the rod."""
-        return (p / np.sqrt(dot(p, p)))[None], NOTHING
+        return direction(p)[None], NOTHING
 
     def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> tuple[Array, Array]:
         """Return the centripetal term ``(|p'|^2 - (u . p')^2) / |p|``."""
-        length = np.sqrt(dot(p, p))
-        along = dot(p, dp) / length
-        return ((dot(dp, dp) - along * along) / length)[None], _zeros(0, p)
+        along = dot(direction(p), dp)
+        return ((dot(dp, dp) - along * along) / np.maximum(np.sqrt(dot(p, p)), MEETING))[None], _zeros(0, p)
 
 
 @dataclass(frozen=True, eq=False)

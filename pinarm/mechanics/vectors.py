@@ -15,6 +15,10 @@ from pinarm.arrays import Array
 Axes = Sequence[Array] | Array
 """The three axes of a frame, each of shape (3,) or (3, n): the columns of its rotation matrix."""
 
+MEETING, SLANTED = 1e-12, np.array([0.48, 0.6, 0.64])
+"""Distance of points that meet [m]; the unit vector that stands for the direction from one to the other then, along no
+axis of any frame, so that a rod that is to come between them can push them apart."""
+
 
 def dot(a: Array, b: Array) -> Array:
     """Return ``a . b``, shape () or (n,)."""
@@ -29,6 +33,13 @@ def cross(a: Array, b: Array) -> Array:
     product[1] = a[2] * b[0] - a[0] * b[2]
     product[2] = a[0] * b[1] - a[1] * b[0]
     return product
+
+
+def direction(p: Array) -> Array:
+    """Return ``p / |p|``, shape (3,) or (3, n); any unit vector where p is 0."""
+    length = np.sqrt(dot(p, p))
+    meeting = length < MEETING
+    return np.where(meeting, SLANTED.reshape(3, *(1,) * (p.ndim - 1)), p / np.where(meeting, 1.0, length))
 
 
 def combined(axes: Axes, weights: Array) -> Array:

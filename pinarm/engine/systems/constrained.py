@@ -31,6 +31,10 @@ CLOSED = 1e-13
 
 ITERATIONS = 12
 
+LASTING, ROUNDING = 1e-6, 1e-10
+"""Part of the centripetal terms that redundant loops may leave: closed to rounding, they leave 1e-12; and what rounding
+leaves where these terms vanish, relative to the square of the velocity [m]."""
+
 CONSISTENT = 1e-9
 """Largest difference of given velocities to what the loops allow that typed digits explain [rad/s or m/s]."""
 
@@ -67,10 +71,10 @@ class ConstrainedSystem:
 
         Raises:
             AssemblyError: The loops cannot be closed with the given coordinates.
-            InputError: A law contradicts the loops, or given velocities do.
+            InputError: A law contradicts the loops, or given velocities do, or they do an instant later.
             DynamicsError: Something without mass is left free.
         """
-        w, dw, _ = self.imposed.on(start, end)(start)
+        w, dw, ddw = self.imposed.on(start, end)(start)
         given = [coordinate_at(self.rows.model, index) for index in initial.positions]
         values = [one.value(self.rows.data, initial.q) for one in given]
         everything = Imposed(
@@ -82,7 +86,26 @@ class ConstrainedSystem:
         self.rows.place(q)
         self._check_independent(Split.of(self.rows.rows()))
         require_masses(self.rows, q, start)
-        return q, self._velocity(q, initial, dw)
+        v = self._velocity(q, initial, dw)
+        self._check_lasting(q, v, ddw)
+        return q, v
+
+    def _check_lasting(self, q: Array, v: Array, ddw: Array) -> None:
+        """Raise where the loops allow velocities for an instant only, as of two bars in one line between fixed ends."""
+        self.rows.place(q)
+        rows, right = self.rows.rows(), self._rates(ddw) - self.rows.drift(q, v)
+        left = np.abs(rows @ Split.of(rows).particular(right) - right)
+        rounding = ROUNDING * float(np.abs(v).max(initial=0.0)) ** 2
+        if left.max(initial=0.0) > LASTING * np.abs(right).max(initial=0.0) + rounding:
+            worst = left.max()
+            torn = dict.fromkeys(
+                one.name for (one, _), x in zip(self.rows.owners(), left, strict=True) if x > 0.1 * worst
+            )
+            raise InputError(
+                f"the position is singular: {', '.join(torn)} can move with these velocities for an instant only",
+                expected="velocities along one of the motions that meet here",
+                hint="start beside the position, or at rest",
+            )
 
     def _check_independent(self, split: Split) -> None:
         k = len(self.imposed.names)
@@ -165,10 +188,11 @@ class ConstrainedSystem:
                 rows.place(q)
                 split = Split.of(rows.rows())
                 return q, split.solve(mass, mass @ v, self._rates(dw)), split
-        worst = int(np.abs(gap).argmax())
-        constraint, row = rows.owners()[worst]
+        owners = [(one.name, one.unit(row)) for one, row in rows.owners()]
+        sizes = {owner: float(np.linalg.norm(gap[[one == owner for one in owners]])) for owner in owners}
+        (name, measured), size = max(sizes.items(), key=lambda item: item[1])
         raise AssemblyError(
-            f"at t = {t:.9g} s {constraint.name} stays open by {abs(gap[worst]):.3g} {constraint.unit(row)}",
+            f"at t = {t:.9g} s {name} stays open by {size:.3g} {measured}",
             expected="a motion on which the loops stay closed", t=t, q=q, gap=gap,
         )  # fmt: skip
 
