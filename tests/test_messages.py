@@ -330,7 +330,7 @@ MODELS = [
      ["slider.urdf: two links have the name 'base'", "a name of its own"]),
     ('type="continuous"', 'type="hinge"', ["slider.urdf:9:3: joint 'pivot': its type is 'hinge'", "one of continuous"]),
     ("</robot>", '<link name="alone"/></robot>', ["slider.urdf: ", "alone"]),
-    ('<parent link="cart"/>', '<parent link="rod"/>', ["slider.urdf: ", "rod"]),
+    ('<parent link="cart"/>', '<parent link="rod"/>', ["slider.urdf: ", "joint pivot hang"]),
     ("<robot name", "<robbot name", ["this is not XML"]),
     ("</robot>", "", ["this is not XML"]),
 ]  # fmt: skip

@@ -184,7 +184,8 @@ def _ordered(links: Mapping[str, Any], joints: Mapping[str, TreeJoint]) -> tuple
         waiting += below[joint.child]
     if len(ordered) < len(joints):
         lost = sorted(set(joints) - {joint.name for joint in ordered})
-        raise ModelError(f"the {listed('joint', lost)} hang in a circle", expected="a tree")
+        verb = "hang" if len(lost) > 1 else "hangs"
+        raise ModelError(f"the {listed('joint', lost)} {verb} in a circle", expected="a tree")
     return roots[0], tuple(ordered)
 
 

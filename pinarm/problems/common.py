@@ -66,7 +66,8 @@ class Accuracy(Model, frozen=True):
             out. The global error is reported by the balances and is usually ten to a hundred times larger.
         step: Longest step of ``rk4``.
         target: Largest global error wanted in every output, relative to its largest absolute value over the run. The
-            cheapest setting that reaches it is looked for; without it the setting is as it stands here.
+            cheapest setting that reaches it is looked for, of the method if one is given; tolerance and step are then
+            not used.
         max_steps: Number of steps after which the time integration gives up, rejected ones included.
     """
 
@@ -79,7 +80,7 @@ class Accuracy(Model, frozen=True):
     def check(self) -> None:
         """Refuse a tolerance for steps of one length, and a step for a method that chooses its own."""
         by = SETTING[self.method]
-        if by == "step" and self.step is None:
+        if by == "step" and self.step is None and self.target is None:
             raise InputError(f"the method {self.method} takes steps of one length and needs it", hint="step: 1 ms")
         if by == "tolerance" and self.step is not None:
             with within("step"):

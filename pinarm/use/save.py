@@ -19,6 +19,7 @@ from pinarm.errors import InputError
 from pinarm.mechanics.model import ending
 from pinarm.use.files import cell, json_text, write, write_arrays, write_parts, yaml_text
 from pinarm.use.result import Result
+from pinarm.use.settings import setting_of
 
 
 def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, float] | None = None) -> Path:
@@ -122,7 +123,9 @@ def _resolved(result: Result, folder: Path) -> str:
         name: f"{value!r} {units[name]}" if name in units else value
         for name, value in result.trajectory.mechanism.arguments.items()
     }
-    written["accuracy"] = msgspec.to_builtins(result.content.accuracy)
+    accuracy = result.content.accuracy
+    decided = setting_of(accuracy) if accuracy.target is None else result.data["accuracy"]
+    written["accuracy"] = {**decided, "max_steps": accuracy.max_steps}
     source = Path(str(written["mechanism"]))
     if source.suffix:
         written["mechanism"] = os.path.relpath(result.folder / source, folder)

@@ -146,7 +146,10 @@ class Scenario:
         Raises:
             InputError: A path leads nowhere, or a value is wrong there.
         """
-        document = self.document.varied(values)
+        return self._of(self.document.varied(values))
+
+    def _of(self, document: Document) -> Scenario:
+        """Return the scenario of another document in the same place, with the same last digits."""
         content = document.validate(ScenarioFile)
         return replace(self, document=document, content=content, problem=_problem(document, content.problem))
 
@@ -295,8 +298,10 @@ class Scenario:
         Raises:
             InputError: A path leads nowhere, or a value is wrong there.
         """
-        with self.document.locating("variants", name):
-            return self.varied({**self.content.variants[name], "variants": {}})
+        document = self.document
+        for path, value in {**self.content.variants[name], "variants": {}}.items():
+            document = document.assigned(path, value, self.document.locate(("variants", name, path)))
+        return self._of(document)
 
     def quantities(self) -> Quantities:
         """Return the quantities of one row, with nothing solved: enough to see which there are, and their units."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from pinarm.engine.integrators import SETTING, MethodName
 from pinarm.problems.common import Accuracy
 from pinarm.use.result import Result
 
@@ -22,10 +23,15 @@ PATIENCE = 10.0
 """Steps of a finer solution over those of the coarser one beyond which it is given up; order 5 needs 2.5 times."""
 
 
+def setting(method: MethodName, value: float) -> dict[str, Any]:
+    """Return a setting from a method and its tolerance, or its step [s]."""
+    return {"method": method, "step": f"{value!r} s"} if SETTING[method] == "step" else {
+        "method": method, "tolerance": value}  # fmt: skip
+
+
 def setting_of(accuracy: Accuracy) -> dict[str, Any]:
     """Return what decides how a motion is integrated, as the keys of a scenario."""
-    key, value = accuracy.setting
-    return {"method": accuracy.method, key: value}
+    return setting(accuracy.method, accuracy.setting[1])
 
 
 def comparable(accuracy: Accuracy) -> list[dict[str, Any]]:
@@ -33,11 +39,44 @@ def comparable(accuracy: Accuracy) -> list[dict[str, Any]]:
 
     A coarser one serves where the given one is at the limit of rounding: the difference is then the coarser's error.
     """
-    key, own = accuracy.setting
-    if key == "step":
-        return [{"method": accuracy.method, key: own / 2.0}]
+    by, own = accuracy.setting
+    if by == "step":
+        return [setting(accuracy.method, own / 2.0), setting(accuracy.method, own * 2.0)]
     near = [own / FINER, own / 10.0, own * 10.0]
-    return [{"method": accuracy.method, key: value} for value in near if TIGHTEST < 1.001 * value < LOOSEST]
+    return [setting(accuracy.method, value) for value in near if TIGHTEST < 1.001 * value < LOOSEST]
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """Settings of one method: decades of the tolerance, or halves of the step.
+
+    Attributes:
+        method: The method.
+        span: Time of the motion [s].
+    """
+
+    method: MethodName
+    span: float
+
+    @property
+    def halving(self) -> bool:
+        """Whether the rungs are steps."""
+        return SETTING[self.method] == "step"
+
+    @property
+    def last(self) -> int:
+        """The rung below which rounding decides."""
+        return 12 if self.halving else 14
+
+    @property
+    def finer(self) -> int:
+        """How many rungs further down the solution is that one is compared with."""
+        return 1 if self.halving else 2
+
+    def setting(self, rung: int) -> dict[str, Any]:
+        """Return the setting of a rung, the coarsest being 2: ``10^-rung``, or the span by ``16 2^rung``."""
+        step = float(f"{self.span / (16.0 * 2.0**rung):.3g}")
+        return setting(self.method, step if self.halving else float(f"1e-{rung}"))
 
 
 def patience(result: Result, most: int) -> int:
@@ -51,7 +90,8 @@ def patience(result: Result, most: int) -> int:
 
 def spoken(setting: Mapping[str, Any]) -> str:
     """Return a setting in words."""
-    return ", ".join(f"{key} {value:.3g}" if isinstance(value, float) else str(value) for key, value in setting.items())
+    words = {key: f"{value:.3g}" if isinstance(value, float) else str(value) for key, value in setting.items()}
+    return ", ".join(value if key == "method" else f"{key} {value}" for key, value in words.items())
 
 
 def varied(
@@ -64,12 +104,14 @@ def varied(
 
 def references() -> list[dict[str, Any]]:
     """Return tight settings for a reference, the tightest last."""
-    return [{"tolerance": tolerance} for tolerance in (1e-11, 1e-12, 1e-13, 1e-14)]
+    return [setting("dop853", tolerance) for tolerance in (1e-11, 1e-12, 1e-13, 1e-14)]
 
 
 def ladders(result: Result) -> dict[str, list[dict[str, Any]]]:
-    """Return the settings that are worth trying, by method, the coarsest first."""
+    """Return the settings that are worth trying on a motion, by method, the coarsest first."""
+    t = result.trajectory.grid.t
+    down: dict[MethodName, int] = {"dop853": 12, "dopri5": 10, "rk4": 7, "stiff": 7}
     return {
-        "dop853": [{"method": "dop853", "tolerance": float(f"1e-{k}")} for k in range(2, 13)],
-        "dopri5": [{"method": "dopri5", "tolerance": float(f"1e-{k}")} for k in range(2, 11)],
+        method: [Ladder(method, float(t[-1] - t[0])).setting(rung) for rung in range(2, last + 1)]
+        for method, last in down.items()
     }

@@ -7,26 +7,35 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pinarm.engine.integrators import MethodName
 from pinarm.errors import NumericsError
+from pinarm.problems.forward import Forward
 from pinarm.use.result import Result
-from pinarm.use.settings import patience, spoken, varied
+from pinarm.use.settings import Ladder, patience, spoken, varied
 from pinarm.use.worth import differences, estimated
 
 if TYPE_CHECKING:
     from pinarm.use.scenario import Scenario
 
-LOOSEST, TIGHTEST = 2, 13
-"""Tolerances that are tried are ``10^-k`` with k in these bounds; one at the end is compared with a finer one yet."""
+FIRST = 2
+"""The coarsest rung."""
 
-FINER = 2
-"""A solution is compared with one whose tolerance is so many decades finer."""
+CHEAPEST_STEP = 3.0
+"""Evaluations that a step takes at least, half of those of dopri5: its finer solutions take twice as many steps."""
+
+FEW = 100
+"""Steps that any method may take."""
+
+METHODS: tuple[MethodName, ...] = ("dop853", "dopri5", "stiff")
+"""Methods that are tried where the scenario names none, in this order."""
 
 
 def reach(scenario: Scenario) -> Result:
     """Return the result of the cheapest setting whose estimated error is at most the scenario's target.
 
-    Tolerances are tried by decades. All solutions that serve as comparison are solved with other last digits, each with
-    its own, and used for both of the settings that they are compared with.
+    Tolerances are tried by decades, steps by halves, of the method that the scenario names, or of several. The price is
+    the number of evaluations. All solutions that serve as comparison are solved with other last digits, each with its
+    own, and used for both of the settings that they are compared with.
 
     Args:
         scenario: With ``accuracy.target``.
@@ -39,18 +48,17 @@ def reach(scenario: Scenario) -> Result:
         PinarmError: See ``Scenario.run``.
     """
     target = float(scenario.content.accuracy.target or 0.0)
-    if scenario.problem.kind != "forward":
+    if not isinstance(scenario.problem, Forward):
         return _as_it_is(scenario)
-    search = _Search(scenario)
-    decade = min(max(int(np.ceil(-np.log10(target))) + 1, LOOSEST), TIGHTEST)
-    if search.error(decade) <= target:
-        while decade > LOOSEST and search.error(decade - 1) <= target:
-            decade -= 1
-    while decade < TIGHTEST and search.error(decade) > target:
-        decade += 1
-    if search.error(decade) > target:
-        decade = min(search.errors, key=lambda k: (search.errors[k], k))
-    return search.result(decade, target)
+    span = scenario.problem.time.end - scenario.problem.time.start
+    named = "method" in scenario.document.data["accuracy"]
+    searches: list[_Search] = []
+    for method in (scenario.content.accuracy.method,) if named else METHODS:
+        most = min([scenario.content.accuracy.max_steps, *(search.limit(target) for search in searches)])
+        searches.append(_Search(scenario, Ladder(method, span), most))
+        searches[-1].look(target)
+    best = min(searches, key=lambda search: search.price(target))
+    return best.result(target, sum(len(search.errors) for search in searches))
 
 
 def _as_it_is(scenario: Scenario) -> Result:
@@ -62,53 +70,86 @@ def _as_it_is(scenario: Scenario) -> Result:
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """Solutions by the decade of their tolerance, each solved once.
+    """Solutions by the rungs of a ladder, each solved once.
 
     Attributes:
         scenario: What is solved.
-        runs: Decade -> solution with other last digits; none where it failed.
-        errors: Decade -> estimated error.
+        ladder: The settings.
+        most: Number of steps that no solution may exceed.
+        runs: Rung -> solution with other last digits; none where it failed.
+        errors: Rung -> estimated error.
     """
 
     scenario: Scenario
+    ladder: Ladder
+    most: int
     runs: dict[int, Result | None] = field(default_factory=dict)
     errors: dict[int, float] = field(default_factory=dict)
 
-    def run(self, decade: int) -> Result | None:
-        """Return the solution of a decade with other last digits."""
-        if decade not in self.runs:
+    def look(self, target: float) -> None:
+        """Go up and down the ladder for the coarsest rung that reaches the target."""
+        last = self.ladder.last - 1
+        guess = FIRST if self.ladder.halving else int(np.ceil(-np.log10(target))) + 1
+        rung = min(max(guess, FIRST), last)
+        if self.error(rung) <= target:
+            while rung > FIRST and self.error(rung - 1) <= target:
+                rung -= 1
+        while rung < last and self.error(rung) > target and self.run(rung):
+            rung += 1
+
+    def run(self, rung: int) -> Result | None:
+        """Return the solution of a rung with other last digits."""
+        if rung not in self.runs:
             try:
-                self.runs[decade] = varied(self.scenario, _setting(decade), self.patience(), seed=decade).solve()
+                setting = self.ladder.setting(rung)
+                self.runs[rung] = varied(self.scenario, setting, self._patience(), seed=rung).solve()
             except NumericsError:
-                self.runs[decade] = None
-        return self.runs[decade]
+                self.runs[rung] = None
+        return self.runs[rung]
 
-    def patience(self) -> int:
-        """Return how many steps a solution may take."""
-        most, solved = self.scenario.content.accuracy.max_steps, [run for run in self.runs.values() if run]
-        return patience(solved[-1], most) if solved else most
+    def _patience(self) -> int:
+        solved = [run for run in self.runs.values() if run]
+        return patience(solved[-1], self.most) if solved else self.most
 
-    def finer(self, decade: int) -> Result | None:
-        """Return the solution that one of a decade is compared with."""
-        return self.run(min(decade + FINER, TIGHTEST + 1))
+    def finer(self, rung: int) -> Result | None:
+        """Return the solution that one of a rung is compared with."""
+        return self.run(min(rung + self.ladder.finer, self.ladder.last))
 
-    def error(self, decade: int) -> float:
-        """Return the estimated error at a decade; infinite where a solution failed."""
-        if decade not in self.errors:
-            one, two = self.run(decade), self.finer(decade)
-            self.errors[decade] = max(differences(one, two).values()) if one and two else np.inf
-        return self.errors[decade]
+    def error(self, rung: int) -> float:
+        """Return the estimated error at a rung; infinite where a solution failed."""
+        if rung not in self.errors:
+            one, two = self.run(rung), self.finer(rung)
+            self.errors[rung] = max(differences(one, two).values()) if one and two else np.inf
+        return self.errors[rung]
 
-    def result(self, decade: int, target: float) -> Result:
-        """Return the result of a decade, of the mechanism as it is."""
-        result, two = varied(self.scenario, _setting(decade)).solve(), self.finer(decade)
+    def found(self, target: float) -> int:
+        """Return the coarsest rung that reaches the target, or that of the smallest error."""
+        good = [rung for rung, error in self.errors.items() if error <= target]
+        return min(good) if good else min(self.errors, key=lambda rung: (self.errors[rung], rung))
+
+    def price(self, target: float) -> tuple[float, float]:
+        """Return how much is missing to the target, 0 where it is reached, and the evaluations that it takes."""
+        rung = self.found(target)
+        run, error = self.run(rung), self.errors[rung]
+        return 0.0 if error <= target else error, run.figures["evaluations"] if run else np.inf
+
+    def limit(self, target: float) -> int:
+        """Return the number of steps with which any other method costs more; finer solutions may take as many.
+
+        Where this one does not reach the target, another may cost as much as its most expensive solution.
+        """
+        missing, evaluations = self.price(target)
+        if missing:
+            evaluations = max((run.figures["evaluations"] for run in self.runs.values() if run), default=np.inf)
+        return int(min(self.most, max(evaluations / CHEAPEST_STEP, FEW)))
+
+    def result(self, target: float, tried: int) -> Result:
+        """Return the result of the rung found, of the mechanism as it is."""
+        rung = self.found(target)
+        chosen = self.ladder.setting(rung)
+        result, two = varied(self.scenario, chosen).solve(), self.finer(rung)
         errors = differences(result, two) if two else dict.fromkeys(result.content.outputs, np.inf)
-        tried = f"of {len(self.errors)} settings tried" if len(self.errors) > 1 else "the only setting tried"
-        found = "cheapest" if max(errors.values()) <= target else "best"
-        setting = f"{spoken(_setting(decade))}, {found} {tried}"
+        verdict = "cheapest" if max(errors.values()) <= target else "best"
+        setting = f"{spoken(chosen)}, the {verdict} of {tried} settings tried"
         content, data = self.scenario.content, self.scenario.document.data
         return replace(result, content=content, data=data, errors=errors, setting=setting)
-
-
-def _setting(decade: int) -> dict[str, float]:
-    return {"tolerance": float(f"1e-{decade}")}

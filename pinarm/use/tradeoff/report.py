@@ -14,7 +14,7 @@ def report(trade: Tradeoff) -> str:
     if trade.reference:
         lines += [*_settings(trade), f"reference: {trade.reference.words}; known to {trade.reference.bound:.1e}"]
         lines += [
-            f"for {wanted:g}: {point.method}, {point.setting}" if point else f"for {wanted:g}: no setting tried"
+            f"for {wanted:g}: {point.setting}" if point else f"for {wanted:g}: no setting tried"
             for wanted, point in trade.recommended().items()
         ]
     return "\n".join(lines + _variants(trade))
@@ -22,12 +22,12 @@ def report(trade: Tradeoff) -> str:
 
 def _settings(trade: Tradeoff) -> list[str]:
     assert trade.reference
-    rows = [["method", "setting", "error", "largest in", "evaluations", "time [ms]"]]
+    rows = [["setting", "error", "largest in", "evaluations", "time [ms]"]]
     for point in trade.points:
         worst = max(point.errors, key=lambda name: point.errors[name])
         error = f"{point.error:.1e}" if point.error > trade.reference.bound else f"< {trade.reference.bound:.0e}"
         told = [error, worst[:24]] if math.isfinite(point.error) else ["failed", ""]
-        rows.append([point.method, point.setting, *told, f"{point.evaluations}", f"{1e3 * point.seconds:.1f}"])
+        rows.append([point.setting, *told, f"{point.evaluations}", f"{1e3 * point.seconds:.1f}"])
     return _table(rows)
 
 

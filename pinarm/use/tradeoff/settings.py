@@ -17,8 +17,11 @@ from pinarm.use.worth import differences
 WANTED = (1e-3, 1e-6, 1e-9)
 """Errors that a setting is recommended for."""
 
-LONG = 0.2
+LONG = 0.05
 """Time for which short solutions are repeated [s]; the shortest of their times counts."""
+
+MOST = 5000
+"""Steps that every setting may take; more, where the reference needs many."""
 
 
 @dataclass(frozen=True)
@@ -83,10 +86,10 @@ def reference(scenario: Scenario) -> Reference:
 
 def points(scenario: Scenario, against: Reference) -> list[Point]:
     """Return all settings that are tried, method by method, the coarsest first."""
-    found = []
+    found, most = [], max(MOST, patience(against.result, scenario.content.accuracy.max_steps))
     for method, settings in ladders(against.result).items():
         for setting in settings:
-            asked = varied(scenario, setting)
+            asked = varied(scenario, setting, most)
             assert asked.mechanism  # loaded before the clock runs
             found.append(_point(asked, method, spoken(setting), against))
     return found

@@ -1,4 +1,4 @@
-"""What a simpler model costs in accuracy: the outputs of variants of a scenario against those of the exact one."""
+"""What a simpler model costs in accuracy: outputs of variants of a scenario against those of the scenario itself."""
 
 from __future__ import annotations
 
