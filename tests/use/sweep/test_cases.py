@@ -66,7 +66,7 @@ def test_an_unknown_quantity_is_refused_before_anything_is_solved(scenario: pina
 @pytest.mark.parametrize(
     ("values", "reason"),
     [
-        ({"arguments__m": "-1 kg"}, r"pendulum.yaml:2:8: link 'rod': the mass is negative \(-1 kg\)"),
+        ({"arguments__m": "-1 kg"}, r"pendulum.urdf.xacro:6:3: link 'rod': the mass is negative \(-1 kg\)"),
         ({"arguments__m": "1 m"}, "'m' is not a unit of this quantity"),
         ({"problem__over__pivot__to": "0 deg"}, "begins and ends at the same value"),
         ({"problem__over__pivot__from": "60 deg"}, "pivot = 30 deg is not reached"),
