@@ -13,11 +13,12 @@ from typing import Protocol
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.engine.closure import Closure, Split
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import DynamicsError, InputError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.couplings import Coupling
 
 CARRIED = 1e-9
 """Largest part of a load that no drive carries, relative to the load: rounding leaves 1e-13."""
@@ -58,6 +59,30 @@ class EveryJoint:
     def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Array]:
         """Return the demand itself."""
         return demand, np.zeros((len(demand), 0))
+
+
+@dataclass(frozen=True, eq=False)
+class EveryLeader:
+    """A drive at every joint that mimics no other: it carries what those that mimic it demand, too.
+
+    With f the followers, l the leaders, and W = (W_f W_l) the rows of the couplings,
+    ``tau_l = demand_l - (W_f^-1 W_l)^T demand_f`` and ``lam = W_f^-T demand_f``.
+
+    Attributes:
+        closure: The couplings.
+        followers: Indices in v of the joints that mimic others, one of each row, shape (m,).
+    """
+
+    closure: Closure
+    followers: Indices
+
+    def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Array]:
+        """Return the efforts of the leaders, 0 for the followers, and the multipliers."""
+        rows = self.closure.rows()
+        lam: Array = np.linalg.solve(rows[:, self.followers].T, demand[:, self.followers].T).T
+        tau = demand - lam @ rows
+        tau[:, self.followers] = 0.0
+        return tau, lam
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,14 +165,14 @@ def actuation(mechanism: Mechanism, drives: Sequence[str], imposed: Sequence[str
     Args:
         mechanism: The mechanism.
         drives: Names of the coordinates that drives act along. Where none is named every joint of an open chain has
-            a drive, and a mechanism with loops one along every imposed coordinate.
+            a drive, but for those that mimic others, and a mechanism with loops one along every imposed coordinate.
         imposed: Names of the coordinates that follow laws.
 
     Raises:
         InputError: A coordinate does not exist, or is named twice.
     """
-    if not drives and not mechanism.constraints:
-        return EveryJoint(mechanism.closure)
+    if not drives and (every := everywhere(mechanism)) is not None:
+        return every
     names = list(drives) or list(imposed)
     if len(set(names)) < len(names):
         raise InputError(f"a drive is named twice in {', '.join(names)}", expected="one drive along each coordinate")
@@ -157,3 +182,12 @@ def actuation(mechanism: Mechanism, drives: Sequence[str], imposed: Sequence[str
     weights = np.array([one.weights for one in linear.values()]).reshape(-1, mechanism.model.nv)
     closure = mechanism.closure.with_guides(list(others), list(others.values()))
     return NamedDrives((*linear, *others), weights, mechanism.closure, closure)
+
+
+def everywhere(mechanism: Mechanism) -> Actuation | None:
+    """Return drives at every joint that mimics no other; ``None`` where loops or gears leave fewer joints to drive."""
+    constraints, closure = mechanism.constraints, mechanism.closure
+    if not constraints:
+        return EveryJoint(closure)
+    followers = {one.follower for one in constraints if isinstance(one, Coupling) and one.follower is not None}
+    return EveryLeader(closure, np.array(sorted(followers))) if len(followers) == len(constraints) else None

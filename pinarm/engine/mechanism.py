@@ -25,6 +25,7 @@ from pinarm.input.schema import Measured, quantity
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.balls import Ball, ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, Joint, coordinates_of, joint_of, joints_of
+from pinarm.mechanics.couplings import mimicry
 from pinarm.mechanics.description import Gravity, MechanismDescription, field_of
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import ForceElement
@@ -128,29 +129,46 @@ class Mechanism:
         """Return the equation of motion with the mechanism's own forces."""
         return Dynamics.of(self.model, self.forces)
 
-    def inverse(self, q: Array, v: Array, a: Array, *, t: float = 0.0) -> Array:
-        """Return the efforts that the drives must give; see ``Dynamics.inverse``.
+    def inverse(self, q: Array, v: Array, a: Array, *, drives: Sequence[str] = (), t: float = 0.0) -> Array:
+        """Return the efforts that the drives must give; the constraints carry the rest.
+
+        Args:
+            q: Configurations, shape (n, nq), or (nq,) for one.
+            v: Velocities, shape (n, nv).
+            a: Accelerations, shape (n, nv).
+            drives: Coordinates that drives act along, needed where there are loops; otherwise every joint that mimics
+                no other has one.
+            t: Instant at which forces that follow laws are taken [s].
+
+        Returns:
+            Efforts at the joints [N*m or N], shape (n, nv).
 
         Raises:
-            InputError: The mechanism has loops or couplings, or the shapes do not fit.
+            InputError: The shapes do not fit, a state tears a loop or a coupling, or the drives cannot carry the load.
+            DynamicsError: The drives do not determine their efforts.
         """
-        return self._open_at(t).inverse(t, q, v, a)
+        from pinarm.engine import states
+
+        return states.inverse(self, q, v, a, drives, t)
 
     def forward(self, q: Array, v: Array, tau: Array | None = None, *, t: float = 0.0) -> Array:
-        """Return the accelerations under given efforts; see ``Dynamics.forward``.
+        """Return the accelerations under given efforts.
+
+        Args:
+            q: Configurations, shape (n, nq), or (nq,) for one.
+            v: Velocities, shape (n, nv).
+            tau: Efforts of the drives [N*m or N], shape (n, nv); none where it is left out.
+            t: Instant at which forces that follow laws are taken [s].
+
+        Returns:
+            Accelerations of the joints, shape (n, nv).
 
         Raises:
-            InputError: The mechanism has loops or couplings, or the shapes do not fit.
+            InputError: The shapes do not fit, or a state tears a loop or a coupling.
         """
-        return self._open_at(t).forward(t, q, v, tau)
+        from pinarm.engine import states
 
-    def _open_at(self, t: float) -> Dynamics:
-        """Return the dynamics of an open chain just after an instant."""
-        if self.constraints:
-            names = ", ".join(constraint.name for constraint in self.constraints)
-            raise InputError(f"the joints of this mechanism are tied by {names}", expected="an open chain",
-                             hint="at(q, v, a, drives=[...]) or at(q, v, tau=...)")  # fmt: skip
-        return self.dynamics.on(t, np.nextafter(t, np.inf))
+        return states.forward(self, q, v, tau, t)
 
     def configurations(self, positions: Mapping[str, ArrayLike]) -> Array:
         """Return q, shape (n, nq), from joint coordinates by name; see ``states.configurations``."""
@@ -235,7 +253,7 @@ def _build(
     model.gravity.linear = field_of(description.gravity, robot.gravity)
     with here("coordinates"):
         coordinates = {**coordinates_of(model, joints, description.coordinates), **ball_coordinates(model, balls)}
-    constraints: list[Constraint] = []
+    constraints: list[Constraint] = [mimicry(mimic, joints, model) for mimic in robot.mimics]
     for name, loop in description.loops.items():
         with here("loops", name):
             constraints.append(loop.bind(model, name))

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from pinarm.arrays import Array
 from pinarm.engine.closure import Closure, Split
 from pinarm.engine.dynamics import Dynamics, as_rows, same_rows
-from pinarm.engine.efforts import actuation
+from pinarm.engine.efforts import actuation, everywhere
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities import Quantities
 from pinarm.engine.trajectory import Trajectory
@@ -106,11 +106,38 @@ def quantities(
     demand = dynamics.inverse(t, q, v, a)
     if tau is not None:
         return Quantities(replace(run, tau=tau, lam=_multipliers(closure, q, demand - tau)))
-    if closure.size and not drives:
+    acting = actuation(mechanism, drives, drives) if drives else everywhere(mechanism)
+    if acting is None:
         return Quantities(replace(run, unasked=NO_DRIVES))
-    acting = actuation(mechanism, drives, drives)
     tau, lam = acting.efforts(grid.t, q, demand)
     return Quantities(replace(run, tau=tau, lam=lam, closure=acting.closure))
+
+
+def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence[str], t: float) -> Array:
+    """Return the efforts of the drives; see ``Mechanism.inverse``."""
+    acting = actuation(mechanism, drives, drives) if drives else everywhere(mechanism)
+    if acting is None:
+        names = ", ".join(constraint.name for constraint in mechanism.constraints)
+        raise InputError(f"the joints of this mechanism are tied by {names}", expected="drives that carry the load",
+                         hint="inverse(q, v, a, drives=[...])")  # fmt: skip
+    nq, nv = mechanism.model.nq, mechanism.model.nv
+    q, v, a = as_rows(q, nq, "q"), as_rows(v, nv, "v"), as_rows(a, nv, "a")
+    demand = mechanism.dynamics.on(t, np.nextafter(t, np.inf)).inverse(t, q, v, a)
+    _check_closed(mechanism.closure, q, v, a)
+    return acting.efforts(np.full(len(q), float(t)), q, demand)[0]
+
+
+def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: float) -> Array:
+    """Return the accelerations under efforts; see ``Mechanism.forward``."""
+    dynamics, nv = mechanism.dynamics.on(t, np.nextafter(t, np.inf)), mechanism.model.nv
+    if not mechanism.closure.size:
+        return dynamics.forward(t, q, v, tau)
+    q, v = as_rows(q, mechanism.model.nq, "q"), as_rows(v, nv, "v")
+    efforts = np.zeros_like(v) if tau is None else as_rows(tau, nv, "tau")
+    same_rows(q, v, efforts)
+    a = _accelerations(dynamics, mechanism.closure, t, q, v, efforts)
+    _check_closed(mechanism.closure, q, v, a)
+    return a
 
 
 def _nothing_between(_: Grid) -> Trajectory:

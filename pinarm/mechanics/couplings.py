@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +13,7 @@ from pinarm.errors import InputError
 from pinarm.input.schema import AnyQuantity, Lead, Measured, Model
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import METRE, RADIAN, Joint, LinearCoordinate, joint_of, sum_of
+from pinarm.mechanics.tree import Mimic
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +25,15 @@ class Coupling:
         kind: Its kind, as files call it.
         coordinate: The weighted sum of joint coordinates.
         constant: c, its value at all times.
+        follower: Index in v of the joint that mimics the other one and has no drive of its own; ``None`` where either
+            may be driven.
     """
 
     name: str
     kind: str
     coordinate: LinearCoordinate
     constant: float
+    follower: int | None = None
     size: int = 1
 
     def unit(self, row: int) -> Unit:
@@ -56,7 +60,7 @@ class Coupling:
 class Gear(Model, frozen=True, tag_field="kind", tag="gear"):
     """The second joint moves ``ratio`` times as far as the first: ``q2 = ratio q1 + offset``.
 
-    For joints of one kind: two wheels, the ratio negative where they mesh from outside, or a joint that mimics another.
+    For joints of one kind, such as two wheels; the ratio is negative where they mesh from outside.
 
     Attributes:
         joints: The two joints.
@@ -118,6 +122,14 @@ class Screw(Model, frozen=True, tag_field="kind", tag="screw"):
                 expected="a revolute and a prismatic joint, in this order",
             )
         return _coupled(joints, model, name, "screw", (turns, slides), self.lead / (2.0 * np.pi), float(self.offset))
+
+
+def mimicry(mimic: Mimic, joints: Mapping[str, Joint], model: pin.Model) -> Coupling:
+    """Return the coupling of a joint that, as its model says, mimics another one."""
+    leader, follower = joint_of(joints, mimic.of), joint_of(joints, mimic.joint)
+    name = f"{follower.name} mimics {leader.name}"
+    coupled = _coupled(joints, model, name, "mimic", (leader, follower), mimic.multiplier, mimic.offset)
+    return replace(coupled, follower=follower.v)
 
 
 def _coupled(

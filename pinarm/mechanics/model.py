@@ -50,7 +50,7 @@ class RobotModel:
         model: Pinocchio's model; its joints stand depth-first, limits that are not given are infinite.
         xml: The text it was built from.
         forces: Springs, damping and dry friction of its joints, by name.
-        mimics: Joints that its text couples to others, which nothing here enforces.
+        mimics: Joints that its text couples to others.
         gravity: Field that its text asks for [m/s^2], shape (3,); ``None`` where it says nothing.
         notes: What is not modelled as the text has it, in words.
     """
@@ -84,8 +84,7 @@ def build_model(
     forces = _passive(model, tree, creep)
     notes = [
         *(f"{defect}; taken as written" for defect in tree.defects), *tree.notes, *_massless(model),
-        *_said(tree, creep), *(f"joint {mimic.joint}: mimics {mimic.of}, which is not enforced; both move freely"
-                               for mimic in tree.mimics),
+        *_said(tree, creep),
     ]  # fmt: skip
     return RobotModel(model, xml, forces, tree.mimics, tree.gravity, tuple(notes))
 

@@ -72,7 +72,7 @@ class TestPowerBalance:
         panda = Mechanism.load("panda")
         motion = {
             name: Harmonic(mean=0.02 * k, amplitude=0.01 + 0.1 * k, pulsation=1.0 + k)
-            for k, name in enumerate(panda.joints)
+            for k, name in enumerate([*panda.joints][:-1])  # the last finger mimics the other one
         }
         figures = power_balance(solve(Inverse(time=TimeGrid(end=1.0, samples=21), motion=motion), panda))
         assert max(figures.values()) < HONEST

@@ -150,10 +150,16 @@ class TestLoops:
         with pytest.raises(InputError, match="no drives are named"):
             _ = found["joint.alpha.effort"]
 
-    def test_the_routes_of_open_chains_are_refused(self, run):
-        for route in (run.mechanism.inverse, run.mechanism.forward):
-            with pytest.raises(InputError, match="tied by F, D"):
-                route(run.q[:2], run.v[:2], run.a[:2])
+    def test_efforts_of_named_drives_make_the_accelerations(self, run):
+        state = run.q[:5], run.v[:5]
+        tau = run.mechanism.inverse(*state, run.a[:5], drives=["alpha"])
+        assert np.flatnonzero(tau.any(axis=0)).tolist() == [run.mechanism.joints["alpha"].v]
+        scale = np.abs(run.a).max()
+        assert run.mechanism.forward(*state, tau) == pytest.approx(run.a[:5], abs=1e-11 * scale)
+
+    def test_without_drives_there_is_no_inverse(self, run):
+        with pytest.raises(InputError, match="tied by F, D"):
+            run.mechanism.inverse(run.q[:2], run.v[:2], run.a[:2])
 
 
 def test_what_contradicts_itself_is_refused(arm, states):

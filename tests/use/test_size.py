@@ -19,7 +19,6 @@ problem:
   motion:
 {MOTION}
     panda_finger_joint1: {{law: constant, value: 20 mm}}
-    panda_finger_joint2: {{law: constant, value: 20 mm}}
 outputs: [{", ".join(f"joint.{name}.effort" for name in JOINTS)}]
 """
 
