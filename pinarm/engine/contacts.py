@@ -23,7 +23,7 @@ RESTING = 1e-6
 """Velocity after an impact that is taken for rest [rad/s or m/s]: what is left to rise is 1e-13 m under gravity."""
 
 SLACK = 1e-13
-"""Gap that counts as contact, relative to ``1 + |limit|``: positions are known to rounding only."""
+"""Gap that counts as contact, relative to ``1 + |limit|``: where loops are closed, positions are right to 1e-14."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,13 @@ class Bound:
         return int(self.coordinate.places[self.joint])
 
     def gap(self, q: Array) -> Array:
-        """Return the distance to the stop, negative beyond it by more than rounding, shape (...,)."""
-        return np.asarray(self.side * (q[..., self.place] - self.limit) + SLACK * (1.0 + abs(self.limit)))
+        """Return the distance to the stop, negative beyond it, shape (...,)."""
+        return np.asarray(self.side * (q[..., self.place] - self.limit))
+
+    @property
+    def slack(self) -> float:
+        """Return the gap that counts as contact [rad or m]."""
+        return SLACK * (1.0 + abs(self.limit))
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +77,7 @@ class Contacts:
 
     def near(self, q: Array) -> list[int]:
         """Return the indices of the stops that a configuration touches."""
-        return [k for k, one in enumerate(self.bounds) if one.gap(q) <= 3.0 * SLACK * (1.0 + abs(one.limit))]
+        return [k for k, one in enumerate(self.bounds) if abs(one.gap(q)) <= one.slack]
 
     def impact(self, t: float, q: Array, v: Array, hit: Iterable[int]) -> Array:
         """Return the velocity after the stops ``hit`` were met with the velocity v, shape (nv,).

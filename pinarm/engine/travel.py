@@ -84,6 +84,11 @@ class Journey:
         """Return the bounds of the stretches on which all laws are smooth [s]."""
         return self.grid(np.array(self.time)).cuts
 
+    @cached_property
+    def contacts(self) -> Contacts:
+        """Return the stops at work."""
+        return Contacts(self.closure, self.imposed, self.bounds)
+
     def begin(self) -> tuple[Array, Array]:
         """Return the initial state of the mechanism, assembled.
 
@@ -94,7 +99,7 @@ class Journey:
         q, v = (x[None] for x in system.begin(self.initial, *self.cuts[:2]))
         whole_q, whole_v = system.whole(np.array(self.cuts[:1]), q, v)
         for one in self.bounds:
-            if one.gap(whole_q[0]) < 0.0:
+            if one.gap(whole_q[0]) < -one.slack:
                 raise InputError(
                     f"the motion begins at {whole_q[0, one.place]:.6g} {one.coordinate.unit}, beyond the end stop "
                     f"'{one.name}' at {one.limit:.6g} {one.coordinate.unit}"
@@ -109,11 +114,10 @@ class Journey:
             Interrupted: The user interrupted it; likewise.
         """
         course, t = Course(self.dynamics), self.cuts[0]
-        contacts = Contacts(self.closure, self.imposed, self.bounds)
-        approached = [k for k in contacts.near(q) if self.bounds[k].side * v[self.bounds[k].joint] < -RESTING]
+        approached = [k for k in self.contacts.near(q) if self.bounds[k].side * v[self.bounds[k].joint] < -RESTING]
         if approached:
-            v = contacts.impact(t, q, v, approached)
-        held = self.pressed(contacts, t, q, v)
+            v = self.contacts.impact(t, q, v, approached)
+        held = self.pressed(t, q, v)
         while (met := self.leg(course, held, t, q, v)) is not None:
             t, q, v = met.t, met.q, met.v
             if met.released is not None:
@@ -123,14 +127,14 @@ class Journey:
                 break
             bound = self.bounds[met.hit]
             q[bound.place] = bound.limit
-            v = contacts.impact(t, q, v, [met.hit])
+            v = self.contacts.impact(t, q, v, [met.hit])
             course.happenings.append(Happening(bound.name, t, q, v))
-            held = self.pressed(contacts, t, q, v)
+            held = self.pressed(t, q, v)
         return course
 
     def leg(self, course: Course, held: Held, t: float, q: Array, v: Array) -> _Meeting | None:
         """Add a leg to the course; return what ended it before its time."""
-        system, watched = self.system(held), self._watched(held)
+        system, watched = self.system(held), self._watched(held, q, v)
         spans = [(max(low, t), high) for low, high in pairwise(self.cuts) if high > t]
         stretches = [system.stretch(self.dynamics, *span) for span in spans]
         watches = [_of_mechanism(one, system) for _, one in watched]
@@ -162,11 +166,16 @@ class Journey:
                 meeting = _Meeting(t, q, v, released=~key)
         return meeting
 
-    def _watched(self, held: Held) -> list[tuple[str | int, Watch]]:
-        """Return the events, free stops by their index, and those rested on by its complement."""
+    def _watched(self, held: Held, q: Array, v: Array) -> list[tuple[str | int, Watch]]:
+        """Return the events, free stops by their index, and those rested on by its complement.
+
+        A joint that leaves its stop from rest does so slower than rounding at first: it is given some slack.
+        """
+        leaving = self.at_rest(q, v)
         found: list[tuple[str | int, Watch]] = list(self.watches.items())
         for k, bound in enumerate(self.bounds):
-            key, value = (~k, partial(self.push, held, k)) if k in held else (k, partial(_gap, bound))
+            slack = 2.0 * bound.slack if k in leaving else 0.0
+            key, value = (~k, partial(self.push, held, k)) if k in held else (k, partial(_gap, bound, slack))
             found.append((key, Watch(value, -1, stops=True)))
         return found
 
@@ -176,9 +185,13 @@ class Journey:
         motion = self.system(held).complete(self.dynamics, Grid(t, span, (0, len(t))), q, v)
         return np.asarray(self.bounds[k].side * motion.tau[:, self.bounds[k].joint])
 
-    def pressed(self, contacts: Contacts, t: float, q: Array, v: Array) -> Held:
+    def at_rest(self, q: Array, v: Array) -> Held:
+        """Return the stops that are touched without moving against or away from them."""
+        return frozenset(k for k in self.contacts.near(q) if abs(v[self.bounds[k].joint]) <= RESTING)
+
+    def pressed(self, t: float, q: Array, v: Array) -> Held:
         """Return the stops that a state at rest on them presses against."""
-        held = frozenset(k for k in contacts.near(q) if abs(v[self.bounds[k].joint]) <= RESTING)
+        held = self.at_rest(q, v)
         while held:
             pushes = {k: self.push(held, k, np.array([t]), q[None], v[None])[0] for k in held}
             least = min(pushes, key=pushes.__getitem__)
@@ -199,8 +212,8 @@ class _Meeting:
     released: int | None = None
 
 
-def _gap(bound: Bound, t: Array, q: Array, v: Array) -> Array:
-    return bound.gap(q)
+def _gap(bound: Bound, slack: float, t: Array, q: Array, v: Array) -> Array:
+    return bound.gap(q) + slack
 
 
 def _of_mechanism(watch: Watch, system: System) -> Watch:

@@ -3,34 +3,13 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
-from pinarm.engine.dynamics import Dynamics, JointSpace
-from pinarm.engine.integrators import Adaptive, FixedStep, Flat, Stretch, integrate
-from pinarm.engine.tableaus import DOP853
+from pinarm.engine.dynamics import JointSpace
+from pinarm.engine.integrators import Adaptive, Flat, Stretch, integrate
 from pinarm.errors import IntegrationError, Interrupted
 
-PLANE = Flat(2, 2)
-ECCENTRICITY = 0.1
-MOMENTS = np.array([0.5, 1.0, 1.7])
-SPIN = np.array([0.6, -1.1, 0.4])
-ATTITUDE = np.array([0.1, 0.5, -0.3, 0.8]) / np.linalg.norm([0.1, 0.5, -0.3, 0.8])
-
-
-def attraction(t, q, v):
-    return -q / np.linalg.norm(q) ** 3
-
-
-def orbit(t):
-    """Position and velocity on the orbit of unit attraction and semi-axis, from its pericentre."""
-    mean = anomaly = np.asarray(t, float)
-    for _ in range(30):
-        change = (anomaly - ECCENTRICITY * np.sin(anomaly) - mean) / (1 - ECCENTRICITY * np.cos(anomaly))
-        anomaly = anomaly - change
-    minor, rate = np.sqrt(1 - ECCENTRICITY**2), 1 / (1 - ECCENTRICITY * np.cos(anomaly))
-    q = np.stack([np.cos(anomaly) - ECCENTRICITY, minor * np.sin(anomaly)], axis=-1)
-    return q, np.stack([-np.sin(anomaly) * rate, minor * np.cos(anomaly) * rate], axis=-1)
+from .known_motions import ATTITUDE, MOMENTS, PLANE, SPIN, attraction, body, orbit, turned
 
 
 def deviation(solution, t):
@@ -38,77 +17,9 @@ def deviation(solution, t):
     return max(np.abs(found - exact).max() for found, exact in zip(solution.states(t), orbit(t), strict=True))
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def top():
-    """A body free to turn about its mass centre: dynamics and manifold."""
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
-    model.addJointFrame(joint)
-    model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.diag(MOMENTS)), pin.SE3.Identity())
-    return Dynamics.of(model)
-
-
-@pytest.fixture(scope="module")
-def turned():
-    """Attitude (x, y, z, w) and angular velocity of the same body by Euler's equations alone."""
-
-    def rate(t, y):
-        (x, y_, z, s), w = y[:4], y[4:]
-        rows = np.array([[s, -z, y_], [z, s, -x], [-y_, x, s], [-x, -y_, -z]])
-        return np.concatenate([0.5 * rows @ w, -np.cross(w, MOMENTS * w) / MOMENTS])
-
-    found = solve_ivp(
-        rate, (0, 4), np.concatenate([ATTITUDE, SPIN]), "DOP853", rtol=1e-13, atol=1e-14, dense_output=True
-    )
-    return found.sol
-
-
-def fixed_steps(acceleration, manifold, q, v, end, n):
-    """Return the solution of n equal steps, and its last state."""
-    solution = integrate([Stretch(0.0, end, acceleration)], manifold, q, v, FixedStep(end / n, DOP853))
-    return solution, np.hstack(solution.states(np.array([end])))[0]
-
-
-def slope(steps, errors):
-    return -np.polyfit(np.log(steps), np.log(errors), 1)[0]
-
-
-class TestOrder:
-    """The slope of log error over log h, between the first digits and rounding."""
-
-    def test_in_the_plane(self):
-        counts, errors = [20, 26, 34, 44, 54], []
-        for n in counts:
-            solution, _ = fixed_steps(attraction, PLANE, *orbit(0.0), 6.0, n)
-            errors.append(deviation(solution, np.array([step.t for step in solution.steps])))
-        assert errors[0] < 1e-5
-        assert errors[-1] > 1e-12  # rounding of 6 s is 1e-14
-        assert slope(counts, errors) > 7.5
-
-    def test_on_rotations(self, top, turned):
-        counts, errors = [6, 8, 11, 15, 20], []
-        for n in counts:
-            _, y = fixed_steps(top.acceleration(), top.manifold, ATTITUDE, SPIN, 4.0, n)
-            errors.append(np.abs(y - turned(4.0)).max())
-        assert errors[0] < 1e-2
-        assert errors[-1] > 1e-11  # the reference is right to 1e-12
-        assert slope(counts, errors) > 7.5
-
-    def test_of_the_dense_output_in_the_plane(self):
-        counts, errors, t = [20, 26, 34, 44, 54], [], np.linspace(0.0, 6.0, 997)
-        for n in counts:
-            solution, _ = fixed_steps(attraction, PLANE, *orbit(0.0), 6.0, n)
-            errors.append(deviation(solution, t))
-        assert errors[-1] > 1e-12
-        assert slope(counts, errors) > 7.0
-
-    def test_of_the_dense_output_on_rotations(self, top, turned):
-        counts, errors, t = [6, 8, 11, 15, 20], [], np.linspace(0.0, 4.0, 997)
-        for n in counts:
-            solution, _ = fixed_steps(top.acceleration(), top.manifold, ATTITUDE, SPIN, 4.0, n)
-            errors.append(np.abs(np.hstack(solution.states(t)) - turned(t).T).max())
-        assert errors[-1] > 1e-11
-        assert slope(counts, errors) > 7.0
+    return body()
 
 
 class TestDenseOutput:
@@ -162,9 +73,9 @@ class TestTolerance:
         t = np.linspace(0.0, 20.0, 501)
         self.check(self.errors(attraction, PLANE, *orbit(0.0), t, np.hstack(orbit(t))))
 
-    def test_error_shrinks_with_it_on_rotations(self, top, turned):
+    def test_error_shrinks_with_it_on_rotations(self, top):
         t = np.linspace(0.0, 4.0, 301)
-        self.check(self.errors(top.acceleration(), top.manifold, ATTITUDE, SPIN, t, turned(t).T))
+        self.check(self.errors(top.acceleration(), top.manifold, ATTITUDE, SPIN, t, turned()(t).T))
 
 
 @pytest.mark.parametrize("noise", [0.0, 3e-17, -1e-16, 1e-15])

@@ -2,9 +2,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.integrate import RK45
 from scipy.integrate._ivp import dop853_coefficients as scipy_coefficients
 
-from pinarm.engine.tableaus import DOP853
+from pinarm.engine.tableaus import DOP853, DOPRI5, RK4
 
 
 def test_coefficients_are_those_of_scipy_bit_for_bit():
@@ -47,3 +48,38 @@ def test_an_implicit_tableau_is_refused():
 
 def test_it_knows_its_stages():
     assert (DOP853.stages, DOP853.order, DOP853.error_order) == (12, 8, 7)
+
+
+def test_coefficients_of_the_pair_of_order_five_are_those_of_scipy():
+    assert DOPRI5.a[:, :5] == pytest.approx(RK45.A, abs=1e-15)
+    assert DOPRI5.b == pytest.approx(RK45.B, abs=1e-15)
+    assert DOPRI5.c == pytest.approx(RK45.C, abs=1e-15)
+    assert DOPRI5.error[0] == pytest.approx(-RK45.E, abs=1e-15)
+
+
+@pytest.mark.parametrize("power", range(4))
+@pytest.mark.parametrize("x", [0.2, 0.5, 0.9])
+def test_the_dense_output_of_order_four_integrates_powers_up_to_the_third(power, x):
+    """Weights b_i(x) with ``sum_i b_i(x) c_i^p = x^(p + 1) / (p + 1)``, the quadrature conditions of order 4."""
+    b, unit = np.append(DOPRI5.b, 0.0), np.eye(7)
+    first, last = unit[0], unit[6]
+    weights = x * (b + (1 - x) * (first - b + x * (2 * b - first - last + (1 - x) * DOPRI5.dense_d[0])))
+    assert weights @ np.append(DOPRI5.c, 1.0) ** power == pytest.approx(x ** (power + 1) / (power + 1), abs=1e-14)
+
+
+@pytest.mark.parametrize("tableau", [DOP853, DOPRI5, RK4], ids=lambda one: one.name)
+def test_methods_are_stable_up_to_the_limit_that_they_give_and_not_far_beyond(tableau):
+    """R(z) = 1 + z b (1 - z a)^-1 1 on the negative real axis."""
+
+    def growth(z):
+        s = tableau.stages
+        return abs(1 + z * tableau.b @ np.linalg.solve(np.eye(s) - z * tableau.a, np.ones(s)))
+
+    assert max(growth(-x) for x in np.linspace(0.01, tableau.stability, 200)) <= 1.0
+    assert growth(-1.06 * tableau.stability) > 1.0
+
+
+def test_the_classical_method_meets_the_eight_conditions_of_order_four():
+    a, b, c = RK4.a, RK4.b, RK4.c
+    found = [b.sum(), b @ c, b @ c**2, b @ a @ c, b @ c**3, (b * c) @ a @ c, b @ a @ c**2, b @ a @ a @ c]
+    assert found == pytest.approx([1, 1 / 2, 1 / 3, 1 / 6, 1 / 4, 1 / 8, 1 / 12, 1 / 24], abs=1e-15)

@@ -1,0 +1,83 @@
+"""Crossings that are looked for while integrating: found where they are, each once, none missed."""
+
+import numpy as np
+import pytest
+
+from pinarm.engine.integrators import METHODS, Adaptive, Flat, Stretch, Watch, integrate
+
+LINE = Flat(1, 1)
+TIGHT = Adaptive(1e-11)
+LOOSE = {"dop853": 1e-9, "dopri5": 1e-9, "rk4": 1e-3, "stiff": 1e-9, "conserving": 1e-9}
+
+
+def oscillator(end, watches, method=TIGHT):
+    """The unit oscillator from (0, 1): q = sin t."""
+    stretch = Stretch(0.0, end, lambda t, q, v: -q, energy=lambda q, v: (0.5 * v @ v, 0.5 * q @ q))
+    return integrate([stretch], LINE, np.zeros(1), np.ones(1), method, watches=watches)
+
+
+def position(level, direction=0, stops=False):
+    return Watch(lambda t, q, v: q[:, 0] - level, direction, stops)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_they_are_where_the_closed_form_crosses_with_every_method(name):
+    found = oscillator(20.0, [position(0.3)], METHODS[name](LOOSE[name])).crossings
+    rising, falling = np.arcsin(0.3), np.pi - np.arcsin(0.3)
+    exact = sorted(t for k in range(4) for t in (rising + 2 * np.pi * k, falling + 2 * np.pi * k) if t < 20.0)
+    assert [one.t for one in found] == pytest.approx(exact, abs=3e-7)  # dense output between steps of 1e-9
+    assert np.array([one.q[0] for one in found]) == pytest.approx(0.3, abs=4e-15)  # digits of t near 20 s
+
+
+def test_they_are_at_rounding_on_the_dense_output():
+    solution = oscillator(20.0, [position(0.3)])
+    for one in solution.crossings:
+        before, after = (solution.states(np.array([t]))[0][0, 0] - 0.3 for t in (np.nextafter(one.t, 0.0), one.t))
+        assert before * after <= 0.0
+
+
+@pytest.mark.parametrize(("direction", "slopes"), [(1, {1.0}), (-1, {-1.0}), (0, {1.0, -1.0})])
+def test_direction_is_that_of_the_crossing(direction, slopes):
+    found = oscillator(20.0, [position(0.3, direction)]).crossings
+    assert {float(np.sign(one.v[0])) for one in found} == slopes
+
+
+def test_a_watch_that_stops_ends_the_solution_there():
+    solution = oscillator(20.0, [position(0.3, -1, stops=True), position(-2.0)])
+    assert solution.end == pytest.approx(np.pi - np.arcsin(0.3), abs=1e-10)
+    assert solution.states(np.array([solution.end]))[0][0, 0] == pytest.approx(0.3, abs=1e-15)
+
+
+def test_what_would_come_after_the_stop_is_not_listed():
+    found = oscillator(20.0, [position(0.3, 1, stops=True), position(0.30001), position(0.29999)]).crossings
+    assert [one.watch for one in found] == [2, 0]
+
+
+def test_two_crossings_within_one_long_step_are_both_found():
+    """A free flight is one step of any length; its top is passed through 1e-6 below, in a millionth of the step."""
+    flight = Stretch(0.0, 10.0, lambda t, q, v: np.array([-2.0]))
+    height = 25.0 - 1e-6  # of q = 10 t - t^2, whose top is at t = 5
+    solution = integrate([flight], LINE, np.zeros(1), np.array([10.0]), Adaptive(1e-6), watches=[position(height)])
+    assert max(step.h for step in solution.steps) > 1.0
+    assert [one.t for one in solution.crossings] == pytest.approx([5.0 - 1e-3, 5.0 + 1e-3], abs=1e-9)
+
+
+def test_a_crossing_at_the_end_of_a_step_is_found_once():
+    stretches = [Stretch(low, low + 0.5, lambda t, q, v: 0.0 * q) for low in (0.0, 0.5)]
+    start = (np.array([-0.5]), np.ones(1))
+    for level in (0.0, 1e-17, -1e-17):
+        found = integrate(stretches, LINE, *start, Adaptive(1e-9), watches=[position(level)]).crossings
+        assert [one.t for one in found] == pytest.approx([0.5], abs=1e-15)
+
+
+def test_a_start_on_the_value_is_no_crossing():
+    assert len(oscillator(3.0, [position(0.0)]).crossings) == 0
+    assert len(oscillator(4.0, [position(0.0)]).crossings) == 1
+
+
+def test_a_value_that_is_not_linear_in_the_state_is_found_too():
+    rate = Watch(lambda t, q, v: np.sin(3 * q[:, 0]) * v[:, 0] - 0.5, 0, stops=False)
+    found = oscillator(6.0, [rate]).crossings
+    t = np.linspace(0.0, 6.0, 600_001)
+    g = np.sin(3 * np.sin(t)) * np.cos(t) - 0.5
+    assert [one.t for one in found] == pytest.approx(t[1:][g[1:] * g[:-1] < 0], abs=1e-5)  # spacing of t
