@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.engine.closure import Closure
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.mechanism import Mechanism
@@ -24,6 +24,12 @@ from pinarm.mechanics.couplings import Coupling
 
 CLOSED = 1e-12
 """Largest gap of a solved position [m or rad], relative to ``1 + |w|``; Newton's method ends near 1e-16."""
+
+ENOUGH = 1e-9
+"""Correction that is the last: Newton's method doubles the digits, the next one would be below rounding."""
+
+CONTRACTION = 0.25
+"""Largest ratio of a correction to the one before: Newton's method on its way to the only solution nearby."""
 
 REACH = 0.3
 """Largest correction of a predicted position [rad or m]: beyond it the step in time is halved."""
@@ -139,34 +145,35 @@ class Solver:
         while pending:
             h = pending[-1] - t
             w, dw, ddw = target(pending[-1])
-            found = self._newton(pin.integrate(self.model, q, h * v + 0.5 * h * h * a), w)
-            if found is not None:
-                q, t = found, pending.pop()
-                v, a = self.rates(q, dw, ddw, t)
+            predicted = pin.integrate(self.model, q, h * v + 0.5 * h * h * a)
+            found = self._newton(predicted, w)
+            rates = None if found is None else self.rates(found, dw, ddw, pending[-1])
+            if found is not None and rates and on_branch(h * (rates[0] - v - h * a), self._apart(predicted, found)):
+                q, (v, a), t = found, rates, pending.pop()
             elif abs(h) > smallest:
                 pending.append(t + 0.5 * h)
             else:
                 raise self._unreachable(*self._closest(q, target(to)[0]), to)
         return q, v, a
 
+    def _apart(self, one: Array, two: Array) -> Array:
+        return np.asarray(np.abs(pin.difference(self.model, one, two)).max())
+
     def _newton(self, q: Array, w: Array) -> Array | None:
         """Return the solution near a prediction, ``None`` where it is not near or does not come."""
-        moved = 0.0
-        for _ in range(12):
+        size, moved = np.inf, 0.0
+        while size > ENOUGH:
             gap = self.gap(q, w)
-            rows = self.rows()
             try:
-                step = _solve(rows, gap)
+                step = _solve(self.rows(), gap)
             except np.linalg.LinAlgError:
                 return None
-            size = float(np.abs(step).max())
+            size, before = float(np.abs(step).max()), size
             moved += size
-            if not moved < REACH:
+            if not moved < REACH or not (size < CONTRACTION * before or size < ENOUGH):
                 return None
             q = pin.integrate(self.model, q, step)
-            if size < 1e-9:  # Newton doubles the digits: the next step would be below rounding
-                return q if self._closed(gap, w) else None
-        return None
+        return q if self._closed(self.gap(q, w), w) else None
 
     def rates(self, q: Array, dw: Array, ddw: Array, t: float) -> tuple[Any, Any]:
         """Return v and a, each of shape (nv,).
@@ -230,6 +237,18 @@ def _solve(rows: Array, right: Array) -> Array:
     if rows.shape[0] == rows.shape[1]:
         return np.asarray(np.linalg.solve(rows, right))
     return np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0])
+
+
+def on_branch(turned: Array, correction: Array) -> Flags:
+    """Tell which solutions are on the branch of their predictions: one on another branch has another velocity.
+
+    With an error of the predicted position ``h^3 j / 6`` that of the velocity is three times as much, over h.
+
+    Args:
+        turned: Errors of the predicted velocities, times h [rad or m], shape (nv,) or (nv, n).
+        correction: Largest errors of the predicted coordinates, shape () or (n,).
+    """
+    return np.asarray(np.abs(turned).max(axis=0) <= 10.0 * correction + ENOUGH)
 
 
 def check_rank(rows: Array, names: Sequence[str], t: float) -> None:

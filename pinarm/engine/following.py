@@ -17,6 +17,7 @@ from pinarm.arrays import Array
 from pinarm.engine.assembly import Solver, check_rank
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.sweeps import NOTHING, Sweep
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings import Coupling, independent
 from pinarm.mechanics.motion import Grid, Values
@@ -41,7 +42,7 @@ def follow(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Array) -> 
     linear = all(isinstance(coordinate, LinearCoordinate) for coordinate in imposed.coordinates)
     if linear and len(couplings) == len(mechanism.constraints) and independent(couplings):
         return _follow_linear(mechanism, couplings, imposed, grid)
-    return _follow_by_steps(mechanism, imposed, grid, _imposed_at_start(mechanism, imposed, grid, start))
+    return _follow_branch(mechanism, imposed, grid, _imposed_at_start(mechanism, imposed, grid, start))
 
 
 def joint_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
@@ -62,9 +63,15 @@ def joint_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw
     """
     if not dw.any() and not ddw.any():  # at rest, which a singular position does not hinder
         return np.zeros((len(q), mechanism.model.nv)), np.zeros((len(q), mechanism.model.nv))
-    solver = Solver(mechanism.closure, imposed)
-    pairs = [solver.rates(row, dw, ddw, float(i)) for i, row in enumerate(q)]
-    return np.array([v for v, _ in pairs]), np.array([a for _, a in pairs])
+    solver, sweep = Solver(mechanism.closure, imposed), Sweep.of(mechanism.closure, imposed)
+    (v, a), row = np.empty((2, len(q), mechanism.model.nv)), 0
+    while row < len(q):
+        dq, ddq = sweep.rates(q[row:], dw, ddw) if sweep else NOTHING[1:]
+        if not len(dq):
+            dq, ddq = (x[None] for x in solver.rates(q[row], dw, ddw, float(row)))
+        rows = slice(row, row + len(dq))
+        v[rows], a[rows], row = dq, ddq, rows.stop
+    return v, a
 
 
 def _imposed_at_start(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Array) -> Array:
@@ -95,21 +102,23 @@ def _follow_linear(
     return q, np.ascontiguousarray(solved[1]), np.ascontiguousarray(solved[2])
 
 
-def _follow_by_steps(mechanism: Mechanism, imposed: Imposed, grid: Grid, q: Array) -> tuple[Array, Array, Array]:
-    """Continue from instant to instant, each predicted from the one before by its velocity and acceleration."""
-    solver = Solver(mechanism.closure, imposed)
-    n, nv = len(grid.t), solver.model.nv
-    qs, vs, accelerations = np.empty((n, len(q))), np.empty((n, nv)), np.empty((n, nv))
-    t, v, a = grid.t[0], np.zeros(nv), np.zeros(nv)
-    for begin, end, rows in grid.stretches():
-        target = imposed.on(begin, end)
-        for row in range(rows.start, rows.stop):
-            if row == 0:
-                q = solver.assemble(q, target(t)[0], t)
-                imposed.check_mobility(mechanism, q)
-                v, a = solver.rates(q, *target(t)[1:], t)
-            else:
-                q, v, a = solver.advance(q, v, a, t, grid.t[row], target)
-            t = grid.t[row]
-            qs[row], vs[row], accelerations[row] = q, v, a
-    return qs, vs, accelerations
+def _follow_branch(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Array) -> tuple[Array, Array, Array]:
+    """Continue the branch that begins near a configuration, shape (nq,): in sweeps, row by row where these cannot."""
+    solver, sweep = Solver(mechanism.closure, imposed), Sweep.of(mechanism.closure, imposed)
+    t, w = grid.t, np.zeros((3, len(grid.t), len(imposed.laws)))
+    for k, law in enumerate(imposed.laws):
+        w[:, :, k] = grid.evaluate(law)
+    q, (v, a) = np.empty((len(t), len(start))), np.empty((2, len(t), solver.model.nv))
+    q[0] = solver.assemble(start, w[0, 0], t[0])
+    imposed.check_mobility(mechanism, q[0])
+    v[0], a[0] = solver.rates(q[0], w[1, 0], w[2, 0], t[0])
+    for begin, end, part in grid.stretches():
+        target, row = imposed.on(begin, end), max(part.start, 1)
+        while row < part.stop:
+            last, ahead = (q[row - 1], v[row - 1], a[row - 1]), slice(row - 1, part.stop)
+            found = sweep.ahead(t[ahead], w[:, ahead], *last) if sweep and row > part.start else NOTHING
+            if not len(found[0]):
+                found = tuple(x[None] for x in solver.advance(*last, t[row - 1], t[row], target))
+            rows = slice(row, row + len(found[0]))
+            (q[rows], v[rows], a[rows]), row = found, rows.stop
+    return q, v, a

@@ -6,7 +6,7 @@ the n configurations along their last axis, or 1 where a number is the same in a
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -15,12 +15,15 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.closure import Constraint
-from pinarm.engine.elimination import Entries
+from pinarm.engine.elimination import Row
 from pinarm.mechanics.chains import Chain, Placed
 from pinarm.mechanics.coordinates import Coordinate, DistanceCoordinate, FrameCoordinate, LinearCoordinate
 from pinarm.mechanics.couplings import Coupling
 from pinarm.mechanics.loops import NOTHING, LoopJoint, LowerPair, Pair, Tie
 from pinarm.mechanics.vectors import dot
+
+BLOCK = 2048
+"""Number of configurations that are worked on at once: arrays of more would not stay in the processor's cache."""
 
 UNIVERSE = 0
 """Index of the world's frame."""
@@ -33,25 +36,12 @@ class Measured(Protocol):
         """Return the value of every row [m or rad], shape (n,) or (1,)."""
         ...
 
-    def rows(self, wanted: Container[int]) -> Mapping[int, Entries]:
+    def rows(self, wanted: Container[int]) -> Mapping[int, Row]:
         """Return the wanted rows of J."""
         ...
 
     def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
         """Return J' v of the wanted rows, shape (n,) or (1,), for velocities v, shape (nv, n)."""
-        ...
-
-
-class Measure(Protocol):
-    """What one constraint or coordinate measures."""
-
-    @property
-    def size(self) -> int:
-        """Number of rows."""
-        ...
-
-    def at(self, q: Array, cosine: Array, sine: Array) -> Measured:
-        """Return its rows at configurations q; cos(q) and sin(q) serve all measures. Each of shape (nv, n)."""
         ...
 
 
@@ -73,7 +63,7 @@ class Between:
         return self.pair.size
 
     def at(self, q: Array, cosine: Array, sine: Array) -> PairRows:
-        """Return its rows at many configurations."""
+        """Return its rows at configurations q; cos(q) and sin(q) serve all measures. Each of shape (nv, n)."""
         return PairRows(self.pair, self.chain.placed(q, cosine, sine))
 
 
@@ -94,7 +84,7 @@ class PairRows:
         lengths, angles = self.pair.gap(self.placed.p, self.placed.axes)
         return [*lengths, *angles]
 
-    def rows(self, wanted: Container[int]) -> Mapping[int, Entries]:
+    def rows(self, wanted: Container[int]) -> Mapping[int, Row]:
         """Return ``e . p'`` of the lengths and ``w . omega`` of the angles."""
         e, w = self._directions(wanted)
         found = {k: self.placed.along(one) for k, one in e.items()}
@@ -127,7 +117,7 @@ class Sum:
         size: One row.
     """
 
-    weights: Entries
+    weights: Row
     constant: float = 0.0
     size: int = 1
 
@@ -137,7 +127,7 @@ class Sum:
         return cls({int(i): coordinate.weights[i : i + 1] for i in np.flatnonzero(coordinate.weights)}, constant)
 
     def at(self, q: Array, cosine: Array, sine: Array) -> SumRow:
-        """Return its row at many configurations."""
+        """Return its row at configurations q, shape (nv, n)."""
         return SumRow(self, q)
 
 
@@ -158,13 +148,16 @@ class SumRow:
         total = sum((weight * self.q[i] for i, weight in self.measure.weights.items()), np.zeros(1))
         return [total - self.measure.constant]
 
-    def rows(self, wanted: Container[int]) -> dict[int, Entries]:
+    def rows(self, wanted: Container[int]) -> dict[int, Row]:
         """Return the weights."""
         return {0: self.measure.weights} if 0 in wanted else {}
 
     def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
         """Return nothing: the row is constant."""
         return {}
+
+
+Measure = Between | Sum
 
 
 def measure_of(model: pin.Model, one: Constraint | Coordinate) -> Measure | None:
@@ -190,26 +183,29 @@ class Measures:
     """What several constraints and coordinates measure, their rows numbered through.
 
     Attributes:
-        parts: The measures.
-        starts: First row of each.
+        parts: First row of each measure, and the measure.
+        size: Number of rows.
     """
 
-    parts: tuple[Measure, ...]
-    starts: tuple[int, ...]
+    parts: tuple[tuple[int, Measure], ...]
+    size: int
 
     @classmethod
     def of(cls, model: pin.Model, ones: Sequence[Constraint | Coordinate]) -> Measures | None:
-        """Return the measures of a model; ``None`` where one cannot be had at many configurations."""
-        found = [measure_of(model, one) for one in ones]
-        parts = tuple(measure for measure in found if measure is not None)
-        starts = np.cumsum([0, *(measure.size for measure in parts)])[:-1]
-        return cls(parts, tuple(int(start) for start in starts)) if len(parts) == len(found) else None
+        """Return the measures of a model; ``None`` where one of them cannot be had at many configurations."""
+        parts, size = [], 0
+        for one in ones:
+            measure = measure_of(model, one) if model.nq == model.nv else None
+            if measure is None:
+                return None
+            parts.append((size, measure))
+            size += measure.size
+        return cls(tuple(parts), size)
 
     def at(self, q: Array) -> MeasuredAll:
         """Return the rows at configurations, shape (nv, n)."""
         cosine, sine = np.cos(q), np.sin(q)
-        parts = [part.at(q, cosine, sine) for part in self.parts]
-        return MeasuredAll(list(zip(self.starts, parts, strict=True)))
+        return MeasuredAll([(start, measure.at(q, cosine, sine)) for start, measure in self.parts])
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +213,7 @@ class MeasuredAll:
     """The rows of several measures at many configurations.
 
     Attributes:
-        parts: First row of each, and its rows.
+        parts: First row of each measure, and its rows.
     """
 
     parts: list[tuple[int, Measured]]
@@ -226,43 +222,39 @@ class MeasuredAll:
         """Return the value of every row [m or rad], shape (n,) or (1,)."""
         return [value for _, part in self.parts for value in part.gap()]
 
-    def rows(self, wanted: Sequence[int]) -> dict[int, Entries]:
+    def rows(self, wanted: Sequence[int]) -> dict[int, Row]:
         """Return the wanted rows of J."""
-        return {
-            start + i: row for start, part in self.parts for i, row in part.rows([k - start for k in wanted]).items()
-        }
+        found = {}
+        for start, part in self.parts:
+            found.update({start + i: row for i, row in part.rows([k - start for k in wanted]).items()})
+        return found
 
     def drift(self, wanted: Sequence[int], v: Array) -> dict[int, Array]:
-        """Return J' v of the wanted rows, shape (n,) or (1,); 0 where there is none."""
-        return {
-            start + i: x for start, part in self.parts for i, x in part.drift([k - start for k in wanted], v).items()
-        }
+        """Return J' v of the wanted rows, shape (n,) or (1,), for velocities v, shape (nv, n); absent where it is 0."""
+        found = {}
+        for start, part in self.parts:
+            found.update({start + i: x for i, x in part.drift([k - start for k in wanted], v).items()})
+        return found
 
 
-def rates_of(model: pin.Model, coordinates: Sequence[Coordinate], q: Array, v: Array) -> Array:
-    """Return the rates of coordinates for several velocities at every configuration, shape (k, n, d).
-
-    Args:
-        model: Pinocchio's model.
-        coordinates: The coordinates, d of them.
-        q: Configurations, shape (n, nq).
-        v: Velocities, shape (k, n, nv).
-    """
-    found = np.empty((*v.shape[:2], len(coordinates)))
+def rows_of(model: pin.Model, coordinates: Sequence[Coordinate], q: Array) -> Array:
+    """Return the rows J of coordinates at configurations q, shape (n, nq), as an array of shape (n, d, nv)."""
+    found = np.zeros((len(q), len(coordinates), model.nv))
     for d, one in enumerate(coordinates):
-        found[:, :, d] = v @ one.weights if isinstance(one, LinearCoordinate) else _rates(model, one, q, v)
+        measures = Measures.of(model, [one])
+        if isinstance(one, LinearCoordinate):
+            found[:, d] = one.weights
+        elif measures is not None:
+            for j, x in measures.at(q.T).rows([0])[0].items():
+                found[:, d, j] = x
+        else:
+            found[:, d] = list(_rows_one_by_one(model, one, q))
     return found
 
 
-def _rates(model: pin.Model, coordinate: Coordinate, q: Array, v: Array) -> Array:
-    measure = measure_of(model, coordinate)
-    if measure is None or q.shape[1] != v.shape[2]:
-        data = model.createData()
-        rows = np.empty_like(v[0])
-        for i in range(len(q)):
-            pin.computeJointJacobians(model, data, q[i])
-            pin.updateFramePlacements(model, data)
-            rows[i] = coordinate.row(model, data)
-        return np.asarray(np.einsum("nj,knj->kn", rows, v))
-    row = measure.at(q.T, np.cos(q.T), np.sin(q.T)).rows((0,))[0]
-    return sum((entry * v[:, :, column] for column, entry in row.items()), np.zeros(v.shape[:2]))
+def _rows_one_by_one(model: pin.Model, coordinate: Coordinate, q: Array) -> Iterator[Array]:
+    data = model.createData()
+    for one in q:
+        pin.computeJointJacobians(model, data, one)
+        pin.updateFramePlacements(model, data)
+        yield coordinate.row(model, data)

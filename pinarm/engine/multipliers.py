@@ -7,15 +7,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.engine.closure import Closure, Split
 
 
 @dataclass(frozen=True, eq=False)
 class Multipliers:
-    """Multipliers of the constraints, and the efforts of drives along task coordinates, at the rows of a run.
+    """Multipliers of the constraints, and the efforts of drives along task coordinates, at the n rows of a run.
 
-    ``multipliers[row]`` has the shape (m + g,): those of the mechanism's constraints come first.
+    Like an array of shape (n, m + g): ``lam[row]`` is that of one row, those of the mechanism's constraints first, and
+    ``np.asarray(lam)`` that of all.
 
     Attributes:
         own: Row -> multipliers of the constraints [N or N*m], shape (m,).
@@ -31,8 +32,13 @@ class Multipliers:
         return cls(lam[:, :m].__getitem__, lam[:, m:])
 
     @classmethod
+    def zero(cls, n: int, m: int) -> Multipliers:
+        """Return n rows of zeros for m constraints: nothing acts, or nobody asks."""
+        return cls.known(np.zeros((n, m)), m)
+
+    @classmethod
     def least(cls, closure: Closure, q: Array, held: Array, along: Array) -> Multipliers:
-        """Return the least multipliers that hold what the drives do not; each is computed where it is asked for.
+        """Return the least multipliers that hold what the drives do not; each row is computed when it is asked for.
 
         Args:
             closure: The constraints, then the coordinates that drives act along.
@@ -40,14 +46,24 @@ class Multipliers:
             held: ``M a + nle - loads - tau``, shape (n, nv).
             along: Efforts of the drives along the coordinates, shape (n, g).
         """
-        m = closure.size - along.shape[1]
+        m, here = closure.size - along.shape[1], Closure.of(closure.model, closure.constraints)  # buffers of its own
 
         def own(row: int) -> Array:
-            closure.place(q[row])
-            rows = closure.rows()
+            here.place(q[row])
+            rows = here.rows()
             return Split.of(rows[:m]).multipliers(held[row] - along[row] @ rows[m:])
 
         return cls(own, along)
 
+    def __len__(self) -> int:
+        return len(self.along)
+
     def __getitem__(self, row: int) -> Array:
         return np.concatenate([self.own(row), self.along[row]])
+
+    def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> Array:
+        return np.array([self[row] for row in range(len(self))], dtype=dtype)
+
+    def some(self, rows: Indices) -> Multipliers:
+        """Return the multipliers at some of the rows."""
+        return Multipliers(lambda row: self.own(rows[row]), self.along[rows])

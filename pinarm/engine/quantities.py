@@ -297,7 +297,7 @@ class Quantities:
         if rows is None or along in run.mechanism.closure.slices():
             raise InputError(f"no drive acts along '{along}'", expected="a coordinate named in drives:")
         measured = NEWTON if run.mechanism.coordinates[along].unit == METRE else NEWTON_METRE
-        return Series(name, measured, run.lam[:, rows.start])
+        return Series(name, measured, run.lam.along[:, rows.start - run.mechanism.closure.size])
 
     def _of_point(self, name: str, words: list[str]) -> Series:
         if len(words) < 3 or words[1] not in RATES:

@@ -44,6 +44,11 @@ class Reactions:
         return rows
 
     @cached_property
+    def multipliers(self) -> Array:
+        """Multipliers of the constraints, and efforts of drives along task coordinates [N or N*m], shape (n, m)."""
+        return np.asarray(self.run.lam)
+
+    @cached_property
     def joints(self) -> Array:
         """Wrench of the parent on the child at every joint's origin, world axes [N, N*m], shape (n, njoints, 6)."""
         return self.run.gather(self._joints)
@@ -59,7 +64,7 @@ class Reactions:
             acting = [force.wrenches(run.grid.t[i], q, v) for force in dynamics.forces.values()]
             if closure.size:
                 closure.place(q)
-                acting.append(closure.wrenches(run.lam[i]))
+                acting.append(closure.wrenches(self.multipliers[i]))
             for joint in {joint for wrenches in acting for joint in wrenches}:
                 total = sum((wrenches[joint] for wrenches in acting if joint in wrenches), np.zeros(6))
                 outside[joint] = data.oMi[joint].actInv(pin.Force(total))
@@ -72,7 +77,7 @@ class Reactions:
 
     def loop(self, name: str) -> Array:
         """Return the wrench of a loop joint's first link on its second, at frame 2, world axes, shape (n, 6)."""
-        return self._loop(name, self.run.lam)
+        return self._loop(name, self.multipliers)
 
     def loop_origins(self, name: str) -> Array:
         """Return the places of a loop joint's second frame [m], world axes, shape (n, 3)."""

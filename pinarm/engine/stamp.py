@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.closure import Split
+from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.masses import MASSLESS
 from pinarm.engine.trajectory import Trajectory
 
@@ -86,7 +87,7 @@ class _Row:
         largest = (float(np.abs(part).max(initial=0.0)) for part in (gap[:m], own @ v, own @ a + drift[:m]))
         regularity = float(split.values[-1] / split.values[0]) if len(split.values) else 1.0
         condition = _condition(split.free.T @ mass @ split.free)
-        guided = rows[m:].T @ run.lam[row, m:]
+        guided = rows[m:].T @ run.lam.along[row]
         return cls(
             (next(largest), next(largest), next(largest)), regularity, condition, split, mass, -drift[:m], guided
         )
@@ -94,12 +95,17 @@ class _Row:
 
 def _return_trip(run: Trajectory, rows: Indices, found: list[_Row]) -> float:
     still = np.zeros_like(run.a)
-    bias = run.gather(lambda dynamics, part: dynamics.inverse(run.grid.t[part], run.q[part], run.v[part], still[part]))
+
+    def resistance(dynamics: Dynamics, part: slice) -> Array:
+        here = rows[(rows >= part.start) & (rows < part.stop)]
+        return dynamics.inverse(run.grid.t[here], run.q[here], run.v[here], still[here])
+
+    bias = run.gather(resistance)
     error, size = 0.0, float(np.abs(run.a[rows]).max(initial=0.0))
     model = run.mechanism.model
     pull = run.mechanism.gravity * sum(inertia.mass for inertia in model.inertias) ** 0.5
-    for row, one in zip(rows, found, strict=True):
-        supplied, resisting = run.tau[row] + one.guided, bias[row]
+    for row, one, resisting in zip(rows, found, bias, strict=True):
+        supplied = run.tau[row] + one.guided
         back = one.split.solve(one.mass, supplied - resisting, one.right)
         error = max(error, float(np.abs(back - run.a[row]).max(initial=0.0)))
         free = one.split.free

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.engine.closure import Closure, Split
 from pinarm.engine.dynamics import Dynamics, as_rows, same_rows
 from pinarm.engine.efforts import actuation, everywhere
+from pinarm.engine.measures import BLOCK, Measures
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.quantities import Quantities
 from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import InputError
@@ -100,12 +102,13 @@ def quantities(
     _check_closed(closure, q, v, a)
     grid = Grid(np.full(len(q), float(t)), (float(t), after), (0, len(q)))
     run = Trajectory(
-        mechanism, "t", unit("s"), grid, q, v, a, still, np.zeros((len(q), closure.size)), closure, mechanism.dynamics,
-        _nothing_between, separate=True,
+        mechanism, "t", unit("s"), grid, q, v, a, still, Multipliers.zero(len(q), closure.size), closure,
+        mechanism.dynamics, _nothing_between, separate=True,
     )  # fmt: skip
     demand = dynamics.inverse(t, q, v, a)
     if tau is not None:
-        return Quantities(replace(run, tau=tau, lam=_multipliers(closure, q, demand - tau)))
+        lam = Multipliers.least(closure, q, demand - tau, np.zeros((len(q), 0)))
+        return Quantities(replace(run, tau=tau, lam=lam))
     acting = actuation(mechanism, drives, drives) if drives else everywhere(mechanism)
     if acting is None:
         return Quantities(replace(run, unasked=NO_DRIVES))
@@ -158,22 +161,13 @@ def _accelerations(dynamics: Dynamics, closure: Closure, t: float, q: Array, v: 
     return found
 
 
-def _multipliers(closure: Closure, q: Array, left: Array) -> Array:
-    """Return the least multipliers that give the efforts which the drives leave, shape (n, m)."""
-    lam = np.zeros((len(q), closure.size))
-    for i in range(len(q) if closure.size else 0):
-        closure.place(q[i])
-        lam[i] = Split.of(closure.rows()).multipliers(left[i])
-    return lam
-
-
 def _check_closed(closure: Closure, q: Array, v: Array, a: Array) -> None:
     """Raise where a state tears a loop or a coupling.
 
     Raises:
         InputError: Says which, in which row, and by how much.
     """
-    for i in range(len(q) if closure.size else 0):
+    for i in _suspects(closure, q, v, a):
         closure.place(q[i])
         rows, gap = closure.rows(), closure.gap(q[i])
         drift = closure.drift(q[i], v[i])
@@ -189,3 +183,31 @@ def _check_closed(closure: Closure, q: Array, v: Array, a: Array) -> None:
                 said = f"row {i}: the {what} tear '{constraint.name}' by {abs(left[worst]):.3g} {constraint.unit(row)}"
                 raise InputError(said + {"positions": "", "velocities": "/s", "accelerations": "/s^2"}[what],
                                  expected="states that the loops and couplings allow")  # fmt: skip
+
+
+def _suspects(closure: Closure, q: Array, v: Array, a: Array) -> Iterator[int]:
+    """Yield the rows that may tear a loop or a coupling: those beyond half of what typed digits explain."""
+    measures = Measures.of(closure.model, closure.constraints)
+    if measures is None:
+        yield from range(len(q))
+        return
+    for start in range(0, len(q) if closure.size else 0, BLOCK):
+        part = slice(start, start + BLOCK)
+        yield from (
+            start + int(i)
+            for i in np.flatnonzero(_torn(measures, *(np.ascontiguousarray(x[part].T) for x in (q, v, a))))
+        )
+
+
+def _torn(measures: Measures, q: Array, v: Array, a: Array) -> Flags:
+    """Return which configurations, velocities and accelerations, each of shape (nv, n), are suspect, shape (n,)."""
+    measured, torn = measures.at(q), np.zeros(q.shape[1], dtype=bool)
+    for x in measured.gap():
+        torn |= np.abs(x) > 0.5 * CLOSED
+    drift = measured.drift(range(measures.size), v)
+    for i, row in measured.rows(range(measures.size)).items():
+        for rates, left in ((v, np.zeros(1)), (a, drift.get(i, np.zeros(1)))):
+            parts = [x * rates[j] for j, x in row.items()]
+            terms = sum((np.abs(part) for part in parts), np.abs(left))
+            torn |= np.abs(sum(parts, left)) > 0.5 * CLOSED * (1.0 + terms)
+    return torn

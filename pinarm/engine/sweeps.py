@@ -2,72 +2,43 @@
 
 From a solved row of the table, the rows ahead are predicted by its velocity and acceleration and corrected together, as
 far ahead as this surely stays on the branch: the prediction is near, every correction is much smaller than the one
-before, and the determinant of J keeps its sign and a good part of its size. The next sweep begins where one ends. What
-is singular, or out of reach, no sweep accepts: such rows are left to the continuation row by row.
+before, the velocity is that of a smooth motion, and the determinant of J keeps its sign and a good part of its size.
+The next sweep begins where one ends. What is singular, or out of reach, no sweep accepts: such rows are left to the
+continuation row by row.
 
 The equations are those of ``engine.following``. Arrays have the rows of the table along their last axis.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.assembly import CLOSED
+from pinarm.engine.assembly import CLOSED, CONTRACTION, ENOUGH, on_branch
 from pinarm.engine.closure import Closure
-from pinarm.engine.elimination import Elimination, pivots
+from pinarm.engine.elimination import Elimination, Order, dense
 from pinarm.engine.imposed import Imposed
-from pinarm.engine.measures import MeasuredAll, Measures
+from pinarm.engine.measures import BLOCK, MeasuredAll, Measures
 
-SHORTEST, LONGEST = 4, 2048
-"""Smallest number of rows that is tried, and largest number of rows in a sweep: arrays of more would not stay in the
-processor's cache."""
+SHORTEST = 4
+"""Smallest number of rows that is tried at once."""
 
-NEAR, WANTED = 0.1, 1e-3
+NEAR, WANTED = 0.1, 1e-2
 """Largest correction of a prediction that is accepted, and the one that the length of sweeps aims at [rad or m]."""
 
-CONTRACTION = 0.25
-"""Largest ratio of a correction to the one before: Newton's method on its way to the only solution nearby."""
-
-ENOUGH = 1e-9
-"""Correction that is the last: Newton's method doubles the digits."""
+NOTHING: tuple[Array, ...] = (np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0)))
+"""No rows of q, v and a."""
 
 ITERATIONS = 5
 
-REGULAR = 1e-3
-"""Smallest ratio of singular values of J from which a sweep begins, far above the one that counts as singular."""
+ROUNDING = 1e-15
+"""Correction that would change nothing any more [rad or m]."""
 
-INDEPENDENT = 1e-6
-"""Smallest pivot, of rows of length 1, of a row that says something new."""
-
-KEPT = 0.1
-"""Part of itself that a pivot keeps through sweeps in one order, and likewise their product, the determinant."""
-
-
-@dataclass(frozen=True, eq=False)
-class Solved:
-    """Rows of the table that a sweep has solved, from its first one on; there may be none.
-
-    Attributes:
-        q: Configurations, shape (nv, n).
-        v: Velocities, shape (nv, n).
-        a: Accelerations, shape (nv, n).
-        transmission: T, with ``v = T w'``, shape (k, nv, n).
-    """
-
-    q: Array
-    v: Array
-    a: Array
-    transmission: Array
-
-    def __len__(self) -> int:
-        return int(self.q.shape[1])
-
-    def until(self, n: int) -> Solved:
-        """Return the first n rows."""
-        return Solved(self.q[:, :n], self.v[:, :n], self.a[:, :n], self.transmission[:, :, :n])
+REGULAR = 1e-4
+"""Smallest ratio of singular values of J from which sweeps begin: while the determinant keeps a tenth of itself, it
+stays well above ``SINGULAR``."""
 
 
 class Sweep:
@@ -76,99 +47,102 @@ class Sweep:
     Args:
         nv: Number of joints.
         measures: What the constraints measure, then what the imposed coordinates do.
-        own: Number of rows of the constraints.
-        k: Number of imposed coordinates.
+        own: Number m of rows of the constraints.
     """
 
-    def __init__(self, nv: int, measures: Measures, own: int, k: int) -> None:
-        self.nv, self.measures, self.own, self.k = nv, measures, own, k
-        self._order: list[tuple[int, int]] = []
-        self._reference: list[Array] = []
-        self._length = LONGEST
+    def __init__(self, nv: int, measures: Measures, own: int) -> None:
+        self.nv, self.measures, self.own = nv, measures, own
+        self._order: Order | None = None
+        self._length = BLOCK
 
     @classmethod
     def of(cls, closure: Closure, imposed: Imposed) -> Sweep | None:
         """Return the sweeps of a mechanism; ``None`` where something cannot be had at many configurations."""
         measures = Measures.of(closure.model, (*closure.constraints, *imposed.coordinates))
-        return cls(closure.model.nv, measures, closure.size, len(imposed.names)) if measures else None
+        return cls(closure.model.nv, measures, closure.size) if measures else None
 
-    def ahead(self, t: Array, w: Array, q: Array, v: Array, a: Array) -> Solved:
-        """Return the rows up to the last one that is surely on the branch of the first.
+    def ahead(self, t: Array, w: Array, q: Array, v: Array, a: Array) -> tuple[Array, ...]:
+        """Return q, v and a, shape (m, nv), at as many of the instants after the first as surely are on its branch.
 
         Args:
             t: Instants, of which the first is solved, shape (n,).
-            w: Imposed coordinates with their derivatives, shape (k, 3, n).
+            w: Imposed coordinates and their two derivatives, shape (3, n, k).
             q: Configuration at the first instant, shape (nv,).
             v: Velocity there, shape (nv,).
             a: Acceleration there, shape (nv,).
         """
-        h, w = t[: self._length] - t[0], w[:, :, : self._length]
+        h, wanted = t[: self._length] - t[0], np.ascontiguousarray(w[:, : self._length].transpose(0, 2, 1))
+        slope = v[:, None] + h * a[:, None]
+        predicted = q[:, None] + 0.5 * h * (v[:, None] + slope)
         with np.errstate(all="ignore"):  # beyond the branch anything may come out: it is not accepted
-            if not self._begun(q):
-                return self._nothing()
-            predicted = q[:, None] + h * v[:, None] + (0.5 * h * h) * a[:, None]
-            solution, correction, good = self._newton(predicted, w[:, 0])
-            measured = self.measures.at(solution)
-            found, kept = self._rates(solution, measured, w[:, 1], w[:, 2])
-            n = self._leading(kept, good & self._closed(measured, w[:, 0]))
+            order = self._order_at(q)
+            if order is None:
+                return NOTHING
+            found, correction, good = self._newton(order, predicted, wanted[0])
+            measured = self.measures.at(found)
+            dq, ddq, served = self._rates(order, measured, wanted[1], wanted[2], len(h))
+            good &= self._closed(measured, wanted[0]) & on_branch(h * (dq - slope), correction)
+            n = self._leading(served, good)
             self._length = _next_length(n, correction)
-        return found.until(n)
+        return found[:, 1:n].T, dq[:, 1:n].T, ddq[:, 1:n].T
 
-    def rates(self, q: Array, dw: Array, ddw: Array) -> Solved:
-        """Return velocities and accelerations of the rows up to the last one that surely is regular.
+    def rates(self, q: Array, dw: Array, ddw: Array) -> tuple[Array, ...]:
+        """Return v and a, shape (m, nv), at as many of the first configurations as surely are regular.
 
         Args:
-            q: Closed configurations, shape (nv, n).
-            dw: Velocities of the imposed coordinates, shape (k, n).
-            ddw: Their accelerations, shape (k, n).
+            q: Closed configurations, shape (n, nv).
+            dw: Velocities of the imposed coordinates, shape (k,).
+            ddw: Their accelerations, shape (k,).
         """
+        block = np.ascontiguousarray(q[:BLOCK].T)
         with np.errstate(all="ignore"):
-            if not self._begun(q[:, 0]):
-                return self._nothing()
-            found, kept = self._rates(q, self.measures.at(q), dw, ddw)
-            return found.until(self._leading(kept, kept))
+            order = self._order_at(q[0])
+            if order is None:
+                return NOTHING[1:]
+            measured, n = self.measures.at(block), block.shape[1]
+            v, a, served = self._rates(order, measured, dw[:, None], ddw[:, None], n)
+            n = self._leading(served, np.ones(n, dtype=bool))
+        return v[:, :n].T, a[:, :n].T
 
-    def _nothing(self) -> Solved:
-        q, v, a = np.zeros((3, self.nv, 0))
-        return Solved(q, v, a, np.zeros((self.k, self.nv, 0)))
+    def _order_at(self, q: Array) -> Order | None:
+        """Return the order of the pivots: the last one, or else one for a configuration if that is regular enough."""
+        if self._order is None:
+            shape = self.measures.size, self.nv
+            matrix = dense(self.measures.at(q[:, None]).rows(range(shape[0])), shape)
+            values = np.linalg.svd(matrix, compute_uv=False)
+            if len(values) == self.nv and values[-1] >= REGULAR * values[0]:
+                self._order = Order.of(matrix, self.nv)
+        return self._order
 
-    def _begun(self, q: Array) -> bool:
-        """Choose the order of the pivots at a configuration, unless there is one; tell whether it is regular."""
-        if not self._order:
-            measured = self.measures.at(q[:, None])
-            rows = measured.rows(range(self.own + self.k))
-            dense = np.zeros((self.own + self.k, self.nv))
-            for row, entries in rows.items():
-                for column, entry in entries.items():
-                    dense[row, column] = entry[0]
-            values = np.linalg.svd(dense, compute_uv=False)
-            if len(dense) < self.nv or not values[self.nv - 1] >= REGULAR * values[0]:
-                return False
-            self._order = pivots(dense, INDEPENDENT)
-            self._reference = list(Elimination.of(rows, self._order).pivots)
-        return len(self._order) == self.nv
+    def _newton(self, order: Order, q: Array, w: Array) -> tuple[Array, Array, Flags]:
+        """Return the solutions near predictions, how far they were from them, and which of them are to be trusted.
 
-    def _newton(self, q: Array, w: Array) -> tuple[Array, Array, Flags]:
-        """Return the solutions near predictions, how far they were from them, and which came as they should."""
-        chosen = [row for row, _ in self._order]
-        first = last = np.full(q.shape[1], np.inf)
-        good = np.ones(q.shape[1], dtype=bool)
+        Args:
+            order: Order of the pivots.
+            q: Predictions, shape (nv, n); they become the solutions.
+            w: Wanted values of the imposed coordinates, shape (k, n).
+        """
+        wanted, n = [0.0] * self.own + list(w), q.shape[1]
+        first, last, left, good = np.zeros(n), np.full(n, np.inf), np.full(n, np.inf), np.ones(n, dtype=bool)
         for iteration in range(ITERATIONS):
             measured = self.measures.at(q)
-            gap, wanted = measured.gap(), dict.fromkeys(range(self.own), 0.0) | dict(enumerate(w, self.own))
-            step = Elimination.of(measured.rows(chosen), self._order).solve({i: wanted[i] - gap[i] for i in chosen})
-            size = np.abs(np.array(np.broadcast_arrays(*step.values()))).max(axis=0)
-            for column, x in step.items():
-                q[column] += x
-            good &= (size <= NEAR) if iteration == 0 else (size <= CONTRACTION * last) | (size < ENOUGH)
-            first = size if iteration == 0 else first
-            last = size
-            if size[good].max(initial=0.0) < ENOUGH:
+            gap, elimination = measured.gap(), Elimination.of(measured.rows(order.rows), order)
+            size = np.zeros(n)
+            for column, step in elimination.solve({row: wanted[row] - gap[row] for row in order.rows}).items():
+                q[column] += step
+                size = np.maximum(size, np.abs(step))
+            if iteration == 0:
+                first, left, good = size, size, size <= NEAR
+            else:
+                good &= (size <= CONTRACTION * last) | (size < ENOUGH)
+                left = size * (size / last) ** 2  # the next one, as the error is squared from step to step
+            last, left = size, np.where(size < ENOUGH, 0.0, left)
+            if left[good].max(initial=0.0) < ROUNDING:
                 break
-        return q, first, np.asarray(good & (last < ENOUGH))
+        return q, first, good & (left < ROUNDING)
 
     def _closed(self, measured: MeasuredAll, w: Array) -> Flags:
-        """Return at which configurations all rows are closed, those without pivots too."""
+        """Return where all rows are closed, those without pivots too, shape (n,)."""
         gap, closed = measured.gap(), np.ones(w.shape[1], dtype=bool)
         for x in gap[: self.own]:
             closed &= np.abs(x) <= CLOSED
@@ -176,37 +150,32 @@ class Sweep:
             closed &= np.abs(wanted - x) <= CLOSED * (1.0 + np.abs(wanted))
         return closed
 
-    def _rates(self, q: Array, measured: MeasuredAll, dw: Array, ddw: Array) -> tuple[Solved, Flags]:
-        """Return velocities and accelerations, and where the pivots are still good."""
-        chosen = [row for row, _ in self._order]
-        elimination = Elimination.of(measured.rows(chosen), self._order)
-        transmission = np.zeros((self.k, *q.shape))
-        for i in range(self.k):
-            for column, x in elimination.solve({self.own + i: np.ones(1)}).items():
-                transmission[i, column] = x
-        v = (transmission * dw[:, None]).sum(axis=0)
-        right = {row: -x for row, x in measured.drift(chosen, v).items()}
-        for i, x in enumerate(ddw, self.own):
-            right[i] = x + right[i] if i in right else x
-        a = np.zeros_like(q)
-        for column, x in elimination.solve(right).items():
-            a[column] = x
-        kept, product = np.ones(q.shape[1], dtype=bool), np.ones(1)
-        for pivot, reference in zip(elimination.pivots, self._reference, strict=True):
-            share = pivot / reference
-            product = product * share
-            kept &= (share > KEPT) & (product > KEPT)
-        return Solved(q, v, a, transmission), kept
+    def _rates(self, order: Order, measured: MeasuredAll, dw: Array, ddw: Array, n: int) -> tuple[Array, Array, Flags]:
+        """Return v and a, each of shape (nv, n), and where the order of the pivots still serves, shape (n,) or (1,)."""
+        elimination = Elimination.of(measured.rows(order.rows), order)
+        v = self._stacked(elimination.solve(dict(enumerate(dw, self.own))), n)
+        right = {row: -x for row, x in measured.drift(order.rows, v).items()}
+        for row, x in enumerate(ddw, self.own):
+            right[row] = x + right[row] if row in right else x
+        return v, self._stacked(elimination.solve(right), n), elimination.sound() & elimination.continued()
 
-    def _leading(self, kept: Flags, good: Flags) -> int:
-        """Return the number of rows before the first that is not good; forget the order where pivots got small."""
-        if not kept.all():
-            self._order = []
-        good = good & kept
+    def _stacked(self, columns: Mapping[int, Array], n: int) -> Array:
+        """Return an array of shape (nv, n) from its rows, 0 where they are absent."""
+        stacked = np.zeros((self.nv, n))
+        for column, x in columns.items():
+            stacked[column] = x
+        return stacked
+
+    def _leading(self, served: Flags, good: Flags) -> int:
+        """Return how many rows come before the first that is not good; forget the order where it no longer serves."""
+        if not served.all():
+            self._order = None
+        good = good & served
         return len(good) if good.all() else int(good.argmin())
 
 
 def _next_length(n: int, correction: Array) -> int:
-    """Return how many rows to try at once, from how many were good; errors of predictions grow as the cube of time."""
+    """Return how many rows to try next, n having been good; the error of a prediction grows as the cube of time."""
     last = float(correction[n - 1]) if n else np.inf
-    return int(np.clip(n * np.clip(np.cbrt(WANTED / max(last, 1e-300)), 0.5, 2.0), SHORTEST, LONGEST))
+    growth = min(max(np.cbrt(WANTED / max(last, 1e-300)), 0.5), 2.0)
+    return min(max(int(n * growth), SHORTEST), BLOCK)

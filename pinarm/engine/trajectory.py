@@ -13,6 +13,7 @@ from pinarm.arrays import Array
 from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics, parts
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.multipliers import Multipliers
 from pinarm.input.units import Unit
 from pinarm.mechanics.motion import Grid
 
@@ -77,7 +78,7 @@ class Trajectory:
         v: Velocities, shape (n, nv).
         a: Accelerations, shape (n, nv).
         tau: Efforts of the drives at joints, rotors included [N*m or N], shape (n, nv).
-        lam: Multipliers of the constraints [N or N*m], shape (n, m).
+        lam: Multipliers of the constraints, and efforts of drives along task coordinates [N or N*m].
         closure: The constraints that they belong to: those of the mechanism, then guided task coordinates.
         dynamics: The equation of motion with all the forces of the run.
         again: The same run at other instants.
@@ -97,7 +98,7 @@ class Trajectory:
     v: Array = field(repr=False)
     a: Array = field(repr=False)
     tau: Array = field(repr=False)
-    lam: Array = field(repr=False)
+    lam: Multipliers = field(repr=False)
     closure: Closure = field(repr=False)
     dynamics: Dynamics = field(repr=False)
     again: Callable[[Grid], Trajectory] = field(repr=False)
@@ -114,7 +115,7 @@ class Trajectory:
         q, idle = np.atleast_2d(pin.neutral(mechanism.model)), np.zeros((1, mechanism.model.nv))
         dynamics, grid = mechanism.dynamics, Grid(np.zeros(1), (0.0, 0.0), (0, 1))
         again, closure = partial(cls._still_again, mechanism, parameter, measured), mechanism.closure
-        lam = np.zeros((1, closure.size))
+        lam = Multipliers.zero(1, closure.size)
         return cls(mechanism, parameter, measured, grid, q, idle, idle, idle, lam, closure, dynamics, again)
 
     @classmethod

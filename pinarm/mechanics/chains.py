@@ -12,6 +12,7 @@ is the same in all, such as the axes of a planar mechanism.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -21,6 +22,9 @@ from pinarm.mechanics.vectors import Axes, combined, cross, dot
 
 ROUNDING = 1e-15
 """What rounding leaves of 0 and 1 in the rotation matrices of a model; taken away, such products cost nothing."""
+
+FIXED = tuple(np.eye(3)[:, :, None])
+"""The axes of frame 1 in themselves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,21 +62,18 @@ class Chain:
     def between(cls, model: pin.Model, first: int, second: int) -> Chain | None:
         """Return the chain between two frames; ``None`` where there is another kind of joint in it."""
         one, two = model.frames[first], model.frames[second]
-        ups, downs = ([int(j) for j in model.supports[frame.parentJoint]] for frame in (one, two))
-        stages: list[Stage] = []
-        between, axes = one.placement.inverse(), np.eye(3)
-        for joint, direction in [(j, -1.0) for j in reversed(ups) if j not in downs] + [
-            (j, 1.0) for j in downs if j not in ups
-        ]:
+        up, down = (list(model.supports[frame.parentJoint]) for frame in (one, two))
+        path = [(j, -1.0) for j in reversed(up) if j not in down] + [(j, 1.0) for j in down if j not in up]
+        stages, between, axes = [], one.placement.inverse(), np.eye(3)
+        for joint, direction in path:
             screw = _screw(model.joints[joint])
             if screw is None:
                 return None
-            turns, axis = screw
             if direction > 0.0:
                 between = between * model.jointPlacements[joint]
-            own = _with_z_along(direction * axis)
-            index = int(model.joints[joint].idx_v)
-            stages.append(Stage(index, turns, axes.T @ between.translation, _rounded(axes.T @ between.rotation @ own)))
+            turns, own = screw[0], _with_z_along(direction * screw[1])
+            turn = _rounded(axes.T @ between.rotation @ own)
+            stages.append(Stage(int(model.joints[joint].idx_v), turns, axes.T @ between.translation, turn))
             between = pin.SE3.Identity() if direction > 0.0 else model.jointPlacements[joint].inverse()
             axes = own
         between = between * two.placement
@@ -87,7 +88,7 @@ class Chain:
             sine: sin(q), shape (nv, n), likewise.
         """
         place: Array = np.zeros((3, 1))
-        axes: Axes = list(np.eye(3)[:, :, None])
+        axes: Axes = FIXED
         origins, screws = [], []
         for stage in self.stages:
             place = place + combined(axes, stage.shift)
@@ -122,15 +123,22 @@ class Placed:
     screws: list[Array] = field(repr=False)
     arms: list[Array] = field(repr=False)
 
+    @cached_property
+    def travels(self) -> list[Array]:
+        """Velocity of the origin of frame 2 for every stage at velocity 1, shape (3, n)."""
+        parts = zip(self.chain.stages, self.screws, self.arms, strict=True)
+        return [cross(screw, arm) if stage.turns else screw for stage, screw, arm in parts]
+
     def along(self, e: Array) -> dict[int, Array]:
         """Return the row of ``e . p'``: place in v -> coefficient, shape (n,); e has the shape (3, n)."""
-        parts = zip(self.chain.stages, self.screws, self.arms, strict=True)
-        return _present({s.index: dot(arm, cross(e, z)) if s.turns else dot(e, z) for s, z, arm in parts})
+        return _present(
+            {stage.index: dot(e, travel) for stage, travel in zip(self.chain.stages, self.travels, strict=True)}
+        )
 
     def about(self, w: Array) -> dict[int, Array]:
         """Return the row of ``w . omega``: place in v -> coefficient, shape (n,); w has the shape (3, n)."""
-        parts = zip(self.chain.stages, self.screws, strict=True)
-        return _present({s.index: dot(w, z) for s, z in parts if s.turns})
+        turning = [(stage, screw) for stage, screw in zip(self.chain.stages, self.screws, strict=True) if stage.turns]
+        return _present({stage.index: dot(w, screw) for stage, screw in turning})
 
     def rates(self, v: Array) -> tuple[Array, Array, Array, Array]:
         """Return how frame 2 moves in frame 1 under velocities v of the joints, shape (nv, n), without accelerations.

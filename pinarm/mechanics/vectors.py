@@ -22,6 +22,8 @@ axis of any frame, so that a rod that is to come between them can push them apar
 
 def dot(a: Array, b: Array) -> Array:
     """Return ``a . b``, shape () or (n,)."""
+    if a.shape == (3, 1):
+        return np.asarray(a[:, 0] @ b)
     return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 

@@ -14,6 +14,7 @@ from pinarm.arrays import Array
 from pinarm.engine.assembly import start_configuration
 from pinarm.engine.equilibrium import Balance, Equilibrium
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.trajectory import Series, Trajectory
 from pinarm.errors import AssemblyError, InputError, Key
 from pinarm.input.schema import Level, Model
@@ -139,8 +140,8 @@ def _at(balance: Balance, found: Sequence[Equilibrium], grid: Grid) -> Trajector
     table = np.array([[one.starts, one.modes.stability, *one.modes.squares, *one.modes.stiffnesses] for one in rows])
     units = _units(balance.mechanism, len(rows[0].modes.squares))
     further = {name: Series(name, units[name], column) for name, column in zip(units, table.T, strict=True)}
+    lam = Multipliers.known(np.array([lam for _, lam in efforts]), balance.mechanism.closure.size)
     return Trajectory(
-        balance.mechanism, "row", unit("1"), grid, q, still, still, np.array([tau for tau, _ in efforts]),
-        np.array([lam for _, lam in efforts]), balance.closure, balance.dynamics, partial(_at, balance, found),
-        further=further, separate=True,
+        balance.mechanism, "row", unit("1"), grid, q, still, still, np.array([tau for tau, _ in efforts]), lam,
+        balance.closure, balance.dynamics, partial(_at, balance, found), further=further, separate=True,
     )  # fmt: skip

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Annotated, ClassVar
 
 import msgspec
-import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.assembly import start_configuration
@@ -16,6 +15,7 @@ from pinarm.engine.efforts import Actuation, actuation
 from pinarm.engine.following import follow, joint_rates
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.trajectory import Trajectory
 from pinarm.input.schema import Level, Model
 from pinarm.input.units import Unit, unit
@@ -93,7 +93,7 @@ def driven(
         q, v, a = follow(mechanism, imposed, part, near)
         if rates is not None:
             v, a = joint_rates(mechanism, imposed, q, *rates)
-        idle = np.zeros((len(q), drives.closure.size))
+        idle = Multipliers.zero(len(q), mechanism.closure.size)
         # at another instant the branch is that of the nearest row, which the first pass has found
         draft = Trajectory(
             mechanism, parameter, measured, part, q, v, a, v, idle, drives.closure, dynamics,

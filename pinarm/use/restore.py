@@ -17,6 +17,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.quantities import Quantities
 from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import InputError
@@ -116,8 +117,9 @@ def _trajectory(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, A
                for (name, series), row in zip(still.further.items(), arrays["further"], strict=False)}  # fmt: skip
     loads = bind_loads(mechanism, getattr(problem, "loads", {}), lambda *at: place("problem", *at))
     again = lambda other: problem.solve(mechanism, scenario.content.accuracy, place).again(other)  # noqa: E731
+    lam = Multipliers.known(arrays["lam"], mechanism.closure.size)
     return replace(
-        still, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], tau=arrays["tau"], lam=arrays["lam"],
+        still, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], tau=arrays["tau"], lam=lam,
         closure=closure, dynamics=Dynamics.of(mechanism.model, loads), again=again, further=further,
     )  # fmt: skip
 

@@ -140,8 +140,8 @@ def _only(run: Trajectory, rows: Indices) -> Trajectory:
         return run
     starts = tuple(int(k) for k in np.searchsorted(rows, run.grid.rows))
     grid = Grid(run.grid.t[rows], run.grid.cuts, starts)
-    q, v, a, tau, lam = (array[rows] for array in (run.q, run.v, run.a, run.tau, run.lam))
-    return replace(run, grid=grid, q=q, v=v, a=a, tau=tau, lam=lam)
+    q, v, a, tau = (array[rows] for array in (run.q, run.v, run.a, run.tau))
+    return replace(run, grid=grid, q=q, v=v, a=a, tau=tau, lam=run.lam.some(rows))
 
 
 def _node(node: Node, packing: Packing) -> Plain:
