@@ -21,9 +21,8 @@ from pinarm.engine.integrators import Acceleration
 from pinarm.engine.reduction import Targets
 from pinarm.mechanics.loops import LoopJoint
 
-ACCURATE, TRUNCATED = (1e-10, 3), (1e-8, 3)
-"""Proximal term, relative to the smallest Delassus diagonal, and iterations: usually, and close to a singularity, where
-the accurate setting would follow rounding errors along the direction that the rows lose."""
+PROXIMAL, ITERATIONS = 1e-10, 3
+"""Proximal term of accelerations, relative to the smallest Delassus diagonal, and iterations."""
 
 PROJECTION = 1e-8
 """Proximal term of projections; their Newton iteration removes what it leaves."""
@@ -88,10 +87,10 @@ class PointClosure:
         cholesky = pin.ConstraintCholeskyDecomposition(model, data, points, states)
         return cls(model, data, points, states, cholesky, held, inertia, scale, rank, regularity)
 
-    def acceleration(self, dynamics: Dynamics, setting: tuple[float, int], targets: Targets) -> Acceleration:
+    def acceleration(self, dynamics: Dynamics, targets: Targets) -> Acceleration:
         """Return the constrained motion's ``(t, q, v) -> a`` under the forces of ``dynamics`` and the given laws."""
         model, data, points, states = self.model, self.data, self.points, self.states
-        settings = pin.ProximalSettings(1e-12, setting[0] * self.scale, setting[1])
+        settings = pin.ProximalSettings(1e-12, PROXIMAL * self.scale, ITERATIONS)
         solve, forces, tau = pin.constraintDynamics, tuple(dynamics.forces.values()), np.zeros(self.model.nv)
 
         driven, inertia = self.driven, self.inertia

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
@@ -70,6 +71,8 @@ class Stretch:
         floor: Returns the step that is taken although its error is above the tolerance, as long as it is below
             ``NOISE`` [s]: close to a singular position, where rounding is blown up, shorter steps are no better.
         energy: Energy of a state; none where dampers, loads over time, drives or laws of motion exchange energy.
+        as_from: ``with as_from(t):`` the acceleration is the one that the step from t was taken with, where it depends
+            on how close to a singular position the step began.
     """
 
     start: float
@@ -78,6 +81,7 @@ class Stretch:
     settle: Settle | None = None
     floor: Callable[[], float] = float
     energy: Energy | None = None
+    as_from: Callable[[float], AbstractContextManager[None]] = lambda t: nullcontext()
 
 
 @dataclass(frozen=True)
@@ -262,9 +266,9 @@ class Solution:
         known = self._interpolants.get(index)
         if known is None:
             step = self.steps[index]
-            known = self._interpolants[index] = self.method.interpolant(
-                self.stretches[step.stretch], self.manifold, step
-            )
+            stretch = self.stretches[step.stretch]
+            with stretch.as_from(step.t):
+                known = self._interpolants[index] = self.method.interpolant(stretch, self.manifold, step)
         return known
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +13,7 @@ from pinarm.arrays import Array
 from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Manifold, Stretch
-from pinarm.engine.native import ACCURATE, TRUNCATED, PointClosure
+from pinarm.engine.native import PointClosure
 from pinarm.engine.reduction import Targets
 from pinarm.engine.systems.constrained import ConstrainedSystem
 from pinarm.engine.systems.contract import Initial, Motion
@@ -28,10 +30,13 @@ ROUNDED = 1e-15
 STALLED = 1e-9
 """Gap below which Newton's method may end because rounding lets it shrink no more [m]."""
 
-NEAR, CLOSE = 0.2, 0.03
-"""Smallest singular value of the rows, relative to the largest, and this to what it is at positions of no special kind:
-below the first every stage is brought back onto the constraints, as it always is where loops are overconstrained; below
-the second the proximal term is the truncating one, which is less exact where masses differ much."""
+NEAR = 0.2
+"""Smallest singular value of the rows, relative to the largest, and this to what it is at positions of no special kind,
+below which every stage is brought back onto the constraints, as it always is where loops are overconstrained."""
+
+BLIND, ASIDE, ACROSS = 5e-4, 1e-3, np.array([-1.0, 4.0, 4.0, -1.0]) / 6.0
+"""The same below which a position says little of the acceleration there; it is then interpolated between positions at
+once and twice that distance [rad or m], before and behind it on the way, with these weights. The motion is smooth."""
 
 VANISHED = 1e-14
 """Square of a singular value, relative to the largest, that is 0 but for rounding."""
@@ -66,7 +71,9 @@ class PointSystem:
     def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
         """Return the motion on an interval without jumps."""
         motion = _PointMotion(self.points, dynamics.on(start, end), self.general.imposed.on(start, end))
-        return Stretch(start, end, motion.acceleration, motion.settle, motion.floor, self.general.energy(dynamics))
+        return Stretch(
+            start, end, motion.acceleration, motion.settle, motion.floor, self.general.energy(dynamics), motion.as_from
+        )
 
     def part(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the state itself."""
@@ -87,18 +94,32 @@ class _PointMotion:
     def __init__(self, points: PointClosure, dynamics: Dynamics, targets: Targets) -> None:
         self.points, self.targets = points, targets
         self.places = [points.model.joints[int(points.joint_at(v))].idx_q for v in points.driven]
-        self.usual = points.acceleration(dynamics, ACCURATE, targets)
-        self.truncated = points.acceleration(dynamics, TRUNCATED, targets)
-        self.free, self.near, self.looked = self.usual, True, False
+        self.free = points.acceleration(dynamics, targets)
+        self.near, self.passing, self.rank, self.looked = True, True, 0, False
         self.t, self.step, self.least = -np.inf, 0.0, 0.0
+        self.ways: dict[float, tuple[bool, bool, int]] = {}
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration, near singular positions that of the closed state."""
         if self.near:
+            if self.passing and v.any() and self.blind(q):
+                return self.across(t, q, v)
             q, v = self.closed(q, v)
             if not self.looked:
                 self.look()
         return self.free(t, q, v)
+
+    def blind(self, q: Array) -> bool:
+        """Return whether a position is too close to a singular one."""
+        self.points.factorise(q)
+        rank, regularity = self.regularity()
+        return rank < self.rank or regularity < BLIND
+
+    def across(self, t: float, q: Array, v: Array) -> Array:
+        """Return the acceleration at a singular position that is passed, from both sides of it."""
+        model, aside = self.points.model, (ASIDE / float(np.abs(v).max())) * v
+        there = [self.free(t, *self.closed(pin.integrate(model, q, k * aside), v)).copy() for k in (-2, -1, 1, 2)]
+        return np.asarray(ACROSS @ np.array(there))
 
     def floor(self) -> float:
         """Return the least step here: a fraction of the last one that was taken far from singular positions [s]."""
@@ -114,17 +135,32 @@ class _PointMotion:
             self.step = t - self.t
         self.least = FLOOR * self.step if self.near else 0.0
         self.t = t
+        self.ways[t] = self.near, self.passing, self.rank
         return q, v
+
+    @contextmanager
+    def as_from(self, t: float) -> Iterator[None]:
+        """Go on as was chosen at the end of an earlier step; as close to a singular position at the first instant."""
+        now = self.near, self.passing, self.rank
+        self.near, self.passing, self.rank = self.ways.get(t, (True, True, self.rank))
+        try:
+            yield
+        finally:
+            self.near, self.passing, self.rank = now
 
     def look(self) -> None:
         """Choose how to go on, by how regular the position last closed is."""
+        self.rank, regularity = self.regularity()
+        self.passing = regularity < NEAR
+        self.near = self.passing or self.rank < self.points.rank
+        self.looked = True
+
+    def regularity(self) -> tuple[int, float]:
+        """Return the rank of the rows at the position last closed, and their regularity relative to the usual one."""
         rows = self.points.rows()
         squares = np.linalg.eigvalsh(rows @ rows.T)  # quicker than singular values, and exact enough
         held = squares[squares > VANISHED * squares[-1]]
-        regularity = (held[0] / held[-1]) ** 0.5 / self.points.regularity
-        self.near = regularity < NEAR or len(held) < self.points.rank
-        self.free = self.truncated if regularity < CLOSE else self.usual
-        self.looked = True
+        return len(held), float(held[0] / held[-1]) ** 0.5 / self.points.regularity
 
     def closed(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the closed state nearest to (q, v), the distance measured by the masses."""

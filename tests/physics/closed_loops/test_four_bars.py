@@ -72,6 +72,31 @@ def test_change_point_linkage_stays_on_its_smooth_motion_at_every_turn(solve, sp
     assert theta2 == pytest.approx(turning.at(found["t"].values), abs=max(1e3 * tolerance, 1e-6))
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9, 1e-11])
+def test_no_tolerance_takes_the_change_point_linkage_to_another_motion(solve, tolerance):
+    for speed in np.linspace(4.0, 16.0, 25):  # it swings below 11 rad/s and turns above
+        initial = {"position": {"theta2": 0.0}, "velocity": {"theta2": float(speed)}}
+        found = solve(
+            "change_point_four_bar", "forward", end=3.0, samples=301, tolerance=tolerance, start=OPEN, initial=initial
+        )
+        theta3, theta4, *_ = CHANGE_POINT.slopes(found["theta2"].values)
+        assert np.exp(1j * found["theta3"].values) == pytest.approx(np.exp(1j * theta3), abs=1e-9)
+        assert np.exp(1j * found["theta4"].values) == pytest.approx(np.exp(1j * theta4), abs=1e-9)
+
+
+@pytest.mark.parametrize("speed", [7.5, 10.5])
+def test_rows_within_a_step_that_passes_a_change_point_are_as_good_as_its_ends(solve, speed):
+    initial = {"position": {"theta2": 0.0}, "velocity": {"theta2": speed}}
+    start = {"A": np.deg2rad(34.0), "theta4": np.deg2rad(78.0)}
+    found = solve(
+        "change_point_four_bar", "forward", end=3.0, samples=301, tolerance=1e-11, start=start, initial=initial
+    )
+    energy = found["energy.total"].values
+    exchanged = np.ptp(found["energy.kinetic"].values)
+    assert energy == pytest.approx(np.full_like(energy, energy[0]), abs=1e-7 * exchanged)  # passages leave 1e-8
+
+
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10, 1e-11])
 @pytest.mark.parametrize(("model", "count"), [("four_bar", 1), ("two_four_bars", 2)])
 def test_equal_four_bars_pass_their_flat_positions_on_the_parallelogram(solve, model, count, tolerance):
