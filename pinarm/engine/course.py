@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from pinarm.arrays import Array
 from pinarm.engine.balance import Account, energy_balance
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Solution
+from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.systems import Motion, System
 from pinarm.engine.trajectory import Happening
 from pinarm.mechanics.motion import Grid
@@ -62,7 +61,8 @@ class Course:
         for number in np.unique(owners):
             leg, local = self.legs[number], grid.part(*np.flatnonzero(owners == number)[[0, -1]])
             motions.append(leg.system.complete(self.dynamics, local, *leg.solution.states(local.t)))
-        return Motion(*(np.concatenate(columns) for columns in zip(*map(_columns, motions), strict=True)))
+        q, v, a, tau = map(np.concatenate, zip(*((one.q, one.v, one.a, one.tau) for one in motions), strict=True))
+        return Motion(q, v, a, tau, Multipliers.joined([one.lam for one in motions]))
 
     def cost(self) -> dict[str, float]:
         """Return the work done, by name."""
@@ -86,7 +86,3 @@ class Course:
     def doubts(self) -> list[str]:
         """Return what says that the integrator was a poor choice."""
         return list(dict.fromkeys(doubt for leg in self.legs for doubt in leg.solution.method.doubts(leg.solution)))
-
-
-def _columns(motion: Motion) -> Sequence[Array]:
-    return motion.q, motion.v, motion.a, motion.tau, motion.lam

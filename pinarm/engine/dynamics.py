@@ -77,6 +77,21 @@ class Dynamics:
     def _pool(self) -> pin.ModelPool:
         return pin.ModelPool(self.model, 1)
 
+    @cached_property
+    def _weightless(self) -> pin.ModelPool:
+        model = pin.Model(self.model)
+        model.gravity = pin.Motion.Zero()
+        return pin.ModelPool(model, 1)
+
+    def mass_matrices(self, q: Array) -> Array:
+        """Return M at configurations, shape (n, nq): the efforts of unit accelerations, shape (n, nv, nv)."""
+        n, nv = len(q), self.model.nv
+        mass, q, units, still = np.empty((n, nv, nv)), q.T, np.eye(nv), np.zeros((nv, n))
+        for j in range(nv):
+            a = np.repeat(units[:, j : j + 1], n, axis=1)
+            mass[:, :, j] = pin.rneaInParallel(1, self._weightless, q, still, a).reshape(nv, -1).T
+        return mass
+
     def loads(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the generalised loads of the force elements [N*m or N], shape (..., nv)."""
         tau = np.zeros((*q.shape[:-1], self.model.nv))

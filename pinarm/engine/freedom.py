@@ -1,18 +1,19 @@
-"""The free motions of a mechanism with loops, at many configurations.
+"""What constraints determine and what they leave free, at many configurations that are eliminated in one order.
 
-A basis of them is a matrix T with ``G T = 0``, orthonormal, G being the rows of the constraints. Elimination tells
+G being the rows of the constraints, the free motions have a basis T with ``G T = 0``, orthonormal. Elimination tells
 dependent joints from independent ones; one of these at velocity 1, the others at rest, is a free motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.closure import Closure, Split
-from pinarm.engine.elimination import Elimination, Order, dense
+from pinarm.engine.elimination import Elimination, Order, Row, dense
 from pinarm.engine.measures import BLOCK, Measures
 
 REGULAR = 1e-4
@@ -36,49 +37,89 @@ def free_motions(closure: Closure, q: Array) -> Iterator[tuple[Indices, Array]]:
     for start in range(0, n, BLOCK):
         left = np.arange(start, min(start + BLOCK, n))
         while len(left):
-            found = _like_the_first(measures, np.ascontiguousarray(q[left].T)) if measures else None
-            free, served = found or _of_the_first(closure, q[left])
+            freedom = _freedom(measures, np.ascontiguousarray(q[left].T)) if measures else None
+            if freedom and freedom.served[0]:
+                served, free = freedom.served, freedom.motions[:, freedom.served]
+            else:
+                closure.place(q[left[0]])
+                served, free = np.arange(len(left)) == 0, Split.of(closure.rows()).free.T[:, None]
             yield left[served], free
             left = left[~served]
 
 
-def _of_the_first(closure: Closure, q: Array) -> tuple[Array, Flags]:
-    """Return the free motions of the first configuration, for positions close to singular; see ``_like_the_first``."""
-    closure.place(q[0])
-    return Split.of(closure.rows()).free.T[:, None], np.arange(len(q)) == 0
-
-
-def _like_the_first(measures: Measures, q: Array) -> tuple[Array, Flags] | None:
-    """Return the free motions of the configurations that the first one's order of pivots serves.
-
-    Args:
-        measures: What the constraints measure.
-        q: Configurations, shape (nv, n).
-
-    Returns:
-        T, and which configurations they are, shape (n,); ``None`` where the first one is close to singular.
-    """
-    nv, n = q.shape
+def _freedom(measures: Measures, q: Array) -> Freedom | None:
+    """Return the freedom of configurations, shape (nv, n), by the order of the first one; ``None`` if there is none."""
     rows = measures.at(q).rows(range(measures.size))
-    matrix = dense(rows, (measures.size, nv))
+    order = regular_order(dense(rows, (measures.size, len(q))))
+    return Freedom.of(rows, order, q.shape) if order else None
+
+
+def regular_order(matrix: Array) -> Order | None:
+    """Return the order of elimination of G at a configuration, shape (m, nv); ``None`` close to singular ones."""
     values = Split.of(matrix).values
-    if not len(values) or values[-1] < REGULAR * values[0]:
-        return None
-    order = Order.of(matrix, len(values))
-    with np.errstate(all="ignore"):  # what the order does not serve is not used
-        elimination, motions = Elimination.of(rows, order), np.zeros((nv - len(values), n, nv))
-        independent = [column for column in range(nv) if column not in order.columns]
-        for motion, column in zip(motions, independent, strict=True):
-            for j, x in elimination.solve({}, {column: np.ones(1)}).items():
-                motion[:, j] = x
-        served = elimination.sound() & np.ones(n, dtype=bool)
-    free = _orthonormal(motions[:, served])
-    most, allowed = DEPENDENT * float(np.linalg.norm(matrix, axis=1).max()), np.ones(free.shape[1], dtype=bool)
-    for row in set(rows) - set(order.rows):
-        parts = [np.broadcast_to(x, n)[served] * free[:, :, j] for j, x in rows[row].items()]
-        allowed &= (np.abs(sum(parts, np.zeros(1))) <= most).all(axis=0)
-    served[served] = allowed
-    return (free[:, allowed], served) if served[0] else None
+    return Order.of(matrix, len(values)) if len(values) and values[-1] >= REGULAR * values[0] else None
+
+
+@dataclass(frozen=True, eq=False)
+class Freedom:
+    """The rows of G taken apart at n configurations; see ``closure.Split`` for a single one.
+
+    Attributes:
+        elimination: Of those rows that determine what all of them do.
+        motions: T, shape (f, n, nv).
+        served: Where the order of the pivots serves; what is said of others is not to be used, shape (n,).
+    """
+
+    elimination: Elimination
+    motions: Array
+    served: Flags
+
+    @classmethod
+    def of(cls, rows: Mapping[int, Row], order: Order, shape: tuple[int, ...]) -> Freedom:
+        """Return the freedom that rows leave.
+
+        Args:
+            rows: G at the configurations, redundant rows too.
+            order: Order of the pivots.
+            shape: Of the velocities: (nv, n).
+        """
+        nv, n = shape
+        with np.errstate(all="ignore"):  # where the order does not serve
+            elimination = Elimination.of(rows, order)
+            independent = [column for column in range(nv) if column not in order.columns]
+            motions = np.zeros((len(independent), n, nv))
+            for motion, column in zip(motions, independent, strict=True):
+                for j, x in elimination.solve({}, {column: np.ones(1)}).items():
+                    motion[:, j] = x
+            served = elimination.sound() & np.isfinite(motions).all(axis=(0, 2))
+            motions = _orthonormal(np.where(served[:, None], motions, 0.0))
+        longest = max(float(np.linalg.norm([x[0] for x in row.values()])) for row in rows.values())
+        for row in set(rows) - set(order.rows):
+            left = sum((x * motions[:, :, j] for j, x in rows[row].items()), np.zeros(1))
+            served &= (np.abs(left) <= DEPENDENT * longest).all(axis=0)
+        return cls(elimination, motions, served)
+
+    def solve(self, mass: Array, force: Array, right: Mapping[int, Array]) -> Array:
+        """Return the x that minimises ``x^T M x / 2 - force . x`` while ``G x = right``, shape (n, nv).
+
+        Gauss's principle, as in ``closure.Split.solve``.
+
+        Args:
+            mass: M, shape (n, nv, nv).
+            force: Shape (n, nv).
+            right: Row -> right-hand side, shape (n,) or (1,); 0 where it is absent.
+        """
+        x = np.zeros_like(force)
+        for j, column in self.elimination.solve(right).items():
+            x[:, j] = column
+        if not len(self.motions):
+            return x
+        moved = np.einsum("nij,fnj->fni", mass, self.motions)
+        reduced = np.einsum("fni,gni->nfg", self.motions, moved)
+        reduced[~self.served] = np.eye(len(moved))
+        wanted = np.einsum("fni,ni->nf", self.motions, force - np.einsum("nij,nj->ni", mass, x))
+        speeds = np.linalg.solve(reduced, wanted[:, :, None])[:, :, 0]
+        return np.asarray(x + np.einsum("nf,fni->ni", speeds, self.motions))
 
 
 def _orthonormal(motions: Array) -> Array:

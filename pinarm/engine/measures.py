@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.closure import Constraint
+from pinarm.engine.closure import Constraint, Guide
 from pinarm.engine.elimination import Row
 from pinarm.mechanics.chains import Chain, Placed
 from pinarm.mechanics.coordinates import Coordinate, DistanceCoordinate, FrameCoordinate, LinearCoordinate
@@ -162,6 +162,8 @@ Measure = Between | Sum
 
 def measure_of(model: pin.Model, one: Constraint | Coordinate) -> Measure | None:
     """Return what a constraint or coordinate measures; ``None`` where it cannot be had at many configurations."""
+    if isinstance(one, Guide):
+        return measure_of(model, one.coordinate)
     if isinstance(one, LinearCoordinate):
         return Sum.of(one)
     if isinstance(one, Coupling):

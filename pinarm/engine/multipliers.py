@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -54,6 +54,17 @@ class Multipliers:
             return Split.of(rows[:m]).multipliers(held[row] - along[row] @ rows[m:])
 
         return cls(own, along)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Multipliers]) -> Multipliers:
+        """Return the rows of several runs, one after the other."""
+        starts = np.cumsum([0, *(len(part) for part in parts)])
+
+        def own(row: int) -> Array:
+            k = int(np.searchsorted(starts, row, side="right")) - 1
+            return parts[k].own(row - starts[k])
+
+        return cls(own, np.concatenate([part.along for part in parts]))
 
     def __len__(self) -> int:
         return len(self.along)

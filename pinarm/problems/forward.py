@@ -16,7 +16,6 @@ from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.masses import require_masses
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.systems import Initial
 from pinarm.engine.trajectory import Happening, Series, Trajectory
 from pinarm.engine.travel import Journey
@@ -144,8 +143,7 @@ def _at(mechanism: Mechanism, journey: Journey, course: Course, events: Mapping[
     """Return a course at the instants of a grid; accelerations are those of the equation of motion there."""
     motion = course.complete(grid)
     return Trajectory(
-        mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau,
-        Multipliers.known(motion.lam, mechanism.closure.size),
+        mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau, motion.lam,
         journey.system().closure, journey.dynamics, partial(_at, mechanism, journey, course, events),
         further=_further(events, course.happenings, len(grid.t)), happenings=tuple(course.happenings),
     )  # fmt: skip

@@ -3,13 +3,15 @@
 import catalogue
 import numpy as np
 import pytest
-from motions import driven
+from motions import driven, free
 
 from pinarm.engine.closure import Split
 from pinarm.engine.freedom import free_motions
 from pinarm.engine.measures import BLOCK, Measures
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.sweeps import Sweep
+from pinarm.engine.systems.together import Together
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import Harmonic
 
@@ -56,19 +58,19 @@ class TestFreeMotions:
         angle = np.random.default_rng(0).uniform(-3.0, 3.0, 2 * BLOCK + 5)
         angle[[0, 7, 500, BLOCK, 2 * BLOCK + 4]] = np.pi / 2 * np.array([1.0, -1.0, 1.0, 1.0 + 1e-7, 1.0 - 1e-10])
         q, seen = leaning(four_bar, angle), np.zeros(len(angle), dtype=int)
-        for places, free in free_motions(four_bar.closure, q):
+        for places, motions in free_motions(four_bar.closure, q):
             seen[places] += 1
             for k in range(0, len(places), 37):
                 four_bar.closure.place(q[places[k]])
                 right = Split.of(four_bar.closure.rows()).free
-                assert len(free) == right.shape[1]
-                assert free[:, k].T @ free[:, k] == pytest.approx(right @ right.T, abs=1e-8)  # 1e-15 / 1e-7
+                assert len(motions) == right.shape[1]
+                assert motions[:, k].T @ motions[:, k] == pytest.approx(right @ right.T, abs=1e-8)  # 1e-15 / 1e-7
         assert (seen == 1).all()
 
     def test_two_where_the_rods_lie_in_one_line(self, four_bar):
         q = leaning(four_bar, np.pi / 2 * np.array([0.3, 1.0, 0.6]))
-        freedom = {int(place): len(free) for places, free in free_motions(four_bar.closure, q) for place in places}
-        assert freedom == {0: 1, 1: 2, 2: 1}
+        found = [(int(k), len(motions)) for places, motions in free_motions(four_bar.closure, q) for k in places]
+        assert dict(found) == {0: 1, 1: 2, 2: 1}
 
 
 class TestStates:
@@ -95,3 +97,24 @@ class TestStates:
         states[column][BLOCK + 3, 0] += 1e-6
         with pytest.raises(InputError, match=f"row {BLOCK + 3}: the {what} tear 'top_1'"):
             four_bar.at(*states)
+
+
+@pytest.mark.parametrize("name", LINKAGES)
+def test_the_rows_of_a_free_motion_are_those_computed_one_by_one(name, tmp_path, monkeypatch):
+    linkage, cut, (drive, *_) = LINKAGES[name]
+    mechanism = linkage().build(tmp_path, cut)
+    motion = {drive: Harmonic(amplitude=0.3, pulsation=5.0)} if name == "five_bar" else {}
+    together = free(mechanism, 0.2, 30, tolerance=1e-5, motion=motion)
+    monkeypatch.setattr(Together, "of", lambda *_: None)
+    alone = free(mechanism, 0.2, 30, tolerance=1e-5, motion=motion)
+    for one, other in ((together.q, alone.q), (together.v, alone.v), (together.a, alone.a), (together.tau, alone.tau)):
+        assert one == pytest.approx(other, rel=1e-8, abs=1e-8 * np.abs(other).max())  # of the squares of gaps of 1e-5
+    assert np.asarray(together.lam) == pytest.approx(np.asarray(alone.lam), rel=1e-7, abs=1e-7)
+
+
+def test_rows_of_several_runs_stand_one_after_the_other():
+    first, second = np.arange(6.0).reshape(3, 2), -np.arange(4.0).reshape(2, 2)
+    both = Multipliers.joined(
+        [Multipliers.known(first, 1), Multipliers.known(first[:0], 1), Multipliers.known(second, 1)]
+    )
+    assert np.asarray(both).tolist() == [*first.tolist(), *second.tolist()]

@@ -280,7 +280,7 @@ def test_points_that_meet_are_refused(chain, act):
         f'<origin xyz="0.8 0 0"/></joint>' for name, parent in (("tip", "arm_link"), ("hook", "base"))
     )  # fmt: skip
     model = build_model(chain({"name": "arm"}).replace("</robot>", f"{ends}</robot>")).model
-    element = PointSpring(between=("tip", "hook"), stiffness=1.0).bind(model, joints_of(model))
+    element = PointSpring(between=("tip", "hook"), stiffness=1.0, damping=1.0).bind(model, joints_of(model))
     with pytest.raises(DynamicsError, match="points tip and hook of a two-point spring meet") as caught:
         act(element, np.zeros(1), np.ones(1))
     assert caught.value.data["q"].tolist() == [0.0]

@@ -15,21 +15,19 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.assembly import assembled
 from pinarm.engine.closure import Closure, Split
-from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.dynamics import Dynamics, parts
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.integrators import Acceleration, Energy, Manifold, Settle, Stretch
 from pinarm.engine.masses import require_masses
+from pinarm.engine.measures import BLOCK
+from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.systems.contract import Initial, Motion
+from pinarm.engine.systems.together import CLOSED, ITERATIONS, Solved, Together
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.balls import coordinate_at, coordinate_name
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.motion import Grid
-
-CLOSED = 1e-13
-"""Gap at which a state counts as closed [m or rad]; Newton's method ends near 1e-16."""
-
-ITERATIONS = 12
 
 LASTING, ROUNDING = 1e-6, 1e-10
 """Part of the centripetal terms that redundant loops may leave: closed to rounding, they leave 1e-12; and what rounding
@@ -206,29 +204,38 @@ class ConstrainedSystem:
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
         """Return the motion, closed at every row, with accelerations, efforts and multipliers."""
-        model, n, m = self.rows.model, len(q), self.closure.size
-        motion = Motion(q.copy(), v.copy(), np.empty_like(v), np.zeros_like(v), np.zeros((n, m)))
-        weights = np.array([one.weights for one in self.imposed.coordinates if isinstance(one, LinearCoordinate)])
-        weights = weights.reshape(-1, model.nv)
-        for start, end, part in grid.stretches():
-            targets, local = self.imposed.on(start, end), dynamics.on(start, end)
-            for i in range(part.start, part.stop):
-                t = float(grid.t[i])
-                w, dw, ddw = targets(t)
-                motion.q[i], motion.v[i], split = self.settled(q[i], v[i], w, dw, t)
-                motion.a[i], lam = self._solved(local, t, motion.q[i], motion.v[i], ddw, split)
-                motion.tau[i], motion.lam[i] = lam[m:] @ weights, lam[:m]
-        return motion
+        k, together = len(self.imposed.names), Together.of(self.rows, self.own.size)
+        w = np.array([grid.evaluate(law) for law in self.imposed.laws]).reshape(k, 3, len(q)).swapaxes(0, 1)
+        found = q.copy(), v.copy(), np.empty_like(v), np.empty((len(q), k))
+        for part, local in parts(dynamics, grid):
+            for begin in range(part.start, part.stop, BLOCK):
+                left = np.arange(begin, min(begin + BLOCK, part.stop))
+                while len(left):
+                    state = grid.t[left], w[:, :, left], q[left], v[left]
+                    served, solved = (together and together.solve(local, *state)) or self._first(local, *state)
+                    for whole, some in zip(found, solved, strict=True):
+                        whole[left[served]] = some
+                    left = left[~served]
+        return self._with_efforts(dynamics, grid, *found)
 
-    def _solved(
-        self, dynamics: Dynamics, t: float, q: Array, v: Array, ddw: Array, split: Split
-    ) -> tuple[Array, Array]:
-        """Return the acceleration, shape (nv,), and the least multipliers of all rows, which are those last placed."""
+    def _first(self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array) -> Solved:
+        """Return the first row alone, as ``Together.solve`` does several: close to singular, or with ball joints."""
         model, rows = self.rows.model, self.rows
-        mass = mass_matrix(model, dynamics.data, q)
-        force = dynamics.loads(t, q, v) - pin.nonLinearEffects(model, dynamics.data, q, v)
-        a = split.solve(mass, force, self._rates(ddw) - rows.drift(q, v))
-        return a, split.multipliers(mass @ a - force)
+        closed, dq, split = self.settled(q[0], v[0], w[0, :, 0], w[1, :, 0], t[0])
+        mass = mass_matrix(model, dynamics.data, closed)
+        force = dynamics.loads(t[0], closed, dq) - pin.nonLinearEffects(model, dynamics.data, closed, dq)
+        a = split.solve(mass, force, self._rates(w[2, :, 0]) - rows.drift(closed, dq))
+        efforts = split.multipliers(mass @ a - force)[self.own.size :]
+        return np.arange(len(t)) == 0, (closed[None], dq[None], a[None], efforts[None])
+
+    def _with_efforts(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array, efforts: Array) -> Motion:
+        """Return a motion with the efforts of the imposed coordinates, shape (n, k): at joints and along others."""
+        demand = np.concatenate([local.inverse(grid.t[rows], q[rows], v[rows], a[rows])
+                                 for rows, local in parts(dynamics, grid)])  # fmt: skip
+        others = self.closure.size - self.own.size
+        weights = [one.weights for one in self.imposed.coordinates if isinstance(one, LinearCoordinate)]
+        tau = efforts[:, others:] @ np.reshape(weights, (-1, v.shape[1]))
+        return Motion(q, v, a, tau, Multipliers.least(self.closure, q, demand - tau, efforts[:, :others]))
 
 
 def mass_matrix(model: pin.Model, data: pin.Data, q: Array) -> Array:

@@ -9,6 +9,7 @@ from pinarm.arrays import Array
 from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Manifold, Stretch
+from pinarm.engine.multipliers import Multipliers
 from pinarm.mechanics.motion import Grid
 
 
@@ -38,14 +39,14 @@ class Motion:
         v: Velocities, shape (n, nv).
         a: Accelerations, shape (n, nv).
         tau: Efforts of the drives at joints [N*m or N], shape (n, nv).
-        lam: Multipliers of the constraints [N or N*m], shape (n, m).
+        lam: Multipliers of the constraints [N or N*m].
     """
 
     q: Array
     v: Array
     a: Array
     tau: Array
-    lam: Array
+    lam: Multipliers
 
 
 class System(Protocol):

@@ -10,6 +10,7 @@ from pinarm.arrays import Array
 from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics, parts
 from pinarm.engine.integrators import Manifold, Stretch
+from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.systems.contract import Initial, Motion
 from pinarm.mechanics.motion import Grid
 
@@ -45,4 +46,4 @@ class FreeSystem:
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
         """Return the states with the accelerations of the equation of motion."""
         a = np.concatenate([part.forward(grid.t[rows], q[rows], v[rows]) for rows, part in parts(dynamics, grid)])
-        return Motion(q, v, a, np.zeros_like(v), np.zeros((len(q), 0)))
+        return Motion(q, v, a, np.zeros_like(v), Multipliers.zero(len(q), 0))

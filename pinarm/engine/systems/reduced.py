@@ -11,6 +11,7 @@ from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics, parts
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.integrators import Acceleration, Energy, Manifold, Stretch
+from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.reduction import Reduction
 from pinarm.engine.systems.contract import Initial, Motion
 from pinarm.errors import InputError
@@ -101,7 +102,7 @@ class ReducedSystem:
         )
         efforts = demand @ reduction.particular  # W^T efforts = demand, and W P = 1
         m = self.closure.size
-        return Motion(whole_q, whole_v, a, efforts[:, m:] @ reduction.rows[m:], efforts[:, :m])
+        return Motion(whole_q, whole_v, a, efforts[:, m:] @ reduction.rows[m:], Multipliers.known(efforts[:, :m], m))
 
 
 @dataclass(frozen=True)

@@ -132,6 +132,8 @@ class TwoPointSpring(ForceElement):
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the power of the damper."""
+        if not self.damping:
+            return np.zeros(q.shape[:-1])
         pairs = zip(np.atleast_2d(q), np.atleast_2d(v), strict=True)
         rates = np.array([self._line(state)[2] @ rate for state, rate in pairs])
         return np.asarray((self.damping * rates**2).reshape(q.shape[:-1]))
