@@ -39,7 +39,9 @@ class JointSpace:
 
     def velocity(self, q: Array, v: Array) -> Array:
         """Return q' = T(q) v."""
-        return np.asarray(pin.tangentMap(self.model, q) @ v)
+        if q.ndim == 1:
+            return np.asarray(pin.tangentMap(self.model, q) @ v)
+        return np.array([pin.tangentMap(self.model, row) @ rate for row, rate in zip(q, v, strict=True)])
 
     def project(self, q: Array) -> Array:
         """Return q with its quaternions and pairs at unit length."""
@@ -154,20 +156,26 @@ class Dynamics:
 
     def acceleration(self) -> Acceleration:
         """Return the free motion's ``(t, q, v) -> a`` for one state at a time, with as few calls as there can be."""
-        model, data, aba, forces = self.model, self.data, pin.aba, tuple(self.forces.values())
-        tau = np.zeros(model.nv)
-        if not forces:
+        model, data, aba, load = self.model, self.data, pin.aba, self.load()
 
-            def free(t: float, q: Array, v: Array) -> Array:
-                return aba(model, data, q, v, tau)  # type: ignore[no-any-return]
+        def free(t: float, q: Array, v: Array) -> Array:
+            return aba(model, data, q, v, load(t, q, v))  # type: ignore[no-any-return]
 
-            return free
+        return free
+
+    def load(self) -> Acceleration:
+        """Return ``(t, q, v) -> tau``, the load in one state, in a buffer; loads that are steady are summed once."""
+        steady, tau, still = (np.zeros(self.model.nv) for _ in range(3))
+        for force in self.forces.values():
+            if force.steady:
+                force.add_load(0.0, pin.neutral(self.model), still, steady)
+        changing = tuple(force for force in self.forces.values() if not force.steady)
 
         def loaded(t: float, q: Array, v: Array) -> Array:
-            tau[:] = 0.0
-            for force in forces:
+            tau[:] = steady
+            for force in changing:
                 force.add_load(t, q, v, tau)
-            return aba(model, data, q, v, tau)  # type: ignore[no-any-return]
+            return tau
 
         return loaded
 

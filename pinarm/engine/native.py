@@ -91,16 +91,12 @@ class PointClosure:
         """Return the constrained motion's ``(t, q, v) -> a`` under the forces of ``dynamics`` and the given laws."""
         model, data, points, states = self.model, self.data, self.points, self.states
         settings = pin.ProximalSettings(1e-12, PROXIMAL * self.scale, ITERATIONS)
-        solve, forces, tau = pin.constraintDynamics, tuple(dynamics.forces.values()), np.zeros(self.model.nv)
-
-        driven, inertia = self.driven, self.inertia
+        solve, load, driven, inertia = pin.constraintDynamics, dynamics.load(), self.driven, self.inertia
 
         def constrained(t: float, q: Array, v: Array) -> Array:
-            tau[:] = 0.0
+            tau = load(t, q, v)
             if len(driven):
-                tau[driven] = inertia * targets(t)[2]
-            for force in forces:
-                force.add_load(t, q, v, tau)
+                tau[driven] += inertia * targets(t)[2]
             return solve(model, data, q, v, tau, points, states, settings)  # type: ignore[no-any-return]
 
         return constrained

@@ -6,7 +6,8 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from pinarm.engine.dynamics import JointSpace
-from pinarm.engine.integrators import Adaptive, Flat, Stretch, integrate
+from pinarm.engine.integrators import Adaptive, Flat, Radau, Stretch, integrate
+from pinarm.engine.tableaus import DOPRI5
 from pinarm.errors import IntegrationError, Interrupted
 
 from .known_motions import ATTITUDE, MOMENTS, PLANE, SPIN, attraction, body, orbit, turned
@@ -46,6 +47,17 @@ class TestDenseOutput:
         together = solution.states(t)
         for k, instant in enumerate(t):
             assert np.array_equal(solution.states(np.array([instant]))[0][0], together[0][k])
+
+    @pytest.mark.parametrize("method", [Adaptive(1e-9), Adaptive(1e-6, DOPRI5), Radau(1e-6)], ids=lambda one: one.name)
+    def test_of_many_steps_at_once_is_that_of_each(self, top, method):
+        """Further stages of all steps are computed together, where accelerations are known of many states at once."""
+        t = np.linspace(0.0, 4.0, 201)
+        one, many = (
+            integrate([Stretch(0.0, 4.0, top.acceleration(), together=together)], top.manifold, ATTITUDE, SPIN, method)
+            for together in (None, top.forward)
+        )
+        alone = np.array([np.hstack(one.states(np.array([instant])))[0] for instant in t])
+        assert np.hstack(many.states(t)) == pytest.approx(alone, abs=1e-14)
 
     def test_quaternions_have_unit_length(self, top):
         solution = integrate([Stretch(0.0, 4.0, top.acceleration())], top.manifold, ATTITUDE, SPIN, Adaptive(1e-4))

@@ -133,6 +133,12 @@ def test_many_states_at_once_are_the_same_as_one_by_one(force, model, joints):
 
 
 @every_force
+def test_a_load_is_steady_that_is_the_same_in_all_states_and_at_all_times(force, model, joints):
+    element, t = bound(force, model, joints), np.linspace(0.2, 0.8, 6)
+    assert element.steady == bool(np.ptp(load(element, t, *motion(t)), axis=0).max() == 0.0)
+
+
+@every_force
 def test_load_is_added_to_what_is_there(force, model, joints):
     element, (q, v) = bound(force, model, joints), motion(0.5)
     tau = np.array([10.0, 20.0])

@@ -78,9 +78,9 @@ class Conserving:
         """Return the method at work."""
         return self.steps.stepper(manifold, count)
 
-    def interpolant(self, stretch: Stretch, manifold: Manifold, step: Step) -> Array:
+    def interpolants(self, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
         """Return the terms of the dense output."""
-        return self.steps.interpolant(stretch, manifold, step)
+        return self.steps.interpolants(stretch, manifold, steps)
 
     def doubts(self, solution: Solution) -> list[str]:
         """Return a note where steps are limited by stability."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import Literal, Protocol
 
 import numpy as np
@@ -13,6 +14,9 @@ from pinarm.arrays import Array, Indices
 
 Acceleration = Callable[[float, Array, Array], Array]
 """``(t, q, v) -> a``; q and v are buffers that the next call overwrites."""
+
+Accelerations = Callable[[Array, Array, Array], Array]
+"""``(t, q, v) -> a`` of many states at once, shapes (n,), (n, nq), (n, nv) and (n, nv)."""
 
 Settle = Callable[[float, Array, Array], tuple[Array, Array]]
 """``(t, q, v) -> q, v``: the nearest state that meets the constraints."""
@@ -35,7 +39,7 @@ class Manifold(Protocol):
         ...
 
     def velocity(self, q: Array, v: Array) -> Array:
-        """Return the time derivative of q, shape (nq,)."""
+        """Return the time derivative of q, shape (nq,); rows of many samples where q is (n, nq)."""
         ...
 
     def project(self, q: Array) -> Array:
@@ -73,6 +77,7 @@ class Stretch:
         energy: Energy of a state; none where dampers, loads over time, drives or laws of motion exchange energy.
         as_from: ``with as_from(t):`` the acceleration is the one that the step from t was taken with, where it depends
             on how close to a singular position the step began.
+        together: The acceleration of many states at once; none where it is only known of one.
     """
 
     start: float
@@ -82,6 +87,13 @@ class Stretch:
     floor: Callable[[], float] = float
     energy: Energy | None = None
     as_from: Callable[[float], AbstractContextManager[None]] = lambda t: nullcontext()
+    together: Accelerations | None = None
+
+    def accelerations(self, t: Array, q: Array, v: Array) -> Array:
+        """Return the accelerations of many states, shape (n, nv), at times t, shape (n,)."""
+        if self.together is not None:
+            return self.together(t, q, v)
+        return np.array([self.acceleration(float(instant), *state) for instant, *state in zip(t, q, v, strict=True)])
 
 
 @dataclass(frozen=True)
@@ -178,8 +190,8 @@ class Method(Protocol):
         """Return the method at work on a manifold."""
         ...
 
-    def interpolant(self, stretch: Stretch, manifold: Manifold, step: Step) -> Array:
-        """Return the terms r of the dense output, shape (d, nq + nv).
+    def interpolants(self, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
+        """Return the terms r of the dense output of steps in one stretch, shape (n, d, nq + nv).
 
         With ``x = (t - step.t) / h`` it is ``y + x (r_0 + (1 - x) (r_1 + x (r_2 + (1 - x) (...))))``.
         """
@@ -251,9 +263,10 @@ class Solution:
     def states_in(self, index: Indices, t: Array) -> tuple[Array, Array]:
         """Return the states at many times, each from the step of the given index, both of shape (n,)."""
         needed, where = np.unique(index, return_inverse=True)
+        self._interpolate([int(i) for i in needed if int(i) not in self._interpolants])
         steps = [self.steps[i] for i in needed]
         h, start = np.array([step.h for step in steps])[where], np.array([step.t for step in steps])[where]
-        base, terms = np.array([step.y for step in steps]), np.array([self._interpolant(i) for i in needed])
+        base, terms = np.array([step.y for step in steps]), np.array([self._interpolants[int(i)] for i in needed])
         x = ((t - start) / h)[:, None]
         y = np.zeros((len(t), base.shape[1]))
         for degree in range(terms.shape[1] - 1, -1, -1):
@@ -261,15 +274,15 @@ class Solution:
         y += base[where]
         return self.manifold.project(y[:, : self.manifold.nq]), y[:, self.manifold.nq :]
 
-    def _interpolant(self, index: int) -> Array:
-        """Return the terms of a step's interpolant, computing its further stages when first asked."""
-        known = self._interpolants.get(index)
-        if known is None:
-            step = self.steps[index]
-            stretch = self.stretches[step.stretch]
-            with stretch.as_from(step.t):
-                known = self._interpolants[index] = self.method.interpolant(stretch, self.manifold, step)
-        return known
+    def _interpolate(self, indices: list[int]) -> None:
+        """Compute the terms of the interpolants of steps, those of a stretch together where its acceleration allows."""
+        for number, group in groupby(indices, lambda i: self.steps[i].stretch):
+            here, stretch = list(group), self.stretches[number]
+            for part in [here] if stretch.together else [[i] for i in here]:
+                steps = [self.steps[i] for i in part]
+                with stretch.as_from(steps[0].t):
+                    terms = self.method.interpolants(stretch, self.manifold, steps)
+                self._interpolants.update(zip(part, terms, strict=True))
 
 
 MethodName = Literal["dop853", "dopri5", "rk4", "stiff", "conserving"]

@@ -80,9 +80,9 @@ class Adaptive:
         """Return the method at work."""
         return AdaptiveStepper(self, manifold, count)
 
-    def interpolant(self, stretch: Stretch, manifold: Manifold, step: Step) -> Array:
+    def interpolants(self, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
         """Return the terms of the dense output."""
-        return _terms(self.tableau, stretch, manifold, step)
+        return _terms(self.tableau, stretch, manifold, steps)
 
     def doubts(self, solution: Solution) -> list[str]:
         """Return a note where steps are limited by stability.
@@ -144,9 +144,9 @@ class FixedStep:
         """Return the method at work."""
         return FixedStepper(self, manifold, count)
 
-    def interpolant(self, stretch: Stretch, manifold: Manifold, step: Step) -> Array:
+    def interpolants(self, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
         """Return the terms of the dense output."""
-        return _terms(self.tableau, stretch, manifold, step)
+        return _terms(self.tableau, stretch, manifold, steps)
 
     def doubts(self, solution: Solution) -> list[str]:
         """Return a note where two halves of a step end elsewhere than the step."""
@@ -359,15 +359,17 @@ class FixedStepper:
         return slopes, self.h
 
 
-def _terms(tableau: Tableau, stretch: Stretch, manifold: Manifold, step: Step) -> Array:
+def _terms(tableau: Tableau, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
     """Dense output of Hairer, Norsett, Wanner, section II.6: alternating products of x and 1 - x."""
     nq, s = manifold.nq, tableau.stages + 1
-    slopes = np.vstack([step.slopes, np.empty((len(tableau.dense_c), len(step.y)))])
-    for extra, (weights, c) in enumerate(zip(tableau.dense_a, tableau.dense_c, strict=True)):
-        y = step.y + step.h * (weights[: s + extra] @ slopes[: s + extra])
-        q, v = manifold.project(y[:nq]), y[nq:]
-        slopes[s + extra, :nq] = manifold.velocity(q, v)
-        slopes[s + extra, nq:] = stretch.acceleration(step.t + c * step.h, q, v)
-    change = step.h * (tableau.b @ slopes[: s - 1])
-    first, last = step.h * slopes[0], step.h * slopes[s - 1]
-    return np.vstack([change, first - change, 2 * change - first - last, step.h * (tableau.dense_d @ slopes)])
+    t, h, base = np.array([step.t for step in steps]), np.array([step.h for step in steps]), [step.y for step in steps]
+    slopes = np.empty((len(steps), s + len(tableau.dense_c), len(base[0])))
+    slopes[:, :s] = [step.slopes for step in steps]
+    for k, (weights, c) in enumerate(zip(tableau.dense_a, tableau.dense_c, strict=True), s):
+        y = base + h[:, None] * (weights[:k] @ slopes[:, :k])
+        q, v = manifold.project(y[:, :nq]), y[:, nq:]
+        slopes[:, k, :nq], slopes[:, k, nq:] = manifold.velocity(q, v), stretch.accelerations(t + c * h, q, v)
+    slopes *= h[:, None, None]
+    change, first, last = tableau.b @ slopes[:, : s - 1], slopes[:, 0], slopes[:, s - 1]
+    lowest = np.stack([change, first - change, 2 * change - first - last], axis=1)
+    return np.concatenate([lowest, tableau.dense_d @ slopes], axis=1)

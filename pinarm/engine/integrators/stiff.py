@@ -60,12 +60,13 @@ class Radau:
         """Return the method at work."""
         return RadauStepper(self.tolerance, manifold, count)
 
-    def interpolant(self, stretch: Stretch, manifold: Manifold, step: Step) -> Array:
+    def interpolants(self, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
         """Return the terms of the collocation polynomial, from its values at the stages less that at the start."""
-        coefficients = POWERS @ step.slopes
-        change, first = step.slopes[-1], coefficients[0]
+        stages = np.array([step.slopes for step in steps])
+        coefficients = POWERS @ stages
+        change, first = stages[:, -1], coefficients[:, 0]
         last = np.array([1.0, 2.0, 3.0]) @ coefficients
-        return np.vstack([change, first - change, 2 * change - first - last])
+        return np.stack([change, first - change, 2 * change - first - last], axis=1)
 
     def doubts(self, solution: Solution) -> list[str]:
         """Return nothing: it may cost more than needed, but it does not break."""

@@ -33,7 +33,8 @@ class FreeSystem:
 
     def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
         """Return the motion of the free tree."""
-        return Stretch(start, end, dynamics.on(start, end).acceleration(), energy=dynamics.conserved)
+        here = dynamics.on(start, end)
+        return Stretch(start, end, here.acceleration(), energy=dynamics.conserved, together=here.forward)
 
     def part(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the state itself."""

@@ -72,7 +72,13 @@ class PointSystem:
         """Return the motion on an interval without jumps."""
         motion = _PointMotion(self.points, dynamics.on(start, end), self.general.imposed.on(start, end))
         return Stretch(
-            start, end, motion.acceleration, motion.settle, motion.floor, self.general.energy(dynamics), motion.as_from
+            start,
+            end,
+            motion.acceleration,
+            motion.settle,
+            motion.floor,
+            self.general.energy(dynamics),
+            motion.as_from,
         )
 
     def part(self, q: Array, v: Array) -> tuple[Array, Array]:

@@ -125,9 +125,10 @@ class FreePart:
 
     def velocity(self, q: Array, v: Array) -> Array:
         """Return the rate of the free part."""
-        whole_q, whole_v = self.neutral.copy(), np.zeros(self.whole.nv)
-        whole_q[self.reduction.free_q], whole_v[self.reduction.free_v] = q, v
-        return self.whole.velocity(whole_q, whole_v)[self.reduction.free_q]
+        whole_q = np.broadcast_to(self.neutral, (*q.shape[:-1], self.whole.nq)).copy()
+        whole_v = np.zeros((*v.shape[:-1], self.whole.nv))
+        whole_q[..., self.reduction.free_q], whole_v[..., self.reduction.free_v] = q, v
+        return self.whole.velocity(whole_q, whole_v)[..., self.reduction.free_q]
 
     def project(self, q: Array) -> Array:
         """Return the free part with its quaternions at unit length."""

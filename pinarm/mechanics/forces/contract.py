@@ -29,6 +29,11 @@ class ForceElement(ABC):
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the power that leaves the mechanism [W], shape (...)."""
 
+    @property
+    def steady(self) -> bool:
+        """Whether the load is the same in all states and at all times."""
+        return False
+
     def laws(self) -> list[MotionLaw]:
         """Return the laws over time that the load follows; it may jump where they do."""
         return []

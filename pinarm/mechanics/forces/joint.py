@@ -156,6 +156,11 @@ class AppliedEffort(ForceElement):
         """Return the power supplied, with a minus."""
         return np.asarray(-self._effort(t) * v[..., self.v])
 
+    @property
+    def steady(self) -> bool:
+        """Whether the effort is constant."""
+        return self.constant is not None
+
     def laws(self) -> list[MotionLaw]:
         """Return the law."""
         return [self.law]
