@@ -62,8 +62,9 @@ class PointClosure:
         """Return the loops as points near a configuration; ``None`` where a constraint is not one of points.
 
         Also where the mass matrix of the tree is singular, or where the loops feel some bodies so much less than
-        others (``UNEVEN``) that this route is not exact. The joints at the indices ``driven`` in v get an armature of 1e12 times the inertia of the tree, so that a load of armature times
-        acceleration prescribes their acceleration to 1e-12 of it.
+        others (``UNEVEN``) that this route is not exact. The joints at the indices ``driven`` in v get an armature of
+        1e12 times the inertia of the tree, so that a load of armature times acceleration prescribes their acceleration
+        to 1e-12 of it.
         """
         model, held = pin.Model(closure.model), np.array(driven, dtype=np.intp)
         inertia = np.full(len(held), HEAVY * _largest_inertia(model, q))
@@ -237,8 +238,8 @@ MASSLESS = 1e-10
 """Smallest eigenvalue of M, scaled to a diagonal of ones, for which the tree's own inverse is trusted."""
 
 UNEVEN = 1e6
-"""Condition number of the Delassus matrix, but for singular positions, from which on this route is not trusted: rounding
-is magnified by it. Bodies of one linkage reach 1e4; one that is 1e8 times lighter than its neighbours, 1e9."""
+"""Condition number of the Delassus matrix, but for singular positions, from which on this route is not trusted: it
+magnifies rounding. Bodies of one linkage reach 1e4; one that is 1e8 times lighter than its neighbours, 1e9."""
 
 TINY = 1e-300
 """Keeps a quotient finite."""

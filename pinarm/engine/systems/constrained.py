@@ -27,7 +27,7 @@ from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.motion import Grid
 
 CLOSED = 1e-13
-"""Gap at which a state counts as closed [m or rad]; Newton's method ends near 1e-16."""
+"""Gap at which a state counts as closed, relative to the extent of large ones; Newton's method ends near 1e-16."""
 
 ITERATIONS = 12
 
@@ -184,7 +184,9 @@ class ConstrainedSystem:
             gap = values - rows.gap(q)
             split = Split.of(rows.rows())
             q = pin.integrate(model, q, split.solve(mass, np.zeros(model.nv), gap))
-            if np.abs(gap).max() <= CLOSED * (1.0 + np.abs(values).max()):  # and now closed to rounding
+            if np.abs(gap).max() <= CLOSED * (
+                max(1.0, rows.extent) + np.abs(values).max()
+            ):  # and now closed to rounding
                 rows.place(q)
                 split = Split.of(rows.rows())
                 return q, split.solve(mass, mass @ v, self._rates(dw)), split

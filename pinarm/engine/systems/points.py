@@ -23,10 +23,10 @@ FLOOR = 0.3
 """Least step close to singular positions, relative to the last one that was taken far from them."""
 
 ROUNDED = 1e-15
-"""Gap that is rounding of places of about 1 m: close to singular positions less than that is still felt [m]."""
+"""Gap that is rounding, relative to the extent: close to singular positions less than that is still felt."""
 
 STALLED = 1e-9
-"""Gap below which Newton's method may end because rounding lets it shrink no more [m]."""
+"""Gap below which Newton's method may end because rounding lets it shrink no more, relative to the extent."""
 
 NEAR, CLOSE = 0.2, 0.03
 """Smallest singular value of the rows, relative to the largest, and this to what it is at positions of no special kind:
@@ -65,7 +65,8 @@ class PointSystem:
 
     def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
         """Return the motion on an interval without jumps."""
-        motion = _PointMotion(self.points, dynamics.on(start, end), self.general.imposed.on(start, end))
+        general = self.general
+        motion = _PointMotion(self.points, general.rows.extent, dynamics.on(start, end), general.imposed.on(start, end))
         return Stretch(start, end, motion.acceleration, motion.settle, motion.floor, self.general.energy(dynamics))
 
     def part(self, q: Array, v: Array) -> tuple[Array, Array]:
@@ -84,8 +85,8 @@ class PointSystem:
 class _PointMotion:
     """The motion on one stretch; it looks at every accepted state how close a singular position is."""
 
-    def __init__(self, points: PointClosure, dynamics: Dynamics, targets: Targets) -> None:
-        self.points, self.targets = points, targets
+    def __init__(self, points: PointClosure, extent: float, dynamics: Dynamics, targets: Targets) -> None:
+        self.points, self.extent, self.targets = points, extent, targets
         self.places = [points.model.joints[int(points.joint_at(v))].idx_q for v in points.driven]
         self.usual = points.acceleration(dynamics, ACCURATE, targets)
         self.truncated = points.acceleration(dynamics, TRUNCATED, targets)
@@ -128,12 +129,12 @@ class _PointMotion:
 
     def closed(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the closed state nearest to (q, v), the distance measured by the masses."""
-        points, before = self.points, np.inf
+        points, before, extent = self.points, np.inf, self.extent
         for _ in range(ITERATIONS):
             points.factorise(q)
             gap = points.gap()
             size = float(np.abs(gap).max())
-            if size <= ROUNDED or (size < STALLED and size > 0.5 * before):
+            if size <= ROUNDED * extent or (size < STALLED * extent and size > 0.5 * before):
                 break
             q, before = pin.integrate(points.model, q, points.step(gap)), size
         return q, v - points.step(points.rows() @ v)
