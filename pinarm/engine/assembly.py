@@ -2,7 +2,8 @@
 
 With phi the constraints of loops and couplings, w the imposed coordinates and J the rows of both: ``phi(q) = 0`` and
 ``w(q) = w_d``, then ``J v = (0, w_d')`` and ``J a = (0, w_d'') - J' v``, exact to rounding. There may be more rows than
-unknowns where a loop is overconstrained. Nothing is differentiated numerically.
+unknowns where a loop is overconstrained. Nothing is differentiated numerically. Lengths are in the unit that suits the
+mechanism (``Closure.length``), so that it is solved alike at any size.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from pinarm.mechanics.coordinates import LinearCoordinate, spelled
 from pinarm.mechanics.couplings import Coupling
 
 CLOSED = 1e-12
-"""Largest gap of a solved position [m or rad], relative to ``1 + |w|``; Newton's method ends near 1e-16."""
+"""Largest gap of a solved position, relative to ``1 + |w|``; Newton's method ends near 1e-16."""
 
 ENOUGH = 1e-9
 """Correction that is the last: Newton's method doubles the digits, the next one would be below rounding."""
@@ -32,7 +33,7 @@ CONTRACTION = 0.25
 """Largest ratio of a correction to the one before: Newton's method on its way to the only solution nearby."""
 
 REACH = 0.3
-"""Largest correction of a predicted position [rad or m]: beyond it the step in time is halved."""
+"""Largest correction of a predicted position: beyond it the step in time is halved."""
 
 SINGULAR = 1e-6
 """Smallest ratio of singular values of J that still determines velocities. Near a stretched position Newton's method
@@ -40,7 +41,7 @@ leaves an angle of the square root of ``CLOSED``, so a smaller ratio is not told
 
 AGREED, SHORT = 1e-7, 1e-3
 """Largest disagreement of redundant rows, relative to their terms: loops closed to rounding leave 1e-12. And the length
-with which centripetal terms are compared that have vanished but for rounding [m]."""
+with which centripetal terms are compared that have vanished but for rounding."""
 
 ITERATIONS = 60
 
@@ -79,17 +80,23 @@ class Solver:
         straight += [isinstance(one, LinearCoordinate) for one in imposed.coordinates]
         self.curved = ~np.array(straight, dtype=bool)
         self.units = [*(one.unit(row) for one, row in owners), *(c.unit for c in imposed.coordinates)]
+        self.measure = closure.length ** np.array([float(one.dimension[0]) for one in self.units])
+        self.scale = closure.scale()
 
     def gap(self, q: Array, w: Array) -> Array:
-        """Return ``(-phi(q), w - w(q))``, shape (m + k,); leaves Jacobians and frames of q in the buffers."""
+        """Return ``(-phi(q), w - w(q))`` in SI, shape (m + k,); leaves Jacobians and frames of q in the buffers."""
         self.closure.place(q)
         reached = np.array([coordinate.value(self.data, q) for coordinate in self.coordinates])
         return np.concatenate([-self.closure.gap(q), w - reached])
 
     def rows(self) -> Array:
-        """Return J at the configuration last given to ``gap``, shape (m + k, nv)."""
+        """Return J at the configuration last given to ``gap``, in the mechanism's units, shape (m + k, nv)."""
         own = [coordinate.row(self.model, self.data) for coordinate in self.coordinates]
-        return np.vstack([self.closure.rows(), *own])
+        return np.asarray(np.vstack([self.closure.rows(), *own]) * self.scale / self.measure[:, None])
+
+    def moved(self, q: Array, step: Array) -> Array:
+        """Return the configuration a step away, which is in the mechanism's units."""
+        return np.asarray(pin.integrate(self.model, q, self.scale * step))
 
     def assemble(self, q: Array, w: Array, t: float) -> Array:
         """Return the configuration with ``w(q) = w`` that damped least-squares steps reach from q.
@@ -112,13 +119,15 @@ class Solver:
             rows = self.rows()
             still = np.zeros(self.model.nv)
             step = np.linalg.lstsq(
-                np.vstack([rows, damping * np.eye(len(still))]), np.concatenate([gap, still]), rcond=1e-12
+                np.vstack([rows, damping * np.eye(len(still))]),
+                np.concatenate([gap / self.measure, still]),
+                rcond=1e-12,
             )[0]
             turning = rows[self.curved].any(axis=0)  # the turns of a screw are many and need no caution
             step *= min(1.0, 0.5 / np.abs(step[turning]).max(initial=1e-300))
-            trial = pin.integrate(self.model, q, step)
+            trial = self.moved(q, step)
             trial_gap = self.gap(trial, w)
-            if np.linalg.norm(trial_gap) < np.linalg.norm(gap):
+            if np.linalg.norm(trial_gap / self.measure) < np.linalg.norm(gap / self.measure):
                 q, gap, damping = trial, trial_gap, damping / 10
             else:
                 damping = max(1e-3, damping * 10)
@@ -130,7 +139,7 @@ class Solver:
         for _ in range(2):
             gap = self.gap(q, w)
             if np.linalg.cond(rows := self.rows()) < 1 / SINGULAR:
-                q = pin.integrate(self.model, q, _solve(rows, gap))
+                q = self.moved(q, _solve(rows, gap / self.measure))
         return q
 
     def advance(
@@ -148,7 +157,7 @@ class Solver:
             predicted = pin.integrate(self.model, q, h * v + 0.5 * h * h * a)
             found = self._newton(predicted, w)
             rates = None if found is None else self.rates(found, dw, ddw, pending[-1])
-            if found is not None and rates and on_branch(h * (rates[0] - v - h * a), self._apart(predicted, found)):
+            if found is not None and rates and self._on_branch(h * (rates[0] - v - h * a), predicted, found):
                 q, (v, a), t = found, rates, pending.pop()
             elif abs(h) > smallest:
                 pending.append(t + 0.5 * h)
@@ -156,8 +165,9 @@ class Solver:
                 raise self._unreachable(*self._closest(q, target(to)[0]), to)
         return q, v, a
 
-    def _apart(self, one: Array, two: Array) -> Array:
-        return np.asarray(np.abs(pin.difference(self.model, one, two)).max())
+    def _on_branch(self, turned: Array, predicted: Array, found: Array) -> bool:
+        correction = np.asarray(np.abs(pin.difference(self.model, predicted, found) / self.scale).max())
+        return bool(on_branch(turned / self.scale, correction))
 
     def _newton(self, q: Array, w: Array) -> Array | None:
         """Return the solution near a prediction, ``None`` where it is not near or does not come."""
@@ -165,14 +175,14 @@ class Solver:
         while size > ENOUGH:
             gap = self.gap(q, w)
             try:
-                step = _solve(self.rows(), gap)
+                step = _solve(self.rows(), gap / self.measure)
             except np.linalg.LinAlgError:
                 return None
             size, before = float(np.abs(step).max()), size
             moved += size
             if not moved < REACH or not (size < CONTRACTION * before or size < ENOUGH):
                 return None
-            q = pin.integrate(self.model, q, step)
+            q = self.moved(q, step)
         return q if self._closed(self.gap(q, w), w) else None
 
     def rates(self, q: Array, dw: Array, ddw: Array, t: float) -> tuple[Any, Any]:
@@ -185,10 +195,12 @@ class Solver:
         self.gap(q, np.zeros(len(dw)))
         rows, still = self.rows(), np.zeros(self.closure.size)
         check_rank(rows, self.names, t)
-        v = self._agreed(rows, np.concatenate([still, dw]), 0.0, t)
+        x = self._agreed(rows, np.concatenate([still, dw]) / self.measure, 0.0, t)
+        v = self.scale * x
         drift = self.closure.drift(q, v)
         own = np.array([coordinate.drift(self.model, self.data) for coordinate in self.coordinates])
-        return v, self._agreed(rows, np.concatenate([-drift, ddw - own]), float(np.abs(v).max()) ** 2, t)
+        right = np.concatenate([-drift, ddw - own]) / self.measure
+        return v, self.scale * self._agreed(rows, right, float(np.abs(x).max()) ** 2, t)
 
     def _agreed(self, rows: Array, right: Array, square: float, t: float) -> Array:
         """Return x with ``rows x = right``, on which redundant rows agree, unless the loops move for an instant only.
@@ -211,8 +223,8 @@ class Solver:
         return x
 
     def _closed(self, gap: Array, w: Array) -> bool:
-        k = self.closure.size
-        return bool((np.abs(gap[:k]) <= CLOSED).all() and (np.abs(gap[k:]) <= CLOSED * (1.0 + np.abs(w))).all())
+        wanted = np.concatenate([np.zeros(self.closure.size), np.abs(w)])
+        return bool((np.abs(gap) <= CLOSED * (self.measure * self.closure.coarseness + wanted)).all())
 
     def _unreachable(self, q: Array, gap: Array, t: float) -> AssemblyError:
         owners = list(zip(self.names, self.units, strict=True))
@@ -245,7 +257,7 @@ def on_branch(turned: Array, correction: Array) -> Flags:
     With an error of the predicted position ``h^3 j / 6`` that of the velocity is three times as much, over h.
 
     Args:
-        turned: Errors of the predicted velocities, times h [rad or m], shape (nv,) or (nv, n).
+        turned: Errors of the predicted velocities, times h, shape (nv,) or (nv, n).
         correction: Largest errors of the predicted coordinates, shape () or (n,).
     """
     return np.asarray(np.abs(turned).max(axis=0) <= 10.0 * correction + ENOUGH)

@@ -115,6 +115,33 @@ class Closure:
         """Return the closure of a model."""
         return cls(model, tuple(constraints), model.createData())
 
+    @cached_property
+    def extent(self) -> float:
+        """Length of all links from end to end, from the origin of the world on [m]: places are rounded relative to it.
+
+        It is at least that of a frame that lies beyond the last joint, and 1 m for a model without lengths.
+        """
+        joints = sum(float(np.linalg.norm(place.translation)) for place in self.model.jointPlacements)
+        return joints + max(float(np.linalg.norm(one.placement.translation)) for one in self.model.frames) or 1.0
+
+    @property
+    def length(self) -> float:
+        """Unit of length that suits the mechanism [m]: 1e-6, 1e-3, 1, 1e3, 1e6, ...
+
+        Measured in it, translations compare with angles, and what is small or singular is so at any size.
+        """
+        return float(10.0 ** (3.0 * np.round(np.log10(self.extent) / 3.0)))
+
+    @property
+    def coarseness(self) -> float:
+        """Factor by which rounding of places exceeds that of numbers of about 1, in the unit of length."""
+        return max(1.0, self.extent / self.length)
+
+    def scale(self) -> Array:
+        """Return the unit of every coordinate's velocity, shape (nv,): that of length, or 1 for angles."""
+        slides = [one.shortname().startswith("JointModelP") for one in self.model.joints[1:] for _ in range(one.nv)]
+        return np.where(slides, self.length, 1.0)
+
     def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> Closure:
         """Return the closure with the rows of guided coordinates after its own."""
         guides = [Guide(name, coordinate) for name, coordinate in zip(names, coordinates, strict=True)]

@@ -60,9 +60,10 @@ class PointClosure:
     def of(cls, closure: Closure, q: Array, driven: Sequence[int] = ()) -> PointClosure | None:
         """Return the loops as points near a configuration; ``None`` where a constraint is not one of points.
 
-        Also where the mass matrix of the tree is singular, for which this route is not exact. The joints at the
-        indices ``driven`` in v get an armature of 1e12 times the inertia of the tree, so that a load of armature times
-        acceleration prescribes their acceleration to 1e-12 of it.
+        Also where the mass matrix of the tree is singular, or where the loops feel some bodies so much less than
+        others (``UNEVEN``) that this route is not exact. The joints at the indices ``driven`` in v get an armature of
+        1e12 times the inertia of the tree, so that a load of armature times acceleration prescribes their acceleration
+        to 1e-12 of it.
         """
         model, held = pin.Model(closure.model), np.array(driven, dtype=np.intp)
         inertia = np.full(len(held), HEAVY * _largest_inertia(model, q))
@@ -78,7 +79,7 @@ class PointClosure:
         data = model.createData()
         pin.initConstraintDynamics(model, data, points, states)
         inverse = _inverse_mass(model, q)
-        if inverse is None:
+        if inverse is None or _unevenness(model, needed, rank) > UNEVEN:
             return None
         rows = _rows(model, data, needed, q)
         rows[:, held] = 0.0
@@ -166,8 +167,7 @@ def _independent(
     Returns:
         What is left, the rank, and the better regularity of the two.
     """
-    data, generator = model.createData(), np.random.default_rng(0)
-    places = [pin.integrate(model, pin.neutral(model), generator.uniform(-1.0, 1.0, model.nv)) for _ in range(2)]
+    data, places = model.createData(), _places(model)
     rows = [_rows(model, data, points, q).reshape(len(points), 3, -1) for q in places]
     bases = [np.zeros((0, model.nv)) for _ in places]
     kept: list[pin.RigidConstraintModel] = []
@@ -178,6 +178,30 @@ def _independent(
             bases = grown
     values = [np.linalg.svd(_rows(model, data, kept, q), compute_uv=False) for q in places]
     return kept, len(bases[0]), max(float(value[len(bases[0]) - 1] / value[0]) for value in values)
+
+
+def _places(model: pin.Model) -> list[Array]:
+    """Return two configurations of no special kind."""
+    generator = np.random.default_rng(0)
+    return [pin.integrate(model, pin.neutral(model), generator.uniform(-1.0, 1.0, model.nv)) for _ in range(2)]
+
+
+def _unevenness(model: pin.Model, points: Sequence[pin.RigidConstraintModel], rank: int) -> float:
+    """Return the condition number of ``G M^-1 G^T``, scaled to a diagonal of ones and cut at the rank of G.
+
+    The larger one of two configurations of no special kind, so that it tells of masses and not of singular positions.
+    """
+    data, found = model.createData(), 1.0
+    for q in _places(model):
+        rows, inverse = _rows(model, data, points, q), _inverse_mass(model, q)
+        if inverse is None:
+            continue
+        delassus = rows @ inverse @ rows.T
+        size = np.sqrt(np.diag(delassus))
+        scale = 1.0 / np.where(size > RANK * size.max(), size, np.inf)
+        values = np.linalg.eigvalsh(scale[:, None] * delassus * scale)[-rank:]
+        found = max(found, float(values[-1] / max(values[0], TINY)))
+    return found
 
 
 def _grown(basis: Array, rows: Array) -> Array:
@@ -207,3 +231,10 @@ HEAVY = 1e12
 
 MASSLESS = 1e-10
 """Smallest eigenvalue of M, scaled to a diagonal of ones, for which the tree's own inverse is trusted."""
+
+UNEVEN = 1e6
+"""Condition number of the Delassus matrix, but for singular positions, from which on this route is not trusted: it
+magnifies rounding. Bodies of one linkage reach 1e4; one that is 1e8 times lighter than its neighbours, 1e9."""
+
+TINY = 1e-300
+"""Keeps a quotient finite."""

@@ -41,6 +41,10 @@ REGULAR = 1e-4
 stays well above ``SINGULAR``."""
 
 
+SIZES = (1e-4, 1e4)
+"""Lengths of mechanisms that are solved in metres [m]."""
+
+
 class Sweep:
     """Sweeps over the rows of one table.
 
@@ -57,7 +61,12 @@ class Sweep:
 
     @classmethod
     def of(cls, closure: Closure, imposed: Imposed) -> Sweep | None:
-        """Return the sweeps of a mechanism; ``None`` where something cannot be had at many configurations."""
+        """Return the sweeps of a mechanism; ``None`` where something cannot be had at many configurations.
+
+        Nor for the very small or large, which only ``Solver`` measures in a unit of their own.
+        """
+        if not SIZES[0] < closure.extent < SIZES[1]:
+            return None
         measures = Measures.of(closure.model, (*closure.constraints, *imposed.coordinates))
         return cls(closure.model.nv, measures, closure.size) if measures else None
 

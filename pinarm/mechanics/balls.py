@@ -59,14 +59,19 @@ def balls_of(model: pin.Model) -> dict[str, Ball]:
 def roll_pitch_yaw(quaternion: Array) -> Array:
     """Return roll, pitch and yaw [rad], shape (..., 3); at a pitch of 90 deg only roll -+ yaw is determined.
 
+    With s = roll + yaw and d = roll - yaw, ``(w - y, x + z)`` has the direction of s / 2 and ``(w + y, x - z)`` that of
+    d / 2; the pitch is in their lengths. Together the three angles give back the orientation to rounding at any pitch,
+    which the elements of the matrix do not: theirs is off by the square root of it near 90 deg. Source: Bernardes and
+    Viollet, Quaternion to Euler angles conversion, PLoS ONE 17 (2022).
+
     Args:
         quaternion: (x, y, z, w), of unit length, shape (..., 4).
     """
     x, y, z, w = np.moveaxis(quaternion, -1, 0)
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
-    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return np.stack([roll, pitch, yaw], axis=-1)
+    half_sum, half_difference = np.arctan2(x + z, w - y), np.arctan2(x - z, w + y)
+    pitch = 2.0 * np.arctan2(np.hypot(x - z, w + y), np.hypot(x + z, w - y)) - 0.5 * np.pi
+    turned = np.stack([half_sum + half_difference, pitch, half_sum - half_difference], axis=-1)
+    return turned - 2.0 * np.pi * np.round(turned / (2.0 * np.pi))
 
 
 @dataclass(frozen=True)

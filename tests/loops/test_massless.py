@@ -60,6 +60,17 @@ class TestCouplerWithoutMass:
         assert torques[0] == pytest.approx(torques[1], rel=1e-11, abs=1e-11)
 
     @CUTS
+    def test_one_with_hardly_any_moves_so_too(self, cut, tmp_path):
+        """Pinocchio's own constrained dynamics loses as many digits as masses differ, and steps without end."""
+        whole = rssr()
+        coupler = whole.bodies["coupler"]
+        dust = Body(1e-12 * coupler.mass, coupler.com, 1e-12 * coupler.inertia)
+        run = free(replace(whole, bodies={**whole.bodies, "coupler": dust}).build(tmp_path, [cut]), 0.4)
+        right = free(rod().build(tmp_path, ["rod"]), 0.4)
+        assert turning(whole, run) == pytest.approx(turning(rod(), right), rel=1e-9, abs=1e-8)
+        assert run.figures["steps"] < 200
+
+    @CUTS
     def test_where_it_can_spin_this_is_said(self, cut, tmp_path):
         with pytest.raises(DynamicsError, match=r"joints .*[AB]_[abc].* can move without mass, carrying .*coupler"):
             free(light("spherical").build(tmp_path, [cut]))

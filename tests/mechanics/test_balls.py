@@ -74,9 +74,14 @@ def test_roll_pitch_and_yaw_are_those_of_urdf():
     assert pin.rpy.rpyToMatrix(angles[3]) == pytest.approx(turns[3].as_matrix(), abs=1e-15)
 
 
-def test_pitch_of_a_right_angle_is_no_failure():
-    quaternion = Rotation.from_euler("ZYX", [0.0, np.pi / 2, 0.3]).as_quat()
-    assert roll_pitch_yaw(quaternion)[1] == pytest.approx(np.pi / 2, abs=1e-7)  # the arcsine halves the digits
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("off", [1e-3, 1e-6, 1e-9, 1e-12, 0.0])
+def test_at_a_pitch_of_a_right_angle_roll_and_yaw_still_give_the_orientation(off, sign):
+    quaternion = Rotation.from_euler("xyz", [0.4, sign * (np.pi / 2 - off), 1.1]).as_quat()
+    angles = roll_pitch_yaw(quaternion)
+    assert (Rotation.from_euler("xyz", angles) * Rotation.from_quat(quaternion).inv()).magnitude() < 1e-15
+    assert sign * angles[1] == pytest.approx(np.pi / 2 - off, abs=1e-15)
+    assert np.abs(angles).max() <= np.pi
 
 
 def test_orientation_is_given_as_angles_or_as_rotation_vector(model):

@@ -182,7 +182,9 @@ class ConstrainedSystem:
             gap = values - rows.gap(q)
             split = Split.of(rows.rows())
             q = pin.integrate(model, q, split.solve(mass, np.zeros(model.nv), gap))
-            if np.abs(gap).max() <= CLOSED * (1.0 + np.abs(values).max()):  # and now closed to rounding
+            if np.abs(gap).max() <= CLOSED * (
+                max(1.0, rows.extent) + np.abs(values).max()
+            ):  # and now closed to rounding
                 rows.place(q)
                 split = Split.of(rows.rows())
                 return q, split.solve(mass, mass @ v, self._rates(dw)), split

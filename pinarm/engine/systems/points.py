@@ -25,10 +25,10 @@ FLOOR = 0.3
 """Least step close to singular positions, relative to the last one that was taken far from them."""
 
 ROUNDED = 1e-15
-"""Gap that is rounding of places of about 1 m: close to singular positions less than that is still felt [m]."""
+"""Gap that is rounding, relative to the extent: close to singular positions less than that is still felt."""
 
 STALLED = 1e-9
-"""Gap below which Newton's method may end because rounding lets it shrink no more [m]."""
+"""Gap below which Newton's method may end because rounding lets it shrink no more, relative to the extent."""
 
 NEAR = 0.2
 """Smallest singular value of the rows, relative to the largest, and this to what it is at positions of no special kind,
@@ -36,7 +36,7 @@ below which every stage is brought back onto the constraints, as it always is wh
 
 BLIND, ASIDE, ACROSS = 5e-4, 1e-3, np.array([-1.0, 4.0, 4.0, -1.0]) / 6.0
 """The same below which a position says little of the acceleration there; it is then interpolated between positions at
-once and twice that distance [rad or m], before and behind it on the way, with these weights. The motion is smooth."""
+once and twice that distance, before and behind it on the way, with these weights. The motion is smooth."""
 
 VANISHED = 1e-14
 """Square of a singular value, relative to the largest, that is 0 but for rounding."""
@@ -70,15 +70,10 @@ class PointSystem:
 
     def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
         """Return the motion on an interval without jumps."""
-        motion = _PointMotion(self.points, dynamics.on(start, end), self.general.imposed.on(start, end))
+        general = self.general
+        motion = _PointMotion(self.points, general.rows, dynamics.on(start, end), general.imposed.on(start, end))
         return Stretch(
-            start,
-            end,
-            motion.acceleration,
-            motion.settle,
-            motion.floor,
-            self.general.energy(dynamics),
-            motion.as_from,
+            start, end, motion.acceleration, motion.settle, motion.floor, general.energy(dynamics), motion.as_from
         )
 
     def part(self, q: Array, v: Array) -> tuple[Array, Array]:
@@ -97,8 +92,8 @@ class PointSystem:
 class _PointMotion:
     """The motion on one stretch; it looks at every accepted state how close a singular position is."""
 
-    def __init__(self, points: PointClosure, dynamics: Dynamics, targets: Targets) -> None:
-        self.points, self.targets = points, targets
+    def __init__(self, points: PointClosure, rows: Closure, dynamics: Dynamics, targets: Targets) -> None:
+        self.points, self.extent, self.scale, self.targets = points, rows.extent, rows.scale(), targets
         self.places = [points.model.joints[int(points.joint_at(v))].idx_q for v in points.driven]
         self.free = points.acceleration(dynamics, targets)
         self.near, self.passing, self.rank, self.looked = True, True, 0, False
@@ -123,7 +118,7 @@ class _PointMotion:
 
     def across(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration at a singular position that is passed, from both sides of it."""
-        model, aside = self.points.model, (ASIDE / float(np.abs(v).max())) * v
+        model, aside = self.points.model, (ASIDE / float(np.abs(v / self.scale).max())) * v
         there = [self.free(t, *self.closed(pin.integrate(model, q, k * aside), v)).copy() for k in (-2, -1, 1, 2)]
         return np.asarray(ACROSS @ np.array(there))
 
@@ -170,12 +165,12 @@ class _PointMotion:
 
     def closed(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the closed state nearest to (q, v), the distance measured by the masses."""
-        points, before = self.points, np.inf
+        points, before, extent = self.points, np.inf, self.extent
         for _ in range(ITERATIONS):
             points.factorise(q)
             gap = points.gap()
             size = float(np.abs(gap).max())
-            if size <= ROUNDED or (size < STALLED and size > 0.5 * before):
+            if size <= ROUNDED * extent or (size < STALLED * extent and size > 0.5 * before):
                 break
             q, before = pin.integrate(points.model, q, points.step(gap)), size
         return q, v - points.step(points.rows() @ v)
