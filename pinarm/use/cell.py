@@ -47,9 +47,15 @@ def of_sweep(sweep: Sweep) -> str:
 
 
 def of_tradeoff(trade: Tradeoff) -> str:
-    """Return the tables of settings and variants, and their plots."""
-    heading, *lines = trades.report(trade).split("\n")
-    return _whole([_heading(heading), _lines(lines), *map(picture, trade.plots().values())])
+    """Return what is recommended, the tables of settings and variants, and their plots."""
+    drawn = {name: picture(figure) for name, figure in trade.plots().items()}
+    parts = [_heading(trade.scenario.content.title or trade.scenario.name)]
+    if trade.reference:
+        parts += [_lines(trades.advice(trade)), drawn["settings"]]
+        parts.append(f"<details><summary>all settings</summary>{table(trades.settings(trade))}</details>")
+    if trade.variants:
+        parts += [table(trades.variants(trade)), _lines(trades.remarks(trade)), drawn["variants"]]
+    return _whole(parts)
 
 
 def table(rows: Sequence[Sequence[str]]) -> str:
