@@ -12,9 +12,13 @@ if TYPE_CHECKING:
     from pinarm.input.roots import rooted
     from pinarm.use.check import check
     from pinarm.use.explain import explain
+    from pinarm.use.replay.page import replay
     from pinarm.use.result import Result
+    from pinarm.use.run import run, validate
     from pinarm.use.scenario import Scenario, load
+    from pinarm.use.schema import schema
     from pinarm.use.sweep.study import Sweep, sweep
+    from pinarm.use.tradeoff.study import Tradeoff, tradeoff
 
 __version__ = "0.1.0"
 
@@ -28,14 +32,20 @@ _HOMES = {
     "Result": "pinarm.use.result",
     "Scenario": "pinarm.use.scenario",
     "Sweep": "pinarm.use.sweep.study",
+    "Tradeoff": "pinarm.use.tradeoff.study",
     "load": "pinarm.use.scenario",
+    "replay": "pinarm.use.replay.page",
     "rooted": "pinarm.input.roots",
+    "run": "pinarm.use.run",
+    "schema": "pinarm.use.schema",
     "sweep": "pinarm.use.sweep.study",
+    "tradeoff": "pinarm.use.tradeoff.study",
+    "validate": "pinarm.use.run",
 }
 
 __all__ = [
-    "Mechanism", "PinarmError", "Result", "Scenario", "Series", "Sweep", "Trajectory", "check", "explain", "load",
-    "rooted", "sweep",
+    "Mechanism", "PinarmError", "Result", "Scenario", "Series", "Sweep", "Tradeoff", "Trajectory", "check", "explain",
+    "load", "replay", "rooted", "run", "schema", "sweep", "tradeoff", "validate",
 ]  # fmt: skip
 
 

@@ -13,21 +13,19 @@ import io
 import os
 import sys
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pinarm.errors import InputError, NumericsError, PinarmError
+from pinarm.errors import InputError, NumericsError, PinarmError, printable
 from pinarm.input.roots import rooted
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from pinarm.engine.trajectory import Series
     from pinarm.input.units import Unit
     from pinarm.use.check import Finding
     from pinarm.use.expectation import Expectation
-    from pinarm.use.result import Result
 
 OK, MISSED, BAD_INPUT, NUMERICS_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -145,6 +143,7 @@ def _add_replay(commands: Any, parents: list[argparse.ArgumentParser]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from pinarm.use.report import report
     from pinarm.use.save import save
     from pinarm.use.scenario import load
 
@@ -165,11 +164,12 @@ def _run(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> int:
     from pinarm.use.check import check, misses
+    from pinarm.use.run import scenario_files
     from pinarm.use.scenario import load
 
     findings: list[Finding] = []
     failures: list[PinarmError] = []
-    for path in _scenario_files(options.paths):
+    for path in [file for given in options.paths for file in scenario_files(given)]:
         _progress(f"check {path}")
         try:
             findings += check(load(path, options.overrides))
@@ -190,10 +190,11 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _validate(options: argparse.Namespace) -> int:
+    from pinarm.use.run import scenario_files
     from pinarm.use.scenario import load
 
     mistakes = []
-    for path in _scenario_files(options.paths):
+    for path in [file for given in options.paths for file in scenario_files(given)]:
         try:
             load(path, options.overrides).validate()
         except PinarmError as error:
@@ -219,7 +220,7 @@ def _explain(options: argparse.Namespace) -> int:
 
         _print_json({"mechanism": found.mechanism.title, **msgspec.to_builtins(found.mobility)})
     else:
-        print(_printable(str(found)))
+        print(printable(str(found)))
     return OK
 
 
@@ -241,7 +242,7 @@ def _sweep(options: argparse.Namespace) -> int:
     if options.json:
         _print_json({**summary(swept), "folder": str(folder)})
     else:
-        print(_printable(report(swept)))
+        print(printable(report(swept)))
         print(f"written to {folder}")
     return NUMERICS_FAILED if swept.errors else OK
 
@@ -258,7 +259,7 @@ def _tradeoff(options: argparse.Namespace) -> int:
     if options.json:
         _print_json({**trade.summary(), "folder": str(folder)})
     else:
-        print(_printable(report(trade)))
+        print(printable(report(trade)))
         print(f"written to {folder}")
     return OK
 
@@ -280,10 +281,11 @@ def _assignments(texts: Sequence[str]) -> dict[str, str]:
 
 
 def _replay(options: argparse.Namespace) -> int:
+    from pinarm.use.replay.page import replay
     from pinarm.use.restore import restore
 
     result = restore(options.result)
-    shown = result.replay(traces=options.trace, arrows=options.arrows, plots=options.plot)
+    shown = replay(result, traces=options.trace, arrows=options.arrows, plots=options.plot)
     target = options.output or options.result / ("replay.png" if options.png else "replay.html")
     if options.png or options.video:
         from pinarm.use.replay import pictures
@@ -297,41 +299,15 @@ def _replay(options: argparse.Namespace) -> int:
     if options.json:
         _print_json({"file": str(target), "bytes": target.stat().st_size, "notes": shown.notes})
     else:
-        print("\n".join([*(_printable(f"note: {note}") for note in shown.notes), f"written to {target}"]))
+        print("\n".join([*(printable(f"note: {note}") for note in shown.notes), f"written to {target}"]))
     return OK
 
 
 def _schema(options: argparse.Namespace) -> int:
-    import msgspec
+    from pinarm.use.schema import schema
 
-    from pinarm.input.schema import json_schema
-    from pinarm.mechanics.description import MechanismDescription
-    from pinarm.problems import any_problem
-    from pinarm.use.scenario import ScenarioFile
-
-    models = [ScenarioFile, any_problem()] if options.of == "scenario" else [MechanismDescription]
-    roots, definitions = msgspec.json.schema_components(models, schema_hook=json_schema, ref_template="#/$defs/{name}")
-    if options.of == "scenario":
-        definitions["ScenarioFile"]["properties"]["problem"] = roots[1]
-    schema = {**definitions.pop(models[0].__name__), "$defs": definitions}
-    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
-    _print_json(schema)
+    _print_json(schema(options.of))
     return OK
-
-
-def _scenario_files(paths: Iterable[Path]) -> list[Path]:
-    """Return scenario files, those in folders in the order of their names.
-
-    Raises:
-        InputError: A folder has none.
-    """
-    files: list[Path] = []
-    for path in paths:
-        found = sorted(path.glob("*.yaml")) if path.is_dir() else [path]
-        if not found:
-            raise InputError(f"there are no scenarios in {path}", expected="files ending in .yaml")
-        files += found
-    return files
 
 
 def _keep_partial(error: PinarmError, options: argparse.Namespace) -> int:
@@ -349,80 +325,6 @@ def _keep_partial(error: PinarmError, options: argparse.Namespace) -> int:
     return error.exit_code
 
 
-def report(result: Result) -> str:
-    """Return the summary of a run as text: ranges of the outputs with units, accuracy, cost."""
-    from pinarm.use.result import COSTS, MEASURES
-
-    run = result.trajectory
-    lines = [f"{result.content.title or result.name}", _ranges(result)]
-    lines += _error(result)
-    lines += _worth(result.figures, result.trajectory.parameter)
-    cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name in COSTS]
-    lines.append(f"rows: {len(run)}" + (f"; {', '.join(cost)}" if cost else ""))
-    lines += [f"{name}: {value:.9g}" for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
-    lines += [f"payload {name}: {float(payload.mass):.9g} kg at {payload.point}"
-              for name, payload in run.mechanism.payloads.items()]  # fmt: skip
-    lines += [f"limit: {excess.words(run)}" for excess in result.excesses()]
-    lines += [f"note: {note}" for note in result.notes()]
-    return "\n".join(_printable(line) for line in lines)
-
-
-def _error(result: Result) -> list[str]:
-    """Return what is known of the global error, and whether it is below its target."""
-    if result.error is None:
-        return []
-    target = result.content.accuracy.target
-    worst = max(result.errors, key=lambda name: result.errors[name])
-    where = f", largest in {worst}" if len(result.errors) > 1 else ""
-    line = f"error: {result.error:.1e} of the largest value{where} ({result.setting})"
-    verdict = "reached" if not result.missed else "MISSED"
-    return [line] + ([f"target {target:g}: {verdict}"] if target is not None else [])
-
-
-def _worth(figures: Mapping[str, float], parameter: str) -> list[str]:
-    """Return what a run says of its accuracy, a line for each kind of figure."""
-    from pinarm.use.result import CLOSURES, RESIDUALS
-
-    residuals, gaps = (
-        ", ".join(f"{name} {figures[name]:.1e}" for name in names if name in figures) for names in (RESIDUALS, CLOSURES)
-    )
-    lines = [f"accuracy: relative residuals: {residuals}"] if residuals else []
-    lines += [f"loops: {gaps}"] if gaps else []
-    if "regularity" in figures:
-        lines.append(f"regularity: {figures['regularity']:.2g} at {parameter} = {figures['least regular at']:.6g}, "
-                     "0 at a singular position")  # fmt: skip
-    return lines + ([f"condition of the masses: {figures['condition']:.2g}"] if "condition" in figures else [])
-
-
-def _ranges(result: Result) -> str:
-    """Return the range of every output; a few rows that stand for themselves are shown as they are."""
-    run = result.trajectory
-    if run.parameter == "row" and len(run) <= FEW:
-        rows = [["", "unit", *(f"row {number:g}" for number in run.grid.t)]]
-        rows += [[*_heading(series), *(f"{number:.7g}" for number in series.values + 0.0)]  # -0 becomes 0
-                 for series in result.columns()[1:]]  # fmt: skip
-    else:
-        rows = [["", "unit", "min", f"at {run.parameter}", "max", f"at {run.parameter}"]]
-        for series, entry in zip(result.columns()[1:], result.summary()["outputs"].values(), strict=True):
-            numbers = (entry["min"], entry["at_min"], entry["max"], entry["at_max"])
-            rows.append([*_heading(series), *(f"{number:.7g}" for number in numbers)])
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return "\n".join("  ".join(_justified(row, widths)).rstrip() for row in rows)
-
-
-FEW = 6
-"""Rows that a terminal shows beside each other."""
-
-
-def _heading(series: Series) -> tuple[str, str]:
-    return _printable(series.name)[:48], str(series.unit or "?")
-
-
-def _justified(row: Sequence[str], widths: Sequence[int]) -> list[str]:
-    """Return cells of equal width: name and unit to the left, numbers to the right."""
-    return [cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))]
-
-
 def _print_findings(findings: Sequence[Finding]) -> None:
     from rich.console import Console
 
@@ -433,7 +335,7 @@ def _print_findings(findings: Sequence[Finding]) -> None:
     for finding in findings:
         if not finding.ok:
             reason = f"MISS {finding.scenario}: {finding.expectation.quantity}: {finding.reason}"
-            text.write(_printable(reason) + "\n")
+            text.write(printable(reason) + "\n")
     counts = {verdict: sum(f.verdict == verdict for f in findings) for verdict in _LOOKS}
     text.write("; ".join(f"{count} {verdict}" for verdict, count in counts.items() if count) or "nothing to check")
     print(text.getvalue())
@@ -462,7 +364,7 @@ def _table(findings: Sequence[Finding]) -> Table:
         if finding.scenario != previous and previous:
             table.add_section()
         previous = finding.scenario
-        table.add_row(*(Text(_printable(cell)) for cell in cells), Text(look, style=style))
+        table.add_row(*(Text(printable(cell)) for cell in cells), Text(look, style=style))
     return table
 
 
@@ -498,18 +400,13 @@ def _plain(finding: Finding) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _printable(text: str) -> str:
-    """Return text without characters that steer a terminal."""
-    return "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
-
-
 def _tell(error: PinarmError) -> None:
-    print(_printable(f"error: {error}"), file=sys.stderr)
+    print(printable(f"error: {error}"), file=sys.stderr)
 
 
 def _progress(text: str) -> None:
     if sys.stderr.isatty():
-        print(f"\r\x1b[K{_printable(text)}", end="", file=sys.stderr, flush=True)
+        print(f"\r\x1b[K{printable(text)}", end="", file=sys.stderr, flush=True)
 
 
 def _print_json(value: object) -> None:

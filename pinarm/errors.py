@@ -172,3 +172,8 @@ def choices(found: str, available: Iterable[str], *, most: int = 12) -> tuple[st
     close = difflib.get_close_matches(found, names, n=1, cutoff=0.6)
     shown = ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
     return f"one of {shown}" if names else "nothing: there is none", close[0] if close else ""
+
+
+def printable(text: str) -> str:
+    """Return text without characters that steer a terminal."""
+    return "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from pinarm import load
-from pinarm.cli import report
 from pinarm.use.check import check
+from pinarm.use.report import report
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"<!-- (?P<name>\w+) -->\n```\w+\n(?P<text>.*?)```", re.DOTALL)
@@ -74,7 +74,7 @@ def test_the_python_block_runs(project):
         [sys.executable, "-c", BLOCKS["python"]], cwd=project, env=environment, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("Cr [N*m] -241.1")
+    assert done.stdout.startswith("Cr [N*m] -321.5")
     assert (project / "torques.png").stat().st_size > 10_000
 
 
@@ -92,3 +92,11 @@ def test_links_lead_somewhere():
     links = re.findall(r"\]\((?!https?:)([^)#]+)\)", (ROOT / "README.md").read_text(encoding="utf-8"))
     assert links
     assert all((ROOT / link).exists() for link in links)
+
+
+def test_the_table_has_every_command_and_its_call():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    told = re.findall(r"^\| `(\w+)(?:[^|]|\\\|)*\| `pinarm\.(\w+)\(", text, re.MULTILINE)
+    assert [command for command, _ in told] == [call for _, call in told]
+    done = subprocess.run([sys.executable, "-m", "pinarm", "-h"], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert {command for command, _ in told} == set(re.findall(r"^    (\w+) ", done.stdout, re.MULTILINE))

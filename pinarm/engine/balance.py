@@ -43,32 +43,50 @@ def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, float
     if trajectory.unasked:
         return {}
     rows = np.linspace(0, len(trajectory) - 1, min(len(trajectory), most)).astype(int)
-    model, data = trajectory.mechanism.model, trajectory.mechanism.model.createData()
     loads = trajectory.gather(lambda dynamics, part: dynamics.loads(
         trajectory.grid.t[part], trajectory.q[part], trajectory.v[part]))  # fmt: skip
-    pull = float(np.linalg.norm(model.gravity.linear))
-    residuals, terms = np.zeros((len(rows), model.nv)), np.zeros((len(rows), model.nv))
-    closure = trajectory.closure
-    for k, row in enumerate(rows):
-        closure.place(trajectory.q[row])
-        held = closure.load(trajectory.lam[row])
-        q, v, a = trajectory.q[row], trajectory.v[row], trajectory.a[row]
-        pin.computeJointJacobians(model, data, q)
-        pin.forwardKinematics(model, data, q, v, a)
-        supplied = trajectory.tau[row] + loads[row] + held - model.armature * a
-        residuals[k], terms[k] = supplied, np.abs(supplied) + np.abs(held)
-        for joint in range(1, model.njoints):
-            jacobian = pin.getJointJacobian(model, data, joint, pin.LOCAL).reshape(6, -1)
-            inertia, twist, acceleration = model.inertias[joint], data.v[joint], data.a[joint]
-            fall = data.oMi[joint].actInv(model.gravity)
-            demands = (inertia * acceleration, twist.cross(inertia * twist), inertia * -fall)
-            parts = jacobian.T @ np.array([demand.vector for demand in demands]).T
-            residuals[k] -= parts.sum(axis=1)
-            path = jacobian[:3] - pin.skew(inertia.lever) @ jacobian[3:]  # of the mass centre, for unit velocities
-            terms[k] += np.abs(parts).sum(axis=1) + inertia.mass * pull * np.sqrt((path * path).sum(axis=0))
+    parts = [_virtual_powers(trajectory, loads, rows[k : k + SAMPLE]) for k in range(0, len(rows), SAMPLE)]
+    residuals, terms = (np.concatenate(each) for each in zip(*parts, strict=True))
     v = trajectory.v[rows]
     powers, scale = (residuals * v).sum(axis=1), (terms * np.abs(v)).sum(axis=1)
     return {"equilibrium": _relative(residuals, terms), "power": _relative(powers, scale)}
+
+
+def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array, Array]:
+    """Return the residual of virtual power for every unit velocity, and the sum of its absolute terms.
+
+    Args:
+        run: The motion.
+        loads: Generalised loads of all its rows [N*m or N], shape (n, nv).
+        rows: Those that are looked at.
+
+    Returns:
+        Both of shape (rows, nv) [W per rad/s or m/s].
+    """
+    model, data, closure = run.mechanism.model, run.mechanism.model.createData(), run.closure
+    bodies = range(1, model.njoints)
+    jacobians, demands = np.empty((len(rows), len(bodies), 6, model.nv)), np.empty((len(rows), 3, len(bodies), 6))
+    held = np.empty((len(rows), model.nv))
+    for k, row in enumerate(rows):
+        q = run.q[row]
+        closure.place(q)
+        held[k] = closure.load(run.lam[row])
+        pin.computeJointJacobians(model, data, q)
+        pin.forwardKinematics(model, data, q, run.v[row], run.a[row])
+        for body in bodies:
+            jacobians[k, body - 1] = pin.getJointJacobian(model, data, body, pin.LOCAL).reshape(6, -1)
+            inertia, twist = model.inertias[body], data.v[body]
+            demands[k, 0, body - 1] = (inertia * data.a[body]).vector
+            demands[k, 1, body - 1] = twist.cross(inertia * twist).vector
+            demands[k, 2, body - 1] = (inertia * -data.oMi[body].actInv(model.gravity)).vector
+    supplied = run.tau[rows] + loads[rows] + held - model.armature * run.a[rows]
+    asked = demands[:, :, :, None, :] @ jacobians[:, None]
+    masses = np.array([model.inertias[body].mass for body in bodies])
+    levers = np.array([pin.skew(model.inertias[body].lever) for body in bodies])
+    paths = jacobians[:, :, :3] - levers @ jacobians[:, :, 3:]  # of the mass centres, for unit velocities
+    weights = masses @ np.sqrt((paths * paths).sum(axis=2)) * np.linalg.norm(model.gravity.linear)
+    terms = np.abs(supplied) + np.abs(held) + np.abs(asked).sum(axis=(1, 2, 3)) + weights
+    return supplied - asked.sum(axis=(1, 2, 3)), terms
 
 
 @dataclass(frozen=True)

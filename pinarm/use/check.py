@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from pinarm.input.units import Unit, half_last_digit
 from pinarm.use import instants
 from pinarm.use.expectation import Expectation, in_si
 from pinarm.use.result import Result
+from pinarm.use.run import scenarios
 from pinarm.use.scenario import Scenario
 
 FORMULA = 1e-10
@@ -67,17 +69,22 @@ class Finding:
         return self.verdict != "MISS"
 
 
-def check(scenario: Scenario, result: Result | None = None) -> list[Finding]:
-    """Run a scenario and compare it with its answer key.
+def check(scenario: Scenario | str | Path, result: Result | None = None) -> list[Finding]:
+    """Solve scenarios and compare them with their answer keys.
+
+    Args:
+        scenario: The scenario, its file, or a folder of them.
+        result: What came out of it, where that is known.
 
     Raises:
         InputError: An expectation asks for something that does not exist; the message says where.
     """
-    result = result or scenario.run()
     findings = []
-    for index, expectation in enumerate(scenario.content.expect):
-        with scenario.document.locating("expect", index):
-            findings.append(compare(result, expectation))
+    for one in scenarios(scenario):
+        solved = result or one.run()
+        for index, expectation in enumerate(one.content.expect):
+            with one.document.locating("expect", index):
+                findings.append(compare(solved, expectation))
     return findings
 
 

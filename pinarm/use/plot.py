@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from dataclasses import dataclass
 from functools import cache
@@ -34,11 +35,32 @@ STYLE: dict[Any, Any] = {
 WIDTH, HEIGHT, HEAD = 7.0, 1.7, 0.9
 """Inches: of a figure, of an axis, and for heading and horizontal labels."""
 
+SCREEN = 100
+"""Pixels per inch of an ordinary screen."""
+
+FEW = 12
+"""Rows that stand for themselves and have their own tick."""
+
 FLAT = 1e-9
 """Range below which a curve is drawn as constant: rounding must not be blown up to the height of the axis."""
 
 
-def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) -> Figure:
+class Picture(Figure):
+    """A figure that a notebook shows, which otherwise asks for pyplot and its settings."""
+
+    def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
+        """Return it as PNG, sharp on fine screens, and the width and height to show it in."""
+        width, height = (round(SCREEN * inches) for inches in self.get_size_inches())
+        return self.png(), {"width": width, "height": height}
+
+    def png(self) -> bytes:
+        """Return it as PNG, sharp on fine screens; the same figure gives the same bytes."""
+        stream = io.BytesIO()
+        self.savefig(stream, format="png", dpi=2 * SCREEN, metadata={"Software": None})
+        return stream.getvalue()
+
+
+def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) -> Picture:
     """Return a figure with the named quantities on stacked axes.
 
     Args:
@@ -51,24 +73,28 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
     scale, measured = shown(along)
     keys = answer_key(result, along.name)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, HEAD + HEIGHT * len(names)))
+        figure = Picture(figsize=(WIDTH, HEAD + HEIGHT * len(names)))
         FigureCanvasAgg(figure)
         axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+        line: dict[str, Any] = (
+            {"linestyle": "none", "marker": "o", "markersize": 4} if run.parameter == "row" and not against else {}
+        )
         for index, (name, axis) in enumerate(zip(names, axes, strict=True)):
-            _draw(axis, result[name], along.values / scale, COLOURS[index % len(COLOURS)])
+            _draw(axis, result[name], along.values / scale, {"color": COLOURS[index % len(COLOURS)], **line})
             _mark(axis, result[name], [entry for entry in keys if entry.quantity == name], scale)
-        axes[-1].set_xlabel(axis_label(along.name, measured).replace("\n", " "))
-        axes[-1].margins(x=0.01)
-        figure.align_ylabels()
+        axes[-1].set_xlabel(axis_label(along.name, measured))
+        axes[-1].margins(x=0.05 if line else 0.01)
+        if line and len(run) <= FEW:
+            axes[-1].set_xticks(run.grid.t)
         figure.suptitle(plain(result.content.title or result.name))
     return figure
 
 
-def _draw(axis: Axes, series: Series, x: Array, colour: str) -> None:
+def _draw(axis: Axes, series: Series, x: Array, look: dict[str, Any]) -> None:
     scale, measured = shown(series)
     values = series.values / scale
-    axis.plot(x, values, color=colour)
-    axis.set_ylabel(axis_label(series.name, measured))
+    axis.plot(x, values, **look)
+    axis.set_title(axis_label(series.name, measured), loc="left", fontsize=9)  # beside it long names collide
     limit(axis, float(values.min()), float(values.max()))
 
 
@@ -140,10 +166,33 @@ def shown(series: Series) -> tuple[float, Unit | None]:
 
 
 def axis_label(name: str, measured: Unit | None) -> str:
-    """Return the label of an axis: a name, and below it the unit."""
+    """Return the label of an axis: a name and its unit."""
     text = str(measured or "?").replace("*", "·").replace("^2", "²").replace("^3", "³")
-    short = name if len(name) <= 34 else f"{name[:31]}..."
-    return plain(short) if text == "1" else f"{plain(short)}\n[{plain(text)}]"
+    short = name if len(name) <= LONG else f"{name[: LONG - 3]}..."
+    return symbol(short) if text == "1" else f"{symbol(short)} [{plain(text)}]"
+
+
+LONG = 70
+"""Letters of a name that an axis shows."""
+
+_GREEK = "alpha beta gamma delta epsilon theta lambda omega phi psi Delta Theta Omega Phi Psi Gamma Lambda"
+_SYMBOL = re.compile(rf"(?P<greek>{_GREEK.replace(' ', '|')})_?(?P<number>\d*)(?P<rate>d{{0,2}})"
+                     r"|(?P<letter>[A-Za-z])(_(?P<index>[A-Za-z0-9]+)|(?P<digits>\d+))")  # fmt: skip
+
+
+def symbol(name: str) -> str:
+    """Return a name as publications print it: ``theta21d`` as a Greek letter with dot and index, ``C_B`` with an index.
+
+    Any other name is drawn as it stands.
+    """
+    found = _SYMBOL.fullmatch(name)
+    if found is None:
+        return plain(name)
+    accent = {0: "", 1: r"\dot", 2: r"\ddot"}[len(found["rate"] or "")]
+    letter = found["letter"] or f"\\{found['greek']}"
+    letter = f"{accent}{{{letter}}}" if accent else letter
+    index = found["number"] or found["index"] or found["digits"]
+    return f"${letter}_{{{index}}}$" if index else f"${letter}$"
 
 
 def plain(text: str) -> str:
@@ -164,14 +213,15 @@ def _characters() -> frozenset[int]:
 
 
 def save_plots(result: Result, folder: Path) -> list[Path]:
-    """Write all outputs on one page, ``plots.png``, and one picture each in ``plots/``; return the files."""
+    """Write the outputs, six to a picture, and the start and end positions into ``plots/``; return the files."""
     folder = folder / "plots"
     folder.mkdir(exist_ok=True)
     outputs = list(dict.fromkeys(result.content.outputs))
     files = []
     for number, group in enumerate(outputs[i : i + 6] for i in range(0, len(outputs), 6)):
         name = re.sub(r"[^A-Za-z0-9_.-]+", "_", group[0])[:40] if len(group) == 1 else f"outputs_{number + 1}"
-        path = folder / f"{name}.png"
-        result.plot(*group).savefig(path, metadata={"Software": None})
-        files.append(path)
+        files.append(folder / f"{name}.png")
+        result.plot(*group).savefig(files[-1], metadata={"Software": None})
+    files.append(folder / "positions.png")
+    result.sketch().savefig(files[-1], metadata={"Software": None})
     return files

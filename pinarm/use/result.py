@@ -19,9 +19,9 @@ from pinarm.errors import DynamicsError
 from pinarm.mechanics.coordinates import spelled
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from pandas import DataFrame
 
+    from pinarm.use.plot import Picture
     from pinarm.use.replay.page import Replay
     from pinarm.use.scenario import ScenarioFile
 
@@ -91,7 +91,7 @@ class Result:
 
         return pandas.DataFrame({series.label: series.values for series in self.columns()})
 
-    def plot(self, *names: str, against: str | None = None) -> Figure:
+    def plot(self, *names: str, against: str | None = None) -> Picture:
         """Return a figure with one axis per quantity.
 
         Args:
@@ -101,6 +101,12 @@ class Result:
         from pinarm.use.plot import plot
 
         return plot(self, names or tuple(self.content.outputs), against=against)
+
+    def sketch(self) -> Picture:
+        """Return a drawing of the mechanism at the start and the end of the run."""
+        from pinarm.use.sketch import sketch
+
+        return sketch(self)
 
     def replay(
         self,
@@ -133,6 +139,12 @@ class Result:
         from pinarm.use.save import save
 
         return save(self, Path(folder), plots=plots)
+
+    def _repr_html_(self) -> str:
+        """Return numbers, plots and the replay, for notebooks; saved ones keep them."""
+        from pinarm.use.cell import of_result
+
+        return of_result(self)
 
     def require_finite(self, name: str) -> None:
         """Raise where a quantity is not a number somewhere.

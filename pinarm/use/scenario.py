@@ -123,9 +123,7 @@ class Scenario:
             InputError: The file cannot be read or has a mistake; the message says where.
         """
         document = Document.read(Path(path), source=str(path))
-        for assignment in overrides or []:
-            document = document.override(assignment)
-        return cls.of(document, Path(path).parent)
+        return cls.of(_overridden(document, overrides), Path(path).parent)
 
     @classmethod
     def of(cls, document: Document, folder: Path) -> Scenario:
@@ -147,6 +145,14 @@ class Scenario:
             InputError: A path leads nowhere, or a value is wrong there.
         """
         return self._of(self.document.varied(values))
+
+    def overridden(self, overrides: list[str] | None) -> Scenario:
+        """Return the scenario with assignments made to it; see ``load``.
+
+        Raises:
+            InputError: A path leads nowhere, or a value is wrong there.
+        """
+        return self._of(_overridden(self.document, overrides)) if overrides else self
 
     def _of(self, document: Document) -> Scenario:
         """Return the scenario of another document in the same place, with the same last digits."""
@@ -311,6 +317,12 @@ class Scenario:
         return self.document.locating("problem", *path)
 
 
+def _overridden(document: Document, overrides: list[str] | None) -> Document:
+    for assignment in overrides or []:
+        document = document.override(assignment)
+    return document
+
+
 def _problem(document: Document, given: object) -> Problem:
     """Validate the part of the document that holds the question, by the class of its kind."""
     if not isinstance(given, dict) or "kind" not in given:
@@ -336,6 +348,6 @@ def _beyond(run: Trajectory) -> DynamicsError:
     return DynamicsError(f"the numbers of this run are too large to be checked, from {where}", partial=run)
 
 
-def load(path: str | Path, overrides: list[str] | None = None) -> Scenario:
-    """Read a scenario file; see ``Scenario.load``."""
-    return Scenario.load(path, overrides)
+def load(scenario: Scenario | str | Path, overrides: list[str] | None = None) -> Scenario:
+    """Read a scenario file; see ``Scenario.load``. Of a scenario that has been read, replace values."""
+    return scenario.overridden(overrides) if isinstance(scenario, Scenario) else Scenario.load(scenario, overrides)

@@ -10,7 +10,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.plot import plain
+from pinarm.use.plot import plain, symbol
 
 ROOT = Path(pinarm.__file__).parents[1]
 
@@ -36,7 +36,7 @@ def test_what_is_drawn_are_the_numbers(scenario: Callable[..., Any]) -> None:
     assert np.array_equal(y, result["M"].values)
     assert np.asarray(x) == pytest.approx(np.degrees(result["alpha"].values), rel=1e-15)  # angles in degrees
     assert "°" in axis.get_xlabel()
-    assert "N·m" in axis.get_ylabel()
+    assert axis.get_title(loc="left") == "M [N·m]"
 
 
 @pytest.mark.parametrize(
@@ -112,3 +112,33 @@ def test_published_figures_stand_over_the_curve_and_misprints_beside_it() -> Non
     assert point.get_xydata() == pytest.approx(np.array([[0.0, 1.6069167]]), abs=1e-12)
     [wrong] = [line for line in marks if line.get_linestyle() == "--"]
     assert np.abs(wrong.get_ydata() - curve.get_ydata()).min() > 1.0  # its sign is reversed
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [
+        ("theta", r"$\theta$"),
+        ("theta21", r"$\theta_{21}$"),
+        ("theta21d", r"$\dot{\theta}_{21}$"),
+        ("phidd", r"$\ddot{\phi}$"),
+        ("C_B", "$C_{B}$"),
+        ("X53", "$X_{53}$"),
+        ("Cr", "Cr"),
+        ("hdd", "hdd"),
+        ("theta_dot", "theta_dot"),
+        ("joint.theta.effort", "joint.theta.effort"),
+        ("C_B$", r"C_B\$"),
+        ("C_$", r"C_\$"),
+    ],
+)
+def test_symbols_are_printed_as_publications_do(name: str, wanted: str) -> None:
+    assert symbol(name) == wanted
+
+
+def test_rows_that_stand_for_themselves_are_not_joined(scenario: Callable[..., Any]) -> None:
+    [axis] = scenario("equilibria").run().plot("alpha").axes
+    [line] = axis.lines
+    assert (line.get_linestyle(), line.get_marker()) == ("None", "o")
+    assert list(axis.get_xticks()) == [1.0, 2.0]
+    [axis] = scenario("statics").run().plot("M").axes
+    assert axis.lines[0].get_linestyle() == "-"

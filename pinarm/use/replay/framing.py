@@ -21,6 +21,9 @@ DIRECTIONS, GOLDEN = 80, np.pi * (1.0 + np.sqrt(5.0))
 SLACK = 0.03
 """By how much, relative to the extent, a wall may stand before the mechanism."""
 
+ABOVE = 0.99
+"""Cosine of the angle to the vertical from which on something is seen from above."""
+
 FLAT = 0.7
 """Depth of a planar mechanism, relative to its extent in the plane, up to which it is seen along its axes."""
 
@@ -32,6 +35,7 @@ class Framing:
     Attributes:
         up: Against gravity; z where there is none. Shape (3,).
         eye: Direction from the mechanism to the eye, shape (3,).
+        normal: The direction from which a planar mechanism is seen flat, shape (3,); none for others.
         low: Lower corner [m], shape (3,).
         high: Upper corner [m], shape (3,).
         outline: Its points that reach farthest in all directions [m], shape (k, 3).
@@ -39,6 +43,7 @@ class Framing:
 
     up: Array
     eye: Array
+    normal: Array | None
     low: Array
     high: Array
     outline: Array
@@ -72,8 +77,9 @@ def framing(
         if abs(axis) @ (high - low) > FLAT * across:
             axis = None
     behind = still.mean(axis=0) - (moving.min(axis=0) + moving.max(axis=0)) / 2.0 if len(still) else np.zeros(3)
-    eye = _along(axis, up) if axis is not None else _slanted(up, behind, SLACK * float((high - low).max()))
-    return Framing(up, eye / np.linalg.norm(eye), low, high, _outline(everything))
+    normal = None if axis is None else _facing(axis, up)
+    eye = _slanted(up, behind, SLACK * float((high - low).max())) if normal is None else _tilted(normal, up)
+    return Framing(up, eye / np.linalg.norm(eye), normal, low, high, _outline(everything))
 
 
 def _still(shapes: Sequence[Shape]) -> Array:
@@ -114,16 +120,27 @@ def _common_axis(nodes: Sequence[Node], place: Array) -> Array | None:
     return axis if parallel and all(abs(axis @ other) < PARALLEL for other in sliding) else None
 
 
-def _along(axis: Array, up: Array) -> Array:
-    """Return the direction to the eye along an axis, tilted so that depth is seen.
-
-    It is the side from which the third axis points to the right; from above, the one that has x to the right.
-    """
-    if abs(axis @ up) > 0.99:
-        return np.asarray(up - 0.4 * (np.eye(3)[1] if abs(up[1]) < 0.5 else -np.eye(3)[2]))
+def _facing(axis: Array, up: Array) -> Array:
+    """Return the direction to the eye along an axis: the side from which the third axis points right, or from above."""
+    if abs(axis @ up) > ABOVE:
+        return up
     right = np.cross(up, axis)
-    side = np.sign(right[np.abs(right).argmax()])
-    return np.asarray(side * axis + 0.22 * side * right + 0.2 * up)
+    return np.asarray(np.sign(right[np.abs(right).argmax()]) * axis)
+
+
+def _tilted(normal: Array, up: Array) -> Array:
+    """Return a direction to the eye from which depth is seen."""
+    if abs(normal @ up) > ABOVE:
+        return np.asarray(up - 0.4 * upwards(normal, up))
+    return np.asarray(normal + 0.22 * np.cross(up, normal) + 0.2 * up)
+
+
+def upwards(eye: Array, up: Array) -> Array:
+    """Return what is up in the picture, shape (3,); from above it is the axis that has x to the right."""
+    if abs(eye @ up) > ABOVE:
+        return np.asarray(np.eye(3)[1] if abs(up[1]) < 0.5 else -np.eye(3)[2])
+    flat = up - (up @ eye) * eye
+    return np.asarray(flat / np.linalg.norm(flat))
 
 
 def _slanted(up: Array, behind: Array, slack: float) -> Array:

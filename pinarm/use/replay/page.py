@@ -25,6 +25,7 @@ from pinarm.use.replay.packing import Packing, compressed
 from pinarm.use.replay.shapes import Shape, visuals
 from pinarm.use.replay.sticks import sticks
 from pinarm.use.replay.tracks import Node, nodes_of, placed, rows_shown
+from pinarm.use.restore import restore
 from pinarm.use.result import Result
 
 FILES = Path(__file__).parent / "page"
@@ -32,6 +33,9 @@ SCRIPTS = ("data.js", "motion.js", "solids.js", "view.js", "overlays.js", "plots
 CURVES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#3a87b7")
 LINKS = 6.0
 """Typical links along the extent of a mechanism; one of more has smaller marks."""
+
+VIEW = ("up", "eye", "low", "high", "outline")
+"""What the page is told of the framing."""
 
 DEGREE = 0.017453292519943295
 
@@ -66,24 +70,30 @@ class Replay:
 
     def _repr_html_(self) -> str:
         """Return the page in a frame, for notebooks; saved ones keep it."""
-        style = "width:100%;height:560px;border:1px solid #d9dee3"
-        return f'<iframe srcdoc="{html.escape(self.html)}" style="{style}"></iframe>'
+        from pinarm.use.cell import frame
+
+        return frame(self.html, height=560)
 
 
 def replay(
-    result: Result, *, traces: Sequence[str] = (), arrows: Sequence[str] = (), plots: Sequence[str] | None = None
+    result: Result | str | Path,
+    *,
+    traces: Sequence[str] = (),
+    arrows: Sequence[str] = (),
+    plots: Sequence[str] | None = None,
 ) -> Replay:
     """Return the moving picture of a result.
 
     Args:
-        result: Of a run, or of a folder (``restore``).
+        result: The result, or the folder that it was written to.
         traces: Links whose origins leave a path; ``com`` for the centre of mass.
         arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
         plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
 
     Raises:
-        InputError: A name is unknown, or the run does not have what is asked.
+        InputError: A name is unknown, the run does not have what is asked, or the folder is no result.
     """
+    result = result if isinstance(result, Result) else restore(result)
     names = list(dict.fromkeys(result.content.outputs if plots is None else plots))
     curves = [result[name] for name in names]
     rows = rows_shown(result.trajectory, [series.values for series in curves])
@@ -128,7 +138,7 @@ def _scene(
         "traces": [_trace(path) for path in paths],
         "pairs": [pair.plain(places) for pair in joined],
         "arrows": [arrow.plain(packing, largest[arrow.of, arrow.moment]) for arrow in acting],
-        "view": {**{name: value.tolist() for name, value in vars(seen).items()}, "detail": _detail(nodes, seen)},
+        "view": {**{name: getattr(seen, name).tolist() for name in VIEW}, "detail": _detail(nodes, seen)},
         "legend": [*_paths(traces), *_families(acting, largest), *_marks(joined)],
     }
     return scene, drawn.notes

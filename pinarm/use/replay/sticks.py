@@ -31,7 +31,7 @@ def sticks(model: pin.Model, nodes: Sequence[Node], bare: Collection[int]) -> li
         nodes: Its bodies.
         bare: Bodies without shapes of their own.
     """
-    points = {node: _points(model, nodes, node) for node in sorted(bare) if nodes[node].carries}
+    points = {node: reach(model, nodes, node) for node in sorted(bare) if nodes[node].carries}
     size = _size(model, nodes, points)
     if 0 in points:  # what is only fixed to the world, such as the end of a spring, is no body
         mounted = [node.placement.translation for node in nodes if node.parent == 0 and node.carries]
@@ -41,7 +41,7 @@ def sticks(model: pin.Model, nodes: Sequence[Node], bare: Collection[int]) -> li
     return shapes + [shape for joint in joints for shape in _joint(nodes[joint], joint, size)]
 
 
-def _points(model: pin.Model, nodes: Sequence[Node], node: int) -> Array:
+def reach(model: pin.Model, nodes: Sequence[Node], node: int) -> Array:
     """Return the places that a body reaches to, other than its origin, shape (k, 3)."""
     found = [np.asarray(other.placement.translation) for other in nodes if other.parent == node]
     found += [np.asarray(f.placement.translation) for f in model.frames
@@ -66,18 +66,21 @@ def _size(model: pin.Model, nodes: Sequence[Node], points: dict[int, Array]) -> 
     ends = [length for length in [*ends, *links] if length > 0.0]
     if ends:
         return float(min(reach.max() + max(ends), LINKS * np.median(ends)))
-    return max([float(_cuboid(inertia)[0].max()) for inertia in model.inertias if inertia.mass > 0.0] or [BOX]) / BOX
+    return max([float(cuboid(inertia)[0].max()) for inertia in model.inertias if inertia.mass > 0.0] or [BOX]) / BOX
 
 
 def _body(model: pin.Model, node: int, points: Array, size: float) -> Iterator[Shape]:
-    colour, carries = colour_of(node), {tuple(p.translation) for p in model.jointPlacements}
+    colour = colour_of(node)
+    carries = {
+        tuple(p.translation) for p, parent in zip(model.jointPlacements, model.parents, strict=True) if parent == node
+    }
     for point in points[points.any(axis=1)]:
         yield _rod(node, np.zeros(3), point, ROD * size, colour)
         if tuple(point) not in carries:
             yield Shape(node, pin.SE3(np.eye(3), point), "sphere", (POINT * size,), colour)
     inertia = model.inertias[node]
     if not len(points) and inertia.mass > 0.0:
-        edges, axes = _cuboid(inertia)
+        edges, axes = cuboid(inertia)
         box = np.maximum(edges * min(1.0, BOX * size / max(edges.max(), 1e-300)), ROD * size)
         yield Shape(node, pin.SE3(axes, inertia.lever), "box", (box[0], box[1], box[2]), colour)
 
@@ -107,7 +110,7 @@ def _along(centre: Array, direction: Array) -> pin.SE3:
     return pin.SE3(turn.toRotationMatrix(), centre)
 
 
-def _cuboid(inertia: pin.Inertia) -> tuple[Array, Array]:
+def cuboid(inertia: pin.Inertia) -> tuple[Array, Array]:
     """Return edges [m] and axes of the homogeneous box of an inertia: ``a^2 = 6 (I_b + I_c - I_a) / m``."""
     moments, axes = np.linalg.eigh(inertia.inertia)
     axes[:, 2] *= np.sign(np.linalg.det(axes))

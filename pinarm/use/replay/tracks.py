@@ -105,10 +105,10 @@ def _placements(model: pin.Model, joint: int, q: Array) -> Array:
     return rows
 
 
-def placed(model: pin.Model, q: Array) -> Array:
+def placed(model: pin.Model, q: Array, most: int = SAMPLED) -> Array:
     """Return the placements of all joints in the world at some of the rows, shape (samples, njoints, 4, 4)."""
     data = model.createData()
-    chosen = q[np.unique(np.linspace(0, len(q) - 1, SAMPLED).round().astype(np.intp))]
+    chosen = q[np.unique(np.linspace(0, len(q) - 1, most).round().astype(np.intp))]
     found = np.empty((len(chosen), model.njoints, 4, 4))
     for row, state in zip(found, chosen, strict=True):
         pin.forwardKinematics(model, data, state)

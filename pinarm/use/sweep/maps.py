@@ -16,8 +16,8 @@ from pinarm.use.sweep.axes import Axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
+    from pinarm.use.plot import Picture
     from pinarm.use.sweep.study import Sweep
 
 FAMILY = 6
@@ -28,7 +28,7 @@ PICTURES = 24
 Draw = Callable[["Axes", "Sweep", Series], None]
 
 
-def plot(sweep: Sweep, series: Series) -> Figure:
+def plot(sweep: Sweep, series: Series) -> Picture:
     """Return a picture of one column of a sweep.
 
     Over one list or grid it is a curve, over two a family of curves or, where both are long, a map. Of cases that were
@@ -36,12 +36,11 @@ def plot(sweep: Sweep, series: Series) -> Figure:
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
-    from pinarm.use.plot import STYLE, plain
+    from pinarm.use.plot import STYLE, Picture, plain
 
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(7.0, 4.2))
+        figure = Picture(figsize=(7.0, 4.2))
         FigureCanvasAgg(figure)
         axis = figure.subplots()
         _kind(sweep)(axis, sweep, series)
@@ -101,7 +100,7 @@ def _map(axis: Axes, sweep: Sweep, series: Series) -> None:
     axis.grid(visible=False)
     axis.set_xlabel(_named(along))
     axis.set_ylabel(_named(other))
-    axis.figure.colorbar(mesh, ax=axis, label=axis_label(series.name, measured).replace("\n", " "))
+    axis.figure.colorbar(mesh, ax=axis, label=axis_label(series.name, measured))
 
 
 def _histogram(axis: Axes, sweep: Sweep, series: Series) -> None:
@@ -110,7 +109,7 @@ def _histogram(axis: Axes, sweep: Sweep, series: Series) -> None:
 
     scale, measured = shown(series)
     values = series.values[np.isfinite(series.values)] / scale
-    axis.set_xlabel(axis_label(series.name, measured).replace("\n", " "))
+    axis.set_xlabel(axis_label(series.name, measured))
     axis.set_ylabel("cases")
     if not len(values):
         return
@@ -151,7 +150,7 @@ def _named(axis: Axis) -> str:
     from pinarm.use.plot import axis_label
 
     column = axis.columns[0]
-    return axis_label(column.path, unit(column.unit or "1")).replace("\n", " ")
+    return axis_label(column.path, unit(column.unit or "1"))
 
 
 def save_plots(sweep: Sweep, folder: Path) -> list[Path]:

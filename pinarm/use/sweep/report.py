@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import IO
 
+from pinarm.use.report import aligned
 from pinarm.use.result import CLOSURES, RESIDUALS
 from pinarm.use.sweep.solving import Progress
 from pinarm.use.sweep.study import Sweep
@@ -43,16 +44,21 @@ def progress_bar(stream: IO[str]) -> Iterator[Progress]:
 
 def report(sweep: Sweep) -> str:
     """Return the statistics of a sweep and why cases failed, as text."""
-    found = summary(sweep)
+    return "\n".join([sweep.title or sweep.name, *aligned(ranges(sweep)), *remarks(sweep)])
+
+
+def ranges(sweep: Sweep) -> list[list[str]]:
+    """Return a heading and the statistics of every result."""
     rows = [["", "unit", "min", "in case", "mean", "deviation", "max", "in case"]]
-    for name, entry in found["results"].items():
+    for name, entry in summary(sweep)["results"].items():
         numbers = [entry.get(key) for key in ("min", "at_min", "mean", "deviation", "max", "at_max")]
         rows.append([name[:48], entry["unit"], *("-" if number is None else f"{number:.7g}" for number in numbers)])
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    lines = [found["title"] or found["scenario"]]
-    for row in rows:
-        cells = [text.ljust(w) if k < 2 else text.rjust(w) for k, (text, w) in enumerate(zip(row, widths, strict=True))]
-        lines.append("  ".join(cells).rstrip())
+    return rows
+
+
+def remarks(sweep: Sweep) -> list[str]:
+    """Return what is to be said beside the numbers, a line each: accuracy, notes, and why cases failed."""
+    found, lines = summary(sweep), []
     for head, names in (("accuracy: largest relative residuals", RESIDUALS), ("loops: largest", CLOSURES)):
         measured = [f"{name} {found['accuracy'][name]:.1e}" for name in names if name in found["accuracy"]]
         lines += [f"{head}: {', '.join(measured)}"] if measured else []
@@ -67,4 +73,4 @@ def report(sweep: Sweep) -> str:
         lines.append(f"failed: {failure['reason']} ({failure['cases']}: {first})")
     if len(found["failures"]) > SHOWN:
         lines.append(f"failed: {len(found['failures']) - SHOWN} more reasons")
-    return "\n".join(lines)
+    return lines

@@ -23,8 +23,9 @@ from pinarm.use.sweep.reading import read_axis, read_cases
 from pinarm.use.sweep.solving import Progress, Solving
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from pandas import DataFrame
+
+    from pinarm.use.plot import Picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +78,7 @@ class Sweep:
         columns: dict[str, Any] = {series.label: series.values for series in self.table.values()}
         return pandas.DataFrame({**columns, "error": [self.errors.get(case, "") for case in range(len(self))]})
 
-    def plot(self, name: str | None = None) -> Figure:
+    def plot(self, name: str | None = None) -> Picture:
         """Return a plot of a column over what was varied: curves, a map, or how often which value came out.
 
         Args:
@@ -92,6 +93,12 @@ class Sweep:
         from pinarm.use.sweep.table import save
 
         return save(self, Path(folder), plots=plots)
+
+    def _repr_html_(self) -> str:
+        """Return statistics and a plot, for notebooks."""
+        from pinarm.use.cell import of_sweep
+
+        return of_sweep(self)
 
 
 def sweep(
@@ -129,7 +136,7 @@ def sweep(
     """
     if workers is not None and workers < 1:
         raise InputError(f"{workers} workers solve nothing", expected="at least 1")
-    scenario = scenario if isinstance(scenario, Scenario) else load(scenario)
+    scenario = load(scenario)
     given = {
         path: values.tolist() if isinstance(values, np.ndarray) else values for path, values in (over or {}).items()
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,25 +11,25 @@ from pinarm.use.tradeoff.study import Tradeoff
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+
+    from pinarm.use.plot import Picture
 
 MARKERS = "os^Dv*"
 
 
-def work_precision(trade: Tradeoff) -> Figure:
+def work_precision(trade: Tradeoff) -> Picture:
     """Return the errors of all settings over their evaluations and over their time, a curve for each method.
 
     Recommended settings are ringed; in the grey band below, errors are those of the reference.
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
-    from pinarm.use.plot import STYLE, WIDTH, plain
+    from pinarm.use.plot import STYLE, WIDTH, Picture, plain
 
     assert trade.reference
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, 3.6))
+        figure = Picture(figsize=(WIDTH, 3.6))
         FigureCanvasAgg(figure)
         left, right = figure.subplots(1, 2, sharey=True)
         _curves(left, trade, "evaluations", 1.0)
@@ -65,17 +64,16 @@ def _curves(axis: Axes, trade: Tradeoff, cost: str, scale: float) -> None:
     axis.set_ylim(top=max(axis.get_ylim()[1], WANTED[0]))
 
 
-def outputs(trade: Tradeoff) -> Figure:
+def outputs(trade: Tradeoff) -> Picture:
     """Return the outputs of all variants over the run, that of the exact model in black."""
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
-    from pinarm.use.plot import COLOURS, HEAD, HEIGHT, STYLE, WIDTH, axis_label, plain, shown
+    from pinarm.use.plot import COLOURS, HEAD, HEIGHT, STYLE, WIDTH, Picture, axis_label, plain, shown
 
     names = list(dict.fromkeys(trade.scenario.content.outputs))
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, HEAD + HEIGHT * len(names)))
+        figure = Picture(figsize=(WIDTH, HEAD + HEIGHT * len(names)))
         FigureCanvasAgg(figure)
         axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
         for k, variant in enumerate(trade.variants):
@@ -87,19 +85,16 @@ def outputs(trade: Tradeoff) -> Figure:
                 scale, unit = shown(variant.result[name])
                 values = variant.result[name].values / scale
                 axis.plot(run.grid.t / along, values, label=plain(variant.name), **(look if k else {"color": "black"}))
-                axis.set_ylabel(axis_label(name, unit))
+                axis.set_title(axis_label(name, unit), loc="left", fontsize=9)
         axes[0].legend(frameon=False, loc="best", fontsize=8)
-        axes[-1].set_xlabel(axis_label(run.parameter, measured).replace("\n", " "))
+        axes[-1].set_xlabel(axis_label(run.parameter, measured))
         axes[-1].margins(x=0.01)
-        figure.align_ylabels()
         figure.suptitle(plain(trade.scenario.content.title or trade.scenario.name))
     return figure
 
 
-def save_plots(trade: Tradeoff, folder: Path) -> list[Path]:
-    """Write ``settings.png`` and ``variants.png``, whichever there is something to draw for; return the files."""
-    drawn = {"settings.png": work_precision} if trade.reference else {}
-    drawn |= {"variants.png": outputs} if trade.variants else {}
-    for name, draw in drawn.items():
-        draw(trade).savefig(folder / name, metadata={"Software": None})
-    return [folder / name for name in drawn]
+def plots(trade: Tradeoff) -> dict[str, Picture]:
+    """Return the figures ``settings`` and ``variants``, whichever there is something to draw for."""
+    drawn = {"settings": work_precision} if trade.reference else {}
+    drawn |= {"variants": outputs} if trade.variants else {}
+    return {name: draw(trade) for name, draw in drawn.items()}

@@ -1,4 +1,4 @@
-"""What a terminal shows of a trade-off."""
+"""What is shown of a trade-off: the tables of settings and variants, and what is recommended."""
 
 from __future__ import annotations
 
@@ -12,15 +12,14 @@ def report(trade: Tradeoff) -> str:
     """Return the tables of settings and variants, and what is recommended, as text."""
     lines = [trade.scenario.content.title or trade.scenario.name]
     if trade.reference:
-        lines += [*_settings(trade), f"reference: {trade.reference.words}; known to {trade.reference.bound:.1e}"]
-        lines += [
-            f"for {wanted:g}: {point.setting}" if point else f"for {wanted:g}: no setting tried"
-            for wanted, point in trade.recommended().items()
-        ]
-    return "\n".join(lines + _variants(trade))
+        lines += [*_aligned(settings(trade)), *advice(trade)]
+    if trade.variants:
+        lines += [*_aligned(variants(trade)), *remarks(trade)]
+    return "\n".join(lines)
 
 
-def _settings(trade: Tradeoff) -> list[str]:
+def settings(trade: Tradeoff) -> list[list[str]]:
+    """Return a heading and the error and cost of every setting that was tried."""
     assert trade.reference
     rows = [["setting", "error", "largest in", "evaluations", "time [ms]"]]
     for point in trade.points:
@@ -28,29 +27,39 @@ def _settings(trade: Tradeoff) -> list[str]:
         error = f"{point.error:.1e}" if point.error > trade.reference.bound else f"< {trade.reference.bound:.0e}"
         told = [error, worst[:24]] if math.isfinite(point.error) else ["failed", ""]
         rows.append([point.setting, *told, f"{point.evaluations}", f"{1e3 * point.seconds:.1f}"])
-    return _table(rows)
+    return rows
 
 
-def _variants(trade: Tradeoff) -> list[str]:
-    if not trade.variants:
-        return []
-    parameter = trade.variants[0].result.trajectory.parameter if trade.variants[0].result else ""
+def advice(trade: Tradeoff) -> list[str]:
+    """Return what errors were measured against, and the cheapest setting for every wanted error."""
+    assert trade.reference
+    return [
+        f"reference: {trade.reference.words}; known to {trade.reference.bound:.1e}",
+        *(f"for {wanted:g}: {point.setting}" if point else f"for {wanted:g}: no setting tried"
+          for wanted, point in trade.recommended().items()),
+    ]  # fmt: skip
+
+
+def variants(trade: Tradeoff) -> list[list[str]]:
+    """Return a heading and the errors of the outputs of every simplified model."""
+    exact = trade.variants[0].result
+    parameter = exact.trajectory.parameter if exact else ""
     rows = [["variant", "output", "error", "unit", "relative", f"at {parameter}", "time [ms]"]]
-    failures = []
     for variant in trade.variants[1:]:
-        if variant.result is None:
-            failures.append(f"{variant.name}: failed: {variant.failure}")
-            continue
-        for k, (name, error) in enumerate(variant.errors.items()):
-            unit = str(variant.result[name].unit or "?")
-            first = [variant.name if k == 0 else "", name[:32]]
+        for k, (name, error) in enumerate(variant.errors.items() if variant.result else ()):
+            unit = str(variant.result[name].unit or "?") if variant.result else ""
             price = f"{1e3 * variant.seconds:.1f}" if k == 0 else ""
             numbers = [f"{error:.3g}", unit, f"{variant.relative[name]:.1e}", f"{variant.where[name]:.6g}", price]
-            rows.append(first + numbers)
+            rows.append([variant.name if k == 0 else "", name[:32], *numbers])
+    return rows
+
+
+def remarks(trade: Tradeoff) -> list[str]:
+    """Return what the errors of variants are relative to, and which variants failed."""
     exact = f"exact model: {1e3 * trade.variants[0].seconds:.1f} ms; relative to its largest value"
-    return [*_table(rows), exact, *failures]
+    return [exact, *(f"{one.name}: failed: {one.failure}" for one in trade.variants[1:] if one.result is None)]
 
 
-def _table(rows: Sequence[Sequence[str]]) -> list[str]:
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     return ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]

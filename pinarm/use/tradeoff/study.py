@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pinarm.errors import InputError
 from pinarm.use.files import json_text, write
-from pinarm.use.scenario import Scenario
+from pinarm.use.scenario import Scenario, load
 from pinarm.use.tradeoff.settings import WANTED, Point, Reference, points, recommended, reference
 from pinarm.use.tradeoff.variants import Variant, variants
+
+if TYPE_CHECKING:
+    from pinarm.use.plot import Picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,20 +67,34 @@ class Tradeoff:
             write(folder / "tradeoff.json", json_text(self.summary()) + "\n")
         except OSError as error:
             raise InputError(f"the trade-off cannot be written to {folder}: {error.strerror}") from None
-        if plots:
-            from pinarm.use.tradeoff.plot import save_plots
-
-            save_plots(self, folder)
+        for name, figure in self.plots().items() if plots else ():
+            figure.savefig(folder / f"{name}.png", metadata={"Software": None})
         return folder
 
+    def plots(self) -> dict[str, Picture]:
+        """Return what there is to draw: error against cost of ``settings``, outputs of ``variants``."""
+        from pinarm.use.tradeoff.plot import plots
 
-def tradeoff(scenario: Scenario) -> Tradeoff:
+        return plots(self)
+
+    def _repr_html_(self) -> str:
+        """Return tables and plots, for notebooks."""
+        from pinarm.use.cell import of_tradeoff
+
+        return of_tradeoff(self)
+
+
+def tradeoff(scenario: Scenario | str | Path) -> Tradeoff:
     """Measure what accuracy costs: of settings, where the scenario is integrated over time, and of its variants.
+
+    Args:
+        scenario: The scenario, or its file.
 
     Raises:
         InputError: Neither is there to be traded.
         PinarmError: The scenario cannot be solved.
     """
+    scenario = load(scenario)
     integrated = scenario.problem.kind == "forward"
     if not integrated and not scenario.content.variants:
         raise InputError(f"there is nothing to trade: a problem of kind {scenario.problem.kind} is solved to rounding, "

@@ -1,0 +1,70 @@
+"""Whatever the command line does is one library call of the same name."""
+
+import argparse
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.cli import _parser, main
+from pinarm.errors import InputError
+
+
+def commands() -> set[str]:
+    [choices] = [action for action in _parser()._actions if isinstance(action, argparse._SubParsersAction)]
+    return set(choices.choices)
+
+
+def test_every_command_is_a_call() -> None:
+    assert commands() == {"run", "check", "validate", "explain", "sweep", "tradeoff", "replay", "schema"}
+    assert commands() <= set(pinarm.__all__)
+
+
+def test_run_takes_a_file_or_a_scenario_and_replaces_values(scenario: Callable[..., Any], folder: Path) -> None:
+    loaded = scenario("statics")
+    for given in (loaded, folder / "statics.yaml", str(folder / "statics.yaml")):
+        assert np.array_equal(pinarm.run(given)["M"].values, loaded.run()["M"].values)
+        assert len(pinarm.run(given, ["problem.over.pivot.samples=3"])) == 3
+    assert len(loaded.run()) == 8  # which is as it was
+    with pytest.raises(InputError, match="samplse"):
+        pinarm.run(loaded, ["problem.over.pivot.samplse=3"])
+
+
+def test_check_and_validate_take_folders(scenario: Callable[..., Any], folder: Path) -> None:
+    key = "expect:\n  - {quantity: M, at: max, value: 20 N*m, rtol: 0.03, source: 2 kg at 1 m}\n"
+    for kind in ("statics", "equilibria"):
+        scenario(kind, key if kind == "statics" else "")
+    (folder / "own").mkdir()
+    for kind in ("statics", "equilibria"):
+        text = (folder / f"{kind}.yaml").read_text().replace("pendulum.yaml", "../pendulum.yaml")
+        (folder / "own" / f"{kind}.yaml").write_text(text)
+    assert [one.name for one in pinarm.validate(folder / "own")] == ["equilibria", "statics"]
+    assert [(one.scenario, one.verdict) for one in pinarm.check(folder / "own")] == [("statics", "agrees")]
+    (folder / "own" / "statics.yaml").write_text("pinarm: 1\n")
+    with pytest.raises(InputError, match="mechanism"):
+        pinarm.validate(folder / "own")
+    (folder / "nothing").mkdir()
+    with pytest.raises(InputError, match="no scenarios"):
+        pinarm.check(folder / "nothing")
+
+
+def test_replay_takes_a_folder(scenario: Callable[..., Any], folder: Path) -> None:
+    result = scenario("inverse").run()
+    written = result.save(folder / "out", plots=False)
+    assert pinarm.replay(written, plots=["M"]).html == pinarm.replay(result, plots=["M"]).html
+
+
+def test_tradeoff_takes_a_file(scenario: Callable[..., Any], folder: Path) -> None:
+    scenario("statics", "variants:\n  half: {changes.gravity.magnitude: 5 m/s^2}\n")
+    trade = pinarm.tradeoff(folder / "statics.yaml")
+    assert trade.variants[1].relative["M"] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("of", ["scenario", "mechanism"])
+def test_schema_is_what_the_command_prints(of: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["schema", of]) == 0
+    assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(pinarm.schema(of)))

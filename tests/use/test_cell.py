@@ -1,0 +1,71 @@
+"""What a notebook shows of results."""
+
+import re
+from base64 import b64decode
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import pinarm
+from pinarm.errors import InputError
+from pinarm.use.replay import page
+
+PICTURE = re.compile(r'src="data:image/png;base64,([^"]+)"')
+
+
+def rows(cell: str) -> list[list[str]]:
+    """The cells of its table."""
+    return [re.findall(r"<t[hd][^>]*>([^<]*)<", row) for row in re.findall("<tr>(.*?)</tr>", cell)]
+
+
+def test_a_result_shows_numbers_plots_and_replay(scenario: Callable[..., Any]) -> None:
+    cell = scenario("inverse").run()._repr_html_()
+    assert rows(cell)[0] == ["", "unit", "min", "at t", "max", "at t"]
+    assert [row[:2] for row in rows(cell)[1:]] == [["M", "N*m"], ["alpha", "rad"]]
+    assert rows(cell)[2][4:] == ["1", "2"]  # 1 rad, reached in 2 s
+    assert "accuracy: relative residuals" in cell
+    assert all(b64decode(data).startswith(b"\x89PNG") for data in PICTURE.findall(cell))
+    assert len(PICTURE.findall(cell)) == 2  # curves, and the two positions
+    assert len(re.findall("<iframe", cell)) == 1
+    assert "http" not in re.sub(r'srcdoc="[^"]*"|http://www.w3.org', "", cell)
+
+
+def test_a_state_has_numbers_and_a_picture_but_no_curve(scenario: Callable[..., Any]) -> None:
+    cell = scenario("state").run()._repr_html_()
+    assert rows(cell)[0] == ["", "unit", "row 0"]
+    assert not PICTURE.findall(cell)
+    assert "<iframe" in cell
+
+
+def test_names_and_titles_are_text(scenario: Callable[..., Any]) -> None:
+    evil = "</pre></td><script>alert(1)</script>"
+    given = scenario("statics", f'symbols: {{"{evil}": 2*alpha}}\n', ("[M,", f'["{evil}", M,'), ("A pendulum", evil))
+    assert "<script" not in re.sub(r'srcdoc="[^"]*"', "", given.run()._repr_html_())
+
+
+def test_without_a_replay_it_says_why(scenario: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing() -> bytes:
+        raise InputError("meshcat's viewer script is not there")
+
+    monkeypatch.setattr(page, "_viewer", missing)
+    cell = scenario("inverse").run()._repr_html_()
+    assert "no replay: meshcat&#x27;s viewer script is not there" in cell
+    assert len(PICTURE.findall(cell)) == 2
+
+
+def test_figures_show_themselves(scenario: Callable[..., Any]) -> None:
+    """Without pyplot, whose settings a notebook would else need: sharp, and as large as on paper."""
+    data, size = scenario("inverse").run().plot("M")._repr_png_()
+    assert data.startswith(b"\x89PNG")
+    assert int.from_bytes(data[16:20], "big") == 2 * size["width"] == 1400
+
+
+def test_a_sweep_and_a_tradeoff_show_themselves(scenario: Callable[..., Any], folder: Path) -> None:
+    swept = pinarm.sweep(scenario("statics"), {"problem.over.pivot.to": "90:180:2 deg"}, results=["M @ max"], workers=1)
+    assert rows(swept._repr_html_())[1][:3] == ["M @ max", "N*m", f"{swept['M @ max'].values.min():.7g}"]
+    assert "cases: 2" in swept._repr_html_()
+    trade = pinarm.tradeoff(scenario("statics", "variants:\n  half: {changes.gravity.magnitude: 5 m/s^2}\n"))
+    assert "5.0e-01" in trade._repr_html_()
+    assert len(PICTURE.findall(trade._repr_html_())) == 1
