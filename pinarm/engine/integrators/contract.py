@@ -267,11 +267,7 @@ class Solution:
         steps = [self.steps[i] for i in needed]
         h, start = np.array([step.h for step in steps])[where], np.array([step.t for step in steps])[where]
         base, terms = np.array([step.y for step in steps]), np.array([self._interpolants[int(i)] for i in needed])
-        x = ((t - start) / h)[:, None]
-        y = np.zeros((len(t), base.shape[1]))
-        for degree in range(terms.shape[1] - 1, -1, -1):
-            y = (y + terms[where, degree]) * (1.0 - x if degree % 2 else x)
-        y += base[where]
+        y = interpolated(base[where], terms[where], (t - start) / h)
         return self.manifold.project(y[:, : self.manifold.nq]), y[:, self.manifold.nq :]
 
     def _interpolate(self, indices: list[int]) -> None:
@@ -283,6 +279,21 @@ class Solution:
                 with stretch.as_from(steps[0].t):
                     terms = self.method.interpolants(stretch, self.manifold, steps)
                 self._interpolants.update(zip(part, terms, strict=True))
+
+
+def interpolated(base: Array, terms: Array, x: Array) -> Array:
+    """Return states within steps; see ``Method.interpolants``.
+
+    Args:
+        base: States at the start of each step, shape (n, nq + nv).
+        terms: Terms of its interpolant, shape (n, d, nq + nv).
+        x: Part of the step that has passed, shape (n,).
+    """
+    passed = x[:, None]
+    y = np.zeros_like(base)
+    for degree in range(terms.shape[1] - 1, -1, -1):
+        y = (y + terms[:, degree]) * (1.0 - passed if degree % 2 else passed)
+    return np.where(passed == 0.0, base, base + y)  # where a step begins, whatever becomes of it
 
 
 MethodName = Literal["dop853", "dopri5", "rk4", "stiff", "conserving"]
