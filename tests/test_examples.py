@@ -102,6 +102,9 @@ def test_a_saved_notebook_shows_the_replay_offline(tmp_path: Path) -> None:
         assert {url.split(":")[0] for url in asked} <= {"file", "data", "about"}
         assert page.evaluate("[...document.images].map((image) => image.naturalWidth > 400)") == [True, True]
         there = "document.querySelector('iframe').contentWindow.replay"
-        moves = [page.evaluate(f"{there}.show({phi}), {there}.placements()") for phi in (-1.0, 1.0)]
+        moves = []
+        for phi in (-1.0, 1.0):
+            page.evaluate(f"{there}.show({phi})")
+            moves.append(page.evaluate(f"{there}.placements()"))
         assert len(moves[0]) == 3
         assert moves[0] != moves[1]
