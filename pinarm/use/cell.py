@@ -11,12 +11,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from pinarm.errors import PinarmError
+from pinarm.use import verdicts
 from pinarm.use.report import ranges, remarks
 from pinarm.use.result import Result
 from pinarm.use.sweep import report as sweeps
 from pinarm.use.tradeoff import report as trades
 
 if TYPE_CHECKING:
+    from pinarm.use.check import Finding
     from pinarm.use.plot import Picture
     from pinarm.use.sweep.study import Sweep
     from pinarm.use.tradeoff.study import Tradeoff
@@ -56,6 +58,12 @@ def of_tradeoff(trade: Tradeoff) -> str:
     if trade.variants:
         parts += [table(trades.variants(trade)), lines(trades.remarks(trade)), drawn["variants"]]
     return _whole(parts)
+
+
+def of_findings(findings: Sequence[Finding]) -> str:
+    """Return the table of findings, why some are a miss, and how many there are of each."""
+    rows = [list(verdicts.HEADING), *verdicts.rows(findings)]
+    return _whole([table(rows), lines(verdicts.remarks(findings))])
 
 
 def table(rows: Sequence[Sequence[str]]) -> str:
