@@ -21,11 +21,7 @@ from pinarm.errors import InputError, NumericsError, PinarmError, printable
 from pinarm.input.roots import rooted
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
-    from pinarm.input.units import Unit
     from pinarm.use.check import Finding
-    from pinarm.use.expectation import Expectation
 
 OK, MISSED, BAD_INPUT, NUMERICS_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -166,6 +162,7 @@ def _check(options: argparse.Namespace) -> int:
     from pinarm.use.check import check, misses
     from pinarm.use.run import scenario_files
     from pinarm.use.scenario import load
+    from pinarm.use.verdicts import plain, verdicts
 
     findings: list[Finding] = []
     failures: list[PinarmError] = []
@@ -179,9 +176,9 @@ def _check(options: argparse.Namespace) -> int:
             failures.append(error)
     _progress("")
     if options.json:
-        _print_json({"findings": [_plain(finding) for finding in findings], "errors": [str(e) for e in failures]})
+        _print_json({"findings": [plain(finding) for finding in findings], "errors": [str(e) for e in failures]})
     else:
-        _print_findings(findings)
+        print(verdicts(findings, coloured=sys.stdout.isatty()))
     for failure in failures:
         _tell(failure)
     if failures:
@@ -323,81 +320,6 @@ def _keep_partial(error: PinarmError, options: argparse.Namespace) -> int:
         except PinarmError as second:
             print(f"  not kept: {second}", file=sys.stderr)
     return error.exit_code
-
-
-def _print_findings(findings: Sequence[Finding]) -> None:
-    from rich.console import Console
-
-    terminal = sys.stdout.isatty()
-    text = io.StringIO()
-    width = None if terminal else 200
-    Console(file=text, width=width, force_terminal=terminal, highlight=False).print(_table(findings))
-    for finding in findings:
-        if not finding.ok:
-            reason = f"MISS {finding.scenario}: {finding.expectation.quantity}: {finding.reason}"
-            text.write(printable(reason) + "\n")
-    counts = {verdict: sum(f.verdict == verdict for f in findings) for verdict in _LOOKS}
-    text.write("; ".join(f"{count} {verdict}" for verdict, count in counts.items() if count) or "nothing to check")
-    print(text.getvalue())
-
-
-_LOOKS = {"agrees": ("= agrees", "green"), "rounding": ("~ rounding", "cyan"), "reading": ("~ reading", "cyan"),
-          "misprint": ("! misprint", "bold yellow"), "MISS": ("X MISS", "bold red")}  # fmt: skip
-
-
-def _table(findings: Sequence[Finding]) -> Table:
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table("scenario", "quantity", "at", "computed", "independent", "published", "difference", "verdict")
-    previous = ""
-    for finding in findings:
-        look, style = _LOOKS[finding.verdict]
-        entry = finding.expectation
-        cells = [
-            finding.scenario if finding.scenario != previous else "",
-            _clip(entry.quantity), _where(entry.at), _shown(finding.computed, finding.unit, entry),
-            _shown(finding.independent, finding.unit, entry) if entry.value is not None else _clip(entry.formula or ""),
-            entry.published or _clip(entry.published_formula or ""),
-            "" if finding.error is None else f"{finding.error:.1e}",
-        ]  # fmt: skip
-        if finding.scenario != previous and previous:
-            table.add_section()
-        previous = finding.scenario
-        table.add_row(*(Text(printable(cell)) for cell in cells), Text(look, style=style))
-    return table
-
-
-def _where(at: object) -> str:
-    if isinstance(at, dict):
-        return " ".join(str(value) if key == "side" else f"{key}={value}" for key, value in at.items())
-    return "all rows" if at == "all" else str(at)
-
-
-def _clip(text: str) -> str:
-    return text if len(text) <= 44 else f"{text[:41]}..."
-
-
-def _shown(value: float | None, measured: Unit | None, entry: Expectation) -> str:
-    """Return a number in the unit of the published one, else in SI."""
-    from pinarm.input.units import read_quantity
-
-    if value is None:
-        return ""
-    printed = read_quantity(entry.published)[1] if entry.published else None
-    measured = printed or measured
-    factor = measured.factor if measured else 1.0
-    return f"{value / factor:.9g}" if str(measured or "1") == "1" else f"{value / factor:.9g} {measured}"
-
-
-def _plain(finding: Finding) -> dict[str, Any]:
-    entry = finding.expectation
-    return {
-        "scenario": finding.scenario, "quantity": entry.quantity, "at": entry.at, "unit": str(finding.unit or "?"),
-        "computed": finding.computed, "independent": finding.independent, "published": entry.published,
-        "difference": finding.error, "verdict": finding.verdict, "reason": finding.reason, "source": entry.source,
-        "note": entry.note,
-    }  # fmt: skip
 
 
 def _tell(error: PinarmError) -> None:

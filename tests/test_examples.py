@@ -85,7 +85,8 @@ def test_a_saved_notebook_shows_the_replay_offline(tmp_path: Path) -> None:
     except PinarmError as error:
         pytest.fail(str(error)) if os.environ.get("CI") else pytest.skip(str(error))
     outputs = [out for cell in executed(NOTEBOOKS[0]).cells for out in cell.get("outputs", [])]
-    [cell] = [out.data["text/html"] for out in outputs if "data" in out]
+    cell, findings = [out.data["text/html"] for out in outputs if "data" in out]
+    assert "! misprint" in findings
     assert re.search(r">C_B</td>.*>N\*m</td>.*>0.73575</td>.*>1.4715</td>", cell)
     page_text = textwrap.dedent(f"""\
         <!doctype html><meta charset="utf-8"><body>{cell}<script>(async () => {{
@@ -102,6 +103,9 @@ def test_a_saved_notebook_shows_the_replay_offline(tmp_path: Path) -> None:
         assert {url.split(":")[0] for url in asked} <= {"file", "data", "about"}
         assert page.evaluate("[...document.images].map((image) => image.naturalWidth > 400)") == [True, True]
         there = "document.querySelector('iframe').contentWindow.replay"
-        moves = [page.evaluate(f"{there}.show({phi}), {there}.placements()") for phi in (-1.0, 1.0)]
+        moves = []
+        for phi in (-1.0, 1.0):
+            page.evaluate(f"{there}.show({phi})")
+            moves.append(page.evaluate(f"{there}.placements()"))
         assert len(moves[0]) == 3
         assert moves[0] != moves[1]

@@ -11,12 +11,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from pinarm.errors import PinarmError
+from pinarm.use import verdicts
 from pinarm.use.report import ranges, remarks
 from pinarm.use.result import Result
 from pinarm.use.sweep import report as sweeps
 from pinarm.use.tradeoff import report as trades
 
 if TYPE_CHECKING:
+    from pinarm.use.check import Finding
     from pinarm.use.plot import Picture
     from pinarm.use.sweep.study import Sweep
     from pinarm.use.tradeoff.study import Tradeoff
@@ -28,20 +30,20 @@ MOST_PLOTS = 8
 def of_result(result: Result) -> str:
     """Return the ranges of the outputs, what they are worth, their plots, start and end positions, and the replay."""
     outputs = list(dict.fromkeys(result.content.outputs))
-    parts = [_heading(result.content.title or result.name), table(ranges(result)), _lines(remarks(result))]
+    parts = [_heading(result.content.title or result.name), table(ranges(result)), lines(remarks(result))]
     if len(result) > 1:
         parts.append(_beside(picture(result.plot(*outputs[:MOST_PLOTS])), picture(result.sketch())))
     try:
         parts.append(frame(result.replay(plots=()).html, height=400))
     except PinarmError as error:
-        parts.append(_lines([f"no replay: {error}"]))
+        parts.append(lines([f"no replay: {error}"]))
     return _whole(parts)
 
 
 def of_sweep(sweep: Sweep) -> str:
     """Return the statistics of the results, the failures, and a plot of the first result."""
     return _whole([
-        _heading(sweep.title or sweep.name), table(sweeps.ranges(sweep)), _lines(sweeps.remarks(sweep)),
+        _heading(sweep.title or sweep.name), table(sweeps.ranges(sweep)), lines(sweeps.remarks(sweep)),
         picture(sweep.plot()),
     ])  # fmt: skip
 
@@ -51,11 +53,17 @@ def of_tradeoff(trade: Tradeoff) -> str:
     drawn = {name: picture(figure) for name, figure in trade.plots().items()}
     parts = [_heading(trade.scenario.content.title or trade.scenario.name)]
     if trade.reference:
-        parts += [_lines(trades.advice(trade)), drawn["settings"]]
+        parts += [lines(trades.advice(trade)), drawn["settings"]]
         parts.append(f"<details><summary>all settings</summary>{table(trades.settings(trade))}</details>")
     if trade.variants:
-        parts += [table(trades.variants(trade)), _lines(trades.remarks(trade)), drawn["variants"]]
+        parts += [table(trades.variants(trade)), lines(trades.remarks(trade)), drawn["variants"]]
     return _whole(parts)
+
+
+def of_findings(findings: Sequence[Finding]) -> str:
+    """Return the table of findings, why some are a miss, and how many there are of each."""
+    rows = [list(verdicts.HEADING), *verdicts.rows(findings)]
+    return _whole([table(rows), lines(verdicts.remarks(findings))])
 
 
 def table(rows: Sequence[Sequence[str]]) -> str:
@@ -87,9 +95,10 @@ def _heading(text: str) -> str:
     return f'<div style="font-weight:600;margin:.4em 0">{html.escape(text)}</div>'
 
 
-def _lines(lines: Sequence[str]) -> str:
+def lines(texts: Sequence[str]) -> str:
+    """Return lines of text, as they stand."""
     style = "font-size:90%;opacity:.8;white-space:pre-wrap;background:none;padding:0;margin:.6em 0"
-    return f'<pre style="{style}">{html.escape(chr(10).join(lines))}</pre>'
+    return f'<pre style="{style}">{html.escape(chr(10).join(texts))}</pre>'
 
 
 def _beside(*parts: str) -> str:

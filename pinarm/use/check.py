@@ -69,7 +69,19 @@ class Finding:
         return self.verdict != "MISS"
 
 
-def check(scenario: Scenario | str | Path, result: Result | None = None) -> list[Finding]:
+class Findings(tuple[Finding, ...]):
+    """What came out of the expectations, in their order."""
+
+    __slots__ = ()
+
+    def _repr_html_(self) -> str:
+        """Return them as a table, for notebooks."""
+        from pinarm.use.cell import of_findings
+
+        return of_findings(self)
+
+
+def check(scenario: Scenario | str | Path, result: Result | None = None) -> Findings:
     """Solve scenarios and compare them with their answer keys.
 
     Args:
@@ -85,7 +97,7 @@ def check(scenario: Scenario | str | Path, result: Result | None = None) -> list
         for index, expectation in enumerate(one.content.expect):
             with one.document.locating("expect", index):
                 findings.append(compare(solved, expectation))
-    return findings
+    return Findings(findings)
 
 
 def compare(result: Result, expectation: Expectation) -> Finding:

@@ -31,6 +31,12 @@ class Explanation:
         """Return it as text, a heading a paragraph."""
         return "\n".join([self.mechanism.title, *self._joints(), *self._ties(), *self._mobility(), *self._acting()])
 
+    def _repr_html_(self) -> str:
+        """Return it for notebooks."""
+        from pinarm.use.cell import lines
+
+        return lines(str(self).split("\n"))
+
     def _joints(self) -> list[str]:
         model = self.mechanism.model
         lines = [f"joints of the tree: {model.nv} degrees of freedom"]

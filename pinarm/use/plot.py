@@ -38,6 +38,9 @@ WIDTH, HEIGHT, HEAD = 7.0, 1.7, 0.9
 SCREEN = 100
 """Pixels per inch of an ordinary screen."""
 
+POINTS = {"linestyle": "none", "marker": "o", "markersize": 4}
+"""Look of rows that stand for themselves."""
+
 FEW = 12
 """Rows that stand for themselves and have their own tick."""
 
@@ -51,13 +54,9 @@ class Picture(Figure):
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
         """Return it as PNG, sharp on fine screens, and the width and height to show it in."""
         width, height = (round(SCREEN * inches) for inches in self.get_size_inches())
-        return self.png(), {"width": width, "height": height}
-
-    def png(self) -> bytes:
-        """Return it as PNG, sharp on fine screens; the same figure gives the same bytes."""
         stream = io.BytesIO()
         self.savefig(stream, format="png", dpi=2 * SCREEN, metadata={"Software": None})
-        return stream.getvalue()
+        return stream.getvalue(), {"width": width, "height": height}
 
 
 def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) -> Picture:
@@ -76,15 +75,13 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
         figure = Picture(figsize=(WIDTH, HEAD + HEIGHT * len(names)))
         FigureCanvasAgg(figure)
         axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-        line: dict[str, Any] = (
-            {"linestyle": "none", "marker": "o", "markersize": 4} if run.parameter == "row" and not against else {}
-        )
+        look = POINTS if run.parameter == "row" else {}
         for index, (name, axis) in enumerate(zip(names, axes, strict=True)):
-            _draw(axis, result[name], along.values / scale, {"color": COLOURS[index % len(COLOURS)], **line})
+            _draw(axis, result[name], along.values / scale, {"color": COLOURS[index % len(COLOURS)], **look})
             _mark(axis, result[name], [entry for entry in keys if entry.quantity == name], scale)
         axes[-1].set_xlabel(axis_label(along.name, measured))
-        axes[-1].margins(x=0.05 if line else 0.01)
-        if line and len(run) <= FEW:
+        axes[-1].margins(x=0.05 if look else 0.01)
+        if along.name == "row" and len(run) <= FEW:
             axes[-1].set_xticks(run.grid.t)
         figure.suptitle(plain(result.content.title or result.name))
     return figure

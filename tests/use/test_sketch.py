@@ -79,6 +79,8 @@ def test_equilibria_are_drawn_alike(scenario: Callable[..., Any]) -> None:
     hanging, standing = (ends(figure, COLOURS[k]) for k in (0, 1))
     assert hanging == {(0.0, 0.0), (0.0, -1.0)}
     assert standing == {(0.0, 0.0), (0.0, 1.0)}
+    four = solved("gen411_arm_equilibria").sketch()
+    assert [text.get_text() for text in four.legends[0].get_texts()] == [f"row {k}" for k in (1, 2, 3, 4)]
 
 
 def test_a_body_in_one_place_is_the_box_of_its_inertia() -> None:
