@@ -6,6 +6,7 @@ from catalogue import TWO_CRANKS, two_cranks
 from motions import free
 from scipy.integrate import solve_ivp
 
+from pinarm.engine.stamp import table_figures
 from pinarm.errors import IntegrationError
 
 CUTS = pytest.mark.parametrize("cut", "ABC")
@@ -50,3 +51,14 @@ def test_at_rest_in_line_there_is_no_motion_to_follow(tmp_path):
 def test_without_weight_it_stays_at_rest_in_line(tmp_path):
     still = free(two_cranks(np.pi / 2).build(tmp_path, ["B"], gravity="none"), 1.0)
     assert still.q == pytest.approx(0.0, abs=1e-15)
+
+
+@CUTS
+def test_the_stamp_tells_that_a_motion_passes_a_singular_position(cut, tmp_path):
+    """At the first row a whole row of the loop vanishes: what is left of the others is regular."""
+    mechanism = two_cranks(np.pi / 2).build(tmp_path, [cut])
+    speeds = {"O": 5.0, "A": -5.0, "B": 5.0, "C": 5.0}
+    run = free(mechanism, 0.1, velocity={name: speeds[name] for name in mechanism.joints})
+    figures = table_figures(run)
+    assert figures["regularity"] < 1e-12
+    assert figures["least regular at"] == 0.0
