@@ -32,10 +32,9 @@ def table_figures(run: Trajectory, most: int = SAMPLE) -> dict[str, float]:
         derivatives. ``regularity``: smallest singular value of the constraints' rows relative to the largest, of as
         many as are independent at any row; 0 at a singular position. ``least regular at``: where that is.
         ``condition``: largest condition number of the mass matrix of the free motions, scaled to a diagonal of ones.
-        ``return trip``: largest difference of the
-        accelerations that the efforts give by forward dynamics to those of the table, relative to the largest
-        acceleration that efforts and loads would give if none of them cancelled; weights count with the most that
-        they can do, ``g sqrt(m M_kk)`` for the mass m of all bodies (Cauchy-Schwarz).
+        ``return trip``: largest difference of the accelerations that the efforts give by forward dynamics to those of
+        the table, relative to the largest acceleration that efforts and loads would give if none of them cancelled;
+        weights count with the most that they can do, ``g sqrt(m M_kk)`` for the mass m of all bodies (Cauchy-Schwarz).
     """
     rows = np.unique(np.linspace(0, len(run) - 1, min(len(run), most)).astype(np.intp))
     found = [_Row.of(run, int(row)) for row in rows]
