@@ -179,6 +179,15 @@ class Closure:
             [np.zeros((0, self.model.nv)), *(c.rows(self.model, self.data) for c in self.constraints)]
         )
 
+    def singular_values(self, q: Array) -> Array:
+        """Return the singular values of G at a configuration, descending, lengths in the unit of the mechanism.
+
+        Rows are not brought to the length 1: where bars are in line a row itself may vanish.
+        """
+        self.place(q)
+        measure = np.array([self.length ** float(one.unit(row).dimension[0]) for one, row in self.owners()])
+        return np.asarray(np.linalg.svd(self.rows() * self.scale() / measure[:, None], compute_uv=False))
+
     def drift(self, q: Array, v: Array) -> Array:
         """Return G' v, shape (m,); the configuration is the one last placed."""
         pin.forwardKinematics(self.model, self.data, q, v, np.zeros(self.model.nv))

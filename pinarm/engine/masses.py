@@ -14,6 +14,9 @@ from pinarm.mechanics.tree import listed
 MASSLESS = 1e-12
 """Eigenvalue of the mass matrix, scaled to a diagonal of ones, below which a direction has no mass."""
 
+UNSEEN = 1e-15
+"""Such an eigenvalue that is rounding of 0."""
+
 NOTHING = 1e-24
 """Diagonal entry of M, relative to the largest, that is rounding of 0."""
 
@@ -48,7 +51,8 @@ def require_masses(closure: Closure, q: Array, t: float) -> None:
     ways = np.linalg.norm(free @ (scale[:, None] * vectors[:, values <= MASSLESS]), axis=1)
     moved = [int(index) for index in np.flatnonzero(ways > 0.1 * ways.max())]
     joints = listed("joint", [coordinate_name(model, index) for index in moved])
-    how = "without mass" if values[0] > -MASSLESS else "against a negative mass"
+    how = "without mass" if abs(values[0]) <= UNSEEN else f"with {values[0]:.1g} of the mass that they carry"
+    how = how if values[0] > -MASSLESS else "against a negative mass"
     raise DynamicsError(
         f"at t = {t:.9g} s {joints} can move {how}, carrying {_carried(model, moved)}: accelerations are undetermined",
         expected="inertias of these links that bodies can have",

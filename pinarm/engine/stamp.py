@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.closure import Split
+from pinarm.engine.closure import RANK, Split
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.masses import MASSLESS
 from pinarm.engine.trajectory import Trajectory
@@ -29,12 +29,12 @@ def table_figures(run: Trajectory, most: int = SAMPLE) -> dict[str, float]:
 
     Returns:
         ``closure``, ``closure rate`` and ``closure acceleration``: largest gap of a loop [m or rad], and of its two
-        derivatives. ``regularity``: smallest singular value of the constraints' rows relative to the largest, 0 at a
-        singular position, and ``least regular at``, where that is. ``condition``: largest condition number of the mass
-        matrix of the free motions, scaled to a diagonal of ones. ``return trip``: largest difference of the
-        accelerations that the efforts give by forward dynamics to those of the table, relative to the largest
-        acceleration that efforts and loads would give if none of them cancelled; weights count with the most that
-        they can do, ``g sqrt(m M_kk)`` for the mass m of all bodies (Cauchy-Schwarz).
+        derivatives. ``regularity``: smallest singular value of the constraints' rows relative to the largest, of as
+        many as are independent at any row; 0 at a singular position. ``least regular at``: where that is.
+        ``condition``: largest condition number of the mass matrix of the free motions, scaled to a diagonal of ones.
+        ``return trip``: largest difference of the accelerations that the efforts give by forward dynamics to those of
+        the table, relative to the largest acceleration that efforts and loads would give if none of them cancelled;
+        weights count with the most that they can do, ``g sqrt(m M_kk)`` for the mass m of all bodies (Cauchy-Schwarz).
     """
     rows = np.unique(np.linspace(0, len(run) - 1, min(len(run), most)).astype(np.intp))
     found = [_Row.of(run, int(row)) for row in rows]
@@ -42,9 +42,11 @@ def table_figures(run: Trajectory, most: int = SAMPLE) -> dict[str, float]:
     if run.mechanism.closure.size:
         gaps = np.array([row.gaps for row in found]).max(axis=0)
         figures.update(zip(("closure", "closure rate", "closure acceleration"), map(float, gaps), strict=True))
-        regular = [row.regularity for row in found]
+        values = np.array([row.values for row in found])
+        rank = max(int((values > RANK * values[:, :1]).sum(axis=1).max()), 1)
+        regular = values[:, rank - 1] / values[:, 0]
         least = int(np.argmin(regular))
-        figures |= {"regularity": regular[least], "least regular at": float(run.grid.t[rows[least]])}
+        figures |= {"regularity": float(regular[least]), "least regular at": float(run.grid.t[rows[least]])}
     conditions = [row.condition for row in found]
     if run.unasked or not np.isfinite(conditions).all():
         return figures
@@ -58,7 +60,7 @@ class _Row:
 
     Attributes:
         gaps: What is open of the loops, its rate and its acceleration.
-        regularity: Smallest singular value of the constraints relative to the largest.
+        values: Singular values of the constraints, descending.
         condition: Condition number of the mass matrix of the free motions; infinite where one has no mass.
         split: The rows of the constraints taken apart.
         mass: M, shape (nv, nv).
@@ -67,7 +69,7 @@ class _Row:
     """
 
     gaps: tuple[float, float, float]
-    regularity: float
+    values: Array
     condition: float
     split: Split
     mass: Array
@@ -85,12 +87,10 @@ class _Row:
         split, own, upper = Split.of(rows[:m]), rows[:m], np.triu(pin.crba(closure.model, closure.data, q))
         mass = upper.reshape(closure.model.nv, -1) + np.triu(upper.reshape(closure.model.nv, -1), 1).T
         largest = (float(np.abs(part).max(initial=0.0)) for part in (gap[:m], own @ v, own @ a + drift[:m]))
-        regularity = float(split.values[-1] / split.values[0]) if len(split.values) else 1.0
+        values = run.mechanism.closure.singular_values(q)
         condition = _condition(split.free.T @ mass @ split.free)
         guided = rows[m:].T @ run.lam.along[row]
-        return cls(
-            (next(largest), next(largest), next(largest)), regularity, condition, split, mass, -drift[:m], guided
-        )
+        return cls((next(largest), next(largest), next(largest)), values, condition, split, mass, -drift[:m], guided)
 
 
 def _return_trip(run: Trajectory, rows: Indices, found: list[_Row]) -> float:

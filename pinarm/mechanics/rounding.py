@@ -6,14 +6,35 @@ ones in the last digits. How far that moves a result, its conditioning, is what 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.mechanics.coordinates import RADIAN, Joint
 from pinarm.mechanics.tree import inertia
 
 SHAKE = 4.0 * float(np.finfo(float).eps)
 """Largest relative change of a number: the rounding of a few operations."""
+
+
+COARSE = 1e-9
+"""Last digit of an angle that is worth a note [rad]: it is that of 1e7 rad."""
+
+
+def coarse_angles(joints: Mapping[str, Joint], q: Array) -> list[str]:
+    """Return a note on joints that turn so far that their place within a turn is rounded.
+
+    Args:
+        joints: Joints with one coordinate, by name.
+        q: Configurations, shape (n, nq).
+    """
+    farthest = {name: float(np.abs(q[:, joint.q]).max()) for name, joint in joints.items() if joint.unit == RADIAN}
+    return [
+        f"joint {name} turns to {angle:.3g} rad: within a turn it is known to {np.spacing(angle):.1g} rad, no better"
+        for name, angle in farthest.items() if np.spacing(angle) > COARSE
+    ]  # fmt: skip
 
 
 def shaken(model: pin.Model, seed: int) -> pin.Model:

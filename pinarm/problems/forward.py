@@ -11,11 +11,13 @@ import msgspec
 import numpy as np
 
 from pinarm.engine.assembly import start_configuration
+from pinarm.engine.closure import Closure
 from pinarm.engine.course import Course
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.masses import require_masses
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.standstill import undetermined_rest
 from pinarm.engine.systems import Initial
 from pinarm.engine.trajectory import Happening, Series, Trajectory
 from pinarm.engine.travel import Journey
@@ -98,7 +100,8 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
 
         Raises:
             DynamicsError: Masses do not determine the accelerations.
-            IntegrationError: The motion could not be followed to its end; ``partial`` holds it until then.
+            IntegrationError: The motion could not be followed to its end, or is not determined from some instant on;
+                ``partial`` holds it until then.
         """
         journey = self.prepare(mechanism, place, accuracy)
         with place("initial"):
@@ -112,11 +115,29 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
                 grid = journey.grid(self.time.instants(), error.partial.seams).until(error.partial.end)
                 error.partial = _at(mechanism, journey, error.partial, self.events, grid)
             raise
+        self._require_branch(mechanism, journey, laid, course)
         t, end = self.time.instants(), course.end
         grid = journey.grid(t if end == t[-1] else np.array([*t[t < end], end]), course.seams)
         whole = _at(mechanism, journey, course, self.events, grid)
         energy = {} if self.motion else course.energy()
         return replace(whole, figures={**course.cost(), **energy}, notes=tuple(course.doubts()))
+
+    def _require_branch(self, mechanism: Mechanism, journey: Journey, laid: Closure, course: Course) -> None:
+        """Raise where rounding has chosen between motions that meet; the motion until then is kept."""
+        rest = undetermined_rest(laid, course)
+        if rest is None:
+            return
+        kept = None
+        if rest.t > self.time.start:
+            grid = journey.grid(self.time.instants(), course.seams).until(rest.t)
+            kept = _at(mechanism, journey, course, self.events, grid)
+        raise IntegrationError(
+            f"from t = {rest.t:.9g} s on the motion is not determined: it all but stops at "
+            f"{rest.regularity:.1g} of its usual regularity, where several motions meet and rounding would choose one",
+            expected="a motion that passes singular positions at some speed",
+            hint="an end before that instant, or another start: beside the singular position, or with a velocity",
+            partial=kept, t=rest.t,
+        )  # fmt: skip
 
     def _start(self, mechanism: Mechanism, place: Place) -> Initial:
         """Return the initial state of the mechanism."""

@@ -17,6 +17,7 @@ from pinarm.engine.quantities import Quantities
 from pinarm.engine.trajectory import Series, Trajectory
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.coordinates import spelled
+from pinarm.mechanics.rounding import coarse_angles
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -220,9 +221,14 @@ class Result:
         }  # fmt: skip
 
     def notes(self) -> list[str]:
-        """Return what is not modelled as the files have it, and which outputs are one choice of many."""
+        """Return what is not modelled as the files have it, which outputs are one choice of many, and what to doubt.
+
+        The last of these are a method of integration that does not suit the motion, and angles of very many turns.
+        """
         doubts = [f"{series.name}: least multipliers; {series.doubt}" for series in self.columns() if series.doubt]
-        return [*self.trajectory.mechanism.notes, *doubts]
+        run = self.trajectory
+        said = [*run.mechanism.notes, *doubts, *run.notes, *coarse_angles(run.mechanism.joints, run.q)]
+        return list(dict.fromkeys(said))  # a result that is read from a folder brings its own along
 
     def excesses(self) -> list[Excess]:
         """Return the limits of joints that the run goes beyond."""

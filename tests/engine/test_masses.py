@@ -33,6 +33,14 @@ def test_a_link_without_mass_at_the_end_is_named(mechanism, chain):
     )
 
 
+def test_a_motion_that_hardly_moves_a_mass_is_not_called_massless(mechanism, chain):
+    """The end of a rod of 1 m can stay while its short crank turns: what moves is 1e-13 of what both carry."""
+    point = {"mass": 1.0, "com": "0.0000005 0 0", "inertia": (0.0, 0.0, 0.0)}
+    arm = {**point, "com": "1 0 0", "name": "arm", "at": "0.0000005 0 0"}
+    error = refusal(mechanism(chain({**point, "name": "crank"}, arm)))
+    assert "joints crank, arm can move with 1e-13 of the mass that they carry" in error.message
+
+
 def test_two_links_without_mass_are_both_named(mechanism, chain):
     error = refusal(mechanism(chain(ARM, TOOL, {**TOOL, "name": "tip"})))
     assert error.message.startswith(

@@ -100,6 +100,23 @@ def parallelogram() -> Linkage:
     return Linkage(bodies, joints)
 
 
+def two_cranks(start: float) -> Linkage:
+    """Two equal cranks and a coupler in the plane x-z; ``start``: angle of the cranks from upright, pi/2 in line.
+
+    As a parallelogram it moves as one pendulum, ``TWO_CRANKS``.
+    """
+    feet, arm = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]]), 0.2 * np.array([np.sin(start), 0.0, np.cos(start)])
+    tips = feet + arm
+    bodies = {"one": bar(feet[0], tips[0], 1.0), "two": bar(feet[1], tips[1], 1.0), "coupler": bar(*tips, 0.5)}
+    ends = {"O": (GROUND, "one", feet[0]), "A": ("one", "coupler", tips[0]), "B": ("coupler", "two", tips[1]),
+            "C": (GROUND, "two", feet[1])}  # fmt: skip
+    return Linkage(bodies, {name: Joint("revolute", *both, at, ABOUT_Y) for name, (*both, at) in ends.items()})
+
+
+TWO_CRANKS = 2.0 * (0.2**2 / 3.0 + 0.02**2) + 0.5 * 0.2**2, 9.81 * (2.0 * 0.1 + 0.5 * 0.2)
+"""Inertia [kg m^2] and largest moment of the weights [N m] of these cranks, as one pendulum."""
+
+
 def bennett() -> Linkage:
     """Bennett's linkage: four revolutes of any directions in space that move all the same.
 

@@ -2,12 +2,15 @@
 
 import contextlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from pinarm.cli import report
 from pinarm.errors import DynamicsError, ExpressionError, InputError, UnitError
+from pinarm.use.restore import restore
 
 
 @pytest.mark.parametrize(
@@ -132,3 +135,21 @@ def test_a_constant_load_has_its_place_in_statics(scenario: Callable[..., Any]) 
     load = "{load: {kind: joint_effort, joint: pivot, effort: {law: constant, value: 5 N*m}}}"
     result = scenario("statics", "", ("outputs:", f"  loads: {load}\noutputs:")).run()
     assert result["M"].values[0] == pytest.approx(-5.0, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("more", "start", "says"),
+    [
+        ("accuracy: {method: rk4, step: 1 s}\n", "30 deg", "step too large: at t = "),
+        ("", "1e8 rad", "joint pivot turns to 1e+08 rad: within a turn it is known to 1e-08 rad, no better"),
+    ],
+)
+def test_what_there_is_to_doubt_is_told_and_kept(
+    scenario: Callable[..., Any], tmp_path: Path, more: str, start: str, says: str
+) -> None:
+    assert scenario("forward").run().notes() == []
+    result = scenario("forward", more, ("30 deg", start)).run()
+    (note,) = result.notes()
+    assert note.startswith(says)
+    assert f"note: {note}" in report(result)
+    assert restore(result.save(tmp_path / "out", plots=False)).notes() == [note]
