@@ -46,7 +46,7 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """The joints between two frames, all of them revolute or prismatic.
+    """The joints between two frames, all of them revolute or prismatic, at the same places in q and in v.
 
     Attributes:
         stages: From frame 1 to frame 2.
@@ -67,7 +67,7 @@ class Chain:
         stages, between, axes = [], one.placement.inverse(), np.eye(3)
         for joint, direction in path:
             screw = _screw(model.joints[joint])
-            if screw is None:
+            if screw is None or model.joints[joint].idx_q != model.joints[joint].idx_v:
                 return None
             if direction > 0.0:
                 between = between * model.jointPlacements[joint]

@@ -8,6 +8,7 @@ change, measured by the masses: positions by Newton's method, velocities in one 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -204,9 +205,13 @@ class ConstrainedSystem:
         """Return the states themselves."""
         return q, v
 
+    @cached_property
+    def _together(self) -> Together | None:
+        return Together.of(self.rows, self.own.size)
+
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
         """Return the motion, closed at every row, with accelerations, efforts and multipliers."""
-        k, together = len(self.imposed.names), Together.of(self.rows, self.own.size)
+        k, together = len(self.imposed.names), self._together
         w = np.array([grid.evaluate(law) for law in self.imposed.laws]).reshape(k, 3, len(q)).swapaxes(0, 1)
         found = q.copy(), v.copy(), np.empty_like(v), np.empty((len(q), k))
         for part, local in parts(dynamics, grid):

@@ -13,7 +13,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics
-from pinarm.engine.elimination import Order, dense
+from pinarm.engine.elimination import dense
 from pinarm.engine.freedom import Freedom, regular_order
 from pinarm.engine.measures import MeasuredAll, Measures
 
@@ -21,6 +21,9 @@ CLOSED = 1e-13
 """Gap at which a state counts as closed [m or rad]; one step more ends at rounding."""
 
 ITERATIONS = 12
+
+FEWEST = 4
+"""Number of rows from which on it pays to solve them together."""
 
 Solved = tuple[Flags, Sequence[Array]]
 """Which rows have been solved, shape (n,), and of these q, v, a and the efforts, shapes (s, nq), (s, nv) and (s, k)."""
@@ -49,7 +52,7 @@ class Together:
 
         Args:
             dynamics: The equation of motion.
-            t: Instants [s], shape (n,).
+            t: Instants [s], shape (n,); of few, each alone costs less.
             w: Imposed coordinates and their two derivatives, shape (3, k, n).
             q: Configurations, shape (n, nv).
             v: Velocities, shape (n, nv).
@@ -57,12 +60,15 @@ class Together:
         Returns:
             The rows that the order of elimination serves that suits the first one; ``None`` where it has none.
         """
-        every = range(self.measures.size)
-        order = regular_order(dense(self.measures.at(q[:1].T).rows(every), (len(every), q.shape[1])))
+        if len(q) < FEWEST:
+            return None
+        every, measured, still = range(self.measures.size), self.measures.at(q.T), np.zeros_like(v)
+        rows = measured.rows(every)
+        order = regular_order(dense(rows, (len(every), q.shape[1])))
         if order is None:
             return None
-        q, solved = self._closed(order, dynamics, w[0], q)
-        measured, mass, still = self.measures.at(q.T), dynamics.mass_matrices(q), np.zeros_like(v)
+        q, solved = self._closed(measured, Freedom.of(rows, order, q.T.shape), dynamics.mass_matrices(q), w[0], q)
+        measured, mass = self.measures.at(q.T), dynamics.mass_matrices(q)
         freedom = Freedom.of(measured.rows(every), order, q.T.shape)
         v = freedom.solve(mass, np.einsum("nij,nj->ni", mass, v), dict(enumerate(w[1], self.own)))
         right = {row: -x for row, x in measured.drift(every, v.T).items()}
@@ -78,14 +84,13 @@ class Together:
         found = q, v, a, np.array(efforts).reshape(len(efforts), len(q)).T
         return (solved, [x[solved] for x in found]) if solved[0] else None
 
-    def _closed(self, order: Order, dynamics: Dynamics, w: Array, q: Array) -> tuple[Array, Flags]:
+    def _closed(self, measured: MeasuredAll, freedom: Freedom, mass: Array, w: Array, q: Array) -> tuple[Array, Flags]:
         """Return the closed configurations nearest to given ones, and which of them are closed.
 
-        The distance is measured by the masses. Newton's method with the rows of the given configurations, which are
-        nearly closed.
+        The distance is measured by the masses. Newton's method with the rows and the masses of the given
+        configurations, which are nearly closed.
         """
-        measured, mass, still = self.measures.at(q.T), dynamics.mass_matrices(q), np.zeros_like(q)
-        freedom = Freedom.of(measured.rows(range(self.measures.size)), order, q.T.shape)
+        still = np.zeros_like(q)
         for _ in range(ITERATIONS):
             gap = self._gap(measured, w)
             closed = np.abs(gap).max(axis=0) <= CLOSED * (1.0 + np.abs(w).max(axis=0, initial=0.0))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TypeVar
 
 import msgspec
 import numpy as np
@@ -13,10 +15,20 @@ from pinarm.arrays import Array
 from pinarm.errors import DynamicsError, within
 from pinarm.input.schema import Damping, Force, Length, Model, Moment, Stiffness
 from pinarm.input.units import DIMENSIONLESS
+from pinarm.mechanics.chains import Chain
 from pinarm.mechanics.coordinates import Joint, frame_of, frames_of
 from pinarm.mechanics.forces.contract import ForceElement
 from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.motion import MotionLaw, Values
+from pinarm.mechanics.vectors import combined, dot
+
+Number = TypeVar("Number", float, Array)
+
+UNIVERSE = 0
+"""Index of the world's frame."""
+
+MANY = 8
+"""Number of configurations from which on it pays to place them together."""
 
 ALIGNED = pin.LOCAL_WORLD_ALIGNED
 
@@ -47,11 +59,29 @@ class AppliedWrench(ForceElement):
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load ``J^T w`` to ``tau``."""
+        if q.ndim == 2 and len(q) >= MANY and self.chains:
+            self._add_many(t, q, tau)
+            return
         for instant, state, load in _rows(t, q, tau):
             pin.computeJointJacobians(self.model, self.data, state)
             pin.updateFramePlacements(self.model, self.data)
             jacobian = pin.getFrameJacobian(self.model, self.data, self.frame, pin.LOCAL_WORLD_ALIGNED)
             load += jacobian.reshape(6, -1).T @ self._in_world(instant)
+
+    @cached_property
+    def chains(self) -> tuple[Chain, Chain] | None:
+        """From the world to the point and to the axes; ``None`` where other than simple joints are between."""
+        point, axes = (Chain.between(self.model, UNIVERSE, frame) for frame in (self.frame, self.axes))
+        return (point, axes) if point and axes else None
+
+    def _add_many(self, t: Array | float, q: Array, tau: Array) -> None:
+        """Add the loads at many configurations, shape (n, nv)."""
+        point, axes = (chain.placed(q.T, np.cos(q.T), np.sin(q.T)) for chain in self.chains or ())
+        force, moment = (combined(axes.axes, part) for part in (self.wrench[:3], self.wrench[3:]))
+        factor = self._factor(t)
+        for rows in (point.along(force), point.about(moment)):
+            for j, x in rows.items():
+                tau[:, j] += factor * x
 
     def potential_energy(self, q: Array) -> Array:
         """Return 0."""
@@ -81,11 +111,13 @@ class AppliedWrench(ForceElement):
 
     def _in_world(self, t: float) -> Array:
         """Return the wrench at its point, world axes; the placements in the buffers are those of the state."""
+        turn = self.data.oMf[self.axes].rotation
+        return np.asarray(self._factor(t) * np.concatenate([turn @ self.wrench[:3], turn @ self.wrench[3:]]))
+
+    def _factor(self, t: Array | float) -> Array:
         if self.function is None:
             raise ValueError("a law is evaluated on a stretch of time: take the element's on(start, end)")
-        turn = self.data.oMf[self.axes].rotation
-        factor = self.function(np.asarray(t, float))[0]
-        return np.asarray(factor * np.concatenate([turn @ self.wrench[:3], turn @ self.wrench[3:]]))
+        return self.function(np.asarray(t, float))[0]
 
 
 @dataclass(frozen=True)
@@ -117,26 +149,22 @@ class TwoPointSpring(ForceElement):
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load ``-tension dl/dq`` to ``tau``."""
         if q.ndim > 1:
-            for state, rate, load in zip(
-                q.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1]), _loads(tau), strict=True
-            ):
-                self.add_load(t, state, rate, load)
+            length, row = self._lines(q)
+            tau -= (self._tension(length, (row * v).sum(axis=-1)))[..., None] * row
             return
-        length, _, row = self._line(q)
-        tau -= self._tension(length, float(row.dot(v))) * row
+        size, _, slope = self._line(q)
+        tau -= self._tension(size, float(slope.dot(v))) * slope
 
     def potential_energy(self, q: Array) -> Array:
         """Return the energy of the spring and of the constant pull."""
-        stretched = np.array([self._line(state)[0] for state in np.atleast_2d(q)]) - self.free_length
-        return np.asarray((0.5 * self.stiffness * stretched**2 + self.force * stretched).reshape(q.shape[:-1]))
+        stretched = self._lines(q)[0] - self.free_length
+        return np.asarray(0.5 * self.stiffness * stretched**2 + self.force * stretched)
 
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the power of the damper."""
         if not self.damping:
             return np.zeros(q.shape[:-1])
-        pairs = zip(np.atleast_2d(q), np.atleast_2d(v), strict=True)
-        rates = np.array([self._line(state)[2] @ rate for state, rate in pairs])
-        return np.asarray((self.damping * rates**2).reshape(q.shape[:-1]))
+        return np.asarray(self.damping * (self._lines(q)[1] * v).sum(axis=-1) ** 2)
 
     def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
         """Return the pull on both links, moved to the world's origin."""
@@ -148,8 +176,28 @@ class TwoPointSpring(ForceElement):
             found[joint] = found.get(joint, np.zeros(6)) + np.concatenate([force, np.cross(point, force)])
         return found
 
-    def _tension(self, length: float, rate: float) -> float:
+    def _tension(self, length: Number, rate: Number) -> Number:
         return self.stiffness * (length - self.free_length) + self.damping * rate + self.force
+
+    @cached_property
+    def chain(self) -> Chain | None:
+        """From the first point to the second; ``None`` where other than simple joints are between."""
+        return Chain.between(self.model, *self.frames)
+
+    def _lines(self, q: Array) -> tuple[Array, Array]:
+        """Return lengths [m], shape (...), and dl/dq, shape (..., nv), at configurations, shape (..., nq)."""
+        states = q.reshape(-1, q.shape[-1])
+        if self.chain is None or len(states) < MANY:
+            lines = [self._line(state) for state in states]
+            lengths, rows = np.array([length for length, _, _ in lines]), np.array([row for _, _, row in lines])
+        else:
+            placed = self.chain.placed(states.T, np.cos(states.T), np.sin(states.T))
+            lengths, rows = np.sqrt(dot(placed.p, placed.p)), np.zeros((len(states), self.model.nv))
+            if not lengths.all():
+                raise self._meeting(states[lengths.argmin()])
+            for j, x in placed.along(placed.p / lengths).items():
+                rows[:, j] = x
+        return np.broadcast_to(lengths, len(states)).reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], -1)
 
     def _line(self, q: Array) -> tuple[float, Array, Array]:
         """Return length [m], direction from the first to the second point, and dl/dq, shape (nv,)."""
@@ -160,10 +208,13 @@ class TwoPointSpring(ForceElement):
         apart = pin.updateFramePlacement(model, data, second).translation - begin
         length = float(apart.dot(apart)) ** 0.5
         if length == 0.0:
-            names = " and ".join(self.model.frames[frame].name for frame in self.frames)
-            raise DynamicsError(f"the points {names} of a two-point spring meet: its direction is undetermined", q=q)
+            raise self._meeting(q)
         direction = apart / length
         return length, direction, direction.dot(two - one)
+
+    def _meeting(self, q: Array) -> DynamicsError:
+        names = " and ".join(self.model.frames[frame].name for frame in self.frames)
+        return DynamicsError(f"the points {names} of a two-point spring meet: its direction is undetermined", q=q)
 
 
 class Wrench(Model, frozen=True, tag_field="kind", tag="wrench"):
