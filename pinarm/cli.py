@@ -215,7 +215,8 @@ def _explain(options: argparse.Namespace) -> int:
     if options.json:
         import msgspec
 
-        _print_json({"mechanism": found.mechanism.title, **msgspec.to_builtins(found.mobility)})
+        mobility, removals = msgspec.to_builtins((found.mobility, found.removals))
+        _print_json({"mechanism": found.mechanism.title, **mobility, "not solved for": removals})
     else:
         print(printable(str(found)))
     return OK

@@ -89,21 +89,6 @@ class EveryLeader:
 
 
 @dataclass(frozen=True, eq=False)
-class Nothing:
-    """No drives and no forces at all: only the motion is wanted.
-
-    Attributes:
-        closure: Constraints of the mechanism.
-    """
-
-    closure: Closure
-
-    def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
-        """Return zeros."""
-        return np.zeros_like(demand), Multipliers.zero(len(demand), self.closure.size)
-
-
-@dataclass(frozen=True, eq=False)
 class NamedDrives:
     """Drives along some coordinates; the other joints are passive.
 

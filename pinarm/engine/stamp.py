@@ -36,6 +36,8 @@ def table_figures(run: Trajectory, most: int = SAMPLE) -> dict[str, float]:
         the table, relative to the largest acceleration that efforts and loads would give if none of them cancelled;
         weights count with the most that they can do, ``g sqrt(m M_kk)`` for the mass m of all bodies (Cauchy-Schwarz).
     """
+    if run.unasked and not run.mechanism.closure.size:
+        return {}
     rows = np.unique(np.linspace(0, len(run) - 1, min(len(run), most)).astype(np.intp))
     found = [_Row.of(run, int(row)) for row in rows]
     figures: dict[str, float] = {}
@@ -47,8 +49,10 @@ def table_figures(run: Trajectory, most: int = SAMPLE) -> dict[str, float]:
         regular = values[:, rank - 1] / values[:, 0]
         least = int(np.argmin(regular))
         figures |= {"regularity": float(regular[least]), "least regular at": float(run.grid.t[rows[least]])}
+    if run.unasked:
+        return figures
     conditions = [row.condition for row in found]
-    if run.unasked or not np.isfinite(conditions).all():
+    if not np.isfinite(conditions).all():
         return figures
     figures["condition"] = max(conditions)
     return figures | {"return trip": _return_trip(run, rows, found)}
@@ -61,7 +65,6 @@ class _Row:
     Attributes:
         gaps: What is open of the loops, its rate and its acceleration.
         values: Singular values of the constraints, descending.
-        condition: Condition number of the mass matrix of the free motions; infinite where one has no mass.
         split: The rows of the constraints taken apart.
         mass: M, shape (nv, nv).
         right: ``-G' v``, shape (m,).
@@ -70,7 +73,6 @@ class _Row:
 
     gaps: tuple[float, float, float]
     values: Array
-    condition: float
     split: Split
     mass: Array
     right: Array
@@ -88,9 +90,13 @@ class _Row:
         mass = upper.reshape(closure.model.nv, -1) + np.triu(upper.reshape(closure.model.nv, -1), 1).T
         largest = (float(np.abs(part).max(initial=0.0)) for part in (gap[:m], own @ v, own @ a + drift[:m]))
         values = run.mechanism.closure.singular_values(q)
-        condition = _condition(split.free.T @ mass @ split.free)
         guided = rows[m:].T @ run.lam.along[row]
-        return cls((next(largest), next(largest), next(largest)), values, condition, split, mass, -drift[:m], guided)
+        return cls((next(largest), next(largest), next(largest)), values, split, mass, -drift[:m], guided)
+
+    @property
+    def condition(self) -> float:
+        """Return the condition number of the mass matrix of the free motions; infinite where one has no mass."""
+        return _condition(self.split.free.T @ self.mass @ self.split.free)
 
 
 def _return_trip(run: Trajectory, rows: Indices, found: list[_Row]) -> float:

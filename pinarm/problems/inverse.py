@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Annotated, ClassVar
 
 import msgspec
+import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.assembly import start_configuration
@@ -70,7 +71,7 @@ class Inverse(Model, frozen=True, tag_field="kind", tag="inverse"):
 
 
 def driven(
-    mechanism: Mechanism, imposed: Imposed, drives: Actuation, grid: Grid, start: Mapping[str, float],
+    mechanism: Mechanism, imposed: Imposed, drives: Actuation | None, grid: Grid, start: Mapping[str, float],
     forces: Mapping[str, ForceElement], parameter: str, measured: Unit, *, rates: Rates | None = None,
 ) -> Trajectory:  # fmt: skip
     """Return an imposed motion with the efforts that it takes.
@@ -78,7 +79,7 @@ def driven(
     Args:
         mechanism: The mechanism.
         imposed: Coordinates and their laws.
-        drives: What carries the load.
+        drives: What carries the load; ``None`` where only the motion is wanted.
         grid: Instants.
         start: Rough joint coordinates at the first of them.
         forces: All force elements of the run.
@@ -88,6 +89,7 @@ def driven(
             those of the laws: the rows are then states of their own, not one motion.
     """
     dynamics = Dynamics.of(mechanism.model, forces)
+    closure = drives.closure if drives else mechanism.closure
 
     def on(part: Grid, near: Array) -> Trajectory:
         q, v, a = follow(mechanism, imposed, part, near)
@@ -96,9 +98,11 @@ def driven(
         idle = Multipliers.zero(len(q), mechanism.closure.size)
         # at another instant the branch is that of the nearest row, which the first pass has found
         draft = Trajectory(
-            mechanism, parameter, measured, part, q, v, a, v, idle, drives.closure, dynamics,
+            mechanism, parameter, measured, part, q, v, a, np.zeros_like(v), idle, closure, dynamics,
             lambda other: on(other, q[abs(part.t - other.t[0]).argmin()]), separate=rates is not None,
         )  # fmt: skip
+        if drives is None:
+            return draft
         demand = draft.gather(lambda local, rows: local.inverse(part.t[rows], q[rows], v[rows], a[rows]))
         tau, lam = drives.efforts(part.t, q, demand)
         return replace(draft, tau=tau, lam=lam)

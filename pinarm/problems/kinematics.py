@@ -7,7 +7,6 @@ from typing import Annotated, ClassVar
 
 import msgspec
 
-from pinarm.engine.efforts import Nothing
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.trajectory import Trajectory
@@ -55,8 +54,7 @@ class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):
         laws = [*imposed.laws, *(law for force in mechanism.forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"):
-            run = driven(mechanism, imposed, Nothing(mechanism.closure), grid, self.start, mechanism.forces,
-                         "t", unit("s"))  # fmt: skip
+            run = driven(mechanism, imposed, None, grid, self.start, mechanism.forces, "t", unit("s"))
         return _without_efforts(run)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from pinarm.engine.mobility import Mobility, assembled_near, joint_kind, mobilit
 from pinarm.input.documents import Document
 from pinarm.mechanics.couplings import Coupling
 from pinarm.mechanics.loops import LoopJoint
+from pinarm.problems.scene import Removal
 from pinarm.use.scenario import Scenario
 
 
@@ -21,15 +23,18 @@ class Explanation:
         mechanism: The mechanism.
         mobility: What its constraints do.
         where: Which configuration that is, in words.
+        removals: Joints that the scenario is solved without.
     """
 
     mechanism: Mechanism
     mobility: Mobility
     where: str
+    removals: Sequence[Removal] = ()
 
     def __str__(self) -> str:
         """Return it as text, a heading a paragraph."""
-        return "\n".join([self.mechanism.title, *self._joints(), *self._ties(), *self._mobility(), *self._acting()])
+        parts = (self._joints(), self._ties(), self._mobility(), self._acting(), self._modelled())
+        return "\n".join([self.mechanism.title, *(line for part in parts for line in part)])
 
     def _repr_html_(self) -> str:
         """Return it for notebooks."""
@@ -80,6 +85,15 @@ class Explanation:
         lines += [f"drive {name} at {drive.joint}" for name, drive in mechanism.drives.items()]
         return [*lines, *(f"note: {note}" for note in mechanism.notes)]
 
+    def _modelled(self) -> list[str]:
+        """Return which joints are solved for, and why the others are not."""
+        model = self.mechanism.model
+        lines = ["meshes are not read: no mass is taken from them"] if "<mesh" in self.mechanism.xml else []
+        if self.removals:
+            count = model.njoints - 1
+            lines.append(f"solved for: {count - len(self.removals)} of {count} joints")
+        return lines + [f"  {one.joint}: {one.how}, {one.why}" for one in self.removals]
+
 
 def explain(path: str | Path, overrides: list[str] | None = None) -> Explanation:
     """Return the structure of a scenario's mechanism where its motion begins, or of a model near its zero position.
@@ -94,8 +108,8 @@ def explain(path: str | Path, overrides: list[str] | None = None) -> Explanation
     file = Path(path)
     if file.suffix in (".yaml", ".yml") and "problem" in (Document.read(file).data or {}):
         scenario = Scenario.load(file, overrides)
-        q = scenario.run().trajectory.q[0]
-        return Explanation(scenario.mechanism, mobility_of(scenario.mechanism, q), "where the motion begins")
+        q, whole = scenario.run().trajectory.q[0], scenario.mechanism
+        return Explanation(whole, mobility_of(whole, q), "where the motion begins", scenario.scene.removals)
     mechanism = Mechanism.load(path)
     q = assembled_near(mechanism, {})
     return Explanation(mechanism, mobility_of(mechanism, q), "in the closed position nearest to zero")

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from pinarm.engine.trajectory import Series
 from pinarm.errors import printable
+from pinarm.problems.scene import in_short
 from pinarm.use.result import CLOSURES, COSTS, MEASURES, RESIDUALS, Result
 
 FEW = 6
@@ -26,7 +27,8 @@ def ranges(result: Result) -> list[list[str]]:
                  for series in result.columns()[1:]]  # fmt: skip
         return rows
     rows = [["", "unit", "min", f"at {run.parameter}", "max", f"at {run.parameter}"]]
-    for series, entry in zip(result.columns()[1:], result.summary()["outputs"].values(), strict=True):
+    for series in result.columns()[1:]:
+        entry = result.headline(series)
         numbers = (entry["min"], entry["at_min"], entry["max"], entry["at_max"])
         rows.append([*_heading(series), *(f"{number:.7g}" for number in numbers)])
     return rows
@@ -50,6 +52,7 @@ def remarks(result: Result) -> list[str]:
     lines += [f"{name}: {value:.9g}" for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
     lines += [f"payload {name}: {float(payload.mass):.9g} kg at {payload.point}"
               for name, payload in run.mechanism.payloads.items()]  # fmt: skip
+    lines += in_short(result.removals)
     lines += [f"limit: {excess.words(run)}" for excess in result.excesses()]
     lines += [f"note: {note}" for note in result.notes()]
     return [printable(line) for line in lines]

@@ -23,6 +23,7 @@ from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import InputError
 from pinarm.mechanics.motion import Grid
 from pinarm.problems.common import bind_loads
+from pinarm.problems.scene import Removal
 from pinarm.use.result import Result
 from pinarm.use.scenario import Scenario
 
@@ -55,7 +56,8 @@ def restore(folder: str | Path) -> Result:
     figures = {**summary["accuracy"], **summary["cost"], **summary["findings"]}
     quantities = Quantities(replace(run, figures=figures), scenario.symbols, content.undetermined)
     name, kind = str(summary["scenario"]), scenario.problem.kind
-    return Result(name, kind, content, scenario.document.data, quantities, figures, folder)
+    data, removals = scenario.document.data, summary["removals"]
+    return Result(name, kind, content, data, quantities, figures, folder, removals=removals)
 
 
 def _summary(path: Path) -> dict[str, Any]:
@@ -66,7 +68,8 @@ def _summary(path: Path) -> dict[str, Any]:
             raise ValueError("figures that are no numbers")
         doubts = ": least multipliers; "  # which the outputs bring along themselves
         notes = [str(note) for note in found["notes"] if doubts not in str(note)]
-        return {**found, "scenario": found["scenario"], "notes": notes}
+        removals = tuple(Removal(**one) for one in found["not solved for"])
+        return {**found, "scenario": found["scenario"], "notes": notes, "removals": removals}
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path} is no summary of a run ({error})", hint=AGAIN) from None
 

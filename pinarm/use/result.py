@@ -18,6 +18,7 @@ from pinarm.engine.trajectory import Series, Trajectory
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.coordinates import spelled
 from pinarm.mechanics.rounding import coarse_angles
+from pinarm.problems.scene import Removal
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -42,6 +43,7 @@ class Result:
         errors: Estimate of the global error of each output, relative to its scale (see ``worth.scales``); empty where
             none was asked for.
         setting: How the motion was integrated, and what the estimate rests on, in words.
+        removals: Joints of the mechanism that were not solved for.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Result:
     folder: Path = Path()
     errors: Mapping[str, float] = field(default_factory=dict)
     setting: str = ""
+    removals: Sequence[Removal] = ()
 
     @property
     def error(self) -> float | None:
@@ -190,11 +193,12 @@ class Result:
                 }
                 for name, payload in mechanism.payloads.items()
             },
-            "outputs": {series.name: self._headline(series) for series in self.columns()[1:]},
+            "outputs": {series.name: self.headline(series) for series in self.columns()[1:]},
             "accuracy": self._accuracy(),
             "cost": {name: int(value) for name, value in self.figures.items() if name in COSTS},
             "findings": {name: x for name, x in self.figures.items() if name not in (*MEASURES, *COSTS)},
             "limits": [{**vars(excess), "unit": str(excess.unit)} for excess in self.excesses()],
+            "not solved for": [vars(removal) for removal in self.removals],
             "notes": self.notes(),
             "versions": {"pinarm": pinarm.__version__, "pinocchio": pinocchio.__version__, "numpy": np.__version__},
             "input": self.digest(),
@@ -209,7 +213,7 @@ class Result:
             measured |= {"target": self.content.accuracy.target, "target reached": not self.missed}
         return measured
 
-    def _headline(self, series: Series) -> dict[str, Any]:
+    def headline(self, series: Series) -> dict[str, Any]:
         """Return a quantity's smallest and largest value among the rows, and where they stand."""
         t, values = self.trajectory.grid.t, series.values + 0.0  # -0 becomes 0
         finite = values[np.isfinite(values)] if np.isfinite(values).any() else np.zeros(1)

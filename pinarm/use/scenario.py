@@ -30,6 +30,8 @@ from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.payload import Payload
 from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.common import Accuracy
+from pinarm.problems.scene import Scene
+from pinarm.use.asked import joints_asked
 from pinarm.use.expectation import Expectation
 from pinarm.use.find import Find, find
 from pinarm.use.result import Result
@@ -68,6 +70,8 @@ class ScenarioFile(Model, frozen=True):
         problem: The question.
         symbols: Names for quantities or formulas, beside those of the mechanism.
         outputs: Quantities of the table and the plots.
+        modelled: ``required``, what the question requires: joints that it holds still are locked, and dropped those
+            that it moves and nothing depends on; or the ``whole`` mechanism. The answer is the same.
         undetermined: What to do with reactions that rigid bodies do not determine: ``refuse`` them, or give those of
             the least multipliers (``minimum_norm``), marked as such.
         accuracy: How accurate the answer is wanted.
@@ -86,6 +90,7 @@ class ScenarioFile(Model, frozen=True):
     payloads: dict[str, Payload] = {}
     changes: dict[str, Any] = {}
     symbols: dict[str, str] = {}
+    modelled: Literal["required", "whole"] = "required"
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"
     accuracy: Accuracy = msgspec.field(default_factory=Accuracy)
     variants: dict[str, dict[str, Any]] = {}
@@ -188,6 +193,15 @@ class Scenario:
                 parsed[name] = Expression.parse(text)
         return parsed
 
+    @cached_property
+    def scene(self) -> Scene:
+        """What is solved in place of the question about the whole mechanism."""
+        if self.content.modelled == "whole":
+            return Scene.whole(self.problem, self.mechanism)
+        expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
+        asked = joints_asked([*self.content.outputs, *expected], self.symbols, self.mechanism)
+        return Scene.required(self.problem, self.mechanism, asked, self._place)
+
     def run(self) -> Result:
         """Solve the problem; with ``accuracy.target``, at the cheapest setting whose error is below it.
 
@@ -253,7 +267,7 @@ class Scenario:
 
     def _left(self, asked: Find) -> dict[str, Array]:
         """Return the wanted quantities less their targets, at all rows."""
-        run = self.problem.solve(self.mechanism, self.content.accuracy, self._place)
+        _, run = self.scene.solve(self.content.accuracy, self._place)
         quantities = Quantities(run, self.symbols, self.content.undetermined)
         left = {}
         for name, target in asked.wanted.items():
@@ -265,9 +279,10 @@ class Scenario:
 
     def _solved(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""
-        trajectory = self.problem.solve(self.mechanism, self.content.accuracy, self._place)
-        measured = {**trajectory.figures, **power_balance(trajectory), **table_figures(trajectory)}
-        result = self._result(trajectory, measured)
+        solved, trajectory = self.scene.solve(self.content.accuracy, self._place)
+        measured = {**solved.figures, **power_balance(solved), **table_figures(solved)}
+        removals = self.scene.removals if solved is not trajectory else ()
+        result = replace(self._result(trajectory, measured), removals=removals)
         for index, name in enumerate(self.content.outputs):
             with self.document.locating("outputs", index):
                 result.require_finite(name)
