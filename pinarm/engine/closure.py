@@ -144,6 +144,8 @@ class Closure:
 
     def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> Closure:
         """Return the closure with the rows of guided coordinates after its own."""
+        if not names:
+            return self
         guides = [Guide(name, coordinate) for name, coordinate in zip(names, coordinates, strict=True)]
         return Closure.of(self.model, (*self.constraints, *guides))
 

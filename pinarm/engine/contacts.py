@@ -15,8 +15,8 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.closure import Closure, Split
+from pinarm.engine.dynamics import mass_matrix
 from pinarm.engine.imposed import Imposed
-from pinarm.engine.systems.constrained import mass_matrix
 from pinarm.mechanics.coordinates import LinearCoordinate
 
 RESTING = 1e-6

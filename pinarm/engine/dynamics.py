@@ -79,19 +79,11 @@ class Dynamics:
     def _pool(self) -> pin.ModelPool:
         return pin.ModelPool(self.model, 1)
 
-    @cached_property
-    def _weightless(self) -> pin.ModelPool:
-        model = pin.Model(self.model)
-        model.gravity = pin.Motion.Zero()
-        return pin.ModelPool(model, 1)
-
     def mass_matrices(self, q: Array) -> Array:
-        """Return M at configurations, shape (n, nq): the efforts of unit accelerations, shape (n, nv, nv)."""
-        n, nv = len(q), self.model.nv
-        mass, q, units, still = np.empty((n, nv, nv)), q.T, np.eye(nv), np.zeros((nv, n))
-        for j in range(nv):
-            a = np.repeat(units[:, j : j + 1], n, axis=1)
-            mass[:, :, j] = pin.rneaInParallel(1, self._weightless, q, still, a).reshape(nv, -1).T
+        """Return M at configurations, shape (n, nq), as an array of shape (n, nv, nv)."""
+        mass = np.empty((len(q), self.model.nv, self.model.nv))
+        for i in range(len(q)):
+            mass[i] = mass_matrix(self.model, self.data, q[i])
         return mass
 
     def loads(self, t: Array | float, q: Array, v: Array) -> Array:
@@ -235,6 +227,12 @@ def same_rows(*arrays: Array) -> None:
     if len({len(array) for array in arrays}) > 1:
         rows = ", ".join(str(len(array)) for array in arrays)
         raise InputError(f"the arrays have {rows} rows", expected="as many in each")
+
+
+def mass_matrix(model: pin.Model, data: pin.Data, q: Array) -> Array:
+    """Return M at a configuration, of which Pinocchio computes the upper half only, shape (nv, nv)."""
+    upper = np.triu(pin.crba(model, data, q).reshape(model.nv, model.nv))
+    return np.asarray(upper + np.triu(upper, 1).T)
 
 
 def parts(dynamics: Dynamics, grid: Grid) -> list[tuple[slice, Dynamics]]:

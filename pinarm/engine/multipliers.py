@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 
@@ -46,9 +47,10 @@ class Multipliers:
             held: ``M a + nle - loads - tau``, shape (n, nv).
             along: Efforts of the drives along the coordinates, shape (n, g).
         """
-        m, here = closure.size - along.shape[1], Closure.of(closure.model, closure.constraints)  # buffers of its own
+        m, own_buffers = closure.size - along.shape[1], cache(lambda: Closure.of(closure.model, closure.constraints))
 
         def own(row: int) -> Array:
+            here = own_buffers()
             here.place(q[row])
             rows = here.rows()
             return Split.of(rows[:m]).multipliers(held[row] - along[row] @ rows[m:])

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.closure import RANK, Closure, Constraint
-from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.dynamics import Dynamics, mass_matrix
 from pinarm.engine.integrators import Acceleration
 from pinarm.engine.reduction import Targets
 from pinarm.mechanics.loops import LoopJoint
@@ -65,21 +65,20 @@ class PointClosure:
         1e12 times the inertia of the tree, so that a load of armature times acceleration prescribes their acceleration
         to 1e-12 of it.
         """
-        model, held = pin.Model(closure.model), np.array(driven, dtype=np.intp)
-        inertia = np.full(len(held), HEAVY * _largest_inertia(model, q))
+        model, data, held = pin.Model(closure.model), closure.model.createData(), np.array(driven, dtype=np.intp)
+        inertia = np.full(len(held), HEAVY * np.diag(mass_matrix(model, data, q)).max())
         model.armature[held] += inertia
         tied = [_points_of(model, constraint) for constraint in closure.constraints]
         if not tied or any(points is None for points in tied):
             return None
-        needed, rank, regularity = _independent(model, [point for points in tied for point in points or ()])
+        needed, rank, regularity = _independent(model, data, [point for points in tied for point in points or ()])
         points, states = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
         for point in needed:
             points.append(point)
             states.append(point.createData())
-        data = model.createData()
         pin.initConstraintDynamics(model, data, points, states)
-        inverse = _inverse_mass(model, q)
-        if inverse is None or _unevenness(model, needed, rank) > UNEVEN:
+        inverse = _inverse_mass(model, data, q)
+        if inverse is None or _unevenness(model, data, needed, rank) > UNEVEN:
             return None
         rows = _rows(model, data, needed, q)
         rows[:, held] = 0.0
@@ -160,14 +159,14 @@ def _rows(model: pin.Model, data: pin.Data, points: Sequence[pin.RigidConstraint
 
 
 def _independent(
-    model: pin.Model, points: Sequence[pin.RigidConstraintModel]
+    model: pin.Model, data: pin.Data, points: Sequence[pin.RigidConstraintModel]
 ) -> tuple[list[pin.RigidConstraintModel], int, float]:
     """Leave out points that add nothing to the rank, at two configurations of no special kind.
 
     Returns:
         What is left, the rank, and the better regularity of the two.
     """
-    data, places = model.createData(), _places(model)
+    places = _places(model)
     rows = [_rows(model, data, points, q).reshape(len(points), 3, -1) for q in places]
     bases = [np.zeros((0, model.nv)) for _ in places]
     kept: list[pin.RigidConstraintModel] = []
@@ -186,14 +185,14 @@ def _places(model: pin.Model) -> list[Array]:
     return [pin.integrate(model, pin.neutral(model), generator.uniform(-1.0, 1.0, model.nv)) for _ in range(2)]
 
 
-def _unevenness(model: pin.Model, points: Sequence[pin.RigidConstraintModel], rank: int) -> float:
+def _unevenness(model: pin.Model, data: pin.Data, points: Sequence[pin.RigidConstraintModel], rank: int) -> float:
     """Return the condition number of ``G M^-1 G^T``, scaled to a diagonal of ones and cut at the rank of G.
 
     The larger one of two configurations of no special kind, so that it tells of masses and not of singular positions.
     """
-    data, found = model.createData(), 1.0
+    found = 1.0
     for q in _places(model):
-        rows, inverse = _rows(model, data, points, q), _inverse_mass(model, q)
+        rows, inverse = _rows(model, data, points, q), _inverse_mass(model, data, q)
         if inverse is None:
             continue
         delassus = rows @ inverse @ rows.T
@@ -212,18 +211,13 @@ def _grown(basis: Array, rows: Array) -> Array:
     return np.vstack([basis, vt[s > RANK * np.linalg.norm(rows)]])
 
 
-def _inverse_mass(model: pin.Model, q: Array) -> Array | None:
+def _inverse_mass(model: pin.Model, data: pin.Data, q: Array) -> Array | None:
     """Return the inverse of M, shape (nv, nv); ``None`` where M is singular."""
-    upper = np.triu(pin.crba(model, model.createData(), q).reshape(model.nv, model.nv))
-    mass = upper + np.triu(upper, 1).T
+    mass = mass_matrix(model, data, q)
     size = np.sqrt(np.diag(mass))
     if (size == 0.0).any() or np.linalg.eigvalsh(mass / np.outer(size, size))[0] < MASSLESS:
         return None
     return np.asarray(np.linalg.inv(mass))
-
-
-def _largest_inertia(model: pin.Model, q: Array) -> float:
-    return float(np.diag(pin.crba(model, model.createData(), q).reshape(model.nv, model.nv)).max())
 
 
 HEAVY = 1e12

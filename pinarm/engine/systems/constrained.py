@@ -16,7 +16,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.assembly import assembled
 from pinarm.engine.closure import Closure, Split
-from pinarm.engine.dynamics import Dynamics, parts
+from pinarm.engine.dynamics import Dynamics, mass_matrix, parts
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.integrators import Acceleration, Energy, Manifold, Settle, Stretch
 from pinarm.engine.masses import require_masses
@@ -243,9 +243,3 @@ class ConstrainedSystem:
         weights = [one.weights for one in self.imposed.coordinates if isinstance(one, LinearCoordinate)]
         tau = efforts[:, others:] @ np.reshape(weights, (-1, v.shape[1]))
         return Motion(q, v, a, tau, Multipliers.least(self.closure, q, demand - tau, efforts[:, :others]))
-
-
-def mass_matrix(model: pin.Model, data: pin.Data, q: Array) -> Array:
-    """Return M, of which Pinocchio computes the upper half only, shape (nv, nv)."""
-    upper = np.triu(pin.crba(model, data, q).reshape(model.nv, model.nv))
-    return np.asarray(upper + np.triu(upper, 1).T)
