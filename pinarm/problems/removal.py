@@ -65,10 +65,12 @@ class Known:
     @cached_property
     def own(self) -> dict[int, MotionLaw]:
         """Joints whose own coordinate follows a law."""
-        linear = ((self.mechanism.coordinates.get(name), law) for name, law in self.laws.items())
-        return {
-            one.joint: law for one, law in linear if isinstance(one, LinearCoordinate) and one.joint is not None
-        }  # fmt: skip
+        found = {}
+        for name, law in self.laws.items():
+            one = self.mechanism.coordinates.get(name)
+            if isinstance(one, LinearCoordinate) and one.joint is not None:
+                found[one.joint] = law
+        return found
 
     @cached_property
     def still(self) -> dict[int, Constant]:

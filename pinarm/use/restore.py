@@ -24,7 +24,7 @@ from pinarm.errors import InputError
 from pinarm.mechanics.motion import Grid
 from pinarm.problems.common import bind_loads
 from pinarm.problems.scene import Removal
-from pinarm.use.result import Result
+from pinarm.use.result import MEASURES, Result
 from pinarm.use.scenario import Scenario
 
 NEEDED = ("scenario.yaml", "mechanism.yaml", "trajectory.npz", "summary.json")
@@ -53,23 +53,26 @@ def restore(folder: str | Path) -> Result:
     content = scenario.content
     mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
     run = _trajectory(scenario, mechanism, arrays)
-    figures = {**summary["accuracy"], **summary["cost"], **summary["findings"]}
+    figures = summary["figures"]
     quantities = Quantities(replace(run, figures=figures), scenario.symbols, content.undetermined)
     name, kind = str(summary["scenario"]), scenario.problem.kind
-    data, removals = scenario.document.data, summary["removals"]
-    return Result(name, kind, content, data, quantities, figures, folder, removals=removals)
+    data, told = scenario.document.data, {key: summary[key] for key in ("errors", "setting", "removals")}
+    return Result(name, kind, content, data, quantities, figures, folder, **told)
 
 
 def _summary(path: Path) -> dict[str, Any]:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-        figures = [found[part] for part in ("accuracy", "cost", "findings")]
-        if not all(isinstance(value, int | float) for part in figures for value in part.values()):
+        accuracy = found["accuracy"]
+        figures = {name: accuracy[name] for name in accuracy if name in MEASURES} | found["cost"] | found["findings"]
+        errors = {name: float("inf") if x is None else x for name, x in accuracy.get("error of outputs", {}).items()}
+        if not all(isinstance(value, int | float) for value in (*figures.values(), *errors.values())):
             raise ValueError("figures that are no numbers")
         doubts = ": least multipliers; "  # which the outputs bring along themselves
         notes = [str(note) for note in found["notes"] if doubts not in str(note)]
         removals = tuple(Removal(**one) for one in found["not solved for"])
-        return {**found, "scenario": found["scenario"], "notes": notes, "removals": removals}
+        return {"scenario": found["scenario"], "notes": notes, "removals": removals, "figures": figures,
+                "errors": errors, "setting": str(accuracy.get("setting", ""))}  # fmt: skip
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path} is no summary of a run ({error})", hint=AGAIN) from None
 

@@ -34,6 +34,14 @@ def test_every_number_comes_back(tmp_path: Path, name: str) -> None:
     assert np.array_equal(again.trajectory.lam, result.trajectory.lam)
 
 
+def test_estimates_of_the_error_come_back(tmp_path: Path) -> None:
+    result = pinarm.load(ROOT / "scenarios" / "gen411_arm_static.yaml").verified()
+    again = restore(result.save(tmp_path / "elsewhere", plots=False))
+    assert again.errors == result.errors != {}
+    assert again.setting == result.setting
+    assert again.summary() == {**result.summary(), "input": again.digest()}
+
+
 def test_it_needs_nothing_outside_of_the_folder(scenario: Callable[..., Any], folder: Path, tmp_path: Path) -> None:
     result = scenario("inverse").run()
     saved = result.save(folder / "out", plots=False)

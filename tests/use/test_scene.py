@@ -81,7 +81,7 @@ def held(scenario, joint, other):
     motion = problem.get("motion", {})
     if problem["kind"] == "forward":
         # steps of one length: those that are chosen by the error differ where the error is rounding
-        data["accuracy"] = {"method": "rk4", "step": "5 ms"}
+        data["accuracy"] = {"method": "rk4", "step": f"{scenario.problem.time.end / 100} s"}
         given = problem.get("initial", {}).items()
         problem["initial"] = {key: {k: x for k, x in part.items() if k != joint.name} for key, part in given}
     elif joint.name not in motion or problem["kind"] == "kinematics":
@@ -102,8 +102,8 @@ def test_answers_are_those_of_the_whole_mechanism(file):
         assert_unchanged(scenario)
     joints, removed = list(scenario.mechanism.joints.values()), set()
     for joint, other in zip(joints, joints[-1:] + joints[:-1], strict=True):
-        variant = held(scenario, joint, other)
-        if variant and len(joints) < 20 and variant.scene.part:
+        variant = held(scenario, joint, other) if len(joints) < 20 else None  # forty four-bars are all loops
+        if variant and variant.scene.part:
             assert assert_unchanged(variant)[joint.name] == "locked"
             removed.add(joint.name)
     assert removed == LOCKABLE.get(file.stem, set())
@@ -165,7 +165,7 @@ def inverse(**laws):
     return {"kind": "inverse", "motion": {**LAWS, **laws}}
 
 
-RK4 = {"method": "rk4", "step": "5 ms"}
+RK4 = {"method": "rk4", "step": "20 ms"}
 
 
 def test_an_arm_on_a_held_trunk_needs_no_other_arm(scene):
