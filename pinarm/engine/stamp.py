@@ -6,6 +6,7 @@ A fixed, even choice of rows is looked at, so that the cost of large tables stay
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -82,21 +83,29 @@ class _Row:
     def of(cls, run: Trajectory, row: int) -> _Row:
         """Return what belongs to a row of a run."""
         closure, q, v, a = run.closure, run.q[row], run.v[row], run.a[row]
-        m = run.mechanism.closure.size
+        m, nv = run.mechanism.closure.size, closure.model.nv
+        upper = np.triu(pin.crba(closure.model, closure.data, q).reshape(nv, -1))
+        mass = upper + upper.T - np.diag(np.diag(upper))
+        if not closure.size:
+            return cls((0.0, 0.0, 0.0), np.zeros(0), Split.of(np.zeros((0, nv))), mass, np.zeros(0), np.zeros(nv))
         closure.place(q)
         rows, gap = closure.rows(), closure.gap(q)
         drift = closure.drift(q, v)
-        split, own, upper = Split.of(rows[:m]), rows[:m], np.triu(pin.crba(closure.model, closure.data, q))
-        mass = upper.reshape(closure.model.nv, -1) + np.triu(upper.reshape(closure.model.nv, -1), 1).T
+        split, own = Split.of(rows[:m]), rows[:m]
         largest = (float(np.abs(part).max(initial=0.0)) for part in (gap[:m], own @ v, own @ a + drift[:m]))
         values = run.mechanism.closure.singular_values(q)
         guided = rows[m:].T @ run.lam.along[row]
         return cls((next(largest), next(largest), next(largest)), values, split, mass, -drift[:m], guided)
 
+    @cached_property
+    def free_mass(self) -> Array:
+        """Return the mass matrix of the free motions, ``T^T M T``."""
+        return np.asarray(self.split.free.T @ self.mass @ self.split.free)
+
     @property
     def condition(self) -> float:
         """Return the condition number of the mass matrix of the free motions; infinite where one has no mass."""
-        return _condition(self.split.free.T @ self.mass @ self.split.free)
+        return _condition(self.free_mass)
 
 
 def _return_trip(run: Trajectory, rows: Indices, found: list[_Row]) -> float:
@@ -117,7 +126,7 @@ def _return_trip(run: Trajectory, rows: Indices, found: list[_Row]) -> float:
         free = one.split.free
         weights = pull * np.sqrt(np.maximum(np.diag(one.mass), 0.0))
         terms = np.abs(free).T @ (np.abs(supplied) + np.abs(resisting) + weights)
-        given = free @ np.linalg.solve(free.T @ one.mass @ free, terms)
+        given = free @ np.linalg.solve(one.free_mass, terms)
         size = max(size, float(np.abs(given).max(initial=0.0)))
     return error / size if size else 0.0
 
@@ -129,5 +138,5 @@ def _condition(mass: Array) -> float:
         return 1.0
     if (size == 0.0).any():
         return np.inf
-    values = np.linalg.eigvalsh(mass / np.outer(size, size))
+    values = np.linalg.eigvalsh(mass / (size[:, None] * size))
     return float(values[-1] / values[0]) if values[0] > MASSLESS else np.inf
