@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pinarm.cli import report
 from pinarm.errors import DynamicsError, ExpressionError, InputError, UnitError
+from pinarm.use.report import report
 from pinarm.use.restore import restore
 
 
