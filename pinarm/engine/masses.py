@@ -14,7 +14,7 @@ from pinarm.mechanics.tree import listed
 MASSLESS = 1e-12
 """Eigenvalue of the mass matrix, scaled to a diagonal of ones, below which a direction has no mass."""
 
-UNSEEN = 1e-15
+UNSEEN = 1e-14
 """Such an eigenvalue that is rounding of 0."""
 
 NOTHING = 1e-24

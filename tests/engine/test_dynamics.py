@@ -222,3 +222,23 @@ def test_the_space_is_flat_where_it_can_be(pendulum):
     space = Dynamics.of(ball).manifold
     assert isinstance(space, JointSpace)
     assert (space.nq, space.nv) == (4, 3)
+
+
+@pytest.mark.parametrize(("length", "away"), [(1e-6, 0.0), (1.0, 1e6), (1.0, 0.0)])
+def test_many_states_are_as_exact_as_each_where_links_are_short_or_far_away(mechanism, chain, length, away):
+    """Two points on rods: the equations solved by hand; Pinocchio's parallel recursion loses up to all digits here."""
+    point = {"mass": 1.0, "inertia": (0.0, 0.0, 0.0), "axis": "0 1 0"}
+    rods = mechanism(chain(
+        {**point, "name": "A", "at": f"{away!r} 0 0", "com": "0 0 -1"},
+        {**point, "name": "B", "at": "0 0 -1", "com": f"0 0 {-length!r}"},
+    ))  # fmt: skip
+    generator = np.random.default_rng(0)
+    q, v = generator.uniform(-1.0, 1.0, (50, 2)), generator.uniform(-1.0, 1.0, (50, 2)) / [1.0, length**0.5]
+    a, b, u, w = q[:, 0], q.sum(axis=1), v[:, 0], v.sum(axis=1)
+    s, c = np.sin(a - b), np.cos(a - b)
+    first = (-u * u * s * c + 9.81 * np.sin(b) * c - length * w * w * s - 2 * 9.81 * np.sin(a)) / (1 + s * s)
+    second = (2 * (u * u * s - 9.81 * np.sin(b) + 9.81 * np.sin(a) * c) + length * w * w * s * c) / (1 + s * s) / length
+    found = rods.forward(q, v)
+    bound = 1e-8 if away else 1e-10 if length < 1.0 else 1e-13  # the places themselves are rounded; 1e-16 m of 1e-6 m
+    assert found[:, 0] == pytest.approx(first, abs=bound * np.abs(second).max())
+    assert found.sum(axis=1) == pytest.approx(second, abs=bound * np.abs(second).max())
