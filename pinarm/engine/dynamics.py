@@ -164,12 +164,14 @@ class Dynamics:
         return free
 
     def load(self) -> Acceleration:
-        """Return ``(t, q, v) -> tau``, the load in one state, in a buffer; loads that are steady are summed once."""
+        """Return ``(t, q, v) -> tau``, the load in one state, to be read only; steady loads are summed once."""
         steady, tau, still = (np.zeros(self.model.nv) for _ in range(3))
         for force in self.forces.values():
             if force.steady:
                 force.add_load(0.0, pin.neutral(self.model), still, steady)
         changing = tuple(force for force in self.forces.values() if not force.steady)
+        if not changing:
+            return lambda t, q, v: steady
 
         def loaded(t: float, q: Array, v: Array) -> Array:
             tau[:] = steady

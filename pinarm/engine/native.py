@@ -96,6 +96,7 @@ class PointClosure:
         def constrained(t: float, q: Array, v: Array) -> Array:
             tau = load(t, q, v)
             if len(driven):
+                tau = tau.copy()
                 tau[driven] += inertia * targets(t)[2]
             return solve(model, data, q, v, tau, points, states, settings)  # type: ignore[no-any-return]
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from itertools import groupby
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -96,8 +96,7 @@ class Stretch:
         return np.array([self.acceleration(float(instant), *state) for instant, *state in zip(t, q, v, strict=True)])
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(NamedTuple):
     """An accepted step, with all that its dense output needs.
 
     Attributes:

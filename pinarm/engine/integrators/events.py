@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -65,7 +65,7 @@ def find(solution: Solution, watches: Sequence[Watch], y: Array) -> bool:
         q, v = solution.states_in(np.array([index]), np.array([instant]))
         solution.crossings.append(Crossing(number, instant, q[0], v[0]))
         if watches[number].stops:
-            solution.steps[index] = replace(step, until=instant)
+            solution.steps[index] = step._replace(until=instant)
             return True
     return False
 

@@ -178,18 +178,21 @@ class FixedStep:
 class Stages:
     """Buffers and inner loop of an explicit method.
 
-    ``z`` stacks the state and the slopes, so that one product with the row ``[1, h a_i0, h a_i1, ...]`` gives a stage.
+    ``z`` stacks the state and the slopes, so that one product with the row ``[1, h a_i0, h a_i1, ...]`` gives a stage;
+    ``ends`` are the states at the end and at the start of the step.
     """
 
     def __init__(self, tableau: Tableau, manifold: Manifold) -> None:
         s, n, nq = tableau.stages, manifold.nq + manifold.nv, manifold.nq
         self.manifold, self.stretch = manifold, Stretch(0.0, 0.0, lambda t, q, v: 0.0 * v)
-        self.z = np.zeros((s + 2, n))
-        self.y, self.slopes = self.z[0], self.z[1:]
+        rows = np.zeros((s + 3, n))
+        self.ends, self.z = rows[:2], rows[1:]
+        self.new, self.y, self.slopes = rows[0], rows[1], rows[2:]
         self.unit_weights = np.zeros((s + 1, s + 2))
         self.unit_weights[:s, 1:-1], self.unit_weights[s, 1:-1] = tableau.a, tableau.b
         self.weights = np.ones((s + 1, s + 2))
-        self.stage, self.new = np.empty(n), np.empty(n)
+        self.scaled, self.unscaled = self.weights[:, 1:], self.unit_weights[:, 1:]
+        self.stage = np.empty(n)
         self.stage_q, self.stage_v = self.stage[:nq], self.stage[nq:]
         self.new_q, self.new_v = self.new[:nq], self.new[nq:]
         self.inner = [
@@ -215,7 +218,7 @@ class Stages:
         dot, velocity, project, acceleration = (
             np.dot, self.manifold.velocity, self.manifold.project, self.stretch.acceleration,
         )  # fmt: skip
-        np.multiply(self.unit_weights[:, 1:], h, out=self.weights[:, 1:])
+        np.multiply(self.unscaled, h, out=self.scaled)
         stage, q, v = self.stage, self.stage_q, self.stage_v
         for weights, stack, slope_q, slope_v, c in self.inner:
             dot(weights, stack, out=stage)
@@ -255,7 +258,7 @@ class AdaptiveStepper:
         self.tableau, self.tolerance, self.manifold, self.count = method.tableau, method.tolerance, manifold, count
         self.stages = Stages(method.tableau, manifold)
         self.y = self.stages.y
-        self.errors = np.empty((len(method.tableau.error), len(self.y)))
+        self.errors, self.sizes = np.empty((len(method.tableau.error), len(self.y))), np.empty((2, len(self.y)))
         self.exponent = -1.0 / (method.tableau.error_order + 1)
         self.ceiling = FASTEST
 
@@ -294,12 +297,14 @@ class AdaptiveStepper:
         With a second, lower estimate e3 the norm is ``e5^2 / sqrt(e5^2 + 0.01 e3^2)``, which has the order of the step.
         """
         errors = np.dot(self.tableau.error, self.stages.slopes, out=self.errors)
-        errors /= self.tolerance * (1.0 + np.maximum(np.abs(self.y), np.abs(self.stages.new)))
-        squares = [float(np.dot(row, row)) for row in errors]
+        scale = np.maximum(*np.abs(self.stages.ends, out=self.sizes))
+        scale += 1.0
+        errors /= scale
+        squares = [float(row.dot(row)) for row in errors]
+        factor = abs(h) / self.tolerance / len(scale) ** 0.5
         if not squares[0]:
-            return 0.0 if not any(squares) else abs(h) * (squares[-1] / errors.shape[1]) ** 0.5
-        denominator = squares[0] + sum(0.01 * square for square in squares[1:])
-        return float(abs(h) * squares[0] / max((denominator * errors.shape[1]) ** 0.5, TINY))
+            return float(factor * squares[-1] ** 0.5)
+        return float(factor * squares[0] / max((squares[0] + 0.01 * sum(squares[1:])) ** 0.5, TINY))
 
     def retry(self, h: float, error: float) -> float:
         """Return a shorter step; an error that is not even a number is treated like a large one."""

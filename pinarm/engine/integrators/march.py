@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -89,7 +90,7 @@ class _March:
     def check(self, t: float, stretch: Stretch) -> None:
         """Raise where the steps have become too short or too many."""
         solution = self.solution
-        if self.h < SHORTEST * np.spacing(max(abs(t), stretch.end - stretch.start)):
+        if self.h < SHORTEST * math.ulp(max(abs(t), stretch.end - stretch.start)):
             raise _stuck(solution, t, self.h, self.stepper)
         if len(solution.steps) + solution.count.rejected >= self.max_steps:
             raise _too_many(solution, t, self.h, self.max_steps)
