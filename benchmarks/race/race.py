@@ -27,6 +27,10 @@ PATIENCE = 5.0
 """Patience with the model of one setting [s]."""
 
 
+LIMIT = 3.0
+"""Time for one engine and problem over its budget, models and runs that hang included."""
+
+
 @dataclass(frozen=True)
 class Effort:
     """How much time is spent.
@@ -94,6 +98,9 @@ def _engine(problem: Problem, worker: Worker, effort: Effort) -> dict[str, Any]:
         methods[method].append((index, value))
     cut = False
     for method, values in methods.items():
+        if time.monotonic() - begin > LIMIT * effort.budget:
+            cut = True
+            break
         more, hurried = _method(problem, worker, effort, method, values, effort.budget / len(methods))
         runs, cut = runs + more, cut or hurried
     failures = [run["failed"] for run in runs if "failed" in run]
@@ -114,7 +121,7 @@ def _method(
     for index, value in values[:: effort.every]:
         run: dict[str, Any] = {"index": index, "method": method, "value": value}
         try:
-            run |= worker.ask(("try", index), PATIENCE + 4.0 * effort.longest)
+            run |= worker.ask(("try", index), PATIENCE + 2.0 * effort.longest)
         except (EOFError, TimeoutError) as error:
             runs.append(run | {"failed": str(error)})
             deaths += 1 if isinstance(error, EOFError) else 2

@@ -19,8 +19,8 @@ PACKAGES = {"pinarm": "pinarm", "pinocchio": "pin", "mujoco": "mujoco", "drake":
 Results = dict[str, Any]
 
 MISSING = f"""\
-“never”: no setting reached it of those that take up to {FULL.longest:g} s (`--quick`: {QUICK.longest:g} s); “not
-yet”: time was up before the finest was tried; “—”: the engine cannot do it. Four-bars of equal rods pass singular
+“never”: no setting reached it of those that take up to {FULL.longest:g} s, or {QUICK.longest:g} s with `--quick`.
+“not yet”: time was up before the finest was tried. “—”: the engine cannot do it. Four-bars of equal rods pass singular
 positions again and again; Bricard's linkage is overconstrained; the beam has eight segments, with stiff springs and
 dampers between them; the satellite is a body that flies and tumbles, with two arms of two rods."""
 
@@ -51,9 +51,8 @@ Time to an answer of a given accuracy: pinarm and other engines on the same prob
 
     {command}
 
-{engines};
-NumPy {_version("numpy")}, SciPy {_version("scipy")}; Python {platform.python_version()},
-{_processor()}, {os.cpu_count()} cores, {" to ".join(dict.fromkeys((days[0], days[-1])))}.
+{engines}; NumPy {_version("numpy")},
+SciPy {_version("scipy")}; Python {platform.python_version()}, {_processor()}, {os.cpu_count()} cores, {" to ".join(dict.fromkeys((days[0], days[-1])))}.
 Absolute times are those of that machine and day.
 
 The error of a run is the largest difference to one reference, over {SAMPLES} instants and all joint angles [rad]; of a
