@@ -7,6 +7,7 @@ import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 from benchmarks.race.engines import ENGINES
@@ -43,17 +44,18 @@ def page(results: dict[str, Results], command: str, pictures: list[str]) -> str:
 
 
 def _head(results: dict[str, Results], command: str) -> str:
-    engines = ", ".join(f"{ENGINES[engine]} {_version(package)}" for engine, package in PACKAGES.items())
-    days = sorted({result["when"] for result in results.values()})
+    versions = [f"{ENGINES[engine]} {_version(package)}" for engine, package in PACKAGES.items()]
+    versions += [f"{name} {_version(name.lower())}" for name in ("NumPy", "SciPy")]
+    day = max(result["when"] for result in results.values())
+    where = f"Python {platform.python_version()}, {_processor()}, {os.cpu_count()} cores, {day}"
+    machine = f"{', '.join(versions)}; {where}. Absolute times are those of that machine and day."
     return f"""# The race
 
 Time to an answer of a given accuracy: pinarm and other engines on the same problems, from the same numbers, in one run:
 
     {command}
 
-{engines}; NumPy {_version("numpy")},
-SciPy {_version("scipy")}; Python {platform.python_version()}, {_processor()}, {os.cpu_count()} cores, {" to ".join(dict.fromkeys((days[0], days[-1])))}.
-Absolute times are those of that machine and day.
+{fill(machine, 120)}
 
 The error of a run is the largest difference to one reference, over {SAMPLES} instants and all joint angles [rad]; of a
 batch, over the last angles of all its motions. References are computed twice, on routes that share no code, and known
