@@ -1,0 +1,1 @@
+"""The benchmark of pinarm against other engines: see ``docs/race.md``."""

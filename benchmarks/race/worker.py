@@ -1,0 +1,130 @@
+"""One engine in a process of its own: it may crash or hang without taking the race with it."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+
+from benchmarks.race.engines import Run, Setting, Unable, prepare
+from benchmarks.race.problems import Motion, Problem
+from benchmarks.race.references import reference
+
+FAR = 0.1
+"""Error [rad] beyond which a motion is another one, and difference of equal angles on another branch."""
+
+SHORT = 1.0
+"""Runs that take less time [s] are timed three times, and the best counts."""
+
+
+ENVIRONMENT = {"pinocchio": {"OMP_WAIT_POLICY": "passive"}}
+"""What a user learns to set: threads that wait busily cost the parallel calls of Pinocchio milliseconds each."""
+
+
+class Worker:
+    """The process of an engine, and the line to it.
+
+    Attributes:
+        engine: Its module.
+    """
+
+    def __init__(self, engine: str) -> None:
+        self.engine = engine
+        self._process: Any = None
+        self._line: Connection | None = None
+
+    def ask(self, order: tuple[Any, ...], patience: float) -> Any:
+        """Return the engine's answer.
+
+        Raises:
+            EOFError: It died.
+            TimeoutError: It took longer than ``patience`` [s], and was ended.
+        """
+        if self._process is None:
+            self._start()
+        assert self._line
+        try:
+            self._line.send(order)
+            if self._line.poll(patience):
+                return self._line.recv()
+        except (EOFError, OSError):
+            self.end()
+            raise EOFError("its process died") from None
+        self.end()
+        raise TimeoutError(f"no answer within {patience:g} s")
+
+    def _start(self) -> None:
+        context = get_context("spawn")
+        self._line, far = context.Pipe()
+        self._process = context.Process(target=_serve, args=(self.engine, far))
+        own = ENVIRONMENT.get(self.engine, {})
+        os.environ.update(own)
+        self._process.start()
+        for name in own:
+            del os.environ[name]
+        far.close()
+
+    def end(self) -> None:
+        """End the process."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+        self._process, self._line = None, None
+
+
+def _serve(engine: str, line: Connection) -> None:
+    """Answer orders: ``("prepare", problem)``, ``("try", index)``, ``("time", index)``."""
+    with tempfile.TemporaryDirectory() as folder, open(os.devnull, "w") as nothing:
+        os.chdir(folder)  # some engines write logs beside them
+        for stream in (sys.stdout, sys.stderr):
+            os.dup2(nothing.fileno(), stream.fileno())
+        settings: list[Setting] = []
+        made: dict[int, Run] = {}
+        while True:
+            try:
+                kind, argument = line.recv()
+            except EOFError:
+                return
+            if kind == "prepare":
+                problem, answer = argument, reference(argument)[0]
+                made.clear()
+                try:
+                    settings = prepare(engine, problem)
+                    line.send([(setting.method, setting.value) for setting in settings])
+                except Unable as reason:
+                    line.send(str(reason))
+            elif kind == "try":
+                line.send(_tried(settings[argument], problem, answer))
+            else:
+                if argument not in made:
+                    made[argument] = settings[argument].make()
+                line.send(_timed(made[argument])[0])
+
+
+def _timed(run: Run) -> tuple[float, np.ndarray]:
+    begin = time.perf_counter()
+    answer = run()
+    return time.perf_counter() - begin, answer
+
+
+def _tried(setting: Setting, problem: Problem, answer: np.ndarray) -> dict[str, Any]:
+    """Run a setting; return its time, its error, and whether it is on another branch, or why it failed."""
+    try:
+        run = setting.make()
+        seconds, found = _timed(run)
+        if seconds < SHORT:
+            seconds = min(seconds, _timed(run)[0], _timed(run)[0])
+    except Exception as error:
+        return {"failed": f"{type(error).__name__}: {error}"[:200]}
+    if not np.isfinite(found).all():
+        return {"failed": "numbers that are not finite"}
+    error = float(np.abs(found[: len(answer)] - answer).max())
+    alike = found[:, list(problem.alike)] if isinstance(problem, Motion) and problem.alike else np.zeros((1, 1))
+    apart = np.abs(alike[:, 1:] - alike[:, :1]).max(initial=0.0)
+    return {"seconds": seconds, "error": error, "branch": bool(apart > FAR)}
