@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.engine.integrators.contract import Crossing, Solution
 
 NODES = 9
@@ -53,7 +53,7 @@ def find(solution: Solution, watches: Sequence[Watch], y: Array) -> bool:
     """
     index = len(solution.steps) - 1
     step, nq = solution.steps[index], solution.manifold.nq
-    t = step.t + step.h * _nodes()
+    t = step.t + step.h * nodes()
     t[-1] = step.until
     states = solution.states_in(np.full(NODES, index), t)
     states[0][0], states[1][0], states[0][-1], states[1][-1] = step.y[:nq], step.y[nq:], y[:nq], y[nq:]
@@ -71,7 +71,7 @@ def find(solution: Solution, watches: Sequence[Watch], y: Array) -> bool:
 
 
 @cache
-def _nodes() -> Array:
+def nodes() -> Array:
     """Return the Chebyshev points of [0, 1], ends included."""
     return 0.5 - 0.5 * np.cos(np.pi * np.arange(NODES) / (NODES - 1))
 
@@ -79,7 +79,13 @@ def _nodes() -> Array:
 @cache
 def _to_series() -> Array:
     """Return the matrix from values at the nodes to Chebyshev coefficients on [-1, 1]."""
-    return np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(2.0 * _nodes() - 1.0, NODES - 1)))
+    return np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(2.0 * nodes() - 1.0, NODES - 1)))
+
+
+def quiet(values: Array) -> Flags:
+    """Return which rows of values, given at the nodes, keep their sign for sure, shape (m,)."""
+    series = values @ _to_series().T
+    return np.asarray(np.abs(series[:, 0]) > np.abs(series[:, 1:]).sum(axis=1))
 
 
 def _brackets(values: Array, direction: int) -> list[tuple[float, float]]:

@@ -279,7 +279,7 @@ class AdaptiveStepper:
         self.count.evaluations += 1
         stretch, order = self.stages.stretch, self.tableau.error_order
         slope, rates = self.stages.slopes[0], self.stages.rates
-        return first_step(stretch.start, stretch.end, self.y, slope, rates, self.tolerance, order)
+        return float(first_step(stretch.start, stretch.end, self.y, slope, rates, self.tolerance, order))
 
     def attempt(self, t: float, h: float) -> float:
         """Compute a step from the present state; return its error, 1 being the tolerance."""
@@ -365,11 +365,32 @@ class FixedStepper:
 
 
 def _terms(tableau: Tableau, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
-    """Dense output of Hairer, Norsett, Wanner, section II.6: alternating products of x and 1 - x."""
+    """Return the terms of the dense output of steps."""
+    t, h = np.array([step.t for step in steps]), np.array([step.h for step in steps])
+    y, slopes = np.array([step.y for step in steps]), np.array([step.slopes for step in steps])
+    return terms_of(tableau, stretch, manifold, t, h, y, slopes)
+
+
+def terms_of(
+    tableau: Tableau, stretch: Stretch, manifold: Manifold, t: Array, h: Array, base: Array, known: Array
+) -> Array:
+    """Return terms of dense output; Hairer, Norsett, Wanner, section II.6: alternating products of x and 1 - x.
+
+    Args:
+        tableau: The coefficients.
+        stretch: Where the steps are.
+        manifold: The space of configurations.
+        t: Starts of the steps [s], shape (n,).
+        h: Their lengths [s], shape (n,).
+        base: States at their starts, shape (n, nq + nv).
+        known: Slopes at their stages, shape (n, s + 1, nq + nv).
+
+    Returns:
+        Terms, shape (n, d, nq + nv); see ``Method.interpolants``.
+    """
     nq, s = manifold.nq, tableau.stages + 1
-    t, h, base = np.array([step.t for step in steps]), np.array([step.h for step in steps]), [step.y for step in steps]
-    slopes = np.empty((len(steps), s + len(tableau.dense_c), len(base[0])))
-    slopes[:, :s] = [step.slopes for step in steps]
+    slopes = np.empty((len(h), s + len(tableau.dense_c), base.shape[1]))
+    slopes[:, :s] = known
     for k, (weights, c) in enumerate(zip(tableau.dense_a, tableau.dense_c, strict=True), s):
         y = base + h[:, None] * (weights[:k] @ slopes[:, :k])
         q, v = manifold.project(y[:, :nq]), y[:, nq:]

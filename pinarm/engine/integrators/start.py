@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -17,29 +18,31 @@ def first_step(
     end: float,
     y: Array,
     slope: Array,
-    rates: Callable[[float, Array], Array],
+    rates: Callable[[Any, Array], Array],
     tolerance: float,
     order: int,
-) -> float:
-    """Return a first step from two slopes; Hairer, Norsett, Wanner, section II.4.
+) -> Array:
+    """Return the first steps of motions from two slopes each [s], shape (...,); Hairer, Norsett, Wanner, section II.4.
 
     Args:
         start: First instant [s].
         end: Last instant [s].
-        y: Initial state.
-        slope: f(start, y).
-        rates: f.
+        y: Initial states, shape (..., n).
+        slope: f(start, y), likewise.
+        rates: f, of times of shape (...,) and states.
         tolerance: Error of a step, relative to ``1 + |y|``.
         order: Power of h that the error behaves like, less one.
     """
 
-    def norm(x: Array) -> float:
-        return float(np.sqrt(np.mean((x / (tolerance * (1.0 + np.abs(y)))) ** 2)))
+    def norm(x: Array) -> Array:
+        return np.asarray(np.sqrt(np.mean((x / (tolerance * (1.0 + np.abs(y)))) ** 2, axis=-1)))
 
     d0, d1 = norm(y), norm(slope)
-    h0 = 1e-6 if min(d0, d1) < 1e-5 else 0.01 * d0 / d1
-    h0 = min(max(h0, NOISELESS * (end - start)), end - start)
-    d2 = norm(rates(start + h0, y + h0 * slope) - slope) / h0
-    steepest = max(d1, d2)
-    h1 = max(1e-6, 1e-3 * h0) if steepest <= 1e-15 else (0.01 / steepest) ** (1.0 / (order + 1))
-    return min(100.0 * h0, h1)
+    small = np.minimum(d0, d1) < 1e-5
+    h0 = np.where(small, 1e-6, 0.01 * d0 / np.where(small, 1.0, d1))
+    h0 = np.clip(h0, NOISELESS * (end - start), end - start)
+    d2 = norm(rates(start + h0, y + h0[..., None] * slope) - slope) / h0
+    steepest = np.maximum(d1, d2)
+    still = steepest <= 1e-15
+    h1 = np.where(still, np.maximum(1e-6, 1e-3 * h0), (0.01 / np.where(still, 1.0, steepest)) ** (1.0 / (order + 1)))
+    return np.asarray(np.minimum(100.0 * h0, h1))

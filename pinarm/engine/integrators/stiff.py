@@ -110,7 +110,7 @@ class RadauStepper:
     def first(self, h: float) -> float:
         """Return the step of the stretch before, or one from two slopes."""
         stretch = self.stretch
-        return h or first_step(stretch.start, stretch.end, self.y, self.slope, self.rates, self.tolerance, 3)
+        return h or float(first_step(stretch.start, stretch.end, self.y, self.slope, self.rates, self.tolerance, 3))
 
     def attempt(self, t: float, h: float) -> float:
         """Compute a step from the present state; return its error, not a number where Newton's method fails."""
