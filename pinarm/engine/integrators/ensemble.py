@@ -7,75 +7,89 @@ on, the others do not notice.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.integrators.contract import Crossing, Manifold, Solution, Step, Stretch, interpolated
+from pinarm.engine.integrators.contract import Manifold, Solution, Step, Stretch, interpolated
 from pinarm.engine.integrators.events import Watch, find, nodes, quiet
 from pinarm.engine.integrators.explicit import FASTEST, GAIN, SAFETY, SLOWEST, TINY, Adaptive, terms_of
 from pinarm.engine.integrators.march import SHORTEST
 from pinarm.engine.integrators.start import first_step
 
+BLOCK = 1024
+"""Number of steps whose dense output is computed together."""
+
 
 @dataclass(frozen=True, eq=False)
 class Ensemble:
-    """Motions from b initial states at the same n instants.
+    """Motions from many initial states.
 
     Attributes:
-        t: The instants [s], shape (n,).
-        q: Configurations, shape (b, n, nq); not a number beyond the end of a motion.
-        v: Velocities, shape (b, n, nv), likewise.
-        end: Last time that each motion reached [s], shape (b,).
-        steps: Number of steps of each, shape (b,).
-        rejected: Number of steps that each tried and refused, shape (b,).
-        crossings: What was watched for, motion by motion, in order of time.
-        failures: Why motions could not be followed to the last instant, by their number.
+        solutions: What each integration gives.
+        failures: Why motions could not be followed to their end, by their number.
     """
 
-    t: Array
-    q: Array
-    v: Array
-    end: Array
-    steps: Indices
-    rejected: Indices
-    crossings: list[list[Crossing]]
-    failures: dict[int, str]
+    solutions: Sequence[Solution]
+    failures: dict[int, str] = field(default_factory=dict)
 
-    @classmethod
-    def empty(cls, manifold: Manifold, q: Array, v: Array, t: Array, start: float) -> Ensemble:
-        """Return motions of which only the initial states are known."""
-        b, n = len(q), len(t)
-        found = cls(
-            t, np.full((b, n, manifold.nq), np.nan), np.full((b, n, manifold.nv), np.nan), np.full(b, start),
-            np.zeros(b, dtype=np.intp), np.zeros(b, dtype=np.intp), [[] for _ in range(b)], {},
-        )  # fmt: skip
-        first = t <= start
-        found.q[:, first], found.v[:, first] = q[:, None], v[:, None]
-        return found
+    def states(self, t: Array) -> tuple[Array, Array]:
+        """Return the states of all motions at the same times.
+
+        Args:
+            t: Times [s], ascending, shape (n,).
+
+        Returns:
+            q of shape (b, n, nq) and v of shape (b, n, nv), not a number beyond the end of a motion.
+        """
+        steps: list[Step] = []
+        where = np.zeros((len(self.solutions), len(t)), dtype=np.intp)
+        for k, solution in enumerate(self.solutions):
+            index = np.searchsorted([step.t for step in solution.steps], t, side="right") - 1
+            needed, places = np.unique(np.maximum(index, 0), return_inverse=True)
+            where[k] = len(steps) + places
+            steps += [solution.steps[i] for i in needed]
+        start, h = np.array([step.t for step in steps])[where], np.array([step.h for step in steps])[where]
+        base, terms = np.array([step.y for step in steps]), self._terms(steps)
+        flat, nq = where.ravel(), self.solutions[0].manifold.nq
+        y = interpolated(base[flat], terms[flat], ((t - start) / h).ravel())
+        y[(t > np.array([solution.end for solution in self.solutions])[:, None]).ravel()] = np.nan
+        q, v = self.solutions[0].manifold.project(y[:, :nq]), y[:, nq:]
+        return q.reshape(*where.shape, -1), v.reshape(*where.shape, -1)
+
+    def _terms(self, steps: Sequence[Step]) -> Array:
+        """Return the terms of the dense output of steps of any motions, those of a stretch together."""
+        one, owners = self.solutions[0], np.array([step.stretch for step in steps])
+        found: list[Array] = [np.zeros(0)] * len(steps)
+        for owner in np.unique(owners):
+            here = np.flatnonzero(owners == owner)
+            for block in np.split(here, range(BLOCK, len(here), BLOCK)):
+                terms = one.method.interpolants(one.stretches[owner], one.manifold, [steps[i] for i in block])
+                for i, each in zip(block, terms, strict=True):
+                    found[i] = each
+        return np.array(found)
 
 
 def advance(
-    stretches: Sequence[Stretch], manifold: Manifold, q: Array, v: Array, method: Adaptive, t: Array, *,
+    stretches: Sequence[Stretch], manifold: Manifold, q: Array, v: Array, method: Adaptive, *,
     max_steps: int = 1_000_000, watches: Sequence[Watch] = (),
 ) -> Ensemble:  # fmt: skip
-    """Integrate from many initial states; ``integrate`` does so from one.
+    """Integrate from many initial states; ``integrate`` does so from one, and takes the same steps.
 
     Args:
-        stretches: Consecutive intervals with the accelerations of many states at once.
+        stretches: Consecutive intervals with the accelerations of many states at once, and no constraints to settle on.
         manifold: The space of configurations.
         q: Initial configurations, shape (b, nq).
         v: Initial velocities, shape (b, nv).
         method: The explicit pair.
-        t: Instants at which the motions are wanted [s], ascending, shape (n,).
         max_steps: Number of steps, rejected ones included, after which a motion is given up.
         watches: What to look for on the way; one that stops ends the motion in which it crosses zero.
     """
-    q = manifold.project(q)
-    found = Ensemble.empty(manifold, q, v, t, stretches[0].start)
-    _Advance(found, manifold, method, max_steps, watches).through(stretches, np.hstack([q, v]))
-    return found
+    ensemble = Ensemble([Solution(method, manifold, stretches) for _ in q])
+    y = np.hstack([manifold.project(q), v])
+    _Advance(ensemble, manifold, method, max_steps, watches).through(stretches, y)
+    return ensemble
 
 
 @dataclass(eq=False)
@@ -100,89 +114,74 @@ class _Going:
 
     def only(self, which: Flags) -> _Going:
         """Return some of them."""
-        return _Going(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+        return _Going(*(getattr(self, each.name)[which] for each in fields(self)))
 
 
 class _Advance:
     """An ensemble on its way."""
 
     def __init__(
-        self, found: Ensemble, manifold: Manifold, method: Adaptive, max_steps: int, watches: Sequence[Watch]
+        self, ensemble: Ensemble, manifold: Manifold, method: Adaptive, max_steps: int, watches: Sequence[Watch]
     ) -> None:
-        self.found, self.manifold, self.method = found, manifold, method
-        self.max_steps, self.watches = max_steps, watches
+        self.solutions, self.failures = ensemble.solutions, ensemble.failures
+        self.manifold, self.method, self.max_steps, self.watches = manifold, method, max_steps, watches
+        self.stretch, self.index, self.tries = Stretch(0.0, 0.0, lambda t, q, v: 0.0 * v), -1, 0
 
     def through(self, stretches: Sequence[Stretch], y: Array) -> None:
         """Step through all stretches from the states y, shape (b, nq + nv)."""
         number, h = np.arange(len(y)), np.zeros(len(y))
-        for stretch in stretches:
-            t = np.full(len(y), stretch.start)
-            slope = self.rates(stretch, t, y)
+        for self.index, self.stretch in enumerate(stretches):
+            t = np.full(len(y), self.stretch.start)
+            slope = self.rates(t, y)
             going = _Going(number, t, h, np.full(len(y), FASTEST), y, slope)
             infinite = np.asarray(~np.isfinite(slope).all(axis=1))
             going = self.without(going, infinite, "the acceleration is not finite")
-            if len(h) and not h.any():
-                going.h = self.first(stretch, going)
-            number, h, y = self.along(stretch, going)
+            if not h.any() and len(going.number):
+                going.h = self.first(going)
+            number, h, y = self.along(going)
 
-    def first(self, stretch: Stretch, going: _Going) -> Array:
+    def first(self, going: _Going) -> Array:
         """Return the first steps [s]."""
-        method = self.method
+        start, end, method = self.stretch.start, self.stretch.end, self.method
+        return first_step(start, end, going.y, going.slope, self.rates, method.tolerance, method.tableau.error_order)
 
-        def rates(t: Array, y: Array) -> Array:
-            return self.rates(stretch, t, y)
-
-        return first_step(
-            stretch.start, stretch.end, going.y, going.slope, rates, method.tolerance, method.tableau.error_order
-        )
-
-    def rates(self, stretch: Stretch, t: Array, y: Array) -> Array:
+    def rates(self, t: Array, y: Array) -> Array:
         """Return the slopes of states."""
         q, v = self.manifold.project(y[:, : self.manifold.nq]), y[:, self.manifold.nq :]
-        return np.hstack([self.manifold.velocity(q, v), stretch.accelerations(t, q, v)])
+        return np.hstack([self.manifold.velocity(q, v), self.stretch.accelerations(t, q, v)])
 
-    def along(self, stretch: Stretch, going: _Going) -> tuple[Indices, Array, Array]:
-        """Step through one stretch; return the motions that reach its end, their next steps and their states."""
-        arrived: list[_Going] = []
+    def along(self, going: _Going) -> tuple[Indices, Array, Array]:
+        """Step through the stretch; return the motions that reach its end, their next steps and their states."""
+        arrived, end = [going.only(np.zeros(len(going.number), dtype=bool))], self.stretch.end
+        self.tries = 0
         while len(going.number):
-            last = going.t + 1.01 * going.h >= stretch.end
-            h = np.where(last, stretch.end - going.t, going.h)
-            new, slopes = self.attempt(stretch, going, h)
+            last = going.t + 1.01 * going.h >= end
+            h, until = np.where(last, end - going.t, going.h), np.where(last, end, going.t + going.h)
+            new, slopes = self.attempt(going, h)
             error = self.error(h, going.y, new, slopes)
             done = error <= 1.0  # one that is not even a number is refused like one that is too large
-            until = np.where(last, stretch.end, going.t + h)
-            stopped = np.zeros(len(h), dtype=bool)
-            if done.any():
-                stopped[done] = self.record(stretch, going.only(done), h[done], until[done], new[done], slopes[:, done])
-            self.move(going, h, error, done & last)
+            stopped = self.accept(going, done, h, until, new, slopes)
+            going.h = self.adapted(going, h, error, done & last)
+            going.ceiling = np.where(done, FASTEST, 1.0)
             going.y[done], going.slope[done], going.t[done] = new[done], slopes[-1, done], until[done]
-            ended = done & last & ~stopped
-            if ended.any():
-                arrived.append(going.only(ended))
-            going = self.able(stretch, going.only(~ended & ~stopped))
-        number = np.concatenate([np.zeros(0, dtype=np.intp), *(some.number for some in arrived)])
+            arrived.append(going.only(done & last & ~stopped))
+            going = self.able(going.only(~(done & last) & ~stopped))
+        number, h, y = (np.concatenate([getattr(part, name) for part in arrived]) for name in ("number", "h", "y"))
         order = np.argsort(number)
-        if not len(order):
-            return number, np.zeros(0), going.y
-        h, y = np.concatenate([some.h for some in arrived]), np.concatenate([some.y for some in arrived])
         return number[order], h[order], y[order]
 
-    def attempt(self, stretch: Stretch, going: _Going, h: Array) -> tuple[Array, Array]:
+    def attempt(self, going: _Going, h: Array) -> tuple[Array, Array]:
         """Return the states after a step each, and the slopes at all stages, shape (s + 1, m, nq + nv)."""
         tableau, y, nq = self.method.tableau, going.y, self.manifold.nq
         slopes = np.empty((tableau.stages + 1, *y.shape))
         slopes[0] = going.slope
-        flat, scaled = slopes.reshape(len(slopes), -1), h[:, None]
-        new = y
-        for i, weights in enumerate([*tableau.a[1:], tableau.b], 1):
-            new = y + scaled * (weights[:i] @ flat[:i]).reshape(y.shape)
-            c = tableau.c[i] if i < tableau.stages else 1.0
-            q, v = self.manifold.project(new[:, :nq]), new[:, nq:]
-            slopes[i, :, :nq], slopes[i, :, nq:] = (
-                self.manifold.velocity(q, v),
-                stretch.accelerations(going.t + c * h, q, v),
-            )
-        new[:, :nq] = self.manifold.project(new[:, :nq])
+        flat, new = slopes.reshape(len(slopes), -1), y
+        for i, (weights, c) in enumerate(zip([*tableau.a[1:], tableau.b], [*tableau.c[1:], 1.0], strict=True), 1):
+            new = y + h[:, None] * (weights[:i] @ flat[:i]).reshape(y.shape)
+            new[:, :nq] = self.manifold.project(new[:, :nq])
+            q, v = new[:, :nq], new[:, nq:]
+            slopes[i, :, :nq] = self.manifold.velocity(q, v)
+            slopes[i, :, nq:] = self.stretch.accelerations(going.t + c * h, q, v)
         return new, slopes
 
     def error(self, h: Array, y: Array, new: Array, slopes: Array) -> Array:
@@ -195,75 +194,58 @@ class _Advance:
         usual = first / np.sqrt(np.maximum(denominator * y.shape[1], TINY))
         return np.asarray(np.abs(h) * np.where(first == 0.0, np.sqrt([first, *lower][-1] / y.shape[1]), usual))
 
-    def move(self, going: _Going, h: Array, error: Array, short: Flags) -> None:
-        """Choose the next steps; one that was cut short by the end of the stretch says little of them."""
+    def adapted(self, going: _Going, h: Array, error: Array, cut: Flags) -> Array:
+        """Return the next steps [s]; those that the end of the stretch has cut say little of them."""
         exponent = -1.0 / (self.method.tableau.error_order + 1)
-        done, sound = error <= 1.0, error < 1e300
         with np.errstate(divide="ignore", invalid="ignore"):
             grown = h * np.minimum(going.ceiling, SAFETY * error ** (GAIN * exponent))
-            shrunk = h * np.where(sound, np.maximum(SLOWEST, SAFETY * error**exponent), 0.1)
-        going.h = np.where(done, np.where(short, np.maximum(going.h, grown), grown), shrunk)
-        going.ceiling = np.where(done, FASTEST, 1.0)
-        np.add.at(self.found.steps, going.number, done)
-        np.add.at(self.found.rejected, going.number, ~done)
+            shrunk = h * np.where(error < 1e300, np.maximum(SLOWEST, SAFETY * error**exponent), 0.1)
+        return np.where(error <= 1.0, np.where(cut, np.maximum(going.h, grown), grown), shrunk)
 
-    def able(self, stretch: Stretch, going: _Going) -> _Going:
+    def able(self, going: _Going) -> _Going:
         """Return the motions that can go on; the others have failed."""
+        stretch = self.stretch
         smallest = SHORTEST * np.spacing(np.maximum(np.abs(going.t), stretch.end - stretch.start))
         going = self.without(going, going.h < smallest, "the acceleration grows without bound or is not finite")
-        taken = self.found.steps[going.number] + self.found.rejected[going.number]
-        return self.without(going, taken >= self.max_steps, f"it has taken {self.max_steps} steps")
+        self.tries += 1
+        if self.tries < self.max_steps:  # no motion has taken more
+            return going
+        taken = [len(self.solutions[k].steps) + self.solutions[k].count.rejected for k in going.number]
+        return self.without(going, np.array(taken) >= self.max_steps, f"it has taken {self.max_steps} steps")
 
     def without(self, going: _Going, failed: Flags, why: str) -> _Going:
         """Return the motions that have not failed."""
         for number, t in zip(going.number[failed], going.t[failed], strict=True):
-            self.found.failures[int(number)] = f"at t = {t:.9g} s {why}"
+            self.failures[int(number)] = f"at t = {t:.9g} s {why}"
         return going.only(~failed) if failed.any() else going
 
-    def record(self, stretch: Stretch, going: _Going, h: Array, until: Array, new: Array, slopes: Array) -> Flags:
-        """Note what accepted steps pass: instants and crossings; return which motions end within theirs."""
-        found = self.found
-        first = np.searchsorted(found.t, going.t, side="right")
-        beyond = np.searchsorted(found.t, until, side="right")
-        stopped = np.zeros(len(h), dtype=bool)
-        asked = (beyond > first) | bool(self.watches)
-        if asked.any():
-            terms = np.full((len(h), self.method.tableau.dense_d.shape[0] + 3, new.shape[1]), np.nan)
-            terms[asked] = terms_of(
-                self.method.tableau, stretch, self.manifold, going.t[asked], h[asked], going.y[asked],
-                slopes[:, asked].swapaxes(0, 1),
-            )  # fmt: skip
-            if self.watches:
-                stopped = self.watched(stretch, going, h, until, new, slopes, terms)
-                beyond = np.searchsorted(found.t, until, side="right")
-            self.tabulate(going, h, first, beyond, terms)
-        found.end[going.number] = until
+    def accept(self, going: _Going, done: Flags, h: Array, until: Array, new: Array, slopes: Array) -> Flags:
+        """Note the steps that are done and the others; return which motions an event ends."""
+        evaluations, stopped = self.method.tableau.stages, np.zeros(len(h), dtype=bool)
+        for i, number in enumerate(going.number):
+            solution = self.solutions[number]
+            solution.count.evaluations += evaluations
+            solution.count.rejected += not done[i]
+            if done[i]:
+                step = Step(
+                    float(going.t[i]), float(h[i]), float(until[i]), going.y[i].copy(), slopes[:, i], self.index
+                )
+                solution.steps.append(step)
+        if self.watches and done.any():
+            stopped[done] = self.watched(going.only(done), h[done], new[done], slopes[:, done])
         return stopped
 
-    def watched(
-        self, stretch: Stretch, going: _Going, h: Array, until: Array, new: Array, slopes: Array, terms: Array
-    ) -> Flags:
-        """Look for crossings; return which motions end at one, whose ``until`` is then its instant."""
+    def watched(self, going: _Going, h: Array, new: Array, slopes: Array) -> Flags:
+        """Look for crossings in the steps that are done; return which motions end at one."""
         m, x, nq = len(h), nodes(), self.manifold.nq
-        rows = np.repeat(np.arange(m), len(x))
-        y = interpolated(going.y[rows], terms[rows], np.tile(x, m))
-        state = going.t[rows] + h[rows] * np.tile(x, m), self.manifold.project(y[:, :nq]), y[:, nq:]
+        known = slopes.swapaxes(0, 1)
+        terms = terms_of(self.method.tableau, self.stretch, self.manifold, going.t, h, going.y, known)
+        rows, passed = np.repeat(np.arange(m), len(x)), np.tile(x, m)
+        y = interpolated(going.y[rows], terms[rows], passed)
+        states = going.t[rows] + h[rows] * passed, self.manifold.project(y[:, :nq]), y[:, nq:]
         loud, stopped = np.zeros(m, dtype=bool), np.zeros(m, dtype=bool)
         for watch in self.watches:
-            loud |= ~quiet(watch.value(*state).reshape(m, len(x)))
+            loud |= ~quiet(watch.value(*states).reshape(m, len(x)))
         for i in np.flatnonzero(loud):
-            step = Step(float(going.t[i]), float(h[i]), float(until[i]), going.y[i], slopes[:, i], 0)
-            crossings = self.found.crossings[int(going.number[i])]
-            alone = Solution(self.method, self.manifold, [stretch], [step], crossings, _interpolants={0: terms[i]})
-            stopped[i] = find(alone, self.watches, new[i])
-            until[i] = alone.steps[0].until
+            stopped[i] = find(self.solutions[going.number[i]], self.watches, new[i])
         return stopped
-
-    def tabulate(self, going: _Going, h: Array, first: Indices, beyond: Indices, terms: Array) -> None:
-        """Enter the states at the instants that steps pass."""
-        found, nq = self.found, self.manifold.nq
-        count = beyond - first
-        rows = np.repeat(np.arange(len(h)), count)
-        at = np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)
-        y = interpolated(going.y[rows], terms[rows], (found.t[at] - going.t[rows]) / h[rows])
-        found.q[going.number[rows], at], found.v[going.number[rows], at] = self.manifold.project(y[:, :nq]), y[:, nq:]
