@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from pinarm.engine.trajectory import Series, Trajectory
     from pinarm.errors import PinarmError
     from pinarm.input.roots import rooted
+    from pinarm.use.batch import Batch, batch
     from pinarm.use.check import check
     from pinarm.use.explain import explain
     from pinarm.use.replay.page import replay
@@ -27,6 +28,8 @@ _HOMES = {
     "Series": "pinarm.engine.trajectory",
     "Trajectory": "pinarm.engine.trajectory",
     "PinarmError": "pinarm.errors",
+    "Batch": "pinarm.use.batch",
+    "batch": "pinarm.use.batch",
     "check": "pinarm.use.check",
     "explain": "pinarm.use.explain",
     "Result": "pinarm.use.result",
@@ -44,8 +47,8 @@ _HOMES = {
 }
 
 __all__ = [
-    "Mechanism", "PinarmError", "Result", "Scenario", "Series", "Sweep", "Tradeoff", "Trajectory", "check", "explain",
-    "load", "replay", "rooted", "run", "schema", "sweep", "tradeoff", "validate",
+    "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "Series", "Sweep", "Tradeoff", "Trajectory", "batch",
+    "check", "explain", "load", "replay", "rooted", "run", "schema", "sweep", "tradeoff", "validate",
 ]  # fmt: skip
 
 

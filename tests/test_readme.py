@@ -42,7 +42,7 @@ def scenario(tmp_path):
 
 
 def test_every_marked_block_is_known():
-    assert set(BLOCKS) == {"run", "test", "scenario", "output", "python", "sweep", "swept"}
+    assert set(BLOCKS) == {"run", "test", "scenario", "output", "python", "sweep", "swept", "batch"}
 
 
 def test_commands_name_what_there_is():
@@ -76,6 +76,15 @@ def test_the_python_block_runs(project):
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("Cr [N*m] -321.5")
     assert (project / "torques.png").stat().st_size > 10_000
+
+
+def test_the_batch_runs(project):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", BLOCKS["batch"]], cwd=project, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split()[0::2] == ["0", "True"]
 
 
 def test_the_sweep_prints_what_it_says(project):

@@ -160,13 +160,22 @@ class Part:
             places[joint.v] = joint.q
         return replace(one, weights=one.weights[self.kept_v], places=places)
 
+    def spread(self, grid: Grid, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return states of the part as those of the whole, shapes (..., n, nq) and (..., n, nv)."""
+        whole_q = np.broadcast_to(self.configuration, (*q.shape[:-1], len(self.configuration))).copy()
+        whole_v = np.zeros((*v.shape[:-1], self.whole.model.nv))
+        whole_q[..., self.kept_q], whole_v[..., self.kept_v] = q, v
+        for i, law in self.removed.laws.items():
+            whole_q[..., self.joints[i]], whole_v[..., i], _ = grid.evaluate(law)
+        return whole_q, whole_v
+
     def restored(self, run: Trajectory) -> Trajectory:
         """Return a run of the part as one of the whole."""
         grid, n = run.grid, len(run)
-        q, v, a, tau = np.tile(self.configuration, (n, 1)), *np.zeros((3, n, self.whole.model.nv))
-        q[:, self.kept_q], v[:, self.kept_v], a[:, self.kept_v], tau[:, self.kept_v] = run.q, run.v, run.a, run.tau
+        (q, v), (a, tau) = self.spread(grid, run.q, run.v), np.zeros((2, n, self.whole.model.nv))
+        a[:, self.kept_v], tau[:, self.kept_v] = run.a, run.tau
         for i, law in self.removed.laws.items():
-            q[:, self.joints[i]], v[:, i], a[:, i] = grid.evaluate(law)
+            a[:, i] = grid.evaluate(law)[2]
         names = [one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]]
         closure = self.whole.closure.with_guides(names, [self.whole.coordinate(name) for name in names])
         back = replace(

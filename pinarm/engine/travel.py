@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +23,12 @@ from pinarm.engine.trajectory import Happening
 from pinarm.errors import InputError, IntegrationError, Interrupted
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.motion import Grid
+
+if TYPE_CHECKING:
+    from pinarm.engine.integrators import Ensemble
+
+Known = Callable[[], Solution]
+"""Returns a leg that is known, or raises the error that ended it."""
 
 Held = frozenset[int]
 """Indices of the stops on which joints rest."""
@@ -106,8 +113,24 @@ class Journey:
                 )
         return whole_q[0], whole_v[0]
 
-    def travel(self, q: Array, v: Array) -> Course:
-        """Return the motion from an initial state.
+    def abreast(self, q: Array, v: Array) -> Ensemble | None:
+        """Return the first legs from many initial states that touch no stop; ``None`` where each has to be taken alone.
+
+        Args:
+            q: Configurations, shape (b, nq), assembled.
+            v: Velocities, shape (b, nv).
+        """
+        from pinarm.engine.integrators import Adaptive, advance
+
+        system = self.system()
+        stretches = [system.stretch(self.dynamics, *span) for span in pairwise(self.cuts)]
+        if not isinstance(self.method, Adaptive) or not all(stretch.together for stretch in stretches):
+            return None
+        watches = [_of_mechanism(one, system) for _, one in self._watched(frozenset(), q[0], v[0])]
+        return advance(stretches, system.manifold, q, v, self.method, max_steps=self.max_steps, watches=watches)
+
+    def travel(self, q: Array, v: Array, ahead: Known | None = None) -> Course:
+        """Return the motion from an initial state; its first leg may be known.
 
         Raises:
             IntegrationError: It could not be followed to its end; ``partial`` is the course until then.
@@ -118,8 +141,8 @@ class Journey:
         if approached:
             v = self.contacts.impact(t, q, v, approached)
         held = self.pressed(t, q, v)
-        while (met := self.leg(course, held, t, q, v)) is not None:
-            t, q, v = met.t, met.q, met.v
+        while (met := self.leg(course, held, t, q, v, ahead)) is not None:
+            t, q, v, ahead = met.t, met.q, met.v, None
             if met.released is not None:
                 held = held - {met.released}
                 continue
@@ -132,16 +155,22 @@ class Journey:
             held = self.pressed(t, q, v)
         return course
 
-    def leg(self, course: Course, held: Held, t: float, q: Array, v: Array) -> _Meeting | None:
-        """Add a leg to the course; return what ended it before its time."""
+    def leg(
+        self, course: Course, held: Held, t: float, q: Array, v: Array, ahead: Known | None = None
+    ) -> _Meeting | None:
+        """Add a leg to the course, which may be known; return what ended it before its time."""
         system, watched = self.system(held), self._watched(held, q, v)
         spans = [(max(low, t), high) for low, high in pairwise(self.cuts) if high > t]
         stretches = [system.stretch(self.dynamics, *span) for span in spans]
         watches = [_of_mechanism(one, system) for _, one in watched]
         steps = self.max_steps - int(sum(course.cost()[name] for name in ("steps", "rejected steps")))
         try:
-            solution = integrate(
-                stretches, system.manifold, *system.part(q, v), self.method, max_steps=steps, watches=watches
+            solution = (
+                ahead()
+                if ahead
+                else integrate(
+                    stretches, system.manifold, *system.part(q, v), self.method, max_steps=steps, watches=watches
+                )
             )
         except (IntegrationError, Interrupted) as error:
             if error.partial.steps:

@@ -10,6 +10,7 @@ from typing import ClassVar
 import msgspec
 import numpy as np
 
+from pinarm.arrays import Array
 from pinarm.engine.assembly import start_configuration
 from pinarm.engine.closure import Closure
 from pinarm.engine.course import Course
@@ -20,7 +21,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.standstill import undetermined_rest
 from pinarm.engine.systems import Initial
 from pinarm.engine.trajectory import Happening, Series, Trajectory
-from pinarm.engine.travel import Journey
+from pinarm.engine.travel import Journey, Known
 from pinarm.errors import InputError, IntegrationError, Interrupted, Key
 from pinarm.input.schema import Level, Model, Rate
 from pinarm.input.units import unit
@@ -106,10 +107,16 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         journey = self.prepare(mechanism, place, accuracy)
         with place("initial"):
             q, v = journey.begin()
+        return self.followed(mechanism, journey, q, v)
+
+    def followed(
+        self, mechanism: Mechanism, journey: Journey, q: Array, v: Array, ahead: Known | None = None
+    ) -> Trajectory:
+        """Return the motion from an assembled state, whose first leg may be known; see ``solve``."""
         laid = mechanism.closure.with_guides(journey.imposed.names, journey.imposed.coordinates)
         require_masses(laid, q if len(q) == len(journey.initial.q) else journey.initial.q, self.time.start)
         try:
-            course = journey.travel(q, v)
+            course = journey.travel(q, v, ahead)
         except (IntegrationError, Interrupted) as error:
             if error.partial is not None:
                 grid = journey.grid(self.time.instants(), error.partial.seams).until(error.partial.end)

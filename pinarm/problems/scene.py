@@ -14,10 +14,12 @@ from typing import Any, Literal, cast
 import msgspec
 import numpy as np
 
+from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.part import Part
 from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import AssemblyError, DynamicsError, InputError, NumericsError
+from pinarm.mechanics.motion import Grid
 from pinarm.mechanics.tree import listed
 from pinarm.problems import Problem
 from pinarm.problems.common import Accuracy, Place, bind_loads
@@ -104,6 +106,26 @@ class Scene:
                 error.partial = self.part.restored(error.partial)
             raise
         return run, self.part.restored(run)
+
+    @property
+    def solved(self) -> Mechanism:
+        """The mechanism that is solved."""
+        return self.mechanism if self.part is None else self.part.mechanism
+
+    def restored(self, run: Trajectory) -> Trajectory:
+        """Return a run of what is solved as one of the whole mechanism."""
+        return run if self.part is None else self.part.restored(run)
+
+    def spread(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return states of what is solved as those of the whole mechanism.
+
+        Args:
+            t: Instants [s], shape (n,).
+            q: Configurations, shape (..., n, nq of what is solved).
+            v: Velocities, likewise.
+        """
+        grid = Grid(t, (float(t[0]), float(t[-1])), (0, len(t)))
+        return (q, v) if self.part is None else self.part.spread(grid, q, v)
 
     def _as_put(self, accuracy: Accuracy, place: Place) -> tuple[Trajectory, Trajectory]:
         run = self.question.solve(self.mechanism, accuracy, place)

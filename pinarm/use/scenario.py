@@ -279,7 +279,14 @@ class Scenario:
 
     def _solved(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""
-        solved, trajectory = self.scene.solve(self.content.accuracy, self._place)
+        return self.measured(*self.scene.solve(self.content.accuracy, self._place))
+
+    def measured(self, solved: Trajectory, trajectory: Trajectory) -> Result:
+        """Return the result of a run that was solved, and of the same run of the whole mechanism, with its accuracy.
+
+        Raises:
+            NumericsError: It is not finite.
+        """
         measured = {**solved.figures, **power_balance(solved), **table_figures(solved)}
         removals = self.scene.removals if solved is not trajectory else ()
         result = replace(self._result(trajectory, measured), removals=removals)

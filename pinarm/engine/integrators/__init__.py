@@ -24,6 +24,7 @@ from pinarm.engine.integrators.contract import (
 
 if TYPE_CHECKING:
     from pinarm.engine.integrators.conserving import Conserving
+    from pinarm.engine.integrators.ensemble import Ensemble, advance
     from pinarm.engine.integrators.events import Watch
     from pinarm.engine.integrators.explicit import Adaptive, FixedStep
     from pinarm.engine.integrators.march import integrate
@@ -31,13 +32,13 @@ if TYPE_CHECKING:
     from pinarm.engine.integrators.stiff import Radau
 
 __all__ = [
-    "METHODS", "SETTING", "Acceleration", "Adaptive", "Conserving", "Energy", "FixedStep", "Flat", "Manifold", "Method",
-    "MethodName", "Radau", "Settle", "Solution", "Stretch", "Watch", "integrate",
+    "METHODS", "SETTING", "Acceleration", "Adaptive", "Conserving", "Energy", "Ensemble", "FixedStep", "Flat",
+    "Manifold", "Method", "MethodName", "Radau", "Settle", "Solution", "Stretch", "Watch", "advance", "integrate",
 ]  # fmt: skip
 
 _HOMES = {
-    "METHODS": "methods", "Adaptive": "explicit", "Conserving": "conserving", "FixedStep": "explicit",
-    "Radau": "stiff", "Watch": "events", "integrate": "march",
+    "METHODS": "methods", "Adaptive": "explicit", "Conserving": "conserving", "Ensemble": "ensemble",
+    "FixedStep": "explicit", "Radau": "stiff", "Watch": "events", "advance": "ensemble", "integrate": "march",
 }  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from pinarm.engine.integrators.events import Watch, find, nodes, quiet
 from pinarm.engine.integrators.explicit import FASTEST, GAIN, SAFETY, SLOWEST, TINY, Adaptive, terms_of
 from pinarm.engine.integrators.march import SHORTEST
 from pinarm.engine.integrators.start import first_step
+from pinarm.errors import IntegrationError
 
 BLOCK = 1024
 """Number of steps whose dense output is computed together."""
@@ -34,6 +35,17 @@ class Ensemble:
     solutions: Sequence[Solution]
     failures: dict[int, str] = field(default_factory=dict)
 
+    def solution(self, number: int) -> Solution:
+        """Return one motion.
+
+        Raises:
+            IntegrationError: It could not be followed to its end; ``partial`` holds it until then.
+        """
+        found = self.solutions[number]
+        if number in self.failures:
+            raise IntegrationError(self.failures[number], hint=found.method.remedy, partial=found, t=found.end)
+        return found
+
     def states(self, t: Array) -> tuple[Array, Array]:
         """Return the states of all motions at the same times.
 
@@ -45,17 +57,23 @@ class Ensemble:
         """
         steps: list[Step] = []
         where = np.zeros((len(self.solutions), len(t)), dtype=np.intp)
-        for k, solution in enumerate(self.solutions):
+        n, manifold = len(t), self.solutions[0].manifold
+        begun = np.array([bool(solution.steps) for solution in self.solutions])
+        if not begun.any():
+            return np.full((len(begun), n, manifold.nq), np.nan), np.full((len(begun), n, manifold.nv), np.nan)
+        for k in map(int, np.flatnonzero(begun)):
+            solution = self.solutions[k]
             index = np.searchsorted([step.t for step in solution.steps], t, side="right") - 1
             needed, places = np.unique(np.maximum(index, 0), return_inverse=True)
             where[k] = len(steps) + places
             steps += [solution.steps[i] for i in needed]
         start, h = np.array([step.t for step in steps])[where], np.array([step.h for step in steps])[where]
         base, terms = np.array([step.y for step in steps]), self._terms(steps)
-        flat, nq = where.ravel(), self.solutions[0].manifold.nq
+        flat, nq = where.ravel(), manifold.nq
         y = interpolated(base[flat], terms[flat], ((t - start) / h).ravel())
-        y[(t > np.array([solution.end for solution in self.solutions])[:, None]).ravel()] = np.nan
-        q, v = self.solutions[0].manifold.project(y[:, :nq]), y[:, nq:]
+        ends = np.array([solution.end for solution in self.solutions])
+        y[((t > ends[:, None]) | ~begun[:, None]).ravel()] = np.nan
+        q, v = manifold.project(y[:, :nq]), y[:, nq:]
         return q.reshape(*where.shape, -1), v.reshape(*where.shape, -1)
 
     def _terms(self, steps: Sequence[Step]) -> Array:
@@ -216,7 +234,7 @@ class _Advance:
     def without(self, going: _Going, failed: Flags, why: str) -> _Going:
         """Return the motions that have not failed."""
         for number, t in zip(going.number[failed], going.t[failed], strict=True):
-            self.failures[int(number)] = f"at t = {t:.9g} s {why}"
+            self.failures[int(number)] = f"the integration cannot go on at t = {t:.9g} s: {why}"
         return going.only(~failed) if failed.any() else going
 
     def accept(self, going: _Going, done: Flags, h: Array, until: Array, new: Array, slopes: Array) -> Flags:
