@@ -172,7 +172,7 @@ class FixedStep:
             stages.advance(step.t + 0.5 * half * step.h, 0.5 * step.h)
             stages.move()
         whole = step.y + step.h * (tableau.b @ step.slopes[: tableau.stages])
-        return float((np.abs(whole - stages.y) / (1.0 + np.abs(stages.y))).max())
+        return float((np.abs(whole - stages.y) / (1.0 + np.abs(stages.y))).max(initial=0.0))
 
 
 class Stages:
