@@ -166,13 +166,13 @@ ENTRIES: list[Entry] = [
     ("arms", "tip of a shorter forearm led inside of the inner border", "none: out of reach",
      partial(arm, ConstantSpeed(start=1.0, speed=-0.7), STILL, (-0.5, 2.0), fore=0.6), 0.0, "there is none"),
     *[("singular loops", f"parallelogram that turns over and passes 2 singular positions a turn, closed at {cut}",
-       PENDULUM, partial(parallelogram, 0.3, {"O": 15.0}, 3.0, cut), 1e-8, "noise close to singular positions")
+       PENDULUM, partial(parallelogram, 0.3, {"O": 15.0}, 3.0, cut), 1e-6, "noise close to singular positions")
       for cut in "ABC"],
     *[("singular loops", f"parallelogram set in motion {miss:g} rad before all bars are in line", PENDULUM,
-       partial(parallelogram, FLAT - miss, {"O": 5.0}, 3.0, "B"), 1e-8, "noise close to singular positions")
+       partial(parallelogram, FLAT - miss, {"O": 5.0}, 3.0, "B"), 1e-6, "noise close to singular positions")
       for miss in (1e-3, 1e-6, 1e-9)],
     ("singular loops", "parallelogram started in line, velocities of both cranks given", PENDULUM,
-     partial(parallelogram, FLAT, {"O": 5.0, "C": 5.0}, 3.0, "B"), 1e-8, "noise close to singular positions"),
+     partial(parallelogram, FLAT, {"O": 5.0, "C": 5.0}, 3.0, "B"), 1e-6, "noise close to singular positions"),
     ("singular loops", "parallelogram started in line, velocity of one crank given", "none: two motions meet",
      partial(parallelogram, FLAT, {"O": 5.0}, 3.0, "B"), 0.0, "two motions meet"),
     ("singular loops", "parallelogram let go in line, at rest", "none: two motions meet",
