@@ -58,7 +58,7 @@ class Course:
         middles = 0.5 * (np.array(grid.cuts[1:]) + np.array(grid.cuts[:-1]))
         owners = np.searchsorted(bounds, middles)
         motions = []
-        for number in np.unique(owners):
+        for number in sorted(set(owners.tolist())):
             leg, local = self.legs[number], grid.part(*np.flatnonzero(owners == number)[[0, -1]])
             motions.append(leg.system.complete(self.dynamics, local, *leg.solution.states(local.t)))
         q, v, a, tau = map(np.concatenate, zip(*((one.q, one.v, one.a, one.tau) for one in motions), strict=True))

@@ -1,9 +1,8 @@
 """From the motion of coordinates to that of the joints: positions, velocities and accelerations, exact to rounding.
 
 With coordinates w imposed on a mechanism, the constraints phi of its loops and couplings, and J the rows of both:
-``phi(q) = 0`` and ``w(q) = w_d(t)``, then ``J v = (0, w_d')`` and ``J a = (0, w_d'') - J' v``. The rows of the table
-are solved one after the other by continuation (``engine.assembly``), or many at once where that is as sure
-(``engine.sweeps``), or all at once where the equations are linear.
+``phi(q) = 0`` and ``w(q) = w_d(t)``, then ``J v = (0, w_d')`` and ``J a = (0, w_d'') - J' v``. All rows of the table
+are solved at once where the equations are linear; elsewhere a branch is continued (``engine.branch``).
 """
 
 from __future__ import annotations
@@ -14,10 +13,9 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.assembly import Solver, check_rank
+from pinarm.engine.assembly import check_rank
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.sweeps import NOTHING, Sweep
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings import Coupling, independent
 from pinarm.mechanics.motion import Grid, Values
@@ -42,7 +40,9 @@ def follow(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Array) -> 
     linear = all(isinstance(coordinate, LinearCoordinate) for coordinate in imposed.coordinates)
     if linear and len(couplings) == len(mechanism.constraints) and independent(couplings):
         return _follow_linear(mechanism, couplings, imposed, grid)
-    return _follow_branch(mechanism, imposed, grid, _imposed_at_start(mechanism, imposed, grid, start))
+    from pinarm.engine.branch import follow_branch  # with all that loops need: open chains do not pay for it
+
+    return follow_branch(mechanism, imposed, grid, _imposed_at_start(mechanism, imposed, grid, start))
 
 
 def joint_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
@@ -63,15 +63,9 @@ def joint_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw
     """
     if not dw.any() and not ddw.any():  # at rest, which a singular position does not hinder
         return np.zeros((len(q), mechanism.model.nv)), np.zeros((len(q), mechanism.model.nv))
-    solver, sweep = Solver(mechanism.closure, imposed), Sweep.of(mechanism.closure, imposed)
-    (v, a), row = np.empty((2, len(q), mechanism.model.nv)), 0
-    while row < len(q):
-        dq, ddq = sweep.rates(q[row:], dw, ddw) if sweep else NOTHING[1:]
-        if not len(dq):
-            dq, ddq = (x[None] for x in solver.rates(q[row], dw, ddw, float(row)))
-        rows = slice(row, row + len(dq))
-        v[rows], a[rows], row = dq, ddq, rows.stop
-    return v, a
+    from pinarm.engine.branch import branch_rates
+
+    return branch_rates(mechanism, imposed, q, dw, ddw)
 
 
 def _imposed_at_start(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Array) -> Array:
@@ -100,25 +94,3 @@ def _follow_linear(
     q = np.empty_like(solved[0])
     q[:, linear[0].places] = solved[0]
     return q, np.ascontiguousarray(solved[1]), np.ascontiguousarray(solved[2])
-
-
-def _follow_branch(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Array) -> tuple[Array, Array, Array]:
-    """Continue the branch that begins near a configuration, shape (nq,): in sweeps, row by row where these cannot."""
-    solver, sweep = Solver(mechanism.closure, imposed), Sweep.of(mechanism.closure, imposed)
-    t, w = grid.t, np.zeros((3, len(grid.t), len(imposed.laws)))
-    for k, law in enumerate(imposed.laws):
-        w[:, :, k] = grid.evaluate(law)
-    q, (v, a) = np.empty((len(t), len(start))), np.empty((2, len(t), solver.model.nv))
-    q[0] = solver.assemble(start, w[0, 0], t[0])
-    imposed.check_mobility(mechanism, q[0])
-    v[0], a[0] = solver.rates(q[0], w[1, 0], w[2, 0], t[0])
-    for begin, end, part in grid.stretches():
-        target, row = imposed.on(begin, end), max(part.start, 1)
-        while row < part.stop:
-            last, ahead = (q[row - 1], v[row - 1], a[row - 1]), slice(row - 1, part.stop)
-            found = sweep.ahead(t[ahead], w[:, ahead], *last) if sweep and row > part.start else NOTHING
-            if not len(found[0]):
-                found = tuple(x[None] for x in solver.advance(*last, t[row - 1], t[row], target))
-            rows = slice(row, row + len(found[0]))
-            (q[rows], v[rows], a[rows]), row = found, rows.stop
-    return q, v, a

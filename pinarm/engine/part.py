@@ -79,12 +79,12 @@ class Part:
     @cached_property
     def kept_q(self) -> Indices:
         """Places of the part's configuration in that of the whole, shape (nq of the part,)."""
-        return np.setdiff1d(np.arange(self.whole.model.nq), [self.joints[v] for v in self.removed.laws])
+        return np.delete(np.arange(self.whole.model.nq), [self.joints[v] for v in self.removed.laws])
 
     @cached_property
     def kept_v(self) -> Indices:
         """Places of the part's velocity in that of the whole, shape (nv of the part,)."""
-        return np.setdiff1d(np.arange(self.whole.model.nv), list(self.removed.laws))
+        return np.delete(np.arange(self.whole.model.nv), list(self.removed.laws))
 
     @cached_property
     def mechanism(self) -> Mechanism:

@@ -39,7 +39,7 @@ def table_figures(run: Trajectory, most: int = SAMPLE) -> dict[str, float]:
     """
     if run.unasked and not run.mechanism.closure.size:
         return {}
-    rows = np.unique(np.linspace(0, len(run) - 1, min(len(run), most)).astype(np.intp))
+    rows = np.linspace(0, len(run) - 1, min(len(run), most)).astype(np.intp)
     found = [_Row.of(run, int(row)) for row in rows]
     figures: dict[str, float] = {}
     if run.mechanism.closure.size:

@@ -159,8 +159,9 @@ class Known:
     @cached_property
     def _rows(self) -> Array:
         """Rows of the constraints at a configuration of no special kind, shape (m, nv)."""
-        model, rng = self.mechanism.model, np.random.default_rng(0)
-        self.mechanism.closure.place(pin.integrate(model, pin.neutral(model), rng.uniform(-1.0, 1.0, model.nv)))
+        model = self.mechanism.model
+        anywhere = np.sin(np.arange(1.0, model.nv + 1.0))
+        self.mechanism.closure.place(pin.integrate(model, pin.neutral(model), anywhere))
         return self.mechanism.closure.rows()
 
     def _behind(self, coordinate: Coordinate) -> set[int]:

@@ -261,7 +261,8 @@ class Solution:
 
     def states_in(self, index: Indices, t: Array) -> tuple[Array, Array]:
         """Return the states at many times, each from the step of the given index, both of shape (n,)."""
-        needed, where = np.unique(index, return_inverse=True)
+        needed = np.flatnonzero(np.bincount(index, minlength=len(self.steps)))
+        where = np.searchsorted(needed, index)
         self._interpolate([int(i) for i in needed if int(i) not in self._interpolants])
         steps = [self.steps[i] for i in needed]
         h, start = np.array([step.h for step in steps])[where], np.array([step.t for step in steps])[where]

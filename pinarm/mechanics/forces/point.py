@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
 import numpy as np
@@ -15,12 +15,14 @@ from pinarm.arrays import Array
 from pinarm.errors import DynamicsError, within
 from pinarm.input.schema import Damping, Force, Length, Model, Moment, Stiffness
 from pinarm.input.units import DIMENSIONLESS
-from pinarm.mechanics.chains import Chain
 from pinarm.mechanics.coordinates import Joint, frame_of, frames_of
 from pinarm.mechanics.forces.contract import ForceElement
 from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.motion import MotionLaw, Values
 from pinarm.mechanics.vectors import combined, dot
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.chains import Chain
 
 Number = TypeVar("Number", float, Array)
 
@@ -71,6 +73,8 @@ class AppliedWrench(ForceElement):
     @cached_property
     def chains(self) -> tuple[Chain, Chain] | None:
         """From the world to the point and to the axes; ``None`` where other than simple joints are between."""
+        from pinarm.mechanics.chains import Chain  # for many states only
+
         point, axes = (Chain.between(self.model, UNIVERSE, frame) for frame in (self.frame, self.axes))
         return (point, axes) if point and axes else None
 
@@ -182,6 +186,8 @@ class TwoPointSpring(ForceElement):
     @cached_property
     def chain(self) -> Chain | None:
         """From the first point to the second; ``None`` where other than simple joints are between."""
+        from pinarm.mechanics.chains import Chain
+
         return Chain.between(self.model, *self.frames)
 
     def _lines(self, q: Array) -> tuple[Array, Array]:
