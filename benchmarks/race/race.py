@@ -66,7 +66,7 @@ def run(chosen: Iterable[Problem], effort: Effort, folder: Path) -> None:
                 file.write_text(json.dumps({"problem": problem.name, "when": time.strftime("%Y-%m-%d"), **result}))
     finally:
         for worker in workers:
-            worker.end()
+            worker.close()
 
 
 def _problem(problem: Problem, workers: list[Worker], effort: Effort) -> dict[str, Any]:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any
@@ -22,6 +24,9 @@ FAR = 0.1
 SHORT = 1.0
 """Runs that take less time [s] are timed three times, and the best counts."""
 
+
+PATIENCE = 5.0
+"""Time that a process has to end [s]."""
 
 ENVIRONMENT = {"pinocchio": {"OMP_WAIT_POLICY": "passive"}}
 """What a user learns to set: threads that wait busily cost the parallel calls of Pinocchio milliseconds each."""
@@ -63,23 +68,34 @@ class Worker:
         context = get_context("spawn")
         self._line, far = context.Pipe()
         self._process = context.Process(target=_serve, args=(self.engine, far))
-        own = ENVIRONMENT.get(self.engine, {})
+        own = {name: x for name, x in ENVIRONMENT.get(self.engine, {}).items() if name not in os.environ}
         os.environ.update(own)
         self._process.start()
         for name in own:
             del os.environ[name]
         far.close()
 
+    def close(self) -> None:
+        """Let the process end, and end it where it does not."""
+        if self._process is not None and self._line:
+            with suppress(OSError):
+                self._line.send(("end", None))
+            self._process.join(PATIENCE)
+        self.end()
+
     def end(self) -> None:
-        """End the process."""
+        """End the process and those it started."""
         if self._process is not None:
-            self._process.kill()
+            with suppress(ProcessLookupError):
+                leader = os.getpgid(self._process.pid) == self._process.pid
+                os.killpg(self._process.pid, signal.SIGKILL) if leader else self._process.kill()
             self._process.join()
         self._process, self._line = None, None
 
 
 def _serve(engine: str, line: Connection) -> None:
-    """Answer orders: ``("prepare", problem)``, ``("try", index)``, ``("time", index)``."""
+    """Answer orders: ``("prepare", problem)``, ``("try", index)``, ``("time", index)``, ``("end", None)``."""
+    os.setsid()  # the processes of a batch end with this one
     with tempfile.TemporaryDirectory() as folder, open(os.devnull, "w") as nothing:
         os.chdir(folder)  # some engines write logs beside them
         for stream in (sys.stdout, sys.stderr):
@@ -90,6 +106,8 @@ def _serve(engine: str, line: Connection) -> None:
             try:
                 kind, argument = line.recv()
             except EOFError:
+                return
+            if kind == "end":
                 return
             if kind == "prepare":
                 problem, answer = argument, reference(argument)[0]
