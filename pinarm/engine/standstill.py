@@ -21,8 +21,11 @@ REGULAR, SLOW = 1e-3, 0.07
 which both a motion is not determined. A parallelogram that turns back just beyond its singular position has errors of
 order 1 where it passes this at 0.03 of its largest speed, and none at 0.1."""
 
-WITHIN, BLOCK, USUAL = 16, 500, 32
+WITHIN, BLOCK, USUAL = 16, 500, 8
 """Instants within a step that are looked at, steps that are looked at together, and states that tell what is usual."""
+
+AHEAD = 0.25
+"""How far a mechanism moves before it may have become singular, over its regularity [rad]: four-bars take 1."""
 
 
 @dataclass(frozen=True)
@@ -50,38 +53,72 @@ def undetermined_rest(closure: Closure, course: Course) -> Standstill | None:
     legs = [leg for leg in course.legs if leg.solution.steps]
     if not closure.size or not legs:
         return None
-    usual: _Usual | None = None
-    for t, q, least in _slow(legs, closure.scale()):
+    scale = closure.scale()
+    paces = [_Pace.of(leg, scale) for leg in legs]
+    fastest = max(float(pace.speed.max()) for pace in paces)
+    usual, looked = None, -np.inf
+    for t, q, least in _slow(paces, SLOW * fastest):
+        if t < looked:
+            continue
         usual = usual or _Usual.of(closure, legs)
         regularity = usual.regularity(q)
         if regularity < least:
             return Standstill(t, regularity)
+        looked = t + AHEAD * regularity / fastest
     return None
 
 
-def _slow(legs: Sequence[Leg], scale: Array) -> Iterator[tuple[float, Array, float]]:
+@dataclass(frozen=True, eq=False)
+class _Pace:
+    """How fast a leg is at the ends of its steps.
+
+    Attributes:
+        leg: The leg.
+        scale: Unit of every velocity, shape (nv,).
+        t: Starts of its steps, shape (n,).
+        q: Configuration at its start, shape (nq,).
+        speed: Speeds at the starts, shape (n,).
+        turning: Speeds at the ends of each step, the smaller one; 0 where the direction changes much, shape (n,).
+    """
+
+    leg: Leg
+    scale: Array
+    t: Array
+    q: Array
+    speed: Array
+    turning: Array
+
+    @classmethod
+    def of(cls, leg: Leg, scale: Array) -> _Pace:
+        """Return that of a leg."""
+        steps = leg.solution.steps
+        t, index = np.array([*(step.t for step in steps), steps[-1].until]), np.arange(len(steps) + 1)
+        q, v = leg.system.whole(t, *leg.solution.states_in(np.minimum(index, len(steps) - 1), t))
+        v = v / scale
+        speed = np.linalg.norm(v, axis=1)
+        along = (v[:-1] * v[1:]).sum(axis=1) > 0.5 * speed[:-1] * speed[1:]
+        return cls(leg, scale, t[:-1], q[0], speed[:-1], np.where(along, np.minimum(speed[:-1], speed[1:]), 0.0))
+
+    def within(self, steps: Indices) -> tuple[Array, Array, Array]:
+        """Return instants within the steps of given indices, configurations and speeds there."""
+        h = np.array([self.leg.solution.steps[k].until for k in steps]) - self.t[steps]
+        t = (self.t[steps][:, None] + h[:, None] * np.linspace(0.0, 1.0, WITHIN)).ravel()
+        q, v = self.leg.system.whole(t, *self.leg.solution.states_in(np.repeat(steps, WITHIN), t))
+        return t, q, np.linalg.norm(v / self.scale, axis=1)
+
+
+def _slow(paces: Sequence[_Pace], limit: float) -> Iterator[tuple[float, Array, float]]:
     """Yield instants at which a motion is slow, the configurations, and how regular they have to be at least."""
-    starts = [np.array([step.t for step in leg.solution.steps]) for leg in legs]
-    paces = [_states(leg, t, np.arange(len(t)), scale) for leg, t in zip(legs, starts, strict=True)]
-    limit, since = SLOW * max(float(speed.max()) for _, speed in paces), -np.inf
-    (q, speed), t = paces[0], starts[0]
-    if limit and not speed[0]:
-        yield float(t[0]), q[0], RANK
-        since = float(min(t[speed >= limit], default=np.inf))
-    for leg, t in zip(legs, starts, strict=True):
-        for first in range(0, len(t), BLOCK):
-            index = np.repeat(np.arange(first, min(first + BLOCK, len(t))), WITHIN)
-            h = np.array([step.until - step.t for step in leg.solution.steps[first : first + BLOCK]])
-            instants = t[index] + np.repeat(h, WITHIN) * np.tile(np.linspace(0.0, 1.0, WITHIN), len(h))
-            q, speed = _states(leg, instants, index, scale)
-            for k in np.flatnonzero((speed < limit) & (instants >= since)):
-                yield float(instants[k]), q[k], REGULAR
-
-
-def _states(leg: Leg, t: Array, index: Indices, scale: Array) -> tuple[Array, Array]:
-    """Return configurations, shape (n, nq), and speeds, shape (n,), at instants within the steps of given indices."""
-    q, v = leg.system.whole(t, *leg.solution.states_in(index, t))
-    return q, np.linalg.norm(v / scale, axis=1)
+    first, since = paces[0], -np.inf
+    if limit and not first.speed[0]:
+        yield float(first.t[0]), first.q, RANK
+        since = float(min(first.t[first.speed >= limit], default=np.inf))
+    for pace in paces:
+        steps = np.flatnonzero(pace.turning < 3.0 * limit)
+        for start in range(0, len(steps), BLOCK):
+            t, q, speed = pace.within(steps[start : start + BLOCK])
+            for k in np.flatnonzero((speed < limit) & (t >= since)):
+                yield float(t[k]), q[k], REGULAR
 
 
 @dataclass(frozen=True, eq=False)
