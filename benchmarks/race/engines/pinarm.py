@@ -27,6 +27,7 @@ def prepare(problem: Problem) -> list[Setting]:
         return _batch(problem)
     assert isinstance(problem, Motion)
     methods = [name for name in METHODS if SETTING[name] == "tolerance" and name not in PASSED_OVER]
+    methods.sort(key=lambda name: name != "stiff")
     if not problem.linkage.damping.any():
         methods.remove("stiff")
     return [Setting(method, tolerance, partial(_motion, problem, method, tolerance))
