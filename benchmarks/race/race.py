@@ -23,8 +23,8 @@ PREPARED = 120.0
 """Patience with an engine that builds its models [s]."""
 
 
-PATIENCE = 5.0
-"""Patience with the model of one setting [s]."""
+PATIENCE = 10.0
+"""Patience with a run, beside a multiple of the longest wanted [s]."""
 
 
 LIMIT = 3.0
@@ -121,6 +121,7 @@ def _method(
     for index, value in values[:: effort.every]:
         run: dict[str, Any] = {"index": index, "method": method, "value": value}
         try:
+            worker.ask(("make", index), PREPARED)
             run |= worker.ask(("try", index), PATIENCE + 2.0 * effort.longest)
         except (EOFError, TimeoutError) as error:
             runs.append(run | {"failed": str(error)})
@@ -155,13 +156,17 @@ def _in_turn(
         (name, run["index"]): run["seconds"] for name in engines for run in engines[name]["runs"] if "seconds" in run
     }
     times: dict[tuple[str, int], list[float]] = {key: [] for key in wanted}
+    dead = set()
     for turn in range(effort.rounds):
         for name, index in wanted:
-            if turn == 0 or first[name, index] * turn < effort.longest / 2:
-                try:
-                    times[name, index].append(by_name[name].ask(("time", index), 60.0 + 10 * effort.longest))
-                except (EOFError, TimeoutError):
-                    prepared(by_name[name], problem)
+            if name in dead or (turn and first[name, index] * turn > effort.longest / 2):
+                continue
+            try:
+                if not turn:
+                    by_name[name].ask(("make", index), PREPARED)
+                times[name, index].append(by_name[name].ask(("time", index), PATIENCE + 4.0 * effort.longest))
+            except (EOFError, TimeoutError):
+                dead.add(name)
     return {key: found or [first[key]] for key, found in times.items()}
 
 

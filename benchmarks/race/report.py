@@ -62,7 +62,7 @@ batch, over the last angles of all its motions. References are computed twice, o
 to the error that stands below. Every engine tries its settings, tolerances or steps from coarse to fine, in every
 method that suits the problem. Of those below an error the fastest is run again in turn with the others', and the median
 of its times is given. Models are built beforehand. pinarm is timed through `Scenario.run`, its measures of accuracy
-included, or `Mechanism.inverse`. The first of a line is bold."""
+included, `pinarm.batch` without those of each motion, or `Mechanism.inverse`. The first of a line is bold."""
 
 
 def _version(package: str) -> str:

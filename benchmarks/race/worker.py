@@ -8,6 +8,7 @@ import sys
 import tempfile
 import time
 from contextlib import suppress
+from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any
@@ -78,8 +79,7 @@ class Worker:
     def close(self) -> None:
         """Let the process end, and end it where it does not."""
         if self._process is not None and self._line:
-            with suppress(OSError):
-                self._line.send(("end", None))
+            self._line.close()
             self._process.join(PATIENCE)
         self.end()
 
@@ -94,35 +94,51 @@ class Worker:
 
 
 def _serve(engine: str, line: Connection) -> None:
-    """Answer orders: ``("prepare", problem)``, ``("try", index)``, ``("time", index)``, ``("end", None)``."""
-    os.setsid()  # the processes of a batch end with this one
+    """Answer orders until the line is closed, then end this process and those it started, which would keep it."""
+    os.setsid()
     with tempfile.TemporaryDirectory() as folder, open(os.devnull, "w") as nothing:
         os.chdir(folder)  # some engines write logs beside them
         for stream in (sys.stdout, sys.stderr):
             os.dup2(nothing.fileno(), stream.fileno())
-        settings: list[Setting] = []
-        made: dict[int, Run] = {}
-        while True:
+        with suppress(EOFError):
+            _answer(engine, line)
+        os.chdir(os.sep)
+    os.killpg(0, signal.SIGKILL)
+
+
+def _answer(engine: str, line: Connection) -> None:
+    """Answer orders: ``("prepare", problem)``, ``("make", index)``, ``("try", index)``, ``("time", index)``."""
+    settings: list[Setting] = []
+    made: dict[int, Run] = {}
+    while True:
+        kind, argument = line.recv()
+        if kind == "prepare":
+            problem, answer = argument, reference(argument)[0]
+            made.clear()
             try:
-                kind, argument = line.recv()
-            except EOFError:
-                return
-            if kind == "end":
-                return
-            if kind == "prepare":
-                problem, answer = argument, reference(argument)[0]
-                made.clear()
-                try:
-                    settings = prepare(engine, problem)
-                    line.send([(setting.method, setting.value) for setting in settings])
-                except Unable as reason:
-                    line.send(str(reason))
-            elif kind == "try":
-                line.send(_tried(settings[argument], problem, answer))
-            else:
-                if argument not in made:
-                    made[argument] = settings[argument].make()
-                line.send(_timed(made[argument])[0])
+                settings = prepare(engine, problem)
+                line.send([(setting.method, setting.value) for setting in settings])
+            except Unable as reason:
+                line.send(str(reason))
+        elif kind == "make":
+            made[argument] = _made(settings[argument])
+            line.send(None)
+        elif kind == "try":
+            line.send(_tried(made.pop(argument), problem, answer))
+        else:
+            line.send(_timed(made[argument])[0])
+
+
+def _made(setting: Setting) -> Run:
+    """Return the run of a setting; one that fails as the making did, where that failed."""
+    try:
+        return setting.make()
+    except Exception as error:
+        return partial(_fail, error)
+
+
+def _fail(error: Exception) -> np.ndarray:
+    raise error
 
 
 def _timed(run: Run) -> tuple[float, np.ndarray]:
@@ -131,10 +147,9 @@ def _timed(run: Run) -> tuple[float, np.ndarray]:
     return time.perf_counter() - begin, answer
 
 
-def _tried(setting: Setting, problem: Problem, answer: np.ndarray) -> dict[str, Any]:
-    """Run a setting; return its time, its error, and whether it is on another branch, or why it failed."""
+def _tried(run: Run, problem: Problem, answer: np.ndarray) -> dict[str, Any]:
+    """Return the time of a run, its error, and whether it is on another branch, or why it failed."""
     try:
-        run = setting.make()
         seconds, found = _timed(run)
         if seconds < SHORT:
             seconds = min(seconds, _timed(run)[0], _timed(run)[0])

@@ -13,7 +13,7 @@ from pinocchio.rpy import matrixToRpy
 import pinarm
 from benchmarks.race.engines import Run, Setting, decades
 from benchmarks.race.mechanisms import ORIGIN, Body, Linkage, Vector, Z
-from benchmarks.race.problems import STARTS, Batch, Inverse, Motion, Problem
+from benchmarks.race.problems import Batch, Inverse, Motion, Problem
 from pinarm.engine.integrators import METHODS, SETTING
 
 PASSED_OVER = frozenset({"rk4", "dopri5", "conserving"})
@@ -27,6 +27,7 @@ def prepare(problem: Problem) -> list[Setting]:
         return _batch(problem)
     assert isinstance(problem, Motion)
     methods = [name for name in METHODS if SETTING[name] == "tolerance" and name not in PASSED_OVER]
+    methods.sort(key=lambda name: name != "stiff")
     if not problem.linkage.damping.any():
         methods.remove("stiff")
     return [Setting(method, tolerance, partial(_motion, problem, method, tolerance))
@@ -49,15 +50,24 @@ def _motion(problem: Motion, method: str, tolerance: float) -> Run:
 
 
 def _batch(problem: Batch) -> list[Setting]:
-    return [Setting(f"dop853, {STARTS} runs in turn", tolerance, partial(_motions, problem, tolerance))
+    return [Setting("dop853, pinarm.batch", tolerance, partial(_motions, problem, tolerance))
             for tolerance in decades(3, 12, 1)]  # fmt: skip
 
 
 def _motions(problem: Batch, tolerance: float) -> Run:
-    """Return what advances many starts: scenarios in turn, until one call takes them all."""
-    scenarios = [_scenario(problem.linkage, problem.end, 2, "dop853", tolerance, q, v)
-                 for q, v in zip(*problem.starts(), strict=True)]  # fmt: skip
-    return lambda: np.array([scenario.run().trajectory.q[-1] for scenario in scenarios])
+    """Return what advances many starts in one call; their states are taken, not the measures of each motion."""
+    scenario = _scenario(problem.linkage, problem.end, 2, "dop853", tolerance)
+    names = [body.name for body in problem.linkage.bodies]
+    columns = [scenario.mechanism.joints[name].q for name in names]
+    position, velocity = (dict(zip(names, x.T, strict=True)) for x in problem.starts())
+
+    def run() -> np.ndarray:
+        motions = pinarm.batch(scenario, position, velocity)
+        if motions.failures:
+            raise ArithmeticError(f"{len(motions.failures)} motions failed")
+        return motions.states()[0][:, -1, columns]
+
+    return run
 
 
 def _inverse(problem: Inverse) -> list[Setting]:
@@ -73,14 +83,11 @@ def _inverse(problem: Inverse) -> list[Setting]:
     return [Setting("Mechanism.inverse", 0.0, make)]
 
 
-def _scenario(
-    linkage: Linkage, end: float, samples: int, method: str, tolerance: float,
-    q: np.ndarray | None = None, v: np.ndarray | None = None,
-) -> pinarm.Scenario:  # fmt: skip
+def _scenario(linkage: Linkage, end: float, samples: int, method: str, tolerance: float) -> pinarm.Scenario:
     """Return the scenario of a free motion, its mechanism loaded."""
     names = [body.name for body in linkage.hinged]
-    position = _map(names, linkage.q if q is None else q, "rad")
-    velocity = _map(names, linkage.v if v is None else v, "rad/s")
+    position = _map(names, linkage.q, "rad")
+    velocity = _map(names, linkage.v, "rad/s")
     if flight := linkage.flight:
         velocity += "".join(f", root.{axis}: {x!r} m/s" for axis, x in zip("xyz", flight.linear, strict=True))
         velocity += "".join(
