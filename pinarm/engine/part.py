@@ -193,12 +193,14 @@ class Part:
         Where couplings W are removed, ``tau + W^T lam`` is what the motion asks at their joints.
         """
         demand = run.gather(lambda part, rows: part.inverse(run.grid.t[rows], run.q[rows], run.v[rows], run.a[rows]))
-        tau, count = run.tau.copy(), len(self.removed.couplings)
+        tau = run.tau.copy()
         tau[:, self.answered] = demand[:, self.answered]
-        weights = [one.coordinate.weights for one in self._couplings if one.name in self.removed.couplings]
-        geared = np.array(weights).reshape(count, self.whole.model.nv)
+        if not self.removed.couplings:
+            return replace(run, tau=tau)
+        removed = (one for one in self._couplings if one.name in self.removed.couplings)
+        geared = np.array([one.coordinate.weights for one in removed])
         tied = np.flatnonzero(geared.any(axis=0))
-        driven = np.intersect1d(tied, self.answered)
+        driven = self.answered[geared[:, self.answered].any(axis=0)]
         ways = np.vstack([np.eye(self.whole.model.nv)[driven], geared])[:, tied]
         found = np.asarray(np.linalg.solve(ways.T, demand[:, tied].T).T, dtype=np.float64)
         tau[:, driven] = found[:, : len(driven)]
