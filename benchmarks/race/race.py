@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import statistics
 import sys
 import time
@@ -62,8 +63,8 @@ def run(chosen: Iterable[Problem], effort: Effort, folder: Path) -> None:
             file = folder / f"{problem.name}.json"
             if not file.exists():
                 _say(f"[{time.monotonic() - begin:5.0f} s] {problem.title}")
-                result = _problem(problem, workers, effort)
-                file.write_text(json.dumps({"problem": problem.name, "when": time.strftime("%Y-%m-%d"), **result}))
+                told = {"problem": problem.name, "when": time.strftime("%Y-%m-%d"), "load": os.getloadavg()[0]}
+                file.write_text(json.dumps({**told, **_problem(problem, workers, effort)}))
     finally:
         for worker in workers:
             worker.close()

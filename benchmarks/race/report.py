@@ -48,7 +48,9 @@ def _head(results: dict[str, Results], command: str) -> str:
     versions += [f"{name} {_version(name.lower())}" for name in ("NumPy", "SciPy")]
     day = max(result["when"] for result in results.values())
     where = f"Python {platform.python_version()}, {_processor()}, {os.cpu_count()} cores, {day}"
-    machine = f"{', '.join(versions)}; {where}. Absolute times are those of that machine and day."
+    load = max((result["load"] for result in results.values() if "load" in result), default=float("nan"))
+    machine = (f"{', '.join(versions)}; {where}, with a load of {load:.1f} at worst before the race of a problem. "
+               "Absolute times are those of that machine and day.")  # fmt: skip
     return f"""# The race
 
 Time to an answer of a given accuracy: pinarm and other engines on the same problems, from the same numbers, in one run:
