@@ -137,11 +137,13 @@ class _Usual:
 
     @classmethod
     def of(cls, closure: Closure, legs: Sequence[Leg]) -> _Usual:
-        """Return what some states of a motion tell."""
-        found = []
+        """Return what states at the starts of some steps tell: within steps redundant rows tear, and seem independent."""
+        found: list[Array] = []
         for leg in legs:
-            t = np.linspace(leg.solution.steps[0].t, leg.solution.end, USUAL)
-            found += [closure.singular_values(q) for q in leg.system.whole(t, *leg.solution.states(t))[0]]
+            steps, nq = leg.solution.steps, leg.solution.manifold.nq
+            some = [steps[k] for k in np.unique(np.linspace(0, len(steps) - 1, USUAL).astype(int))]
+            t, y = np.array([step.t for step in some]), np.array([step.y for step in some])
+            found += [closure.singular_values(q) for q in leg.system.whole(t, y[:, :nq], y[:, nq:])[0]]
         values = np.array(found)
         rank = int((values > RANK * values[:, :1]).sum(axis=1).max())
         return cls(closure, rank, float(values[:, rank - 1].max()))
