@@ -137,7 +137,7 @@ class _Usual:
 
     @classmethod
     def of(cls, closure: Closure, legs: Sequence[Leg]) -> _Usual:
-        """Return what states at the starts of some steps tell: within steps redundant rows tear, and seem independent."""
+        """Return what starts of steps tell: within steps redundant rows tear, and seem independent."""
         found: list[Array] = []
         for leg in legs:
             steps, nq = leg.solution.steps, leg.solution.manifold.nq
