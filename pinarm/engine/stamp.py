@@ -5,8 +5,8 @@ A fixed, even choice of rows is looked at, so that the cost of large tables stay
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -52,11 +52,12 @@ def table_figures(run: Trajectory, most: int = SAMPLE) -> dict[str, float]:
         figures |= {"regularity": float(regular[least]), "least regular at": float(run.grid.t[rows[least]])}
     if run.unasked:
         return figures
-    conditions = [row.condition for row in found]
-    if not np.isfinite(conditions).all():
+    alike = [_Alike.of(run, rows, found, some) for some in _of_one_freedom(found)]
+    condition = max(one.condition for one in alike)
+    if not np.isfinite(condition):
         return figures
-    figures["condition"] = max(conditions)
-    return figures | {"return trip": _return_trip(run, rows, found)}
+    error, size = (max(figure) for figure in zip(*(one.return_trip(run) for one in alike), strict=True))
+    return figures | {"condition": condition, "return trip": error / size if size else 0.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,46 +98,68 @@ class _Row:
         guided = rows[m:].T @ run.lam.along[row]
         return cls((next(largest), next(largest), next(largest)), values, split, mass, -drift[:m], guided)
 
-    @cached_property
-    def free_mass(self) -> Array:
-        """Return the mass matrix of the free motions, ``T^T M T``."""
-        return np.asarray(self.split.free.T @ self.mass @ self.split.free)
+
+def _of_one_freedom(found: Sequence[_Row]) -> list[Indices]:
+    """Return the rows, those with as many free motions together: at singular positions there are more."""
+    freedoms = np.array([one.split.free.shape[1] for one in found])
+    return [np.flatnonzero(freedoms == freedom) for freedom in np.unique(freedoms)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Alike:
+    """Rows with f free motions each.
+
+    Attributes:
+        rows: Their places in the run, shape (n,).
+        free: T, bases of their free motions, shape (n, nv, f).
+        mass: M, shape (n, nv, nv).
+        free_mass: ``T^T M T``, shape (n, f, f).
+        particular: The shortest accelerations that the constraints allow, shape (n, nv).
+        guided: Loads of the drives along task coordinates, shape (n, nv).
+    """
+
+    rows: Indices
+    free: Array
+    mass: Array
+    free_mass: Array
+    particular: Array
+    guided: Array
+
+    @classmethod
+    def of(cls, run: Trajectory, rows: Indices, found: Sequence[_Row], some: Indices) -> _Alike:
+        """Return some of the rows that have been looked at."""
+        here = [found[k] for k in some]
+        free, mass = np.array([one.split.free for one in here]), np.array([one.mass for one in here])
+        particular = np.array([one.split.particular(one.right) for one in here])
+        free_mass = free.swapaxes(1, 2) @ mass @ free
+        return cls(rows[some], free, mass, free_mass, particular, np.array([one.guided for one in here]))
 
     @property
     def condition(self) -> float:
-        """Return the condition number of the mass matrix of the free motions; infinite where one has no mass."""
-        return _condition(self.free_mass)
+        """Return the largest condition number of T^T M T scaled to a diagonal of ones; infinite if one is singular."""
+        if not self.free_mass.shape[1]:
+            return 1.0
+        size = np.sqrt(np.maximum(np.einsum("nii->ni", self.free_mass), 0.0))
+        if (size == 0.0).any():
+            return np.inf
+        values = np.linalg.eigvalsh(self.free_mass / (size[:, :, None] * size[:, None]))
+        return float((values[:, -1] / values[:, 0]).max()) if values[:, 0].min() > MASSLESS else np.inf
 
+    def return_trip(self, run: Trajectory) -> tuple[float, float]:
+        """Return the largest difference of accelerations, and the largest one that efforts and loads could give."""
+        model, free, rows = run.mechanism.model, self.free, self.rows
+        still = np.zeros_like(run.a)
 
-def _return_trip(run: Trajectory, rows: Indices, found: list[_Row]) -> float:
-    still = np.zeros_like(run.a)
+        def resistance(dynamics: Dynamics, part: slice) -> Array:
+            here = rows[(rows >= part.start) & (rows < part.stop)]
+            return dynamics.inverse(run.grid.t[here], run.q[here], run.v[here], still[here])
 
-    def resistance(dynamics: Dynamics, part: slice) -> Array:
-        here = rows[(rows >= part.start) & (rows < part.stop)]
-        return dynamics.inverse(run.grid.t[here], run.q[here], run.v[here], still[here])
-
-    bias = run.gather(resistance)
-    error, size = 0.0, float(np.abs(run.a[rows]).max(initial=0.0))
-    model = run.mechanism.model
-    pull = run.mechanism.gravity * sum(inertia.mass for inertia in model.inertias) ** 0.5
-    for row, one, resisting in zip(rows, found, bias, strict=True):
-        supplied = run.tau[row] + one.guided
-        back = one.split.solve(one.mass, supplied - resisting, one.right)
-        error = max(error, float(np.abs(back - run.a[row]).max(initial=0.0)))
-        free = one.split.free
-        weights = pull * np.sqrt(np.maximum(np.diag(one.mass), 0.0))
-        terms = np.abs(free).T @ (np.abs(supplied) + np.abs(resisting) + weights)
-        given = free @ np.linalg.solve(one.free_mass, terms)
-        size = max(size, float(np.abs(given).max(initial=0.0)))
-    return error / size if size else 0.0
-
-
-def _condition(mass: Array) -> float:
-    """Return the condition number of a mass matrix scaled to a diagonal of ones, infinite where it is singular."""
-    size = np.sqrt(np.maximum(np.diag(mass), 0.0))
-    if not len(mass):
-        return 1.0
-    if (size == 0.0).any():
-        return np.inf
-    values = np.linalg.eigvalsh(mass / (size[:, None] * size))
-    return float(values[-1] / values[0]) if values[0] > MASSLESS else np.inf
+        resisting, supplied = run.gather(resistance), run.tau[rows] + self.guided
+        pull = run.mechanism.gravity * sum(inertia.mass for inertia in model.inertias) ** 0.5
+        weights = pull * np.sqrt(np.maximum(np.einsum("nii->ni", self.mass), 0.0))
+        moving = supplied - resisting - np.einsum("nij,nj->ni", self.mass, self.particular)
+        most = np.abs(supplied) + np.abs(resisting) + weights
+        loads = np.stack([np.einsum("nvf,nv->nf", free, moving), np.einsum("nvf,nv->nf", np.abs(free), most)], axis=2)
+        back, given = np.moveaxis(free @ np.linalg.solve(self.free_mass, loads), 2, 0)
+        error = np.abs(self.particular + back - run.a[rows]).max(initial=0.0)
+        return float(error), float(max(np.abs(run.a[rows]).max(initial=0.0), np.abs(given).max(initial=0.0)))
