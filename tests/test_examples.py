@@ -78,6 +78,7 @@ def test_a_notebook_is_committed_without_outputs(path: Path) -> None:
     assert any("assert" in cell.source for cell in code)  # something that is true of the physics
 
 
+@pytest.mark.slow
 def test_a_saved_notebook_shows_the_replay_offline(tmp_path: Path) -> None:
     """Executed, written, read again by a browser without network: numbers, plots, and a mechanism that moves."""
     try:

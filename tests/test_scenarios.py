@@ -17,7 +17,10 @@ def test_there_are_scenarios() -> None:
     assert FILES
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+CASES = [pytest.param(file, marks=pytest.mark.slow if "forty" in file.stem else ()) for file in FILES]
+
+
+@pytest.mark.parametrize("file", CASES, ids=lambda file: file.stem)
 def test_it_runs_and_meets_its_answer_key(file: Path) -> None:
     findings = pinarm.check(pinarm.load(file))
     assert findings

@@ -102,7 +102,7 @@ class _Row:
 def _of_one_freedom(found: Sequence[_Row]) -> list[Indices]:
     """Return the rows, those with as many free motions together: at singular positions there are more."""
     freedoms = np.array([one.split.free.shape[1] for one in found])
-    return [np.flatnonzero(freedoms == freedom) for freedom in np.unique(freedoms)]
+    return [np.flatnonzero(freedoms == freedom) for freedom in set(freedoms.tolist())]
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,15 +13,17 @@ LONG = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", LONG)
-class TestTenSeconds:
-    @pytest.fixture
-    def run(self, name, tmp_path):
-        linkage, cut, speed = LONG[name]
-        mechanism = linkage.build(tmp_path, cut)
-        first = "O" if "O" in mechanism.joints else "axis_1"
-        return free(mechanism, 10.0, 401, velocity={first: speed}, tolerance=TOLERANCE)
+@pytest.fixture(scope="module")
+def run(name, tmp_path_factory):
+    """Return ten seconds of a linkage."""
+    linkage, cut, speed = LONG[name]
+    mechanism = linkage.build(tmp_path_factory.mktemp("linkage"), cut)
+    first = "O" if "O" in mechanism.joints else "axis_1"
+    return free(mechanism, 10.0, 401, velocity={first: speed}, tolerance=TOLERANCE)
 
+
+@pytest.mark.parametrize("name", LONG, scope="module")
+class TestTenSeconds:
     def test_loops_stay_closed(self, name, run):
         closure = run.mechanism.closure
         for q, v in zip(run.q, run.v, strict=True):

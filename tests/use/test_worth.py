@@ -115,6 +115,7 @@ def test_a_chaotic_motion_beyond_its_horizon_is_worth_nothing(chaos):
     assert result.error > 0.3
 
 
+@pytest.mark.slow
 def test_a_target_that_no_setting_reaches_is_missed_with_the_best_that_was(chaos, tmp_path, capsys):
     status = main(["run", str(chaos.document.path), "--set", "accuracy={target: 1e-4}", "-o", str(tmp_path / "out"),
                    "--no-plots", "--json"])  # fmt: skip

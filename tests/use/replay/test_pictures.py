@@ -23,6 +23,7 @@ def saved(scenario: Callable[..., Any], folder: Path) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_a_picture_is_the_same_each_time(saved: Path, _browser: Page, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["replay", str(saved), "--png", "t=1.5 s", "--arrows", "all", "--trace", "tip"]) == 0
     first = (saved / "replay.png").read_bytes()
