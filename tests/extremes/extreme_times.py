@@ -7,10 +7,11 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from catalogue import four_bar
 from extreme import WRONG, Case, G, hinge, largest, pendulum, quarter, solved, swing
 from extreme_loops import NEWTON, against_newton
 from linkage import GROUND, Body, Joint, Linkage, random_body, random_turn
-from motions import driven
+from motions import driven, energy, poses
 from random_chains import closed_chain
 
 from pinarm.mechanics.laws import ConstantSpeed
@@ -44,6 +45,21 @@ def many(periods: int, tolerance: float, folder: Path) -> float:
     run = solved(pendulum().build(folder), (periods + 0.25) * period, 2, position={"arm": 1.0}, method="conserving",
                  tolerance=tolerance, max_steps=40 * periods)  # fmt: skip
     return abs(run.q[-1, 0] / run.v[-1, 0]) / (periods * period)
+
+
+def kept(linkage: Linkage, cut: str | None, start: dict, speed: dict, end: float, folder: Path) -> float:
+    """What a long free motion has gained of energy, by that of its bodies, relative to the largest kinetic one."""
+    mechanism = linkage.build(folder, [cut]) if cut else linkage.build(folder)
+    run = solved(mechanism, end, 201, position=start, velocity=speed, method="conserving", tolerance=1e-6,
+                 max_steps=int(100 * end))  # fmt: skip
+    total = np.array([energy(linkage, pose) for pose in poses(linkage, run)])
+    return largest(total - total[0]) / max(energy(linkage, pose, weight=0.0) for pose in poses(linkage, run))
+
+
+def rods() -> Linkage:
+    """Two uniform rods of 1 m and 1 kg that hang down at 0."""
+    rod = Body(1.0, np.array([0.0, 0.0, -0.5]), np.diag([1.0, 1.0, 1e-6]) / 12.0)
+    return Linkage({"one": rod, "two": rod}, {"A": hinge(GROUND, "one"), "B": hinge("one", "two", z=-1.0)}, G)
 
 
 def turned(revolutions: float, folder: Path) -> float:
@@ -120,6 +136,7 @@ def closed_chains(count: int, folder: Path) -> float:
 
 
 TENSIONS = "tensions of the rods, a tridiagonal system"
+WITHIN = "tolerance 1e-6, within steps; ends of steps keep it to rounding"
 Entry = tuple[str, str, str, Callable[[Path], float], float, str, str]
 ENTRIES: list[Entry] = [
     ("steps", "rk4 by steps of 1e-12 s over 1e-9 s", "Jacobi's functions",
@@ -138,6 +155,12 @@ ENTRIES: list[Entry] = [
     *[("durations", f"pendulum over {periods:.0e} periods, energy conserved: phase", "complete elliptic integral",
        partial(many, periods, tolerance), 10 * tolerance, f"{tolerance:.0e} a step, relative to the time", when)
       for periods, tolerance, when in ((100, 1e-8, "fast"), (10_000, 1e-8, "slow"), (100_000, 1e-5, "command"))],
+    *[("durations", f"double pendulum from 2.2 and 1 rad over {end / 2:.0e} periods of 2 s, energy conserved",
+       "energy of its bodies", partial(kept, rods(), None, {"A": 2.2, "B": 1.0}, {}, end), 1e-5, WITHIN, when)
+      for end, when in ((2e2, "fast"), (2e4, "slow"), (2e5, "command"))],
+    *[("durations", f"four-bar over {end:.0e} turns of 1 s, energy conserved", "energy of its bodies",
+       partial(kept, four_bar(), "B", {}, {"O": 6.0}, end), 1e-5, WITHIN, when)
+      for end, when in ((1e2, "fast"), (1e4, "slow"), (1e5, "command"))],
     ("chains", "chain of 20 links", TENSIONS, partial(hanging, 20), 1e-11, "condition", "fast"),
     ("chains", "chain of 200 links", TENSIONS, partial(hanging, 200), 1e-10, "condition", "slow"),
     ("chains", "chain of 251 links", TENSIONS, partial(hanging, 251), 1e-10, "condition", "fast"),

@@ -44,6 +44,16 @@ def poses(linkage: Linkage, run: Trajectory) -> list[Poses]:
     return [Poses.of(linkage, run.mechanism, run.q[i], run.v[i], run.a[i]) for i in range(len(run))]
 
 
+def energy(linkage: Linkage, pose: Poses, weight: float = 1.0) -> float:
+    """Energy of all bodies, that of their weights as far as asked [J]."""
+    total = 0.0
+    for name, body in linkage.bodies.items():
+        turned = pose.turn[name].T @ pose.omega[name]
+        total += 0.5 * body.mass * pose.velocity[name] @ pose.velocity[name] + 0.5 * turned @ body.inertia @ turned
+        total += weight * body.mass * linkage.gravity * pose.place[name][2]
+    return total
+
+
 def states(linkage: Linkage, run: Trajectory) -> np.ndarray:
     """All numbers of all bodies at all rows, however the linkage was cut."""
     return np.array([pose.stacked() for pose in poses(linkage, run)])

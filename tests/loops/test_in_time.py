@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from catalogue import bennett, four_bar, rssr
-from motions import free, poses
+from motions import energy, free, poses
 
 TOLERANCE = 1e-9
 LONG = {
@@ -44,15 +44,6 @@ class TestTenSeconds:
         """What is closed and keeps its energy has moved at all."""
         assert np.abs(run.v).max(axis=0).min() > 0.1
         assert np.ptp(run.q, axis=0).max() > 1.0
-
-
-def energy(linkage, pose, weight=1.0):
-    total = 0.0
-    for name, body in linkage.bodies.items():
-        turned = pose.turn[name].T @ pose.omega[name]
-        total += 0.5 * body.mass * pose.velocity[name] @ pose.velocity[name] + 0.5 * turned @ body.inertia @ turned
-        total += weight * body.mass * linkage.gravity * pose.place[name][2]
-    return total
 
 
 class TestTolerance:

@@ -23,7 +23,7 @@ from pinarm.engine.masses import require_masses
 from pinarm.engine.measures import BLOCK
 from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.systems.contract import Initial, Motion
-from pinarm.engine.systems.together import CLOSED, ITERATIONS, Solved, Together
+from pinarm.engine.systems.together import CLOSED, ITERATIONS, TURNED, Solved, Together
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.balls import coordinate_at, coordinate_name
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -183,9 +183,9 @@ class ConstrainedSystem:
             gap = values - rows.gap(q)
             split = Split.of(rows.rows())
             q = pin.integrate(model, q, split.solve(mass, np.zeros(model.nv), gap))
-            if np.abs(gap).max() <= CLOSED * (
-                max(1.0, rows.extent) + np.abs(values).max()
-            ):  # and now closed to rounding
+            size = max(1.0, rows.extent)
+            limit = CLOSED * (size + np.abs(values).max()) + TURNED * size * np.abs(q).max()
+            if np.abs(gap).max() <= limit:  # and now closed to rounding
                 rows.place(q)
                 split = Split.of(rows.rows())
                 return q, split.solve(mass, mass @ v, self._rates(dw)), split

@@ -20,6 +20,9 @@ from pinarm.engine.measures import MeasuredAll, Measures
 CLOSED = 1e-13
 """Gap at which a state counts as closed [m or rad]; one step more ends at rounding."""
 
+TURNED = 1e-15
+"""What rounding of an angle of many turns leaves open, over the angle."""
+
 ITERATIONS = 12
 
 FEWEST = 4
@@ -93,7 +96,8 @@ class Together:
         still = np.zeros_like(q)
         for _ in range(ITERATIONS):
             gap = self._gap(measured, w)
-            closed = np.abs(gap).max(axis=0) <= CLOSED * (1.0 + np.abs(w).max(axis=0, initial=0.0))
+            limit = CLOSED * (1.0 + np.abs(w).max(axis=0, initial=0.0)) + TURNED * np.abs(q).max(axis=1)
+            closed = np.abs(gap).max(axis=0) <= limit
             q = q + freedom.solve(mass, still, dict(enumerate(gap)))
             if closed[freedom.served].all():
                 break
