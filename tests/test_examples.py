@@ -61,7 +61,11 @@ def test_a_script_runs(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+LONG = ("sweep", "tradeoff")
+RUN = [pytest.param(path, marks=pytest.mark.slow if path.stem.endswith(LONG) else ()) for path in NOTEBOOKS]
+
+
+@pytest.mark.parametrize("path", RUN, ids=lambda path: path.stem)
 def test_a_notebook_runs(path: Path) -> None:
     outputs = [out for cell in executed(path).cells for out in cell.get("outputs", [])]
     assert not [out for out in outputs if out.get("name") == "stderr"]

@@ -124,6 +124,7 @@ def test_a_target_that_no_setting_reaches_is_missed_with_the_best_that_was(chaos
     assert '"target reached": false' in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [1e-4, 1e-8])
 def test_the_setting_for_a_target_reaches_it_and_the_next_coarser_one_does_not(target):
     path = ROOT / "scenarios" / "crank_rocker_free.yaml"
