@@ -44,7 +44,7 @@ def configurations(mechanism: Mechanism, positions: Mapping[str, ArrayLike]) -> 
         InputError: A joint does not exist, or the lengths differ.
     """
     model, joints, balls = mechanism.model, mechanism.joints, mechanism.balls
-    columns = _columns(positions)
+    columns = columns_of(positions)
     if all(name in joints for name in positions):
         rows = np.tile(np.asarray(pin.neutral(model)), (len(columns[0]), 1))
         rows[:, [joints[name].q for name in positions]] = columns[1:].T
@@ -62,14 +62,18 @@ def rates(mechanism: Mechanism, values: Mapping[str, ArrayLike]) -> Array:
     known, places = velocities_of(mechanism.joints, mechanism.balls), places_of(mechanism.joints, mechanism.balls)
     for name in values:
         unit_of(name, known)
-    columns = _columns(values)
+    columns = columns_of(values)
     rows = np.zeros((len(columns[0]), mechanism.model.nv))
     rows[:, [places[name] for name in values]] = columns[1:].T
     return rows
 
 
-def _columns(values: Mapping[str, ArrayLike]) -> Array:
-    """Return a row of zeros and then the values of every name, shape (1 + k, n)."""
+def columns_of(values: Mapping[str, ArrayLike]) -> Array:
+    """Return a row of zeros and then the values of every name, shape (1 + k, n).
+
+    Raises:
+        InputError: The values have different lengths, or more axes than one.
+    """
     try:
         columns = np.broadcast_arrays(np.zeros(1), *(np.asarray(value, float) for value in values.values()))
     except ValueError:

@@ -113,8 +113,7 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         self, mechanism: Mechanism, journey: Journey, q: Array, v: Array, ahead: Known | None = None
     ) -> Trajectory:
         """Return the motion from an assembled state, whose first leg may be known; see ``solve``."""
-        laid = mechanism.closure.with_guides(journey.imposed.names, journey.imposed.coordinates)
-        require_masses(laid, q if len(q) == len(journey.initial.q) else journey.initial.q, self.time.start)
+        laid = self.require_masses(mechanism, journey, q)
         try:
             course = journey.travel(q, v, ahead)
         except (IntegrationError, Interrupted) as error:
@@ -128,6 +127,16 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         whole = _at(mechanism, journey, course, self.events, grid)
         energy = {} if self.motion else course.energy()
         return replace(whole, figures={**course.cost(), **energy}, notes=tuple(course.doubts()))
+
+    def require_masses(self, mechanism: Mechanism, journey: Journey, q: Array) -> Closure:
+        """Return the constraints and the coordinates that follow laws, where masses determine the accelerations at q.
+
+        Raises:
+            DynamicsError: They do not.
+        """
+        laid = mechanism.closure.with_guides(journey.imposed.names, journey.imposed.coordinates)
+        require_masses(laid, q if len(q) == len(journey.initial.q) else journey.initial.q, self.time.start)
+        return laid
 
     def _require_branch(self, mechanism: Mechanism, journey: Journey, laid: Closure, course: Course) -> None:
         """Raise where rounding has chosen between motions that meet; the motion until then is kept."""

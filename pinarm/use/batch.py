@@ -14,6 +14,7 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integrators import Ensemble
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities import Quantities
+from pinarm.engine.states import columns_of
 from pinarm.engine.systems import Initial
 from pinarm.engine.trajectory import Trajectory
 from pinarm.engine.travel import Journey
@@ -139,17 +140,23 @@ def batch(
         overrides: Assignments such as ``problem.time.end=3 s`` that replace values of the scenario.
 
     Raises:
-        InputError: The scenario is of another kind, a joint has not one coordinate or follows a law, or the numbers of
-            values differ.
+        InputError: The scenario is of another kind or looks for something, a joint has not one coordinate or follows a
+            law, or the numbers of values differ.
+        DynamicsError: Masses do not determine the accelerations.
     """
     one = load(scenario, overrides)
     scene, problem = one.scene, one.scene.problem
     if not isinstance(problem, Forward):
         raise InputError(f"the scenario '{one.name}' is of kind {problem.kind}", expected="kind: forward")
+    if one.content.find or one.content.accuracy.target is not None:
+        raise InputError(f"the scenario '{one.name}' looks for numbers, or for the setting that reaches an error",
+                         expected="neither find nor accuracy.target", hint="accuracy.tolerance")  # fmt: skip
     journey = problem.prepare(scene.solved, partial(one.document.locating, "problem"), one.content.accuracy)
     starts = _starts(scene.solved, journey, position or {}, velocity or {})
     states = [replace(journey, initial=start).begin() for start in starts]
     q, v = np.array([state[0] for state in states]), np.array([state[1] for state in states])
+    for row in q:
+        problem.require_masses(scene.solved, journey, row)
     touching = any(journey.contacts.near(row) for row in q) if journey.bounds else False
     with np.errstate(all="ignore"):  # what is not finite is found in the results, and said in words
         return Batch(one, problem, journey, q, v, None if touching else journey.abreast(q, v))
@@ -166,14 +173,12 @@ def _starts(
             raise InputError(
                 f"no free joint '{name}' with one coordinate can begin elsewhere", expected=expected, hint=hint
             )
-    try:
-        columns = np.broadcast_arrays(np.zeros(1), *map(np.asarray, (*position.values(), *velocity.values())))
-    except ValueError:
-        raise InputError(
-            "the initial values have different numbers of rows", expected="one number of them, or one value"
-        ) from None
+    columns = columns_of({**{f"position {k}": x for k, x in position.items()},
+                          **{f"velocity {k}": x for k, x in velocity.items()}})  # fmt: skip
     base, joints = journey.initial, mechanism.joints
-    q, v = (np.tile(row, (columns[0].size, 1)) for row in (base.q, base.v))
+    if not columns.shape[1]:
+        raise InputError("there are no initial values", expected="one motion or more")
+    q, v = (np.tile(row, (columns.shape[1], 1)) for row in (base.q, base.v))
     for name, column in zip(position, columns[1:], strict=False):
         q[:, joints[name].q] = column
     for name, column in zip(velocity, columns[1 + len(position) :], strict=True):

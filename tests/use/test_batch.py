@@ -117,11 +117,26 @@ def test_loops_are_taken_one_by_one(scenario):
 
 @pytest.mark.parametrize(
     ("position", "message"),
-    [({"o": 0.0}, "no free joint 'o'"), ({"O": [0.0, 1.0], "B": [0.0, 1.0, 2.0]}, "different numbers of rows")],
+    [
+        ({"o": 0.0}, "no free joint 'o'"),
+        ({"O": [0.0, 1.0], "B": [0.0, 1.0, 2.0]}, "the arrays have the shapes"),
+        ({"O": []}, "there are no initial values"),
+        ({"O": [[0.0]]}, "the arrays have 2 axes"),
+    ],
 )
 def test_starts_that_cannot_be_are_refused(scenario, position, message):
     with pytest.raises(InputError, match=message):
         pinarm.batch(scenario(), position)
+
+
+def test_a_scenario_that_looks_for_its_setting_is_refused(scenario):
+    with pytest.raises(InputError, match="looks for numbers"):
+        pinarm.batch(scenario().varied({"accuracy": {"target": 1e-6}}), {"O": 0.0})
+
+
+def test_a_body_without_mass_is_refused_before_anything_moves(scenario):
+    with pytest.raises(NumericsError, match="without mass"):
+        pinarm.batch(scenario().varied({"arguments.m_A": "0 kg", "arguments.m_BA": "0 kg"}), STARTS)
 
 
 def test_only_forward_motions_have_initial_states():
