@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.closure import Closure
+from pinarm.engine.closure import Closure, Constraint
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.multipliers import Multipliers
 from pinarm.errors import InputError
@@ -111,5 +111,11 @@ def everywhere(mechanism: Mechanism) -> Actuation | None:
     constraints, closure = mechanism.constraints, mechanism.closure
     if not constraints:
         return EveryJoint(closure)
-    followers = {one.follower for one in constraints if isinstance(one, Coupling) and one.follower is not None}
-    return EveryLeader(closure, np.array(sorted(followers))) if len(followers) == len(constraints) else None
+    followers = followers_of(constraints)
+    return None if followers is None else EveryLeader(closure, followers)
+
+
+def followers_of(constraints: Sequence[Constraint]) -> Indices | None:
+    """Return the joints that mimic others, one of each constraint; ``None`` where there are other constraints."""
+    found = {one.follower for one in constraints if isinstance(one, Coupling) and one.follower is not None}
+    return np.array(sorted(found), dtype=np.intp) if len(found) == len(constraints) else None

@@ -91,9 +91,11 @@ class _Pace:
     @classmethod
     def of(cls, leg: Leg, scale: Array) -> _Pace:
         """Return that of a leg."""
-        steps = leg.solution.steps
-        t, index = np.array([*(step.t for step in steps), steps[-1].until]), np.arange(len(steps) + 1)
-        q, v = leg.system.whole(t, *leg.solution.states_in(np.minimum(index, len(steps) - 1), t))
+        steps, nq = leg.solution.steps, leg.solution.manifold.nq
+        t = np.array([*(step.t for step in steps), steps[-1].until])
+        last = np.hstack(leg.solution.states(t[-1:]))
+        y = np.concatenate([[step.y for step in steps], last])  # only the last step is interpolated
+        q, v = leg.system.whole(t, y[:, :nq], y[:, nq:])
         v = v / scale
         speed = np.linalg.norm(v, axis=1)
         along = (v[:-1] * v[1:]).sum(axis=1) > 0.5 * speed[:-1] * speed[1:]

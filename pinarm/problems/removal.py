@@ -1,13 +1,12 @@
 """Which joints of a mechanism a question can be answered without. Joints are told by their index in v.
 
-In doubt a joint stays: one that a loop or a sum of coordinates has in it, at which a force is asked, that an event
-looks at, and everything where drives are named that act along other coordinates than
-those that follow laws.
+In doubt a joint stays: one that a loop or a sum of coordinates has in it, at which a force is asked, or that an event
+looks at; and all of them, where drives are named that act along other coordinates than those that follow laws.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -16,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.closure import Constraint
+from pinarm.engine.efforts import followers_of
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.part import Removed
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
@@ -116,7 +115,9 @@ class Known:
     @cached_property
     def guided(self) -> set[str]:
         """Coordinates of a task along which drives may act: these load every joint before the link that they move."""
-        drives = self.told.get("drives", []) or ([] if _everywhere(self.mechanism.constraints) else self.imposed)
+        drives = self.told.get("drives", []) or (
+            [] if followers_of(self.mechanism.constraints) is not None else self.imposed
+        )
         return {name for name in drives if not isinstance(self.mechanism.coordinates[name], LinearCoordinate)}
 
     @cached_property
@@ -223,11 +224,6 @@ def _driven_alike(known: Known, settled: Collection[str]) -> bool:
     """Tell whether drives act on the part as on the whole, where none are named."""
     constraints = known.mechanism.constraints
     left = [one for one in constraints if one.name not in settled]
-    if known.told.get("drives", []) or _everywhere(left) == _everywhere(constraints):
+    if known.told.get("drives", []) or (followers_of(left) is None) == (followers_of(constraints) is None):
         return True
     return all(isinstance(one, LinearCoordinate) and one.joint is not None for one in known.imposed.values())
-
-
-def _everywhere(constraints: Sequence[Constraint]) -> bool:
-    """Tell whether a drive acts at every joint that mimics no other; see ``efforts.everywhere``."""
-    return all(isinstance(one, Coupling) and one.follower is not None for one in constraints)
