@@ -76,7 +76,7 @@ def _worth(figures: Mapping[str, float], parameter: str) -> list[str]:
         ", ".join(f"{name} {figures[name]:.1e}" for name in names if name in figures) for names in (RESIDUALS, CLOSURES)
     )
     lines = [f"accuracy: relative residuals: {residuals}"] if residuals else []
-    lines += [f"loops: {gaps}"] if gaps else []
+    lines += [f"loops [m or rad, s]: {gaps}"] if gaps else []
     if "regularity" in figures:
         lines.append(f"regularity: {figures['regularity']:.2g} at {parameter} = {figures['least regular at']:.6g}, "
                      "0 at a singular position")  # fmt: skip
