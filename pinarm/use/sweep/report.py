@@ -59,7 +59,10 @@ def ranges(sweep: Sweep) -> list[list[str]]:
 def remarks(sweep: Sweep) -> list[str]:
     """Return what is to be said beside the numbers, a line each: accuracy, notes, and why cases failed."""
     found, lines = summary(sweep), []
-    for head, names in (("accuracy: largest relative residuals", RESIDUALS), ("loops [m or rad, s]: largest", CLOSURES)):
+    for head, names in (
+        ("accuracy: largest relative residuals", RESIDUALS),
+        ("loops [m or rad, s]: largest", CLOSURES),
+    ):
         measured = [f"{name} {found['accuracy'][name]:.1e}" for name in names if name in found["accuracy"]]
         lines += [f"{head}: {', '.join(measured)}"] if measured else []
     if "global error" in found["accuracy"]:
