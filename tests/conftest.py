@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -77,5 +81,50 @@ def swing() -> Callable[[Mechanism], Trajectory]:
         law = Harmonic(mean=0.4, amplitude=0.9, pulsation=2.0)
         problem = Inverse(time=TimeGrid(end=3.0, samples=61), motion={"arm": law})
         return problem.solve(mechanism, Accuracy(), lambda *path: nullcontext())
+
+    return run
+
+
+# The peak of a process counts the pages of whoever started it: a small process must stand between it and pytest.
+WATCHER = """\
+import json, resource, subprocess, sys
+limit, *command = sys.argv[1:]
+try:
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=2, timeout=float(limit))
+    status = done.returncode
+except subprocess.TimeoutExpired:
+    status = None
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+unit = 1 if sys.platform == "darwin" else 1024
+print(json.dumps([status, used.ru_utime + used.ru_stime, used.ru_maxrss * unit]))
+"""
+
+
+class Spent(NamedTuple):
+    """How a command ended, what it took and what it said.
+
+    Attributes:
+        status: its exit code; ``None`` where it had to be killed.
+        seconds: of computing.
+        peak: bytes of memory.
+        text: its output and its errors.
+    """
+
+    status: int | None
+    seconds: float
+    peak: int
+    text: str
+
+
+@pytest.fixture
+def spend() -> Callable[..., Spent]:
+    """Return a function that runs ``python -m pinarm`` with arguments in a folder and watches what it takes."""
+
+    def run(folder: Path, *arguments: str, limit: float = 600.0, **environment: str) -> Spent:
+        command = [sys.executable, "-m", "pinarm", *arguments]
+        known = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1]), **environment}
+        watcher = [sys.executable, "-c", WATCHER, str(limit), *command]
+        done = subprocess.run(watcher, cwd=folder, env=known, capture_output=True, check=True)
+        return Spent(*json.loads(done.stdout), done.stderr.decode(errors="replace"))
 
     return run

@@ -1,11 +1,9 @@
 """Whatever a file holds, the command ends within 10 s of computing and 2 GB, with an answer or with exit code 2."""
 
 import os
-import subprocess
-import sys
-import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -91,33 +89,25 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def answer(folder: Path, *arguments: str) -> tuple[int, str]:
-    """Run a command, hold it to its limits, and return its exit code and what it said."""
-    known = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), "OPENBLAS_NUM_THREADS": "1"}
-    with open(folder / "said", "w+b") as said:
-        child = subprocess.Popen(
-            [sys.executable, "-m", "pinarm", *arguments], cwd=folder, stdout=said, stderr=said,
-            stdin=subprocess.DEVNULL, env=known,
-        )  # fmt: skip
-        watchdog = threading.Timer(PATIENCE, child.kill)
-        watchdog.start()
-        _, status, used = os.wait4(child.pid, 0)
-        watchdog.cancel()
-        child.returncode = os.waitstatus_to_exitcode(status)
-        said.seek(0)
-        text = said.read().decode(errors="replace")
-    peak = used.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-    assert child.returncode in (0, 2, 3), text[-2000:]
-    assert "Traceback" not in text, text[-2000:]
-    assert used.ru_utime + used.ru_stime < SECONDS
-    assert peak < GIGABYTES * 1e9
-    assert not (folder / "canary").exists()
-    return child.returncode, text
+@pytest.fixture
+def answer(folder: Path, spend: Callable[..., Any]) -> Callable[..., tuple[int, str]]:
+    """Return a function that runs a command, holds it to its limits, and returns its exit code and what it said."""
+
+    def run(*arguments: str) -> tuple[int, str]:
+        spent = spend(folder, *arguments, limit=PATIENCE, OPENBLAS_NUM_THREADS="1")
+        assert spent.status in (0, 2, 3), spent.text[-2000:]
+        assert "Traceback" not in spent.text, spent.text[-2000:]
+        assert spent.seconds < SECONDS
+        assert spent.peak < GIGABYTES * 1e9
+        assert not (folder / "canary").exists()
+        return spent.status, spent.text
+
+    return run
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_a_scenario_is_read_or_refused_in_time(folder: Path, name: str) -> None:
+def test_a_scenario_is_read_or_refused_in_time(folder: Path, name: str, answer: Callable[..., Any]) -> None:
     content = SCENARIOS[name]()
     (folder / "s.yaml").write_bytes(content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content)
     os.mkfifo(folder / "pipe.csv")
@@ -127,21 +117,23 @@ def test_a_scenario_is_read_or_refused_in_time(folder: Path, name: str) -> None:
         )
     if name == "table of one line":
         (folder / "line.csv").write_text("t [s],x [rad]" + ",1" * 20_000_000)
-    code, _ = answer(folder, "validate", "s.yaml")
+    code, _ = answer("validate", "s.yaml")
     assert code == (0 if name in ("comments", "long text", "many loads", "many answers", "points that jump") else 2)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
-def test_a_model_is_read_or_refused_in_time(folder: Path, name: str) -> None:
+def test_a_model_is_read_or_refused_in_time(folder: Path, name: str, answer: Callable[..., Any]) -> None:
     (folder / "rod.urdf").write_text(MODELS[name]())
     (folder / "s.yaml").write_text(SCENARIO)
-    code, _ = answer(folder, "run", "s.yaml", "--no-plots", "-o", "out")
+    code, _ = answer("run", "s.yaml", "--no-plots", "-o", "out")
     assert code == (0 if name == "mesh elsewhere" else 2)
 
 
 @pytest.mark.parametrize("command", ["run", "validate", "check", "explain"])
-def test_a_pipe_in_place_of_a_scenario_keeps_nobody_waiting(folder: Path, command: str) -> None:
+def test_a_pipe_in_place_of_a_scenario_keeps_nobody_waiting(
+    folder: Path, command: str, answer: Callable[..., Any]
+) -> None:
     os.mkfifo(folder / "s.yaml")
-    code, said = answer(folder, command, "s.yaml")
+    code, said = answer(command, "s.yaml")
     assert (code, "not a regular file" in said) == (2, True)
