@@ -81,7 +81,7 @@ class Solver:
         self.curved = ~np.array(straight, dtype=bool)
         self.units = [*(one.unit(row) for one, row in owners), *(c.unit for c in imposed.coordinates)]
         self.measure = closure.length ** np.array([float(one.dimension[0]) for one in self.units])
-        self.scale = closure.scale()
+        self.scale = closure.scale
 
     def gap(self, q: Array, w: Array) -> Array:
         """Return ``(-phi(q), w - w(q))`` in SI, shape (m + k,); leaves Jacobians and frames of q in the buffers."""

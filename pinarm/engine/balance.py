@@ -66,11 +66,11 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
     model, data, closure = run.mechanism.model, run.mechanism.model.createData(), run.closure
     bodies = range(1, model.njoints)
     jacobians, demands = np.empty((len(rows), len(bodies), 6, model.nv)), np.empty((len(rows), 3, len(bodies), 6))
-    held = np.empty((len(rows), model.nv))
+    held, lam = np.empty((len(rows), model.nv)), run.lam.at(rows)
     for k, row in enumerate(rows):
         q = run.q[row]
         closure.place(q)
-        held[k] = closure.load(run.lam[row])
+        held[k] = closure.load(lam[k])
         pin.computeJointJacobians(model, data, q)
         pin.forwardKinematics(model, data, q, run.v[row], run.a[row])
         for body in bodies:

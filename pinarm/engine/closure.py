@@ -124,7 +124,7 @@ class Closure:
         joints = sum(float(np.linalg.norm(place.translation)) for place in self.model.jointPlacements)
         return joints + max(float(np.linalg.norm(one.placement.translation)) for one in self.model.frames) or 1.0
 
-    @property
+    @cached_property
     def length(self) -> float:
         """Unit of length that suits the mechanism [m]: 1e-6, 1e-3, 1, 1e3, 1e6, ...
 
@@ -137,10 +137,16 @@ class Closure:
         """Factor by which rounding of places exceeds that of numbers of about 1, in the unit of length."""
         return max(1.0, self.extent / self.length)
 
+    @cached_property
     def scale(self) -> Array:
         """Return the unit of every coordinate's velocity, shape (nv,): that of length, or 1 for angles."""
         slides = [one.shortname().startswith("JointModelP") for one in self.model.joints[1:] for _ in range(one.nv)]
         return np.where(slides, self.length, 1.0)
+
+    @cached_property
+    def measure(self) -> Array:
+        """Return the unit of the gap in every row, shape (m,): that of length, or 1 for angles."""
+        return np.array([self.length ** float(one.unit(row).dimension[0]) for one, row in self.owners()])
 
     def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> Closure:
         """Return the closure with the rows of guided coordinates after its own."""
@@ -181,14 +187,25 @@ class Closure:
             [np.zeros((0, self.model.nv)), *(c.rows(self.model, self.data) for c in self.constraints)]
         )
 
+    def rows_at(self, q: Array) -> Array:
+        """Return G at configurations, shape (n, nq), as an array of shape (n, m, nv)."""
+        found = np.empty((len(q), self.size, self.model.nv))
+        for k, one in enumerate(q):
+            self.place(one)
+            found[k] = self.rows()
+        return found
+
     def singular_values(self, q: Array) -> Array:
         """Return the singular values of G at a configuration, descending, lengths in the unit of the mechanism.
 
         Rows are not brought to the length 1: where bars are in line a row itself may vanish.
         """
         self.place(q)
-        measure = np.array([self.length ** float(one.unit(row).dimension[0]) for one, row in self.owners()])
-        return np.asarray(np.linalg.svd(self.rows() * self.scale() / measure[:, None], compute_uv=False))
+        return self.values_of(self.rows())
+
+    def values_of(self, rows: Array) -> Array:
+        """Return the singular values of given rows G, shape (.., m, nv), as ``singular_values`` does."""
+        return np.asarray(np.linalg.svd(rows * self.scale / self.measure[:, None], compute_uv=False))
 
     def drift(self, q: Array, v: Array) -> Array:
         """Return G' v, shape (m,); the configuration is the one last placed."""
@@ -247,15 +264,25 @@ class Split:
     @classmethod
     def of(cls, rows: Array, least: float = RANK) -> Split:
         """Return the parts of the rows G, shape (m, nv)."""
-        m, nv = rows.shape
+        return cls.each(rows[None], least)[0]
+
+    @classmethod
+    def each(cls, rows: Array, least: float = RANK) -> list[Split]:
+        """Return the parts of the rows G at several configurations, shape (n, m, nv)."""
+        m, nv = rows.shape[1:]
         if not m:
-            return cls(np.ones(0), np.zeros((0, 0)), np.zeros(0), np.zeros((0, nv)), np.eye(nv), rows)
-        length = np.sqrt((rows * rows).sum(axis=1))
-        scale = 1.0 / np.where(length > VANISHED * max(length.max(), SMALL), length, 1.0)
-        tall, square = np.linalg.qr(rows * scale[:, None]) if m > nv else (np.eye(m), rows * scale[:, None])
-        u, s, vt = np.linalg.svd(square)
-        r = int((s > least * max(s[0], 1.0)).sum())
-        return cls(scale, tall @ u[:, :r], s[:r], vt[:r], vt[r:].T, rows)
+            nothing = np.ones(0), np.zeros((0, 0)), np.zeros(0), np.zeros((0, nv)), np.eye(nv)
+            return [cls(*nothing, one) for one in rows]
+        length = np.sqrt((rows * rows).sum(axis=2))
+        longest = np.maximum(length.max(axis=1, keepdims=True), SMALL)
+        scale = 1.0 / np.where(length > VANISHED * longest, length, 1.0)
+        scaled, tall = rows * scale[:, :, None], None
+        if m > nv:
+            tall, scaled = np.linalg.qr(scaled)
+        u, s, vt = np.linalg.svd(scaled)
+        left = u if tall is None else tall @ u
+        ranks = (s > least * np.maximum(s[:, :1], 1.0)).sum(axis=1).tolist()
+        return [cls(scale[k], left[k, :, :r], s[k, :r], vt[k, :r], vt[k, r:].T, rows[k]) for k, r in enumerate(ranks)]
 
     @cached_property
     def redundant(self) -> Array:

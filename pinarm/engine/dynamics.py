@@ -85,10 +85,11 @@ class Dynamics:
 
     def mass_matrices(self, q: Array) -> Array:
         """Return M at configurations, shape (n, nq), as an array of shape (n, nv, nv)."""
-        mass = np.empty((len(q), self.model.nv, self.model.nv))
+        upper = np.empty((len(q), self.model.nv, self.model.nv))
         for i in range(len(q)):
-            mass[i] = mass_matrix(self.model, self.data, q[i])
-        return mass
+            upper[i] = pin.crba(self.model, self.data, q[i]).reshape(upper.shape[1:])
+        upper = np.triu(upper)
+        return np.asarray(upper + np.triu(upper, 1).swapaxes(1, 2))
 
     def loads(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the generalised loads of the force elements [N*m or N], shape (..., nv)."""

@@ -11,6 +11,9 @@ import numpy as np
 from pinarm.arrays import Array, Indices
 from pinarm.engine.closure import Closure, Split
 
+BLOCK = 512
+"""Number of rows whose G is held at once."""
+
 
 @dataclass(frozen=True, eq=False)
 class Multipliers:
@@ -20,11 +23,11 @@ class Multipliers:
     ``np.asarray(lam)`` that of all.
 
     Attributes:
-        own: Row -> multipliers of the constraints [N or N*m], shape (m,).
+        own: Indices of k rows -> multipliers of the constraints there [N or N*m], shape (k, m).
         along: Efforts of the drives along task coordinates [N or N*m], shape (n, g).
     """
 
-    own: Callable[[int], Array] = field(repr=False)
+    own: Callable[[Indices], Array] = field(repr=False)
     along: Array = field(repr=False)
 
     @classmethod
@@ -49,11 +52,15 @@ class Multipliers:
         """
         m, own_buffers = closure.size - along.shape[1], cache(lambda: Closure.of(closure.model, closure.constraints))
 
-        def own(row: int) -> Array:
-            here = own_buffers()
-            here.place(q[row])
-            rows = here.rows()
-            return Split.of(rows[:m]).multipliers(held[row] - along[row] @ rows[m:])
+        def own(rows: Indices) -> Array:
+            found = np.empty((len(rows), m))
+            for start in range(0, len(rows), BLOCK):
+                some = rows[start : start + BLOCK]
+                g = own_buffers().rows_at(q[some])
+                force = held[some] - (along[some][:, None] @ g[:, m:])[:, 0]
+                splits = Split.each(g[:, :m])
+                found[start : start + BLOCK] = [split.multipliers(f) for split, f in zip(splits, force, strict=True)]
+            return found
 
         return cls(own, along)
 
@@ -62,9 +69,12 @@ class Multipliers:
         """Return the rows of several runs, one after the other."""
         starts = np.cumsum([0, *(len(part) for part in parts)])
 
-        def own(row: int) -> Array:
-            k = int(np.searchsorted(starts, row, side="right")) - 1
-            return parts[k].own(row - starts[k])
+        def own(rows: Indices) -> Array:
+            owner = np.searchsorted(starts, rows, side="right") - 1
+            found = np.empty((len(rows), parts[0].own(rows[:0]).shape[1]))
+            for k in np.unique(owner):
+                found[owner == k] = parts[k].own(rows[owner == k] - starts[k])
+            return found
 
         return cls(own, np.concatenate([part.along for part in parts]))
 
@@ -72,11 +82,15 @@ class Multipliers:
         return len(self.along)
 
     def __getitem__(self, row: int) -> Array:
-        return np.concatenate([self.own(row), self.along[row]])
+        return np.asarray(self.at(np.array([row]))[0])
 
     def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> Array:
-        return np.array([self[row] for row in range(len(self))], dtype=dtype)
+        return self.at(np.arange(len(self))).astype(dtype or np.float64, copy=False)
+
+    def at(self, rows: Indices) -> Array:
+        """Return the multipliers at k of the rows, shape (k, m + g)."""
+        return np.hstack([self.own(rows), self.along[rows]])
 
     def some(self, rows: Indices) -> Multipliers:
         """Return the multipliers at some of the rows."""
-        return Multipliers(lambda row: self.own(rows[row]), self.along[rows])
+        return Multipliers(lambda wanted: self.own(rows[wanted]), self.along[rows])

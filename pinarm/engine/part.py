@@ -216,9 +216,9 @@ class Part:
         for name in self.removed.couplings:
             gone[self.whole.closure.slices()[name]] = True
 
-        def own(row: int) -> Array:
-            found = np.empty(len(gone))
-            found[gone], found[~gone] = geared[row], lam.own(row)
+        def own(rows: Indices) -> Array:
+            found = np.empty((len(rows), len(gone)))
+            found[:, gone], found[:, ~gone] = geared[rows], lam.own(rows)
             return found
 
         return Multipliers(own, lam.along) if gone.any() else lam

@@ -5,11 +5,9 @@ A fixed, even choice of rows is looked at, so that the cost of large tables stay
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.closure import RANK, Split
@@ -40,19 +38,19 @@ def table_figures(run: Trajectory, most: int = SAMPLE) -> dict[str, float]:
     if run.unasked and not run.mechanism.closure.size:
         return {}
     rows = np.linspace(0, len(run) - 1, min(len(run), most)).astype(np.intp)
-    found = [_Row.of(run, int(row)) for row in rows]
+    found = _Looked.at(run, rows)
     figures: dict[str, float] = {}
     if run.mechanism.closure.size:
-        gaps = np.array([row.gaps for row in found]).max(axis=0)
-        figures.update(zip(("closure", "closure rate", "closure acceleration"), map(float, gaps), strict=True))
-        values = np.array([row.values for row in found])
+        gaps = found.gaps.max(axis=0).tolist()
+        figures.update(zip(("closure", "closure rate", "closure acceleration"), gaps, strict=True))
+        values = run.mechanism.closure.values_of(found.own)
         rank = max(int((values > RANK * values[:, :1]).sum(axis=1).max()), 1)
         regular = values[:, rank - 1] / values[:, 0]
         least = int(np.argmin(regular))
         figures |= {"regularity": float(regular[least]), "least regular at": float(run.grid.t[rows[least]])}
     if run.unasked:
         return figures
-    alike = [_Alike.of(run, rows, found, some) for some in _of_one_freedom(found)]
+    alike = found.of_one_freedom(run)
     condition = max(one.condition for one in alike)
     if not np.isfinite(condition):
         return figures
@@ -61,48 +59,50 @@ def table_figures(run: Trajectory, most: int = SAMPLE) -> dict[str, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Row:
-    """What belongs to one row.
+class _Looked:
+    """What is looked at in n rows, under m constraints and g drives along task coordinates.
 
     Attributes:
-        gaps: What is open of the loops, its rate and its acceleration.
-        values: Singular values of the constraints, descending.
-        split: The rows of the constraints taken apart.
-        mass: M, shape (nv, nv).
-        right: ``-G' v``, shape (m,).
-        guided: Load of the drives along task coordinates, shape (nv,).
+        rows: Their places in the run, shape (n,).
+        gaps: What is open of the loops, its rate and its acceleration, largest of each row, shape (n, 3).
+        own: G of the constraints, shape (n, m, nv).
+        right: ``-G' v``, shape (n, m).
+        guided: Loads of the drives along task coordinates, shape (n, nv).
     """
 
-    gaps: tuple[float, float, float]
-    values: Array
-    split: Split
-    mass: Array
+    rows: Indices
+    gaps: Array
+    own: Array
     right: Array
     guided: Array
 
     @classmethod
-    def of(cls, run: Trajectory, row: int) -> _Row:
-        """Return what belongs to a row of a run."""
-        closure, q, v, a = run.closure, run.q[row], run.v[row], run.a[row]
-        m, nv = run.mechanism.closure.size, closure.model.nv
-        upper = np.triu(pin.crba(closure.model, closure.data, q).reshape(nv, -1))
-        mass = upper + upper.T - np.diag(np.diag(upper))
-        if not closure.size:
-            return cls((0.0, 0.0, 0.0), np.zeros(0), Split.of(np.zeros((0, nv))), mass, np.zeros(0), np.zeros(nv))
-        closure.place(q)
-        rows, gap = closure.rows(), closure.gap(q)
-        drift = closure.drift(q, v)
-        split, own = Split.of(rows[:m]), rows[:m]
-        largest = (float(np.abs(part).max(initial=0.0)) for part in (gap[:m], own @ v, own @ a + drift[:m]))
-        values = run.mechanism.closure.singular_values(q)
-        guided = rows[m:].T @ run.lam.along[row]
-        return cls((next(largest), next(largest), next(largest)), values, split, mass, -drift[:m], guided)
+    def at(cls, run: Trajectory, rows: Indices) -> _Looked:
+        """Return what belongs to rows of a run."""
+        closure, m, q, v = run.closure, run.mechanism.closure.size, run.q[rows], run.v[rows]
+        matrices = np.zeros((len(rows), closure.size, closure.model.nv))
+        gap, drift = np.zeros((2, len(rows), closure.size))
+        for k in range(len(rows)) if closure.size else ():
+            closure.place(q[k])
+            matrices[k], gap[k], drift[k] = closure.rows(), closure.gap(q[k]), closure.drift(q[k], v[k])
+        own, guided = matrices[:, :m], np.einsum("nij,ni->nj", matrices[:, m:], run.lam.along[rows])
+        rates = (np.einsum("nij,nj->ni", own, one[rows]) for one in (run.v, run.a))
+        parts = gap[:, :m], next(rates), next(rates) + drift[:, :m]
+        gaps = np.stack([np.abs(part).max(axis=1, initial=0.0) for part in parts], axis=1)
+        return cls(rows, gaps, own, -drift[:, :m], guided)
 
-
-def _of_one_freedom(found: Sequence[_Row]) -> list[Indices]:
-    """Return the rows, those with as many free motions together: at singular positions there are more."""
-    freedoms = np.array([one.split.free.shape[1] for one in found])
-    return [np.flatnonzero(freedoms == freedom) for freedom in set(freedoms.tolist())]
+    def of_one_freedom(self, run: Trajectory) -> list[_Alike]:
+        """Return those with as many free motions together: at singular positions there are more."""
+        splits, mass = Split.each(self.own), run.dynamics.mass_matrices(run.q[self.rows])
+        freedoms = np.array([split.free.shape[1] for split in splits])
+        found = []
+        for freedom in set(freedoms.tolist()):
+            some = np.flatnonzero(freedoms == freedom)
+            free = np.array([splits[k].free for k in some])
+            particular = np.array([splits[k].particular(self.right[k]) for k in some])
+            free_mass = free.swapaxes(1, 2) @ mass[some] @ free
+            found.append(_Alike(self.rows[some], free, mass[some], free_mass, particular, self.guided[some]))
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,15 +124,6 @@ class _Alike:
     free_mass: Array
     particular: Array
     guided: Array
-
-    @classmethod
-    def of(cls, run: Trajectory, rows: Indices, found: Sequence[_Row], some: Indices) -> _Alike:
-        """Return some of the rows that have been looked at."""
-        here = [found[k] for k in some]
-        free, mass = np.array([one.split.free for one in here]), np.array([one.mass for one in here])
-        particular = np.array([one.split.particular(one.right) for one in here])
-        free_mass = free.swapaxes(1, 2) @ mass @ free
-        return cls(rows[some], free, mass, free_mass, particular, np.array([one.guided for one in here]))
 
     @property
     def condition(self) -> float:

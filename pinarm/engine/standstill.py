@@ -53,7 +53,7 @@ def undetermined_rest(closure: Closure, course: Course) -> Standstill | None:
     legs = [leg for leg in course.legs if leg.solution.steps]
     if not closure.size or not legs:
         return None
-    scale = closure.scale()
+    scale = closure.scale
     paces = [_Pace.of(leg, scale) for leg in legs]
     fastest = max(float(pace.speed.max()) for pace in paces)
     usual, looked = None, -np.inf

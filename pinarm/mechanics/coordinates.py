@@ -17,7 +17,7 @@ from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.schema import Model
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.vectors import MEETING, direction
+from pinarm.mechanics.vectors import MEETING, cross, direction
 
 METRE, RADIAN = unit("m"), unit("rad")
 AXES: dict[str, tuple[float, float, float]] = {
@@ -308,7 +308,7 @@ class RotationCoordinate:
 
 def pull(model: pin.Model, data: pin.Data, frame: int, force: Array) -> dict[int, Array]:
     """Return a force at a frame's origin as what it does to its link: joint index -> [f; m] at the world's origin."""
-    return {model.frames[frame].parentJoint: np.concatenate([force, np.cross(data.oMf[frame].translation, force)])}
+    return {model.frames[frame].parentJoint: np.concatenate([force, cross(data.oMf[frame].translation, force)])}
 
 
 def rate_of_b(w: Array, rate: Array) -> Array:

@@ -208,25 +208,26 @@ class LoopJoint:
 
     def rows(self, model: pin.Model, data: pin.Data) -> Array:
         """Return G, shape (m, nv); the joint Jacobians in ``data`` are those of q."""
-        p, axes = _placed(data.oMf[self.first], data.oMf[self.second])
-        turn = axes.T
+        between = data.oMf[self.first].actInv(data.oMf[self.second])
         one, two = (
             pin.getFrameJacobian(model, data, frame, LOCAL).reshape(6, -1) for frame in (self.first, self.second)
         )
-        e, w = self.pair.directions(p, axes)
-        translation = turn @ two[:3] - one[:3] + pin.skew(p) @ one[3:]
-        return np.vstack([e @ translation, w @ (turn @ two[3:] - one[3:])])
+        p, relative = between.translation, between.action @ two - one
+        e, w = self.pair.directions(p, np.asarray(between.rotation.T))
+        return np.concatenate([e @ (relative[:3] - pin.skew(p) @ relative[3:]), w @ relative[3:]])
 
     def drift(self, model: pin.Model, data: pin.Data) -> Array:
         """Return G' v, shape (m,); ``data`` holds the forward kinematics of (q, v, 0) and the placements of frames."""
-        p, axes = _placed(data.oMf[self.first], data.oMf[self.second])
-        turn = axes.T
-        v1, v2 = (pin.getFrameVelocity(model, data, frame, LOCAL) for frame in (self.first, self.second))
-        a1, a2 = (pin.getFrameClassicalAcceleration(model, data, frame, LOCAL) for frame in (self.first, self.second))
-        spin, omega = v1.angular, turn @ v2.angular - v1.angular
-        dp = turn @ v2.linear - v1.linear - np.cross(spin, p)
-        ddp = turn @ a2.linear - a1.linear - np.cross(a1.angular, p) - np.cross(spin, np.cross(spin, p) + 2.0 * dp)
-        domega = turn @ a2.angular - a1.angular + np.cross(omega, spin)
+        one, two = self.first, self.second
+        between = data.oMf[one].actInv(data.oMf[two])
+        own, twist = (pin.getFrameVelocity(model, data, frame, LOCAL) for frame in (one, two))
+        drift, other = (pin.getFrameAcceleration(model, data, frame, LOCAL) for frame in (one, two))
+        relative = between.act(twist) - own
+        change = between.act(other) - drift + relative.cross(own)  # of the relative twist, in the axes of frame 1
+        p, axes = between.translation, np.asarray(between.rotation.T)
+        omega, domega = relative.angular, change.angular
+        dp = relative.linear + cross(omega, p)
+        ddp = change.linear + cross(domega, p) + cross(omega, dp)
         e, w = self.pair.directions(p, axes)
         return np.asarray(np.concatenate([e @ ddp, w @ domega]) + np.concatenate(self.pair.bend(p, axes, dp, omega)))
 
@@ -234,7 +235,7 @@ class LoopJoint:
         """Return what the multipliers do to the links: joint index -> [f; m] at the world's origin, world axes."""
         wrench = self.wrench(data, lam)
         place = data.oMf[self.second].translation
-        moved = np.concatenate([wrench[:3], wrench[3:] + np.cross(place, wrench[:3])])
+        moved = np.concatenate([wrench[:3], wrench[3:] + cross(place, wrench[:3])])
         joints = model.frames[self.second].parentJoint, model.frames[self.first].parentJoint
         return {joints[0]: moved, joints[1]: -moved}
 

@@ -93,7 +93,7 @@ class _PointMotion:
     """The motion on one stretch; it looks at every accepted state how close a singular position is."""
 
     def __init__(self, points: PointClosure, rows: Closure, dynamics: Dynamics, targets: Targets) -> None:
-        self.points, self.extent, self.scale, self.targets = points, rows.extent, rows.scale(), targets
+        self.points, self.extent, self.scale, self.targets = points, rows.extent, rows.scale, targets
         self.places = [points.model.joints[int(points.joint_at(v))].idx_q for v in points.driven]
         self.free = points.acceleration(dynamics, targets)
         self.near, self.passing, self.rank, self.looked = True, True, 0, False

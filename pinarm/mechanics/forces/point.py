@@ -19,7 +19,7 @@ from pinarm.mechanics.coordinates import Joint, frame_of, frames_of
 from pinarm.mechanics.forces.contract import ForceElement
 from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.motion import MotionLaw, Values
-from pinarm.mechanics.vectors import combined, dot
+from pinarm.mechanics.vectors import combined, cross, dot
 
 if TYPE_CHECKING:
     from pinarm.mechanics.chains import Chain
@@ -110,7 +110,7 @@ class AppliedWrench(ForceElement):
         pin.framesForwardKinematics(self.model, self.data, q)
         wrench = self._in_world(t)
         point = self.data.oMf[self.frame].translation
-        moment = wrench[3:] + np.cross(point, wrench[:3])
+        moment = wrench[3:] + cross(point, wrench[:3])
         return {self.model.frames[self.frame].parentJoint: np.concatenate([wrench[:3], moment])}
 
     def _in_world(self, t: float) -> Array:
@@ -175,9 +175,9 @@ class TwoPointSpring(ForceElement):
         length, direction, row = self._line(q)
         pull = self._tension(length, float(row @ v)) * direction
         found: dict[int, Array] = {}
-        for frame, force in zip(self.frames, (pull, -pull), strict=True):
-            joint, point = self.model.frames[frame].parentJoint, self.data.oMf[frame].translation
-            found[joint] = found.get(joint, np.zeros(6)) + np.concatenate([force, np.cross(point, force)])
+        for frame, end, force in zip(self.frames, self._ends, (pull, -pull), strict=True):
+            joint, (point, _) = self.model.frames[frame].parentJoint, end(q)
+            found[joint] = found.get(joint, np.zeros(6)) + np.concatenate([force, cross(point, force)])
         return found
 
     def _tension(self, length: Number, rate: Number) -> Number:
@@ -207,20 +207,42 @@ class TwoPointSpring(ForceElement):
 
     def _line(self, q: Array) -> tuple[float, Array, Array]:
         """Return length [m], direction from the first to the second point, and dl/dq, shape (nv,)."""
-        model, data, (first, second) = self.model, self.data, self.frames
-        one = pin.computeFrameJacobian(model, data, q, first, ALIGNED).reshape(6, -1)[:3]
-        begin = pin.updateFramePlacement(model, data, first).translation
-        two = pin.computeFrameJacobian(model, data, q, second, ALIGNED).reshape(6, -1)[:3]
-        apart = pin.updateFramePlacement(model, data, second).translation - begin
+        first, second = self._ends
+        begin, one = first(q)
+        end, two = second(q)
+        apart = end - begin
         length = float(apart.dot(apart)) ** 0.5
         if length == 0.0:
             raise self._meeting(q)
         direction = apart / length
         return length, direction, direction.dot(two - one)
 
+    @cached_property
+    def _ends(self) -> tuple[End, End]:
+        first, second = (_end(self.model, self.data, frame) for frame in self.frames)
+        return first, second
+
     def _meeting(self, q: Array) -> DynamicsError:
         names = " and ".join(self.model.frames[frame].name for frame in self.frames)
         return DynamicsError(f"the points {names} of a two-point spring meet: its direction is undetermined", q=q)
+
+
+End = Callable[[Array], tuple[Array, Array]]
+"""From q to the place of a point [m], shape (3,), and to its Jacobian, shape (3, nv), in world axes."""
+
+
+def _end(model: pin.Model, data: pin.Data, index: int) -> End:
+    """Return the origin of a frame as a function of q; on the ground it is one for all."""
+    frame = model.frames[index]
+    if not frame.parentJoint:
+        fixed = frame.placement.translation.copy(), np.zeros((3, model.nv))
+        return lambda q: fixed
+
+    def moving(q: Array) -> tuple[Array, Array]:
+        jacobian = pin.computeFrameJacobian(model, data, q, index, ALIGNED).reshape(6, -1)[:3]
+        return pin.updateFramePlacement(model, data, index).translation, jacobian
+
+    return moving
 
 
 class Wrench(Model, frozen=True, tag_field="kind", tag="wrench"):
