@@ -187,12 +187,20 @@ class Closure:
             [np.zeros((0, self.model.nv)), *(c.rows(self.model, self.data) for c in self.constraints)]
         )
 
-    def rows_at(self, q: Array) -> Array:
-        """Return G at configurations, shape (n, nq), as an array of shape (n, m, nv)."""
-        found = np.empty((len(q), self.size, self.model.nv))
+    def at(self, q: Array) -> tuple[Array, Array]:
+        """Return the gaps, shape (n, m), and G, shape (n, m, nv), at configurations, shape (n, nq)."""
+        gaps, rows = np.empty((len(q), self.size)), np.empty((len(q), self.size, self.model.nv))
         for k, one in enumerate(q):
             self.place(one)
-            found[k] = self.rows()
+            gaps[k], rows[k] = self.gap(one), self.rows()
+        return gaps, rows
+
+    def drifts(self, q: Array, v: Array) -> Array:
+        """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
+        found = np.empty((len(q), self.size))
+        for k, one in enumerate(q):
+            self.place(one)
+            found[k] = self.drift(one, v[k])
         return found
 
     def singular_values(self, q: Array) -> Array:

@@ -85,11 +85,7 @@ class Dynamics:
 
     def mass_matrices(self, q: Array) -> Array:
         """Return M at configurations, shape (n, nq), as an array of shape (n, nv, nv)."""
-        upper = np.empty((len(q), self.model.nv, self.model.nv))
-        for i in range(len(q)):
-            upper[i] = pin.crba(self.model, self.data, q[i]).reshape(upper.shape[1:])
-        upper = np.triu(upper)
-        return np.asarray(upper + np.triu(upper, 1).swapaxes(1, 2))
+        return mass_matrices(self.model, self.data, q)
 
     def loads(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the generalised loads of the force elements [N*m or N], shape (..., nv)."""
@@ -241,9 +237,17 @@ def same_rows(*arrays: Array) -> None:
 
 
 def mass_matrix(model: pin.Model, data: pin.Data, q: Array) -> Array:
-    """Return M at a configuration, of which Pinocchio computes the upper half only, shape (nv, nv)."""
-    upper = np.triu(pin.crba(model, data, q).reshape(model.nv, model.nv))
-    return np.asarray(upper + np.triu(upper, 1).T)
+    """Return M at a configuration, shape (nv, nv)."""
+    return np.asarray(mass_matrices(model, data, q[None])[0])
+
+
+def mass_matrices(model: pin.Model, data: pin.Data, q: Array) -> Array:
+    """Return M at configurations, shape (n, nq), of which Pinocchio computes the upper half only, shape (n, nv, nv)."""
+    upper = np.empty((len(q), model.nv, model.nv))
+    for k, one in enumerate(q):
+        upper[k] = pin.crba(model, data, one).reshape(upper.shape[1:])
+    upper = np.triu(upper)
+    return np.asarray(upper + np.triu(upper, 1).swapaxes(1, 2))
 
 
 def parts(dynamics: Dynamics, grid: Grid) -> list[tuple[slice, Dynamics]]:

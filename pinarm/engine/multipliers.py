@@ -56,7 +56,7 @@ class Multipliers:
             found = np.empty((len(rows), m))
             for start in range(0, len(rows), BLOCK):
                 some = rows[start : start + BLOCK]
-                g = own_buffers().rows_at(q[some])
+                g = own_buffers().at(q[some])[1]
                 force = held[some] - (along[some][:, None] @ g[:, m:])[:, 0]
                 splits = Split.each(g[:, :m])
                 found[start : start + BLOCK] = [split.multipliers(f) for split, f in zip(splits, force, strict=True)]

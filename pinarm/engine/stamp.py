@@ -80,11 +80,7 @@ class _Looked:
     def at(cls, run: Trajectory, rows: Indices) -> _Looked:
         """Return what belongs to rows of a run."""
         closure, m, q, v = run.closure, run.mechanism.closure.size, run.q[rows], run.v[rows]
-        matrices = np.zeros((len(rows), closure.size, closure.model.nv))
-        gap, drift = np.zeros((2, len(rows), closure.size))
-        for k in range(len(rows)) if closure.size else ():
-            closure.place(q[k])
-            matrices[k], gap[k], drift[k] = closure.rows(), closure.gap(q[k]), closure.drift(q[k], v[k])
+        (gap, matrices), drift = closure.at(q), closure.drifts(q, v)
         own, guided = matrices[:, :m], np.einsum("nij,ni->nj", matrices[:, m:], run.lam.along[rows])
         rates = (np.einsum("nij,nj->ni", own, one[rows]) for one in (run.v, run.a))
         parts = gap[:, :m], next(rates), next(rates) + drift[:, :m]

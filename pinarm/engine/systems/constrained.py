@@ -16,14 +16,14 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.assembly import assembled
 from pinarm.engine.closure import Closure, Split
-from pinarm.engine.dynamics import Dynamics, mass_matrix, parts
+from pinarm.engine.dynamics import Dynamics, mass_matrices, mass_matrix, parts
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.integrators import Acceleration, Energy, Manifold, Settle, Stretch
 from pinarm.engine.masses import require_masses
 from pinarm.engine.measures import BLOCK
 from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.systems.contract import Initial, Motion
-from pinarm.engine.systems.together import CLOSED, ITERATIONS, TURNED, Solved, Together
+from pinarm.engine.systems.together import CLOSED, FEWEST, ITERATIONS, TURNED, Solved, Together
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.balls import coordinate_at, coordinate_name
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -137,8 +137,9 @@ class ConstrainedSystem:
         return v
 
     def _rates(self, targets: Array) -> Array:
-        """Return the right-hand side of the rows: 0 for the constraints, then what the laws ask for."""
-        return np.concatenate([np.zeros(self.rows.size - len(targets)), targets])
+        """Return the right-hand side of the rows: 0 for the constraints, then what the laws ask for, shape (.., k)."""
+        nothing = np.zeros((*targets.shape[:-1], self.rows.size - targets.shape[-1]))
+        return np.concatenate([nothing, targets], axis=-1)
 
     def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
         """Return the motion on an interval without jumps."""
@@ -166,33 +167,45 @@ class ConstrainedSystem:
 
         def settle(t: float, q: Array, v: Array) -> tuple[Array, Array]:
             w, dw, _ = targets(t)
-            return self.settled(q, v, w, dw, t)[:2]
+            states = self.settled(q[None], v[None], w[None], dw[None], np.array([t]))
+            return states[0][0], states[1][0]
 
         return settle
 
-    def settled(self, q: Array, v: Array, w: Array, dw: Array, t: float) -> tuple[Array, Array, Split]:
-        """Return the closed state nearest to (q, v), the distance measured by the masses, and its rows taken apart.
+    def settled(self, q: Array, v: Array, w: Array, dw: Array, t: Array) -> tuple[Array, Array, list[Split]]:
+        """Return the closed states nearest to given ones, the distance measured by the masses, and their rows apart.
+
+        Args:
+            q: Configurations, shape (n, nq).
+            v: Velocities, shape (n, nv).
+            w: Imposed coordinates, shape (n, k).
+            dw: Their rates, shape (n, k).
+            t: Instants [s], shape (n,).
 
         Raises:
-            AssemblyError: Newton's method does not close it.
+            AssemblyError: Newton's method does not close one.
         """
         model, rows, values = self.rows.model, self.rows, self._rates(w)
-        mass = mass_matrix(model, rows.data, q)
+        mass, still, size = mass_matrices(model, rows.data, q), np.zeros(model.nv), max(1.0, rows.extent)
         for _ in range(ITERATIONS):
-            rows.place(q)
-            gap = values - rows.gap(q)
-            split = Split.of(rows.rows())
-            q = pin.integrate(model, q, split.solve(mass, np.zeros(model.nv), gap))
-            size = max(1.0, rows.extent)
-            limit = CLOSED * (size + np.abs(values).max()) + TURNED * size * np.abs(q).max()
-            if np.abs(gap).max() <= limit:  # and now closed to rounding
-                rows.place(q)
-                split = Split.of(rows.rows())
-                return q, split.solve(mass, mass @ v, self._rates(dw)), split
-        owners = [(one.name, one.unit(row)) for one, row in rows.owners()]
+            gaps, matrices = rows.at(q)
+            gaps = values - gaps
+            away = zip(q, Split.each(matrices), mass, gaps, strict=True)
+            q = np.array([pin.integrate(model, one, split.solve(m, still, gap)) for one, split, m, gap in away])
+            limit = CLOSED * (size + np.abs(values).max(axis=1)) + TURNED * size * np.abs(q).max(axis=1)
+            excess = np.abs(gaps).max(axis=1) - limit
+            if (excess <= 0.0).all():  # and now closed to rounding
+                splits = Split.each(rows.at(q)[1])
+                states = zip(splits, mass, v, self._rates(dw), strict=True)
+                return q, np.array([split.solve(m, m @ one, rate) for split, m, one, rate in states]), splits
+        worst = int(excess.argmax())
+        raise self._open(float(t[worst]), q[worst], gaps[worst])
+
+    def _open(self, t: float, q: Array, gap: Array) -> AssemblyError:
+        owners = [(one.name, one.unit(row)) for one, row in self.rows.owners()]
         sizes = {owner: float(np.linalg.norm(gap[[one == owner for one in owners]])) for owner in owners}
         (name, measured), size = max(sizes.items(), key=lambda item: item[1])
-        raise AssemblyError(
+        return AssemblyError(
             f"at t = {t:.9g} s {name} stays open by {size:.3g} {measured}",
             expected="a motion on which the loops stay closed", t=t, q=q, gap=gap,
         )  # fmt: skip
@@ -219,21 +232,23 @@ class ConstrainedSystem:
                 left = np.arange(begin, min(begin + BLOCK, part.stop))
                 while len(left):
                     state = grid.t[left], w[:, :, left], q[left], v[left]
-                    served, solved = (together and together.solve(local, *state)) or self._first(local, *state)
+                    served, solved = (together and together.solve(local, *state)) or self._few(local, *state)
                     for whole, some in zip(found, solved, strict=True):
                         whole[left[served]] = some
                     left = left[~served]
         return self._with_efforts(dynamics, grid, *found)
 
-    def _first(self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array) -> Solved:
-        """Return the first row alone, as ``Together.solve`` does several: close to singular, or with ball joints."""
-        model, rows = self.rows.model, self.rows
-        closed, dq, split = self.settled(q[0], v[0], w[0, :, 0], w[1, :, 0], t[0])
-        mass = mass_matrix(model, dynamics.data, closed)
-        force = dynamics.loads(t[0], closed, dq) - pin.nonLinearEffects(model, dynamics.data, closed, dq)
-        a = split.solve(mass, force, self._rates(w[2, :, 0]) - rows.drift(closed, dq))
-        efforts = split.multipliers(mass @ a - force)[self.own.size :]
-        return np.arange(len(t)) == 0, (closed[None], dq[None], a[None], efforts[None])
+    def _few(self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array) -> Solved:
+        """Return the first rows, each taken apart by itself: close to singular positions, or with ball joints."""
+        some = np.arange(len(t)) < FEWEST
+        w, t = w[:, :, some].transpose(0, 2, 1), t[some]
+        q, v, splits = self.settled(q[some], v[some], w[0], w[1], t)
+        mass, force = dynamics.mass_matrices(q), -dynamics.inverse(t, q, v, np.zeros_like(v))
+        right = self._rates(w[2]) - self.rows.drifts(q, v)
+        a = np.array([split.solve(*given) for split, *given in zip(splits, mass, force, right, strict=True)])
+        held = np.einsum("nij,nj->ni", mass, a) - force
+        efforts = [split.multipliers(one)[self.own.size :] for split, one in zip(splits, held, strict=True)]
+        return some, (q, v, a, np.array(efforts))
 
     def _with_efforts(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array, efforts: Array) -> Motion:
         """Return a motion with the efforts of the imposed coordinates, shape (n, k): at joints and along others."""

@@ -25,7 +25,7 @@ TURNED = 1e-15
 
 ITERATIONS = 12
 
-FEWEST = 4
+FEWEST = 16
 """Number of rows from which on it pays to solve them together."""
 
 Solved = tuple[Flags, Sequence[Array]]
