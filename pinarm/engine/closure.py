@@ -190,7 +190,7 @@ class Closure:
     def at(self, q: Array) -> tuple[Array, Array]:
         """Return the gaps, shape (n, m), and G, shape (n, m, nv), at configurations, shape (n, nq)."""
         gaps, rows = np.empty((len(q), self.size)), np.empty((len(q), self.size, self.model.nv))
-        for k, one in enumerate(q):
+        for k, one in enumerate(q if self.size else ()):
             self.place(one)
             gaps[k], rows[k] = self.gap(one), self.rows()
         return gaps, rows
@@ -198,7 +198,7 @@ class Closure:
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
         found = np.empty((len(q), self.size))
-        for k, one in enumerate(q):
+        for k, one in enumerate(q if self.size else ()):
             self.place(one)
             found[k] = self.drift(one, v[k])
         return found
