@@ -77,7 +77,8 @@ class Scene:
         """
         told = msgspec.structs.asdict(cast(msgspec.Struct, problem))
         known = Known(told, mechanism, known_laws(told, mechanism, place))
-        if problem.kind == "equilibria" or not known.own:
+        stay = {mechanism.joints[name].v for name in asked if name in mechanism.joints}
+        if problem.kind == "equilibria" or known.own.keys() | known.still.keys() <= stay:
             return cls.whole(problem, mechanism)
         problem.prepare(mechanism, place)
         forces = bind_loads(mechanism, told.get("loads", {}), place)
