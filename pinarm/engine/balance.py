@@ -67,22 +67,24 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
     bodies = range(1, model.njoints)
     jacobians, demands = np.empty((len(rows), len(bodies), 6, model.nv)), np.empty((len(rows), 3, len(bodies), 6))
     held, lam = np.empty((len(rows), model.nv)), run.lam.at(rows)
+    inertias, upwards = model.inertias.tolist(), -model.gravity
     for k, row in enumerate(rows):
         q = run.q[row]
         closure.place(q)
         held[k] = closure.load(lam[k])
         pin.computeJointJacobians(model, data, q)
         pin.forwardKinematics(model, data, q, run.v[row], run.a[row])
+        states = list(zip(inertias, data.v.tolist(), data.a.tolist(), data.oMi.tolist(), strict=True))
         for body in bodies:
             jacobians[k, body - 1] = pin.getJointJacobian(model, data, body, pin.LOCAL).reshape(6, -1)
-            inertia, twist = model.inertias[body], data.v[body]
-            demands[k, 0, body - 1] = (inertia * data.a[body]).vector
-            demands[k, 1, body - 1] = twist.cross(inertia * twist).vector
-            demands[k, 2, body - 1] = (inertia * -data.oMi[body].actInv(model.gravity)).vector
+            inertia, twist, rate, place = states[body]
+            demands[k, :, body - 1] = (
+                (inertia * rate).vector, twist.cross(inertia * twist).vector, (inertia * place.actInv(upwards)).vector,
+            )  # fmt: skip
     supplied = run.tau[rows] + loads[rows] + held - model.armature * run.a[rows]
     asked = demands[:, :, :, None, :] @ jacobians[:, None]
-    masses = np.array([model.inertias[body].mass for body in bodies])
-    levers = np.array([pin.skew(model.inertias[body].lever) for body in bodies])
+    masses = np.array([inertia.mass for inertia in inertias[1:]])
+    levers = np.array([pin.skew(inertia.lever) for inertia in inertias[1:]])
     paths = jacobians[:, :, :3] - levers @ jacobians[:, :, 3:]  # of the mass centres, for unit velocities
     weights = masses @ np.sqrt((paths * paths).sum(axis=2)) * np.linalg.norm(model.gravity.linear)
     terms = np.abs(supplied) + np.abs(held) + np.abs(asked).sum(axis=(1, 2, 3)) + weights
