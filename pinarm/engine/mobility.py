@@ -68,9 +68,9 @@ def mobility_of(mechanism: Mechanism, q: Array) -> Mobility:
     """Return what the constraints of a mechanism do at a closed configuration, shape (nq,)."""
     closure = mechanism.closure
     closure.place(q)
-    split = Split.of(closure.rows())
-    regularity = float(split.values[-1] / split.values[0]) if len(split.values) else 1.0
+    split, values = Split.of(closure.rows()), closure.values_of(closure.rows())
     rank, rows = len(split.values), closure.size
+    regularity = float(values[rank - 1] / values[0]) if rank else 1.0
     loosenings = _loosenings(closure, q, rows - rank, rank) if rows > rank else ()
     return Mobility(mechanism.model.nv, rows, rank, regularity, _undetermined(closure, split), loosenings)
 

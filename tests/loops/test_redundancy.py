@@ -13,6 +13,7 @@ from newton_euler import newton_euler, self_stresses
 
 from pinarm.engine.mobility import mobility_of
 from pinarm.engine.quantities import Quantities
+from pinarm.engine.stamp import table_figures
 from pinarm.errors import DynamicsError, InputError
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.common import Accuracy
@@ -41,6 +42,10 @@ class TestHyperstatic:
         _, degree, _ = CASES[name]
         found = mobility_of(run.mechanism, run.q[-1])
         assert (found.degree, found.mobility) == (degree, 1)
+
+    def test_the_stamp_and_the_explanation_speak_of_the_same_regularity(self, name, run):
+        least = min(mobility_of(run.mechanism, q).regularity for q in run.q)
+        assert table_figures(run)["regularity"] == pytest.approx(least, rel=1e-9)
 
     def test_what_no_self_stress_reaches_is_determined_and_right(self, name, run):
         linkage, degree, _ = CASES[name]
