@@ -24,6 +24,10 @@ from pinarm.mechanics.loops import LoopJoint
 PROXIMAL, ITERATIONS = 1e-10, 3
 """Proximal term of accelerations, relative to the smallest Delassus diagonal, and iterations."""
 
+TOLERANT, REPEATS = 1e-3, 8
+"""The same where redundant points are not quite closed, relative to the least eigenvalue of the Delassus matrix that
+is not 0: what contradicts itself by the gap is not magnified, and the iterations find what the rest determines."""
+
 PROJECTION = 1e-8
 """Proximal term of projections; their Newton iteration removes what it leaves."""
 
@@ -89,8 +93,23 @@ class PointClosure:
 
     def acceleration(self, dynamics: Dynamics, targets: Targets) -> Acceleration:
         """Return the constrained motion's ``(t, q, v) -> a`` under the forces of ``dynamics`` and the given laws."""
+        return self._solved(dynamics, targets, pin.ProximalSettings(1e-12, PROXIMAL * self.scale, ITERATIONS))
+
+    def tolerant(self, dynamics: Dynamics, targets: Targets, q: Array, rank: int) -> Acceleration:
+        """Return the same for states whose redundant points are not quite closed, as they are within steps.
+
+        Args:
+            dynamics: The forces.
+            targets: The laws.
+            q: A closed configuration that is not close to a singular one, shape (nq,).
+            rank: Rank of the rows there.
+        """
+        rows, mass = _rows(self.model, self.data, list(self.points), q), mass_matrix(self.model, self.data, q)
+        least = float(np.linalg.eigvalsh(rows @ np.linalg.solve(mass, rows.T))[-rank])
+        return self._solved(dynamics, targets, pin.ProximalSettings(1e-12, TOLERANT * least, REPEATS))
+
+    def _solved(self, dynamics: Dynamics, targets: Targets, settings: pin.ProximalSettings) -> Acceleration:
         model, data, points, states = self.model, self.data, self.points, self.states
-        settings = pin.ProximalSettings(1e-12, PROXIMAL * self.scale, ITERATIONS)
         solve, load, driven, inertia = pin.constraintDynamics, dynamics.load(), self.driven, self.inertia
 
         def constrained(t: float, q: Array, v: Array) -> Array:

@@ -12,7 +12,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics
-from pinarm.engine.integrators import Manifold, Stretch
+from pinarm.engine.integrators import Acceleration, Manifold, Stretch
 from pinarm.engine.native import PointClosure
 from pinarm.engine.reduction import Targets
 from pinarm.engine.systems.constrained import ConstrainedSystem
@@ -32,7 +32,7 @@ STALLED = 1e-9
 
 NEAR = 0.2
 """Smallest singular value of the rows, relative to the largest, and this to what it is at positions of no special kind,
-below which every stage is brought back onto the constraints, as it always is where loops are overconstrained."""
+below which every stage is brought back onto the constraints."""
 
 BLIND, ASIDE, ACROSS = 5e-4, 1e-3, np.array([-1.0, 4.0, 4.0, -1.0]) / 6.0
 """The same below which a position says little of the acceleration there; it is then interpolated between positions at
@@ -95,19 +95,22 @@ class _PointMotion:
     def __init__(self, points: PointClosure, rows: Closure, dynamics: Dynamics, targets: Targets) -> None:
         self.points, self.extent, self.scale, self.targets = points, rows.extent, rows.scale, targets
         self.places = [points.model.joints[int(points.joint_at(v))].idx_q for v in points.driven]
-        self.free = points.acceleration(dynamics, targets)
-        self.near, self.passing, self.rank, self.looked = True, True, 0, False
+        self.dynamics, self.free = dynamics, points.acceleration(dynamics, targets)
+        self.tolerant: Acceleration | None = None
+        self.near, self.rank, self.looked = True, 0, False
         self.t, self.step, self.least = -np.inf, 0.0, 0.0
-        self.ways: dict[float, tuple[bool, bool, int]] = {}
+        self.ways: dict[float, tuple[bool, int]] = {}
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration, near singular positions that of the closed state."""
         if self.near:
-            if self.passing and v.any() and self.blind(q):
+            if v.any() and self.blind(q):
                 return self.across(t, q, v)
             q, v = self.closed(q, v)
             if not self.looked:
-                self.look()
+                self.look(q)
+        elif self.tolerant and self.rank < self.points.rank:
+            return self.tolerant(t, q, v)
         return self.free(t, q, v)
 
     def blind(self, q: Array) -> bool:
@@ -131,30 +134,30 @@ class _PointMotion:
         if self.places:
             q[self.places], v[self.points.driven], _ = self.targets(t)
         q, v = self.closed(q, v)
-        self.look()
+        self.look(q)
         if not self.near:
             self.step = t - self.t
         self.least = FLOOR * self.step if self.near else 0.0
         self.t = t
-        self.ways[t] = self.near, self.passing, self.rank
+        self.ways[t] = self.near, self.rank
         return q, v
 
     @contextmanager
     def as_from(self, t: float) -> Iterator[None]:
         """Go on as was chosen at the end of an earlier step; as close to a singular position at the first instant."""
-        now = self.near, self.passing, self.rank
-        self.near, self.passing, self.rank = self.ways.get(t, (True, True, self.rank))
+        now = self.near, self.rank
+        self.near, self.rank = self.ways.get(t, (True, self.rank))
         try:
             yield
         finally:
-            self.near, self.passing, self.rank = now
+            self.near, self.rank = now
 
-    def look(self) -> None:
-        """Choose how to go on, by how regular the position last closed is."""
+    def look(self, q: Array) -> None:
+        """Choose how to go on, by how regular the position is, which is the one last closed."""
         self.rank, regularity = self.regularity()
-        self.passing = regularity < NEAR
-        self.near = self.passing or self.rank < self.points.rank
-        self.looked = True
+        self.near, self.looked = regularity < NEAR, True
+        if not self.near and self.rank < self.points.rank and not self.tolerant:
+            self.tolerant = self.points.tolerant(self.dynamics, self.targets, q, self.rank)
 
     def regularity(self) -> tuple[int, float]:
         """Return the rank of the rows at the position last closed, and their regularity relative to the usual one."""
