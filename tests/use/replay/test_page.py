@@ -21,7 +21,7 @@ from pinarm.use.restore import restore
         ("exoskeleton_leg_knee", {"arrows": ["forces"]}),
         ("manipulator_pressure", {"arrows": ["all"], "plots": []}),
         ("gen411_arm_equilibria", {}),
-        ("panda_quintic", {"traces": ["panda_hand"]}),
+        pytest.param("panda_quintic", {"traces": ["panda_hand"]}, marks=pytest.mark.slow),
     ],
 )
 def test_a_result_and_its_folder_give_the_same_bytes(

@@ -49,6 +49,7 @@ def test_a_short_axis_makes_a_family_of_curves(scenario: pinarm.Scenario, first:
     assert axis.get_xlabel() == "arguments.m [kg]"
 
 
+@pytest.mark.slow
 def test_words_stand_side_by_side_and_names_are_drawn_as_they_are(scenario: pinarm.Scenario) -> None:
     over = {"problem.over.pivot.to": "30, 90", "symbols.$x_1": "alpha, 2*alpha"}
     axis = pinarm.sweep(scenario, over, results=["M @ end"]).plot().axes[0]
@@ -58,6 +59,7 @@ def test_words_stand_side_by_side_and_names_are_drawn_as_they_are(scenario: pina
     assert [label.get_text() for label in words.get_xticklabels()] == ["alpha", "M"]
 
 
+@pytest.mark.slow
 def test_chance_makes_a_histogram_of_all_cases(scenario: pinarm.Scenario) -> None:
     sweep = pinarm.sweep(scenario, {"arguments.m": "normal(2, 0.1)"}, samples=200, results=["M @ end"])
     axis = sweep.plot().axes[0]

@@ -51,6 +51,7 @@ def test_the_table_is_that_of_the_formula(scenario: pinarm.Scenario) -> None:
         sweep["N"]
 
 
+@pytest.mark.slow
 def test_one_worker_or_many_a_pause_or_none_give_the_same_bytes(scenario: pinarm.Scenario, tmp_path: Path) -> None:
     over = {**MASSES, "arguments.m": "-1:3:5 kg"}
     for workers in (1, 3):
@@ -178,6 +179,7 @@ def test_a_sweep_that_is_refused_at_both_ends_is_refused_at_once(scenario: pinar
             pinarm.sweep(scenario, over)
 
 
+@pytest.mark.slow
 def test_bare_numbers_are_in_the_unit_that_the_files_have(path: Path) -> None:
     def units(**over: str) -> dict[str, str]:
         found = {name.replace("__", "."): text for name, text in over.items()}
