@@ -19,7 +19,8 @@ from pinarm.engine.elimination import Row
 from pinarm.mechanics.chains import Chain, Placed
 from pinarm.mechanics.coordinates import Coordinate, DistanceCoordinate, FrameCoordinate, LinearCoordinate
 from pinarm.mechanics.couplings import Coupling
-from pinarm.mechanics.loops import NOTHING, LoopJoint, LowerPair, Pair, Tie
+from pinarm.mechanics.loops import LoopJoint
+from pinarm.mechanics.pairs import NOTHING, LowerPair, Pair, Tie
 from pinarm.mechanics.vectors import dot
 
 BLOCK = 2048

@@ -10,7 +10,8 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.closure import Closure, Split
 from pinarm.engine.mechanism import Mechanism
-from pinarm.mechanics.loops import LoopJoint, looser
+from pinarm.mechanics.loops import LoopJoint
+from pinarm.mechanics.pairs import looser
 
 COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 
