@@ -38,19 +38,21 @@ class Effort:
 
     Attributes:
         budget: For trying all settings of one engine on one problem [s].
+        least: For each of its methods, however many there are [s].
         longest: A run that takes longer ends its method [s].
         every: Every how many settings of a method are tried.
         rounds: How often the best settings are run in turn.
     """
 
     budget: float
+    least: float
     longest: float
     every: int
     rounds: int
 
 
-FULL = Effort(45.0, 15.0, 1, 9)
-QUICK = Effort(2.0, 0.5, 2, 3)
+FULL = Effort(45.0, 6.0, 15.0, 1, 9)
+QUICK = Effort(2.0, 0.0, 0.5, 2, 3)
 
 
 def run(chosen: Iterable[Problem], effort: Effort, folder: Path) -> None:
@@ -102,7 +104,8 @@ def _engine(problem: Problem, worker: Worker, effort: Effort) -> dict[str, Any]:
         if time.monotonic() - begin > LIMIT * effort.budget:
             cut = True
             break
-        more, hurried = _method(problem, worker, effort, method, values, effort.budget / len(methods))
+        budget = max(effort.budget / len(methods), effort.least)
+        more, hurried = _method(problem, worker, effort, method, values, budget)
         runs, cut = runs + more, cut or hurried
     failures = [run["failed"] for run in runs if "failed" in run]
     spent = time.monotonic() - begin

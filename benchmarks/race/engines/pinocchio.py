@@ -80,9 +80,9 @@ def _closed(problem: Motion) -> list[Setting]:
     found = []
     for (kp, kd), (mu, iterations) in sweep:
         acceleration = closed(problem.linkage, (kp * scale**2, kd * scale), mu, iterations)
-        method = f"DOP853, Baumgarte {kp * scale**2:g}, mu {mu:g}"
-        found += [Setting(method, tolerance, partial(integration, problem, acceleration, "DOP853", tolerance))
-                  for tolerance in fine]  # fmt: skip
+        found += [Setting(f"{method}, Baumgarte {kp * scale**2:g}, mu {mu:g}", tolerance,
+                          partial(integration, problem, acceleration, method, tolerance))
+                  for method in ("DOP853", "odeint") for tolerance in fine]  # fmt: skip
     return found
 
 
