@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.race.engines import ENGINES
-from benchmarks.race.problems import Problem
+from benchmarks.race.engines import ENGINES, prepare
+from benchmarks.race.problems import Motion, Problem
+from benchmarks.race.shares import shares
 from benchmarks.race.worker import SHORT, Worker
 
 GOALS = (1e-3, 1e-6, 1e-9)
@@ -82,7 +83,15 @@ def _problem(problem: Problem, workers: list[Worker], effort: Effort) -> dict[st
             engines[worker.engine]["goals"][f"{goal:g}"] = {
                 "run": index, "seconds": statistics.median(times[worker.engine, index])
             }  # fmt: skip
-    return {"engines": engines}
+    return {"engines": engines, "shares": _shares(problem, engines["pinarm"]["goals"])}
+
+
+def _shares(problem: Problem, goals: dict[str, Any]) -> dict[str, float]:
+    """Return where pinarm's time goes on the way to the middle goal; nothing where it does not reach it."""
+    found = goals.get(f"{GOALS[1]:g}")
+    if not found or not isinstance(problem, Motion):
+        return {}
+    return shares(prepare("pinarm", problem)[found["run"]].make())
 
 
 def pick(runs: list[dict[str, Any]], goal: float) -> int | None:

@@ -14,6 +14,7 @@ from benchmarks.race.engines import ENGINES
 from benchmarks.race.problems import SAMPLES, Inverse, Problem, problems
 from benchmarks.race.race import FULL, GOALS, QUICK
 from benchmarks.race.references import reference
+from benchmarks.race.shares import ACCELERATIONS, REST
 from benchmarks.race.worker import FAR
 
 PACKAGES = {"pinarm": "pinarm", "pinocchio": "pin", "mujoco": "mujoco", "drake": "drake", "exudyn": "exudyn"}
@@ -39,7 +40,8 @@ def page(results: dict[str, Results], command: str, pictures: list[str]) -> str:
     inverses = [name for name in results if isinstance(known[name], Inverse)]
     parts = [_head(results, command), _motions(results, motions)]
     parts += [f"![{Path(picture).stem.replace('_', ' ')}]({picture})" for picture in pictures]
-    parts += [_inverses(results, inverses), _wrong(results, motions), _losses(results), _best(results, motions)]
+    parts += [_inverses(results, inverses), _wrong(results, motions), _losses(results), _shares(results, motions)]
+    parts.append(_best(results, motions))
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -134,6 +136,19 @@ def _inverses(results: dict[str, Results], names: list[str]) -> str:
                  for t in times.values()]  # fmt: skip
         lines.append(f"| {problem.title} | " + " | ".join([*cells, _ratio(times)]) + " |")
     return "\n".join(lines)
+
+
+def _shares(results: dict[str, Results], names: list[str]) -> str:
+    """Return where pinarm's time goes."""
+    heading = {ACCELERATIONS: "accelerations", "steps": "else of the steps", "rows": "rows of the table",
+               "energy": "energy within steps", "residuals": "residuals of the rows", REST: "rest"}  # fmt: skip
+    lines = ["## Where pinarm's time goes [%]", "",
+             f"To an error of {GOALS[1]:.0e}. Accelerations are Pinocchio's call and the forces; energy and residuals "
+             "are the measures of accuracy.", "",
+             f"| problem | {' | '.join(heading.values())} |", "| --- |" + " ---: |" * len(heading)]  # fmt: skip
+    found = [(problems()[name].title, results[name].get("shares")) for name in names]
+    cells = [(title, [f"{100.0 * told[part]:.0f}" for part in heading]) for title, told in found if told]
+    return "\n".join([*lines, *(f"| {title} | {' | '.join(row)} |" for title, row in cells)]) if cells else ""
 
 
 def _wrong(results: dict[str, Results], names: list[str]) -> str:

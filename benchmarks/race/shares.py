@@ -1,0 +1,58 @@
+"""Where pinarm's time goes: what a run is doing at many instants of its computing time."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections import Counter
+from pathlib import Path
+from types import FrameType
+
+from benchmarks.race.engines import Run
+
+INTERVAL, LASTING = 1e-3, 3.0
+"""Computing time between two looks, and of all of them [s]."""
+
+ACCELERATIONS = "accelerations"
+PHASES = {
+    ("march.py", "integrate"): "steps",
+    ("course.py", "complete"): "rows",
+    ("balance.py", "energy_balance"): "energy",
+    ("scenario.py", "measured"): "residuals",
+}
+"""Functions by file and name, and what they do."""
+
+REST = "rest"
+NAMES = (ACCELERATIONS, *PHASES.values(), REST)
+SOLVERS = {("dynamics.py", "free"), ("native.py", "constrained"), ("constrained.py", "constrained")}
+"""What evaluates the acceleration of one state: Pinocchio's call, and the forces."""
+
+
+def shares(run: Run) -> dict[str, float]:
+    """Return which part of its computing time a run spends on what; they add up to 1."""
+    found: Counter[str] = Counter()
+
+    def look(number: int, frame: FrameType | None) -> None:
+        found[_phase(frame)] += 1
+
+    before = signal.signal(signal.SIGPROF, look)
+    signal.setitimer(signal.ITIMER_PROF, INTERVAL, INTERVAL)
+    try:
+        begin = time.process_time()
+        while time.process_time() - begin < LASTING:
+            run()
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+    return {name: found[name] / found.total() for name in NAMES}
+
+
+def _phase(frame: FrameType | None) -> str:
+    """Return what the outermost function that is known does; of the steps, accelerations are told apart."""
+    phase, solving = REST, False
+    while frame is not None:
+        where = Path(frame.f_code.co_filename).name, frame.f_code.co_name
+        solving = solving or where in SOLVERS
+        phase = PHASES.get(where, phase)
+        frame = frame.f_back
+    return ACCELERATIONS if solving and phase == PHASES["march.py", "integrate"] else phase
