@@ -147,6 +147,10 @@ class PointClosure:
             -1, self.model.nv
         )
 
+    def right(self) -> Array:
+        """Return what the rows ask of the acceleration last computed, ``-G' v``, shape (m,)."""
+        return np.asarray(self.data.primal_rhs_contact).ravel()
+
     def step(self, right: Array) -> Array:
         """Return the least change x, measured by the masses, with ``rows x = right``, shape (nv,)."""
         return np.asarray(self.cholesky.solve(np.concatenate([right, np.zeros(self.model.nv)]))[len(right) :])

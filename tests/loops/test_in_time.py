@@ -5,6 +5,10 @@ import pytest
 from catalogue import bennett, four_bar, rssr
 from motions import energy, free, poses
 
+from pinarm.engine import native
+from pinarm.engine.closure import Split
+from pinarm.errors import DynamicsError
+
 TOLERANCE = 1e-9
 LONG = {
     "four-bar": (four_bar(), ["B"], 6.0), "rsur by a ball joint": (rssr(), ["A"], 6.0),
@@ -65,3 +69,25 @@ class TestTolerance:
             errors.append(np.abs(run.q - exact.q).max())
         assert np.polyfit(np.log(self.tolerances), np.log(errors), 1)[0] > 0.85
         assert (np.array(errors) < 1000 * np.array(self.tolerances)).all()
+
+
+class TestTornAccelerations:
+    """A solver that were worse than it should be would tell a smooth, closed and wrong motion."""
+
+    def run(self, name, tmp_path):
+        """From rest: the projection of velocities uses the same equations."""
+        linkage, cut, _ = LONG[name]
+        return free(linkage.build(tmp_path, cut), 0.2, tolerance=1e-6)
+
+    def test_by_points_they_are_refused(self, tmp_path, monkeypatch):
+        assert self.run("rsur by a ball joint", tmp_path)
+        monkeypatch.setattr(native, "PROXIMAL", 1e-3)
+        monkeypatch.setattr(native, "ITERATIONS", 1)
+        with pytest.raises(DynamicsError, match=r"at t = \S+ s the accelerations tear the loops"):
+            self.run("rsur by a ball joint", tmp_path)
+
+    def test_by_rows_they_are_refused(self, tmp_path, monkeypatch):
+        exact = Split.solve
+        monkeypatch.setattr(Split, "solve", lambda *given: exact(*given) * (1.0 + 1e-4))
+        with pytest.raises(DynamicsError, match=r"at t = \S+ s the accelerations tear the loops"):
+            self.run("rsur by a cross", tmp_path)

@@ -18,13 +18,14 @@ from pinarm.engine.assembly import assembled
 from pinarm.engine.closure import Closure, Split
 from pinarm.engine.dynamics import Dynamics, mass_matrices, mass_matrix, parts
 from pinarm.engine.imposed import Imposed
-from pinarm.engine.integrators import Acceleration, Energy, Manifold, Settle, Stretch
+from pinarm.engine.integrators import Energy, Manifold, Stretch
 from pinarm.engine.masses import require_masses
 from pinarm.engine.measures import BLOCK
 from pinarm.engine.multipliers import Multipliers
+from pinarm.engine.reduction import Targets
 from pinarm.engine.systems.contract import Initial, Motion
 from pinarm.engine.systems.together import CLOSED, FEWEST, ITERATIONS, TURNED, Solved, Together
-from pinarm.errors import AssemblyError, InputError
+from pinarm.errors import AssemblyError, DynamicsError, InputError
 from pinarm.mechanics.balls import coordinate_at, coordinate_name
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.laws import Constant
@@ -36,6 +37,10 @@ leaves where these terms vanish, relative to the square of the velocity [m]."""
 
 CONSISTENT = 1e-9
 """Largest difference of given velocities to what the loops allow that typed digits explain [rad/s or m/s]."""
+
+MET, LEAST = 1e-6, 1.0
+"""Part of its terms that ``G a + G' v`` may be at accepted states, where closed loops leave less than 1e-10; and the
+size that terms have at least, since at rest all of them vanish [m/s^2 or rad/s^2]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +97,7 @@ class ConstrainedSystem:
     def _check_lasting(self, q: Array, v: Array, ddw: Array) -> None:
         """Raise where the loops allow velocities for an instant only, as of two bars in one line between fixed ends."""
         self.rows.place(q)
-        rows, right = self.rows.rows(), self._rates(ddw) - self.rows.drift(q, v)
+        rows, right = self.rows.rows(), self.rates(ddw) - self.rows.drift(q, v)
         left = np.abs(rows @ Split.of(rows).particular(right) - right)
         rounding = ROUNDING * float(np.abs(v).max(initial=0.0)) ** 2
         if left.max(initial=0.0) > LASTING * np.abs(right).max(initial=0.0) + rounding:
@@ -120,7 +125,7 @@ class ConstrainedSystem:
         model = self.rows.model
         nv, mass = model.nv, mass_matrix(model, self.rows.data, q)
         self.rows.place(q)
-        rows, right = self.rows.rows(), self._rates(dw)
+        rows, right = self.rows.rows(), self.rates(dw)
         given = np.eye(nv)[list(initial.velocities)]
         values = initial.v[list(initial.velocities)]
         split = Split.of(np.vstack([rows, given]))
@@ -136,41 +141,19 @@ class ConstrainedSystem:
             )
         return v
 
-    def _rates(self, targets: Array) -> Array:
+    def rates(self, targets: Array) -> Array:
         """Return the right-hand side of the rows: 0 for the constraints, then what the laws ask for, shape (.., k)."""
         nothing = np.zeros((*targets.shape[:-1], self.rows.size - targets.shape[-1]))
         return np.concatenate([nothing, targets], axis=-1)
 
     def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
         """Return the motion on an interval without jumps."""
-        acceleration, settle = self._acceleration(dynamics.on(start, end), start, end), self._settle(start, end)
-        return Stretch(start, end, acceleration, settle, energy=self.energy(dynamics))
+        motion = _RowMotion(self, dynamics.on(start, end), self.imposed.on(start, end))
+        return Stretch(start, end, motion.acceleration, motion.settle, energy=self.energy(dynamics))
 
     def energy(self, dynamics: Dynamics) -> Energy | None:
         """Return the energy of a state, as far as it is conserved."""
         return dynamics.conserved if all(isinstance(law, Constant) for law in self.imposed.laws) else None
-
-    def _acceleration(self, dynamics: Dynamics, start: float, end: float) -> Acceleration:
-        model, data, rows, targets = self.rows.model, dynamics.data, self.rows, self.imposed.on(start, end)
-
-        def constrained(t: float, q: Array, v: Array) -> Array:
-            rows.place(q)
-            split = Split.of(rows.rows())
-            right = self._rates(targets(t)[2]) - rows.drift(q, v)
-            force = dynamics.loads(t, q, v) - pin.nonLinearEffects(model, data, q, v)
-            return split.solve(mass_matrix(model, data, q), force, right)
-
-        return constrained
-
-    def _settle(self, start: float, end: float) -> Settle:
-        targets = self.imposed.on(start, end)
-
-        def settle(t: float, q: Array, v: Array) -> tuple[Array, Array]:
-            w, dw, _ = targets(t)
-            states = self.settled(q[None], v[None], w[None], dw[None], np.array([t]))
-            return states[0][0], states[1][0]
-
-        return settle
 
     def settled(self, q: Array, v: Array, w: Array, dw: Array, t: Array) -> tuple[Array, Array, list[Split]]:
         """Return the closed states nearest to given ones, the distance measured by the masses, and their rows apart.
@@ -185,7 +168,7 @@ class ConstrainedSystem:
         Raises:
             AssemblyError: Newton's method does not close one.
         """
-        model, rows, values = self.rows.model, self.rows, self._rates(w)
+        model, rows, values = self.rows.model, self.rows, self.rates(w)
         mass, still, size = mass_matrices(model, rows.data, q), np.zeros(model.nv), max(1.0, rows.extent)
         for _ in range(ITERATIONS):
             gaps, matrices = rows.at(q)
@@ -196,7 +179,7 @@ class ConstrainedSystem:
             excess = np.abs(gaps).max(axis=1) - limit
             if (excess <= 0.0).all():  # and now closed to rounding
                 splits = Split.each(rows.at(q)[1])
-                states = zip(splits, mass, v, self._rates(dw), strict=True)
+                states = zip(splits, mass, v, self.rates(dw), strict=True)
                 return q, np.array([split.solve(m, m @ one, rate) for split, m, one, rate in states]), splits
         worst = int(excess.argmax())
         raise self._open(float(t[worst]), q[worst], gaps[worst])
@@ -244,7 +227,7 @@ class ConstrainedSystem:
         w, t = w[:, :, some].transpose(0, 2, 1), t[some]
         q, v, splits = self.settled(q[some], v[some], w[0], w[1], t)
         mass, force = dynamics.mass_matrices(q), -dynamics.inverse(t, q, v, np.zeros_like(v))
-        right = self._rates(w[2]) - self.rows.drifts(q, v)
+        right = self.rates(w[2]) - self.rows.drifts(q, v)
         a = np.array([split.solve(*given) for split, *given in zip(splits, mass, force, right, strict=True)])
         held = np.einsum("nij,nj->ni", mass, a) - force
         efforts = [split.multipliers(one)[self.own.size :] for split, one in zip(splits, held, strict=True)]
@@ -258,3 +241,51 @@ class ConstrainedSystem:
         weights = [one.weights for one in self.imposed.coordinates if isinstance(one, LinearCoordinate)]
         tau = efforts[:, others:] @ np.reshape(weights, (-1, v.shape[1]))
         return Motion(q, v, a, tau, Multipliers.least(self.closure, q, demand - tau, efforts[:, :others]))
+
+
+class _RowMotion:
+    """The motion on one stretch."""
+
+    def __init__(self, system: ConstrainedSystem, dynamics: Dynamics, targets: Targets) -> None:
+        self.system, self.dynamics, self.targets, self.t = system, dynamics, targets, -np.inf
+
+    def acceleration(self, t: float, q: Array, v: Array) -> Array:
+        """Return the acceleration."""
+        closure, dynamics = self.system.rows, self.dynamics
+        closure.place(q)
+        rows, right = closure.rows(), self.system.rates(self.targets(t)[2]) - closure.drift(q, v)
+        force = dynamics.loads(t, q, v) - pin.nonLinearEffects(dynamics.model, dynamics.data, q, v)
+        a = Split.of(rows).solve(mass_matrix(dynamics.model, dynamics.data, q), force, right)
+        if t == self.t:
+            require_met(rows, a, right, t, q)
+        return a
+
+    def settle(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the closed state nearest to (q, v)."""
+        w, dw, _ = self.targets(t)
+        self.t = t
+        closed = self.system.settled(q[None], v[None], w[None], dw[None], np.array([t]))
+        return closed[0][0], closed[1][0]
+
+
+def require_met(rows: Array, a: Array, right: Array, t: float, q: Array) -> None:
+    """Raise where the acceleration at an accepted state leaves the constraints: ``G a + G' v`` is not 0.
+
+    Args:
+        rows: G, shape (m, nv).
+        a: The acceleration, shape (nv,).
+        right: ``-G' v``, shape (m,).
+        t: Instant [s].
+        q: Configuration, shape (nq,).
+
+    Raises:
+        DynamicsError: It is off by more than ``MET`` of its terms.
+    """
+    left, size = np.abs(rows @ a - right).max(), (np.abs(rows) @ np.abs(a) + np.abs(right)).max()
+    if not left <= MET * max(size, LEAST):
+        raise DynamicsError(
+            f"at t = {t:.9g} s the accelerations tear the loops: G a + G' v is {left:.3g}, its terms reach {size:.3g}",
+            expected=f"no more than {MET:g} of its terms",
+            hint="masses many orders apart in one loop, or a position all but singular, may be the reason",
+            t=t, q=q,
+        )  # fmt: skip

@@ -15,7 +15,7 @@ from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Acceleration, Manifold, Stretch
 from pinarm.engine.native import PointClosure
 from pinarm.engine.reduction import Targets
-from pinarm.engine.systems.constrained import ConstrainedSystem
+from pinarm.engine.systems.constrained import ConstrainedSystem, require_met
 from pinarm.engine.systems.contract import Initial, Motion
 from pinarm.mechanics.motion import Grid
 
@@ -97,7 +97,7 @@ class _PointMotion:
         self.places = [points.model.joints[int(points.joint_at(v))].idx_q for v in points.driven]
         self.dynamics, self.free = dynamics, points.acceleration(dynamics, targets)
         self.tolerant: Acceleration | None = None
-        self.near, self.rank, self.looked = True, 0, False
+        self.near, self.rank, self.looked, self.rows = True, 0, False, np.empty((0, 0))
         self.t, self.step, self.least = -np.inf, 0.0, 0.0
         self.ways: dict[float, tuple[bool, int]] = {}
 
@@ -109,9 +109,11 @@ class _PointMotion:
             q, v = self.closed(q, v)
             if not self.looked:
                 self.look(q)
-        elif self.tolerant and self.rank < self.points.rank:
-            return self.tolerant(t, q, v)
-        return self.free(t, q, v)
+        tolerant = self.tolerant if not self.near and self.rank < self.points.rank else None
+        a = (tolerant or self.free)(t, q, v)
+        if t == self.t:
+            require_met(self.rows, a, self.points.right(), t, q)
+        return a
 
     def blind(self, q: Array) -> bool:
         """Return whether a position is too close to a singular one."""
@@ -161,7 +163,7 @@ class _PointMotion:
 
     def regularity(self) -> tuple[int, float]:
         """Return the rank of the rows at the position last closed, and their regularity relative to the usual one."""
-        rows = self.points.rows()
+        self.rows = rows = self.points.rows()
         squares = np.linalg.eigvalsh(rows @ rows.T)  # quicker than singular values, and exact enough
         held = squares[squares > VANISHED * squares[-1]]
         return len(held), float(held[0] / held[-1]) ** 0.5 / self.points.regularity
