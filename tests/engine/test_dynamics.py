@@ -1,3 +1,4 @@
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ from pinarm.errors import InputError
 from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.forces.joint import JointEffort, JointSpring
 from pinarm.mechanics.laws import Harmonic
+from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.forward import Forward
 
 MODELS = Path(__file__).parents[2] / "models"
 
@@ -76,6 +79,30 @@ class TestDoublePendulum:
             assert kinetic[k] == pytest.approx(0.5 * v[k] @ textbook(q[k], v[k])[0] @ v[k], rel=1e-13)
         height = (M1 * C1 + M2 * L1) * np.sin(q[:, 0]) + M2 * C2 * np.sin(q.sum(axis=1))
         assert potential == pytest.approx(G * height, abs=1e-13)
+
+
+class TestRotors:
+    @pytest.fixture
+    def geared(self, mechanism, chain):
+        """Two joints about axes that are none of the frame's, the second with a rotor; Pinocchio forgets its energy."""
+        bodies = (
+            {"name": "first", "axis": "0 0.6 0.8", "com": "0.5 0 0"},
+            {"name": "second", "kind": "revolute", "axis": "0.8 0 0.6", "at": "1 0 0", "com": "0 0.5 0"},
+        )
+        drive = {"joint": "second", "ratio": 100, "rotor_inertia": "1e-5 kg*m^2"}
+        return mechanism(chain(*bodies), drives={"motor": drive})
+
+    def test_their_energy_is_that_of_the_mass_matrix(self, geared):
+        q, v, _ = states(geared.model, 5)
+        M = geared.dynamics.mass_matrices(q)
+        expected = 0.5 * np.einsum("ni,nij,nj->n", v, M, v)
+        assert geared.dynamics.energy(q, v)[0] == pytest.approx(expected, rel=1e-14)
+        assert geared.dynamics.conserved(q[0], v[0])[0] == pytest.approx(expected[0], rel=1e-14)
+
+    def test_free_motion_keeps_it(self, geared):
+        problem = Forward(time=TimeGrid(end=2.0, samples=5), initial={"position": {"first": 1.0}})
+        run = problem.solve(geared, Accuracy(tolerance=1e-11), lambda *path: nullcontext())
+        assert run.figures["energy"] < 1e-9  # a hundred times the tolerance
 
 
 class TestIdentities:
