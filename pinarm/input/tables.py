@@ -31,8 +31,8 @@ def read_table(name: str, stamp: tuple[int, int]) -> tuple[Column, Column, Unit,
         Both columns in SI, and their units.
 
     Raises:
-        InputError: The file cannot be read, has no heading, a cell is no finite number, or
-            the first column does not ascend; says in which line.
+        InputError: The file cannot be read, has no heading, a cell is no finite number or has none above it in the
+            heading, or the first column does not ascend; says in which line.
     """
     path = Path(name)
     file = path.name
@@ -44,10 +44,17 @@ def read_table(name: str, stamp: tuple[int, int]) -> tuple[Column, Column, Unit,
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"the table {file} is not CSV text ({error})") from None
     if len(rows) < 3 or len(rows[0]) < 2:
-        raise InputError(f"the table {file} is too short", expected="a heading and at least two rows of two columns")
+        raise InputError(
+            f"the table {file} is too short",
+            expected="a heading and at least two rows of two columns, separated by commas",
+        )
     (along, measured), numbers = (_unit(cell, file) for cell in rows[0][:2]), []
     for line, row in enumerate(rows[1:], start=2):
         if row:
+            if any(cell.strip() for cell in row[len(rows[0]) :]):
+                raise InputError(
+                    f"the row has {len(row)} cells, the heading {len(rows[0])}", expected="numbers with a decimal point"
+                ).at(Location(file, line, 1, ",".join(row)))
             t, value = (_number(row, column, file, line) for column in (0, 1))
             numbers.append((t * along.factor, value * measured.factor))
             if len(numbers) > 1 and not numbers[-1][0] > numbers[-2][0]:

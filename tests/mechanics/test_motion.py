@@ -496,6 +496,8 @@ class TestTable:
             ("t [s],x [m]\n0,zero\n1,1\n", r"table\.csv:2:1: a finite number is missing"),
             ("t [s],x [m]\n0,0\n1,\n", r"table\.csv:3:1: a finite number is missing"),
             ("t [s],x [m]\n0,0\n1\n", r"table\.csv:3:1: a finite number is missing"),
+            ("t [s],x [m]\n0,0\n0,5,0,1\n", r"table\.csv:3:1: the row has 4 cells, the heading 2"),
+            ("t [s];x [m]\n0;0\n1;1\n", "separated by commas"),
             ("t [s],x [m]\n0;0\n1;1\n", r"table\.csv:2:1: a finite number is missing"),
             ("t,x [m]\n0,0\n1,1\n", r"table\.csv:1:1: the heading 't' has no unit"),
             ("t [s],x\n0,0\n1,1\n", r"table\.csv:1:1: the heading 'x' has no unit"),

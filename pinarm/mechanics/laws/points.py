@@ -70,7 +70,10 @@ class Spline(MotionLaw, frozen=True, tag_field="law", tag="spline", rename=RENAM
 
 
 class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
-    """The spline through the rows of a CSV file: a heading such as ``t [s],theta [deg]``, then two numbers a row."""
+    """The spline through the rows of a CSV file: a heading such as ``t [s],theta [deg]``, then two numbers a row.
+
+    Columns after the second are notes.
+    """
 
     file: str
     speeds: tuple[Rate, Rate] = (0.0, 0.0)
