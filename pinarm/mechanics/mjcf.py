@@ -173,7 +173,7 @@ def _couplings(model: Element, reader: _Reader) -> Iterator[Mimic]:
         ModelError: An equality closes a loop, or couples by a curve.
     """
     for one in (one for section in model.findall("equality") for one in section):
-        given = reader.settings.attributes(one, "")
+        given = reader.settings.attributes(one, "", "equality")
         name = given.get("name") or given.get("joint1") or given.get("body1") or given.get("site1") or "without name"
         if given.get("active", "true") == "false" or "equality" in reader.settings.off:
             continue

@@ -79,12 +79,13 @@ class Settings:
             frozenset(name for name in SWITCHES if flags.get(name) == "disable"), _classes(model),
         )  # fmt: skip
 
-    def attributes(self, element: Element, childclass: str) -> Attributes:
+    def attributes(self, element: Element, childclass: str, kind: str = "") -> Attributes:
         """Return the attributes of an element, those of its class where it gives none.
 
         Args:
             element: Such as a joint.
             childclass: Class of the elements of its body that name none.
+            kind: What classes call such elements; by its tag where it is left out.
 
         Raises:
             ModelError: There is no class of that name.
@@ -93,7 +94,7 @@ class Settings:
         if name not in self.classes:
             expected, hint = choices(name, self.classes)
             raise ModelError(f"there is no default class '{name}'", expected=expected, hint=hint)
-        given = self.classes[name].get(element.tag, {})
+        given = self.classes[name].get(kind or element.tag, {})
         if any(key in element.attrib for key in (*ORIENTATIONS, "fromto")):
             given = {key: value for key, value in given.items() if key not in (*ORIENTATIONS, "fromto")}
         merged = {**given, **element.attrib}

@@ -149,6 +149,15 @@ def test_a_coupling_may_be_as_plain_as_it_gets():
     assert plain.mimics == (Mimic("a", "b", 1.0, 0.0),)
 
 
+def test_a_coupling_that_its_class_switches_off_is_none():
+    """MuJoCo 4.0.0 gives eq_active0 = 0, and 1 for the class that switches it on again."""
+    off = '<default><equality active="false"/><default class="on"><equality active="true"/></default></default>'
+    two = body('<joint name="a"/>' + SPHERE), body('<joint name="b"/>' + SPHERE, "c")
+    equality = '<equality><joint joint1="a" joint2="b"/></equality>'
+    assert build_model(model(*two, before=off + equality)).mimics == ()
+    assert len(build_model(model(*two, before=off + equality.replace("joint1", 'class="on" joint1'))).mimics) == 1
+
+
 def test_least_masses_and_moments_are_kept():
     bounds = '<compiler boundmass="0.5" boundinertia="0.01"/>'
     light = body(HINGE + '<inertial pos="0 0 0" mass="0.1" diaginertia="1e-3 1.05e-2 1e-2"/>')
