@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree
@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.errors import ModelError, choices
-from pinarm.mechanics.tree import Bounds, Kind, Mimic, Tree, TreeJoint, checked_mimics, defect, inertia, listed
+from pinarm.mechanics.tree import Bounds, Kind, Mimic, Tree, TreeJoint, checked_mimics, defect, inertia, listed, several
 
 KINDS: Mapping[str, Kind] = {
     "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "planar": "planar",
@@ -42,8 +42,19 @@ def urdf_tree(robot: Element) -> Tree:
     notes += _said_of_limits(elements, joints)
     if any(float(spring.text or 0) for spring in robot.iter("springStiffness") if _is_number(spring.text)):
         notes.append("springs that the model gives to its joints for Gazebo are not modelled")
+    if geared := [*_geared(robot)]:
+        notes.append(f"gears and rotors of transmissions are modelled as 'drives' only: {several(geared)}")
     bodies = {root: links[root], **{joint.child: links[joint.child] for joint in order}}
     return Tree(robot.get("name", ""), bodies, order, mimics, None, (*defects, *orphans), tuple(notes))
+
+
+def _geared(robot: Element) -> Iterator[str]:
+    """Yield the names of the transmissions that have a gear or a rotor."""
+    idle = {"mechanicalReduction": 1.0, "motorInertia": 0.0}
+    for transmission in robot.findall("transmission"):
+        if any(one.tag in idle and _is_number(one.text) and abs(float(one.text or 0)) != idle[one.tag]
+               for one in transmission.iter()):  # fmt: skip
+            yield transmission.get("name", "without name")
 
 
 def _named(robot: Element, tag: str) -> dict[str, Element]:

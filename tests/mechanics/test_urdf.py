@@ -148,6 +148,17 @@ def test_a_joint_cannot_mimic_one_that_is_fixed(chain):
     assert refusal(xml).message == "joint 'c' mimics 'b', which is fixed"
 
 
+@pytest.mark.parametrize(("within", "noted"), [
+    ("<mechanicalReduction>50</mechanicalReduction>", True),
+    ("<actuator><mechanicalReduction>-1.0</mechanicalReduction><motorInertia>0</motorInertia></actuator>", False),
+    ("<actuator><motorInertia>1e-4</motorInertia></actuator>", True),
+])  # fmt: skip
+def test_gears_of_transmissions_are_noted(chain, within, noted):
+    xml = chain(ARM).replace("</robot>", f'<transmission name="gearbox">{within}</transmission></robot>')
+    said = "gears and rotors of transmissions are modelled as 'drives' only: gearbox"
+    assert (said in build_model(xml).notes) == noted
+
+
 def test_defects_are_taken_as_written_where_that_is_asked_for(chain):
     xml = coupled(chain, ("b", '<mimic joint="d"/>')).replace('ixx="0.1"', 'ixx="-0.1"', 1)
     robot = build_model(xml, defects="noted")
