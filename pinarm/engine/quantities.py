@@ -26,7 +26,7 @@
 
 Vectors are in world axes; ``.along.B`` before the component gives them in the axes of link B:
 ``point.P.velocity.along.arm_2.x``. The component ``norm`` is the length. Formulas combine quantities with the published
-symbols, the model's arguments and ``g``, the magnitude of gravity.
+symbols, the model's arguments and ``g``, the magnitude of gravity. A name with several meanings is refused.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class Quantities:
         """Return a quantity by its name, a symbol, or a formula of them.
 
         Raises:
-            InputError: There is no such quantity; the message lists what there is.
+            InputError: There is no such quantity, or a name means several; the message lists what there is.
         """
         if name not in self._known:
             self._known[name] = self._find(name)
@@ -130,6 +130,7 @@ class Quantities:
         mechanism, rows = self.trajectory.mechanism, len(self.trajectory)
         if name == self.trajectory.parameter:
             return Series(name, self.trajectory.unit, self.trajectory.grid.t)
+        self._require_one_meaning(name)
         for symbols in (self.symbols, mechanism.symbols):
             if name in symbols:
                 return self._evaluate(name, symbols[name])
@@ -151,6 +152,26 @@ class Quantities:
             if not set(name) & OPERATORS:  # names from models may hold such marks too, so they are tried first
                 raise
         return self._evaluate(name, Expression.parse(name), formula=True)
+
+    def _require_one_meaning(self, name: str) -> None:
+        """Raise where a name stands for several things; symbols and arguments may take those of constants and ``g``.
+
+        Raises:
+            InputError: Says for which.
+        """
+        mechanism = self.trajectory.mechanism
+        known, arguments = {*self.symbols, *mechanism.symbols}, mechanism.arguments
+        named = {
+            "a symbol": name in known,
+            "an argument of the model": name in arguments,
+            "a coordinate": name in mechanism.coordinates,
+            "what runs along the rows": name == self.trajectory.parameter and name not in mechanism.coordinates,
+            "a constant": name in ("g", *CONSTANTS) and name not in known and name not in arguments,
+        }
+        meanings = [meaning for meaning, holds in named.items() if holds]
+        if len(meanings) > 1:
+            hint = f"coordinate.{name}.position, or another name" if named["a coordinate"] else "another name"
+            raise InputError(f"'{name}' is {' and '.join(meanings)}", expected="one meaning for each name", hint=hint)
 
     @cached_property
     def _dotted(self) -> set[str]:
@@ -197,6 +218,8 @@ class Quantities:
         return np.asarray(expression.evaluate({inner: series.values for inner, series in found.items()}), float)
 
     def _operands(self, expression: Expression) -> dict[str, Series]:
+        for inner in expression.names:
+            self._require_one_meaning(inner)
         return {inner: self[inner] for inner in expression.names if not _is_constant(inner, self)}
 
     def _unknown(self, name: str) -> InputError:
@@ -418,7 +441,7 @@ def _turning(measured: Unit, base: Unit, order: int) -> Unit:
 
 
 def _is_constant(name: str, quantities: Quantities) -> bool:
-    """Tell whether a name is one of the language's own constants, which every other name overrides."""
+    """Tell whether a name is one of the language's own constants, which symbols and arguments override."""
     if name not in CONSTANTS:
         return False
     mechanism = quantities.trajectory.mechanism

@@ -32,16 +32,16 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
     Raises:
         InputError: The folder cannot be written.
     """
+    summary, columns = json_text(result.summary()) + "\n", result.columns()  # before anything is overwritten
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _clear(result, folder)
         mechanism = result.trajectory.mechanism
         model = f"model{ending(mechanism.xml)}"
+        write(folder / "summary.json", summary)  # first: by it the next run knows a folder that was left half written
         write(folder / "scenario.yaml", _resolved(result, folder))
         write(folder / "mechanism.yaml", _mechanism(mechanism.source, folder, model))
         write(folder / model, _model(mechanism, folder))
-        write(folder / "summary.json", json_text(result.summary()) + "\n")
-        columns = result.columns()
         write_parts(folder / "trajectory.csv", csv(columns))
         write_arrays(folder / "trajectory.npz", _arrays(result, columns))
         if timing:

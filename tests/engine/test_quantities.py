@@ -1,3 +1,4 @@
+import dataclasses
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -164,6 +165,26 @@ def test_a_symbol_that_needs_itself_is_refused(run):
     symbols = {"one": Expression.parse("two + 1"), "two": Expression.parse("one - 1")}
     with pytest.raises(InputError, match="defined by itself: one -> two"):
         Quantities(run, symbols)["one"]
+
+
+@pytest.mark.parametrize(
+    ("name", "asked", "message"),
+    [
+        ("phi", "phi", "'phi' is an argument of the model and a coordinate"),
+        ("O", "2*O", "'O' is an argument of the model and a coordinate"),
+        ("t", "2*t", "'t' is an argument of the model and what runs along the rows"),
+    ],
+)
+def test_a_name_of_several_things_is_refused(run, name, asked, message):
+    mechanism = dataclasses.replace(run.mechanism, arguments={**run.mechanism.arguments, name: 1.0})
+    with pytest.raises(InputError, match=message):
+        Quantities(dataclasses.replace(run, mechanism=mechanism))[asked]
+
+
+def test_a_symbol_for_a_coordinate_is_refused_and_one_for_a_constant_taken(run):
+    with pytest.raises(InputError, match="'phi' is a symbol and a coordinate"):
+        Quantities(run, {"phi": Expression.parse("2*C_B")})["phi + 1"]
+    assert (Quantities(run, {"pi": Expression.parse("3")})["2*pi"].values == 6.0).all()
 
 
 def test_a_misspelt_name_comes_with_the_right_one(found):

@@ -171,6 +171,35 @@ def test_an_older_result_is_replaced(scenario: Callable[..., Any], folder: Path)
     assert json.loads((saved / "summary.json").read_text())["outputs"]["M"]["max"] == pytest.approx(2.5, rel=1e-12)
 
 
+def test_an_older_result_stays_where_the_new_one_cannot_be_told(
+    scenario: Callable[..., Any], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario("statics").run().save(folder / "out", plots=False)
+    before = contents(folder / "out")
+
+    def refuse(result: object) -> None:
+        raise InputError("no such column")
+
+    monkeypatch.setattr(pinarm.Result, "columns", refuse)
+    with pytest.raises(InputError, match="no such column"):
+        scenario("inverse").run().save(folder / "out", plots=False)
+    assert contents(folder / "out") == before
+
+
+def test_a_result_whose_writing_was_interrupted_is_replaced(
+    scenario: Callable[..., Any], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(file: Path, text: str) -> None:
+        if file.name == "mechanism.yaml":
+            raise KeyboardInterrupt
+        file.write_text(text)
+
+    with monkeypatch.context() as during, pytest.raises(KeyboardInterrupt):
+        during.setattr("pinarm.use.save.write", interrupt)
+        scenario("statics").run().save(folder / "out", plots=False)
+    assert "trajectory.csv" in contents(scenario("statics").run().save(folder / "out", plots=False))
+
+
 def test_what_an_older_result_left_is_not_taken_for_the_new_one(scenario: Callable[..., Any], folder: Path) -> None:
     scenario("inverse").run().save(folder / "out")
     saved = scenario("inverse", "gravity: none\n").run().save(folder / "out", plots=False)
