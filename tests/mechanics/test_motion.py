@@ -85,8 +85,8 @@ SAMPLES = {
     Table: {"table": table(HERE, speeds=(0.3, 0.0))},
     Succession: {
         "succession": Succession(start=0.4, begin=0.2, segments=segments(
-            (1.2, Trapezoid(start=7.0, end=7.5, acceleration=2.0, begin=0.1)),
-            (0.5, Constant(value=3.0)),
+            (1.2, Trapezoid(start=0.0, end=0.5, acceleration=2.0, begin=0.1)),
+            (0.5, Constant(value=0.9)),
             (0.8, ConstantAcceleration(acceleration=1.5)),
             (0.6, ConstantSpeed(speed=1.2)),
         )),
@@ -291,7 +291,7 @@ NESTED = {
         segments=segments((1.0, Constant(value=0.0)), (1.0, ConstantAcceleration(acceleration=x)))
     ),
     "speed in a segment of a segment": lambda x: Succession(
-        segments=segments((1.0, Succession(segments=segments((1.0, SpeedPoints(points=[(0.0, x)]))))))
+        segments=segments((1.0, Succession(segments=segments((1.0, SpeedPoints(points=[(0.0, 0.0), (1.0, x)]))))))
     ),
 }
 
@@ -322,7 +322,7 @@ def test_rates_of_a_profile_are_per_unit_of_what_it_runs_along():
     with pytest.raises(UnitError, match="not a unit of this quantity"):
         law.check_units(unit("m"), along=unit("m"))
     Harmonic(amplitude="1 mm", pulsation="3 1/m").check_units(unit("m"), along=unit("m"))
-    points = Succession(segments=segments(("20 deg", SpeedPoints(points=[("0 deg", "1 mm/rad")]))))
+    points = Succession(segments=segments(("20 deg", SpeedPoints(points=[("0 deg", 0.0), ("9 deg", "1 mm/rad")]))))
     points.check_units(unit("m"), along=unit("rad"))
     with pytest.raises(UnitError, match="not a unit") as caught:
         points.check_units(unit("m"), along=unit("m"))
@@ -569,6 +569,25 @@ class TestSuccession:
         assert s == pytest.approx([0.5, 2.5], abs=1e-15)
         assert ds == pytest.approx([2.0, 2.0], abs=1e-14)
         assert dds == pytest.approx([0.0, 0.0], abs=1e-14)
+
+    def test_it_begins_where_its_first_law_does_and_goes_on_from_there(self):
+        rise = Cycloidal(start=2.0, end=3.0, duration=1.0)
+        law = Succession(segments=segments((1.0, rise), (1.0, Cycloidal(start=3.0, end=1.5, duration=1.0))))
+        assert across(law, [-1.0, 0.0, 1.0, 2.0, 5.0])[0] == pytest.approx([2.0, 2.0, 3.0, 1.5, 1.5], abs=1e-14)
+
+    @pytest.mark.parametrize(
+        ("start", "parts", "message"),
+        [
+            (None, [(1.0, Constant(value=4.0)), (1.0, Constant(value=-7.0))], "begins at -7, .* come to 4"),
+            (None, [(1.0, Constant(value=4.0)), (1.0, Constant(value=0.0))], "begins at 0, .* come to 4"),
+            (1.0, [(1.0, Cycloidal(start=2.0, end=3.0, duration=1.0))], "begins at 2, .* come to 1"),
+            (None, [(1.0, Cycloidal(start=0.0, end=1.0, duration=1.0)),
+                    (1.0, Cycloidal(start=3.0, end=1.0, duration=1.0))], "begins at 3, .* come to 1"),
+        ],
+    )  # fmt: skip
+    def test_a_value_that_would_not_be_had_is_refused(self, start, parts, message):
+        with pytest.raises(InputError, match=message):
+            Succession(start=start, segments=segments(*parts))
 
     @pytest.mark.parametrize(
         ("parts", "message"),

@@ -23,7 +23,7 @@ from pinarm.mechanics.motion import Grid
 
 CAM = Succession(segments=[
     Segment(duration=1.0, motion=Cycloidal(start=0.0, end=0.02, duration=1.0)),
-    Segment(duration=0.5, motion=Constant(value=0.0)),
+    Segment(duration=0.5, motion=Constant(value=0.02)),
     Segment(duration=1.5, motion=Cycloidal(start=0.0, end=-0.02, duration=1.5)),
 ])  # fmt: skip
 """Rise, dwell and return within 3 rad; then it rests to 4 rad."""

@@ -34,11 +34,17 @@ class Segment(Model, frozen=True):
 class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rename=RENAMED):
     """Laws end to end: each begins where the one before has come to, and its speed must be that of the one before.
 
-    After the last one the speed stays what it is.
+    A law whose own values begin at 0 counts from there; one that begins elsewhere has to begin there, as a constant
+    has to stay there. After the last one the speed stays what it is.
+
+    Attributes:
+        segments: The laws.
+        start: Value at the beginning; that of the first law where it is left out.
+        begin: When the first one begins.
     """
 
     segments: Annotated[list[Segment], msgspec.Meta(min_length=1)]
-    start: Level = 0.0
+    start: Level | None = None
     begin: Abscissa = 0.0
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
@@ -50,28 +56,48 @@ class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rena
             with within("segments", row, "motion"):
                 segment.motion.check_units(of, along)
 
+    def check(self) -> None:
+        """Refuse laws that do not follow one another."""
+        self.pieces()
+
     def pieces(self) -> Sequence[Piece]:
         """Return the pieces of all the laws, moved in time and value."""
-        t, s, v, found = float(self.begin), float(self.start), 0.0, [_rest_at(self.begin, self.start)]
-        for number, segment in enumerate(self.segments):
-            own = segment.motion.pieces()
-            local = np.array([0.0])
-            offset = s - float(own_piece(own, 0.0)(local)[0][0])
-            speed = float(own_piece(own, 0.0)(local)[1][0])
-            if abs(speed - v) > CONTINUOUS * max(abs(speed), abs(v)):
-                raise InputError(f"the speed jumps from {v:.6g} to {speed:.6g} where segment {number + 1} begins")
+        t, v, now = float(self.begin), 0.0, np.array([0.0])
+        first = self.segments[0].motion.settled
+        s = float(own_piece(first, 0.0)(now)[0][0]) if self.start is None else float(self.start)
+        found, size = [_rest_at(t, s)], abs(s)
+        for row, segment in enumerate(self.segments):
+            own = segment.motion.settled
+            value, speed = (float(part[0]) for part in own_piece(own, 0.0)(now)[:2])
+            with within("segments", row, "motion"):
+                if abs(speed - v) > CONTINUOUS * max(abs(speed), abs(v)):
+                    raise InputError(f"the speed jumps from {v:.6g} to {speed:.6g} where segment {row + 1} begins")
+                if value != 0.0 or isinstance(segment.motion, Constant):
+                    _check_reached(value, s, size)
             for piece in own:
                 low, high = max(piece.start, 0.0), min(piece.end, segment.duration)
                 if low < high:
-                    found.append(Piece(t + low, t + high, _moved(piece.function, t, offset)))
-            end = np.array([float(segment.duration)])
-            values = found[-1].function(t + end)
-            s, v, t = float(values[0][0]), float(values[1][0]), t + segment.duration
+                    found.append(Piece(t + low, t + high, _moved(piece.function, t, s - value)))
+            s, v = (float(part[0]) for part in found[-1].function(np.array([t + segment.duration]))[:2])
+            t, size = t + segment.duration, max(size, abs(s))
         return [*found, Piece(t, math.inf, polynomial(t, s, v))]
 
 
 CONTINUOUS = 1e-9
-"""Relative difference of speed that rounding explains where one law takes over from another."""
+"""Relative difference of values and speeds that rounding explains where one law takes over from another."""
+
+
+def _check_reached(value: float, reached: float, size: float) -> None:
+    """Raise where a law begins elsewhere than at the value that those before it have come to.
+
+    Raises:
+        InputError: Says both.
+    """
+    if abs(value - reached) > CONTINUOUS * max(abs(value), size):
+        raise InputError(
+            f"the law begins at {value:.6g}, but those before it have come to {reached:.6g}",
+            expected=f"one that begins at {reached:.6g}, or, unless it is constant, at 0 to count from there",
+        )
 
 
 def _rest_at(end: float, value: float) -> Piece:
