@@ -110,17 +110,29 @@ class Trajectory:
     notes: tuple[str, ...] = ()
 
     @classmethod
-    def still(cls, mechanism: Mechanism, parameter: str, measured: Unit) -> Trajectory:
-        """Return one row at the neutral configuration: enough to see which quantities there are."""
+    def still(cls, mechanism: Mechanism, parameter: str, measured: Unit, closure: Closure | None = None) -> Trajectory:
+        """Return one row at the neutral configuration: enough to see which quantities there are.
+
+        Args:
+            mechanism: The mechanism.
+            parameter: What runs along the rows.
+            measured: Its unit.
+            closure: Constraints with the drives along task coordinates; none of these where it is left out.
+        """
         q, idle = np.atleast_2d(pin.neutral(mechanism.model)), np.zeros((1, mechanism.model.nv))
         dynamics, grid = mechanism.dynamics, Grid(np.zeros(1), (0.0, 0.0), (0, 1))
-        again, closure = partial(cls._still_again, mechanism, parameter, measured), mechanism.closure
-        lam = Multipliers.zero(1, closure.size)
+        again, closure = (
+            partial(cls._still_again, mechanism, parameter, measured, closure),
+            closure or mechanism.closure,
+        )
+        lam = Multipliers.known(np.zeros((1, closure.size)), mechanism.closure.size)
         return cls(mechanism, parameter, measured, grid, q, idle, idle, idle, lam, closure, dynamics, again)
 
     @classmethod
-    def _still_again(cls, mechanism: Mechanism, parameter: str, measured: Unit, grid: Grid) -> Trajectory:
-        return cls.still(mechanism, parameter, measured)
+    def _still_again(
+        cls, mechanism: Mechanism, parameter: str, measured: Unit, closure: Closure | None, grid: Grid
+    ) -> Trajectory:
+        return cls.still(mechanism, parameter, measured, closure)
 
     def __len__(self) -> int:
         return len(self.grid.t)

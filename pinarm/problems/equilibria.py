@@ -12,6 +12,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.assembly import start_configuration
+from pinarm.engine.efforts import actuation
 from pinarm.engine.equilibrium import Balance, Equilibrium
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.multipliers import Multipliers
@@ -53,7 +54,7 @@ class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         free = mechanism.model.nv - len(self.hold)
         units = _units(mechanism, free)
-        row = Trajectory.still(mechanism, "row", unit("1"))
+        row = Trajectory.still(mechanism, "row", unit("1"), actuation(mechanism, [*self.hold], []).closure)
         further = {name: Series(name, measured, np.zeros(1)) for name, measured in units.items()}
         return replace(row, further=further, separate=True)
 

@@ -15,6 +15,7 @@ from pinarm.engine.assembly import start_configuration
 from pinarm.engine.closure import Closure
 from pinarm.engine.course import Course
 from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.efforts import actuation
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.masses import require_masses
 from pinarm.engine.mechanism import Mechanism
@@ -73,7 +74,7 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
 
     def still(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        row = Trajectory.still(mechanism, "t", unit("s"))
+        row = Trajectory.still(mechanism, "t", unit("s"), actuation(mechanism, [*self.motion], []).closure)
         return replace(row, further=_further(self.events, [], 1))
 
     def prepare(self, mechanism: Mechanism, place: Place, accuracy: Accuracy = DEFAULT) -> Journey:

@@ -49,7 +49,7 @@ class Inverse(Model, frozen=True, tag_field="kind", tag="inverse"):
 
     def still(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        return Trajectory.still(mechanism, "t", unit("s"))
+        return Trajectory.still(mechanism, "t", unit("s"), actuation(mechanism, self.drives, [*self.motion]).closure)
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement]]:
         """Check all names and units; return the imposed coordinates, the drives and the forces."""

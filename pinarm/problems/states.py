@@ -62,7 +62,8 @@ class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
 
     def still(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        return replace(Trajectory.still(mechanism, *_parameter(self.over, mechanism)), separate=True)
+        closure = actuation(mechanism, self.drives, [*self.over, *self.hold]).closure
+        return replace(Trajectory.still(mechanism, *_parameter(self.over, mechanism), closure), separate=True)
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement]]:
         """Check all names and units; return the imposed coordinates, the drives and the forces."""
@@ -106,7 +107,8 @@ class State(Model, frozen=True, tag_field="kind", tag="state"):
 
     def still(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        return replace(Trajectory.still(mechanism, *_parameter(self.over, mechanism)), separate=True)
+        closure = actuation(mechanism, self.drives, [*self.over, *self.hold]).closure
+        return replace(Trajectory.still(mechanism, *_parameter(self.over, mechanism), closure), separate=True)
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement], Rates]:
         """Check all names and units; return the imposed coordinates, the drives, the forces, and the given rates."""

@@ -52,6 +52,29 @@ def test_check_and_validate_take_folders(scenario: Callable[..., Any], folder: P
         pinarm.check(folder / "nothing")
 
 
+ARM = Path(__file__).parents[2] / "models" / "gen411_arm" / "mechanism.yaml"
+ALONG = {
+    "statics": "over: {A_height: {from: 0.6 m, to: 0.7 m, samples: 3}}, hold: {O: 0}, drives: [A_height, O]",
+    "state": "hold: {O: 0, A_height: 0.6 m}, drives: [A_height, O]",
+    "equilibria": "starts: [{B: 30 deg}], hold: {A_height: 0.6 m}",
+    "inverse": "time: {end: 1 s}, motion: {O: {law: constant, value: 0}, A_height: {law: constant, value: 0.6 m}}, "
+    "drives: [A_height, O]",
+    "forward": "time: {end: 0.1 s}, motion: {A_height: {law: constant, value: 0.6 m}}, start: {B: 30 deg}",
+}
+"""Problems in which something acts along a task coordinate."""
+
+
+@pytest.mark.parametrize("kind", ALONG)
+def test_validate_knows_the_efforts_that_a_run_tells(folder: Path, kind: str) -> None:
+    problem, outputs = f"problem: {{kind: {kind}, {ALONG[kind]}}}\n", "outputs: [coordinate.A_height.effort]\n"
+    (folder / "along.yaml").write_text(f"pinarm: 1\nmechanism: {ARM}\n{problem}{outputs}")
+    with pinarm.rooted(ARM.parents[2]):
+        assert len(pinarm.validate(folder / "along.yaml")) == 1
+        effort = pinarm.run(folder / "along.yaml")["coordinate.A_height.effort"]
+    assert str(effort.unit) == "N"
+    assert np.isfinite(effort.values).all()
+
+
 def test_replay_takes_a_folder(scenario: Callable[..., Any], folder: Path) -> None:
     result = scenario("inverse").run()
     written = result.save(folder / "out", plots=False)
