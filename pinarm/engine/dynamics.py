@@ -119,6 +119,8 @@ class Dynamics:
         nq, nv = self.model.nq, self.model.nv
         q, v, a = as_rows(q, nq, "q"), as_rows(v, nv, "v"), as_rows(a, nv, "a")
         same_rows(q, v, a)
+        if not len(q):
+            return np.zeros((0, nv))
         tau: Array = pin.rneaInParallel(1, self._pool, q.T, v.T, a.T).reshape(nv, -1).T
         return tau - self.loads(t, q, v) if self.forces else tau
 
@@ -139,12 +141,12 @@ class Dynamics:
         """
         q, v = as_rows(q, self.model.nq, "q"), as_rows(v, self.model.nv, "v")
         same_rows(q, v)
-        total = self.loads(t, q, v)
+        total = self.loads(t, q, v) if len(q) else np.zeros_like(v)
         if tau is not None:
             efforts = as_rows(tau, self.model.nv, "tau")
             same_rows(q, efforts)
             total += efforts
-        a: Array = pin.abaInParallel(1, self._pool, q.T, v.T, total.T).reshape(self.model.nv, -1).T
+        a: Array = pin.abaInParallel(1, self._pool, q.T, v.T, total.T).reshape(self.model.nv, len(q)).T
         checked = {0, len(q) // 2, len(q) - 1, int(np.abs(q).max(axis=1).argmax())} if len(q) else set()
         exact = {row: pin.aba(self.model, self.data, q[row], v[row], total[row]) for row in checked}
         if all(np.abs(a[row] - one).max() <= SAME * np.abs(one).max() for row, one in exact.items()):
@@ -230,9 +232,12 @@ def as_rows(x: Array, width: int, name: str) -> Array:
     """Return an array of states as rows, shape (n, width).
 
     Raises:
-        InputError: It has another shape.
+        InputError: It has another shape, or is not of real numbers.
     """
-    rows = np.atleast_2d(np.asarray(x, dtype=np.float64))
+    try:
+        rows = np.atleast_2d(np.asarray(x).astype(np.float64, casting="same_kind", copy=False))
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is no array of real numbers", expected=f"(n, {width}) of them") from None
     if rows.ndim != 2 or rows.shape[1] != width:
         raise InputError(f"{name} has the shape {np.shape(x)}", expected=f"(n, {width}) or ({width},)")
     return rows

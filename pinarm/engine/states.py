@@ -26,6 +26,9 @@ from pinarm.mechanics.motion import Grid
 CLOSED = 1e-8
 """How far a given state may tear a loop, relative to ``1 +`` the terms of the row: typed digits explain as much."""
 
+UNIT = 1e-8
+"""How far the length of a given quaternion may be from 1: typed digits explain as much."""
+
 NO_DRIVES = "the mechanism has loops, and no drives are named that carry the load: drives=[...]"
 
 
@@ -88,10 +91,10 @@ def quantities(
     mechanism: Mechanism, q: Array, v: Array | None, a: Array | None, tau: Array | None, drives: Sequence[str], t: float
 ) -> Quantities:
     """Return the quantities of states; see ``Mechanism.at``."""
-    nq, nv = mechanism.model.nq, mechanism.model.nv
+    nv = mechanism.model.nv
     if a is not None and tau is not None:
         raise InputError("accelerations and efforts are given", expected="one of them: the other one follows")
-    q = as_rows(q, nq, "q")
+    q = _configurations(mechanism, q)
     still = np.zeros((len(q), nv))
     v = still if v is None else as_rows(v, nv, "v")
     same_rows(q, v)
@@ -127,8 +130,8 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
         names = ", ".join(constraint.name for constraint in mechanism.constraints)
         raise InputError(f"the joints of this mechanism are tied by {names}", expected="drives that carry the load",
                          hint="inverse(q, v, a, drives=[...])")  # fmt: skip
-    nq, nv = mechanism.model.nq, mechanism.model.nv
-    q, v, a = as_rows(q, nq, "q"), as_rows(v, nv, "v"), as_rows(a, nv, "a")
+    nv = mechanism.model.nv
+    q, v, a = _configurations(mechanism, q), as_rows(v, nv, "v"), as_rows(a, nv, "a")
     demand = mechanism.dynamics.on(t, np.nextafter(t, np.inf)).inverse(t, q, v, a)
     _check_closed(mechanism.closure, q, v, a)
     return acting.efforts(np.full(len(q), float(t)), q, demand)[0]
@@ -137,14 +140,29 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
 def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: float) -> Array:
     """Return the accelerations under efforts; see ``Mechanism.forward``."""
     dynamics, nv = mechanism.dynamics.on(t, np.nextafter(t, np.inf)), mechanism.model.nv
+    q, v = _configurations(mechanism, q), as_rows(v, nv, "v")
     if not mechanism.closure.size:
         return dynamics.forward(t, q, v, tau)
-    q, v = as_rows(q, mechanism.model.nq, "q"), as_rows(v, nv, "v")
     efforts = np.zeros_like(v) if tau is None else as_rows(tau, nv, "tau")
     same_rows(q, v, efforts)
     a = _accelerations(dynamics, mechanism.closure, t, q, v, efforts)
     _check_closed(mechanism.closure, q, v, a)
     return a
+
+
+def _configurations(mechanism: Mechanism, q: Array) -> Array:
+    """Return configurations as rows, shape (n, nq).
+
+    Raises:
+        InputError: Their shape is another one, or a quaternion has not the length 1.
+    """
+    rows = as_rows(q, mechanism.model.nq, "q")
+    for ball in mechanism.balls.values():
+        lengths = np.linalg.norm(ball.quaternion(rows), axis=1)
+        for row in np.flatnonzero(np.abs(lengths - 1.0) > UNIT)[:1]:
+            raise InputError(f"row {row}: the quaternion of '{ball.name}' has the length {lengths[row]:.6g}",
+                             expected="(x, y, z, w) of length 1", hint="configurations({...}) makes them")  # fmt: skip
+    return rows
 
 
 def _nothing_between(_: Grid) -> Trajectory:

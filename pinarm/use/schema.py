@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import msgspec
 
+from pinarm.errors import InputError
 from pinarm.input.schema import json_schema
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.problems import any_problem
@@ -13,7 +14,13 @@ from pinarm.use.scenario import ScenarioFile
 
 
 def schema(of: Literal["scenario", "mechanism"] = "scenario") -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of scenario files or of mechanism files, as plain data."""
+    """Return the JSON Schema (draft 2020-12) of scenario files or of mechanism files, as plain data.
+
+    Raises:
+        InputError: There are no files of that kind.
+    """
+    if of not in ("scenario", "mechanism"):
+        raise InputError(f"there is no schema of '{of}'", expected="scenario or mechanism")
     models: list[Any] = [ScenarioFile, any_problem()] if of == "scenario" else [MechanismDescription]
     roots, definitions = msgspec.json.schema_components(models, schema_hook=json_schema, ref_template="#/$defs/{name}")
     if of == "scenario":

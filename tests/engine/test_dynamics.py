@@ -206,6 +206,16 @@ class TestShapes:
         assert np.array_equal(pendulum.inverse(*(np.asfortranarray(x) for x in (q, v, a))), expected)
         assert np.array_equal(pendulum.inverse(*(np.repeat(x, 2, axis=0)[::2] for x in (q, v, a))), expected)
 
+    @pytest.mark.parametrize("given", ["right", [[None, 0.0]], np.zeros((1, 2)) + 1j, [[0.0], [0.0, 1.0]]])
+    def test_what_is_no_array_of_real_numbers_is_refused(self, pendulum, given):
+        with pytest.raises(InputError, match="q is no array of real numbers"):
+            pendulum.inverse(given, np.zeros((1, 2)), np.zeros((1, 2)))
+
+    def test_no_states_have_no_efforts(self, pendulum):
+        none, dynamics = np.zeros((0, 2)), loaded(pendulum)
+        assert dynamics.inverse(0.5, none, none, none).shape == (0, 2)
+        assert dynamics.forward(0.5, none, none).shape == (0, 2)
+
     def test_a_mechanism_of_one_joint_gives_rows(self, mechanism, chain):
         one = mechanism(chain(PENDULUM[0]))
         assert one.inverse(np.zeros(1), np.zeros(1), np.zeros(1)).shape == (1, 1)

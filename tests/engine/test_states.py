@@ -171,3 +171,14 @@ def test_what_contradicts_itself_is_refused(arm, states):
         arm.at(states[0]).trajectory.within(0, np.zeros(1))
     with pytest.raises(PinarmError, match="no quantity 'speed'"):
         _ = arm.at(states[0])["speed"]
+
+
+@pytest.mark.parametrize("call", ["inverse", "forward", "at"])
+def test_a_quaternion_that_is_none_is_refused(mechanism, chain, call):
+    free = mechanism(chain({"name": "first"}), base="floating")
+    q, still = np.vstack([free.configurations({})] * 2), np.zeros((2, free.model.nv))
+    ask = getattr(free, call)
+    ask(q, still, still)
+    q[1, free.balls["root"].q :][:4] *= 2.0
+    with pytest.raises(InputError, match="row 1: the quaternion of 'root' has the length 2"):
+        ask(q, still, still)

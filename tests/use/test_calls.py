@@ -91,3 +91,8 @@ def test_tradeoff_takes_a_file(scenario: Callable[..., Any], folder: Path) -> No
 def test_schema_is_what_the_command_prints(of: Any, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["schema", of]) == 0
     assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(pinarm.schema(of)))
+
+
+def test_there_is_no_other_schema() -> None:
+    with pytest.raises(InputError, match="no schema of 'result'"):
+        pinarm.schema("result")  # type: ignore[arg-type]
