@@ -347,6 +347,7 @@ class Quantities:
         self._require_efforts(name)
         a = self.trajectory.a[:, index]
         torque = drive.torque(self._effort(index), self.trajectory.direction(index), a)
+        torque = np.where(self.trajectory.tau[:, index] == 0.0, 0.0, torque)  # off: what moves its rotor loses nothing
         return Series(name, NEWTON_METRE, torque) if words[1] == "torque" else Series(name, WATT, torque * speed)
 
     def _of_energy(self, name: str, words: list[str]) -> Series:

@@ -20,7 +20,8 @@ class Drive(Model, frozen=True):
     ``tau / (N eta)`` while it drives (tau v > 0), ``eta tau / N`` while the load drives it, plus ``J N a`` for its
     rotor.
     At rest friction in the gear helps to hold, and the torque given is that which would set the load in motion,
-    ``tau / (N eta)``: the safe side for sizing.
+    ``tau / (N eta)``: the safe side for sizing. A motor that is off, at a free joint, has no torque; its rotor is moved
+    without loss.
 
     Attributes:
         joint: Joint that it drives.

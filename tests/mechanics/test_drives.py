@@ -53,6 +53,15 @@ def test_impossible_drives_are_refused(defect):
         Drive(joint="arm", **defect)
 
 
+def test_a_motor_that_is_off_has_no_torque(mechanism, chain):
+    drive = {"joint": "arm", "ratio": RATIO, "efficiency": EFFICIENCY, "rotor_inertia": f"{ROTOR} kg*m^2"}
+    falling = mechanism(chain(PENDULUM), drives={"motor": drive}).at([[0.3]], [[2.0]], tau=[[0.0]])
+    assert falling["joint.arm.acceleration"].values[0] == pytest.approx(
+        9.81 * 2.0 * 0.5 * np.cos(0.3) / (ABOUT_PIVOT + RATIO**2 * ROTOR)
+    )
+    assert falling["drive.motor.torque"].values == falling["drive.motor.power"].values == 0.0
+
+
 def test_a_drive_without_gear_ratio_is_refused():
     with pytest.raises(ValueError, match="ratio"):
         Drive(joint="arm", ratio=0.0)
