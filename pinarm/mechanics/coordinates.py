@@ -17,6 +17,7 @@ from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.schema import Model
 from pinarm.input.units import Unit, unit
+from pinarm.mechanics.axes import check_parallel
 from pinarm.mechanics.vectors import MEETING, cross, direction
 
 METRE, RADIAN = unit("m"), unit("rad")
@@ -327,14 +328,16 @@ def rate_of_b(w: Array, rate: Array) -> Array:
 
 
 class AngleSum(Model, frozen=True, tag_field="kind", tag="sum"):
-    """Sum of joint coordinates about parallel axes: the absolute angle of a link, turns counted."""
+    """Sum of joint coordinates about parallel axes of one sense: the absolute angle of a link, turns counted."""
 
     of: Annotated[list[str], msgspec.Meta(min_length=1)]
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
         """Return the coordinate of one model."""
         with within("of"):
-            return sum_of(model, joints, self.of)
+            found = sum_of(model, joints, self.of)
+            check_parallel(model, {name: joints[name].v for name in self.of})
+            return found
 
 
 class PointCoordinate(Model, frozen=True, tag_field="kind", tag="point"):

@@ -1,4 +1,5 @@
 import math
+from contextlib import nullcontext
 from itertools import pairwise
 
 import numpy as np
@@ -51,7 +52,7 @@ def motion(t, n):
 
 
 DEFINITIONS = {
-    "sum": AngleSum(of=["turn", "tilt", "roll"]),
+    "sum": AngleSum(of=["turn", "turn"]),
     "length": AngleSum(of=["slide"]),
     **{f"tip along {axis}": PointCoordinate(point="tip_link", along=axis) for axis in AXES},
     "tip along a slant": PointCoordinate(point="tip_link", along=(2.0, -1.0, 0.5)),
@@ -220,8 +221,8 @@ def test_joints_have_names_places_and_units(model):
 
 
 def test_sum_is_weighted_by_how_often_a_joint_is_named(model):
-    coordinate = AngleSum(of=["turn", "roll", "turn"]).bind(model, joints_of(model))
-    assert coordinate.weights.tolist() == [2.0, 0.0, 0.0, 1.0]
+    coordinate = AngleSum(of=["turn", "turn"]).bind(model, joints_of(model))
+    assert coordinate.weights.tolist() == [2.0, 0.0, 0.0, 0.0]
     assert coordinate.unit == unit("rad")
 
 
@@ -249,6 +250,22 @@ def test_places_differ_where_another_joint_has_more_numbers_in_q_than_in_v():
 def test_impossible_coordinates_are_refused(model, definition, message):
     with pytest.raises(InputError, match=message):
         definition.bind(model, joints_of(model))
+
+
+@pytest.mark.parametrize(
+    ("first", "between", "last", "message"),
+    [
+        ("0 0 1", "0 0 1", "0 0 -1", "'first' and 'last' are opposite"),
+        ("0 0 1", "0 0 1", "0 0.01 1", "'first' and 'last' are not parallel"),
+        ("0 0 1", "1 0 0", "0 0 1", "'first' and 'last' are not parallel"),  # but where 'between' is at 0
+        ("0 0 1", "0 0 1", "0 1e-5 1", None),
+    ],
+)
+def test_a_sum_about_axes_that_are_not_parallel_is_refused(chain, first, between, last, message):
+    axes = {"first": first, "between": between, "last": last}
+    model = build_model(chain(*({"name": name, "axis": axis} for name, axis in axes.items()))).model
+    with pytest.raises(InputError, match=message) if message else nullcontext():
+        AngleSum(of=["first", "last"]).bind(model, joints_of(model))
 
 
 def test_the_message_suggests_the_name_that_was_meant(model):

@@ -1,0 +1,37 @@
+"""The axes of joints, where a mechanism file takes them for parallel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.errors import InputError
+
+PARALLEL = 1e-3
+"""Angle between axes that are parallel but for the digits in which right angles are typed [rad]."""
+
+
+def check_parallel(model: pin.Model, columns: Mapping[str, int]) -> None:
+    """Raise where joints turn, or slide, about other than parallel axes of one sense, wherever the mechanism is.
+
+    Args:
+        model: Pinocchio's model.
+        columns: Index in v of every joint, by name; all turn or all slide.
+
+    Raises:
+        InputError: Names the first joint and one that differs.
+    """
+    data, somewhere = model.createData(), np.sin(np.arange(1.0, model.nv + 1.0))
+    first, *others = columns
+    for q in (pin.neutral(model), pin.integrate(model, pin.neutral(model), somewhere)):
+        jacobian = pin.computeJointJacobians(model, data, q).reshape(6, -1)
+        part = jacobian[3:] if jacobian[3:, columns[first]].any() else jacobian[:3]
+        axis = part[:, columns[first]]
+        for name in others:
+            other = part[:, columns[name]]
+            if np.linalg.norm(other - axis) > PARALLEL:
+                how = "opposite" if np.linalg.norm(other + axis) <= PARALLEL else "not parallel"
+                raise InputError(f"the axes of '{first}' and '{name}' are {how}: no link turns by their sum",
+                                 expected="joints about parallel axes of one sense")  # fmt: skip
