@@ -276,7 +276,7 @@ def check_rank(rows: Array, names: Sequence[str], t: float) -> None:
     """
     nv = rows.shape[1]
     singular = np.linalg.svd(rows, compute_uv=False)
-    if len(rows) < nv or singular[nv - 1] < SINGULAR * singular[0]:
+    if len(rows) < nv or not singular[nv - 1] > SINGULAR * singular[0]:
         weak = np.linalg.svd(rows)[0][:, min(len(rows), nv) - 1]
         tied = [name for name, weight in zip(names, weak, strict=True) if abs(weight) > 0.1]
         raise AssemblyError(

@@ -155,6 +155,10 @@ def _imposed(mechanism: Mechanism, over: Mapping[str, Range], hold: Mapping[str,
         for key, bound in (("from", values.start), ("to", values.end)):
             with place("over", swept, key):
                 Constant(value=bound).check_units(measured)
+    for name in hold:
+        if name in over:
+            with place("hold", Key(name)):
+                raise InputError(f"'{name}' is held and swept", expected="one of the two for each coordinate")
     held = {name: Constant(value=value) for name, value in hold.items()}
     laws_of(mechanism, held, lambda _, name: place("hold", name))
     motion: dict[str, MotionLaw] = {**{swept: ConstantSpeed(speed=1.0) for swept in over}, **held}

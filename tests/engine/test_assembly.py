@@ -154,6 +154,12 @@ class TestUnreachable:
         with pytest.raises(AssemblyError, match="first, angle do not move independently"):
             moved(arm, {"first": Constant(value=1.0), "angle": Constant(value=1.0)}, [0.0, 1.0], {})
 
+    def test_a_coordinate_that_nothing_moves_is_refused(self, mechanism, chain):
+        tilt = {"tilt": {"kind": "rotation", "body": "first_link", "about": "x"}}
+        wheel = mechanism(chain({"name": "first"}), coordinates=tilt)
+        with pytest.raises(AssemblyError, match=r"singular at 0: .*tilt do not move"):
+            moved(wheel, {"tilt": Constant(value=0.0)}, [0.0, 1.0], {})
+
 
 class TestCounts:
     def test_too_few_laws(self, leg):
