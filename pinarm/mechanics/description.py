@@ -57,7 +57,7 @@ class MechanismDescription(Model, frozen=True):
         title: For headings.
         robot: A URDF, xacro or MJCF file, relative to this one, or the name of a robot of example-robot-data.
         base: ``floating`` lets the model's root move freely, by a joint ``root``; ``fixed`` holds it. As in the model
-            where it is left out; of the robots known by name, those that stand on legs or fly float.
+            where it is left out; of the robots known by name, those that float in their own loaders do.
         defects: ``noted`` takes inertias that no body can have as they are written, and tells; files are refused
             otherwise, robots known by name are not.
         creep: Velocity below which the dry friction of the model gives way [rad/s or m/s]; small ones make forward

@@ -143,8 +143,9 @@ def _settle(
     with place("motion", name, "of"):
         along = mechanism.coordinate(law.of).unit
         if law.of not in motion:
+            others = ", ".join(other for other in motion if other != name)
             raise InputError(f"'{law.of}' follows no law: the profile of '{name}' has nothing to run along",
-                             expected=f"one of {', '.join(other for other in motion if other != name)}",
+                             expected=f"one of {others}" if others else "",
                              hint=f"a law over time for '{law.of}' too")  # fmt: skip
         if law.of in (*before, name):
             raise InputError(f"profiles run along each other: {' -> '.join([*before, name, law.of])}")

@@ -15,7 +15,7 @@ from pinarm.arrays import Array
 from pinarm.errors import DynamicsError, within
 from pinarm.input.schema import Damping, Force, Length, Model, Moment, Stiffness
 from pinarm.input.units import DIMENSIONLESS
-from pinarm.mechanics.coordinates import Joint, frame_of, frames_of
+from pinarm.mechanics.coordinates import Joint, frame_of, frames_of, spelled
 from pinarm.mechanics.forces.contract import ForceElement
 from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.motion import MotionLaw, Values
@@ -224,7 +224,8 @@ class TwoPointSpring(ForceElement):
 
     def _meeting(self, q: Array) -> DynamicsError:
         names = " and ".join(self.model.frames[frame].name for frame in self.frames)
-        return DynamicsError(f"the points {names} of a two-point spring meet: its direction is undetermined", q=q)
+        said = f"the points {names} of a two-point spring meet: its direction is undetermined"
+        return DynamicsError(f"{said} where {spelled(self.model, q)}", q=q)
 
 
 End = Callable[[Array], tuple[Array, Array]]
