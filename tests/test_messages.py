@@ -208,6 +208,8 @@ SCENARIOS = [
     (SCENARIO, "[x, joint.pivot.effort]", "[x, 1/(0*x)]",
      ["s.yaml:13:14: 1/(0*x) is not finite at t = 0 s, where track = 0 m, pivot = 0 rad, nor in 8 more rows"]),
     (STATICS, "hold: {track: 0 m}", "hold: {track: 0 m, pivot: 0}", ["s.yaml:6:22: 'pivot' is held and swept"]),
+    (SCENARIO, "    push: {kind", "    spring: {kind", ["s.yaml:12:5: the mechanism has a force 'spring' already"]),
+    (SCENARIO, "    push: {kind", "    gravity: {kind", ["s.yaml:12:5: the mechanism has a force 'gravity' already"]),
     (STATICS, "  hold: {track: 0 m}\n", "", ["s.yaml:3:1: 2 coordinates have to follow a law and 1 do"]),
     (STATICS, "to: 30 deg", "to: -30 deg", ["s.yaml:5:10: the range begins and ends at the same value"]),
     (STATICS, "over: {", "over: {track: {from: 0 m, to: 1 m}, ", ["s.yaml:5:3: "]),

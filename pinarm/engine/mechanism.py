@@ -29,6 +29,7 @@ from pinarm.mechanics.couplings import mimicry
 from pinarm.mechanics.description import Gravity, MechanismDescription, field_of
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.forces.contract import check_new
 from pinarm.mechanics.model import Base
 from pinarm.mechanics.payload import Payload, laden
 from pinarm.mechanics.rounding import shaken
@@ -265,6 +266,7 @@ def _build(
     forces = dict(robot.forces)
     for name, force in description.forces.items():
         with here("forces", name):
+            check_new(name, forces)
             forces[name] = force.bind(model, joints)
     symbols = {}
     for name, text in description.symbols.items():

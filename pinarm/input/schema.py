@@ -68,7 +68,11 @@ class Measured(float):
         if written is None and number != 0.0 and not bare:
             shown = f"{value:g}" if isinstance(value, Measured) else value
             hint = f"{shown} {cls.expected}" if cls.expected else ""
-            raise UnitError(f"'{shown}' has no unit", expected="a number with its unit, such as 30 deg", hint=hint)
+            raise UnitError(
+                f"'{shown}' has no unit",
+                hint=hint,
+                expected="a number with its unit, such as 30 deg; 50 % or 0.5 1 for one without",
+            )
         return cls._of(number, written)
 
     @classmethod

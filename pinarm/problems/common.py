@@ -18,6 +18,7 @@ from pinarm.input.schema import Duration, Model, Time, check_unit
 from pinarm.input.units import Unit
 from pinarm.mechanics.balls import positions_of, unit_of, velocities_of
 from pinarm.mechanics.forces import Force, ForceElement
+from pinarm.mechanics.forces.contract import check_new
 from pinarm.mechanics.laws import Constant, Motion, Over
 from pinarm.mechanics.motion import MotionLaw
 
@@ -204,7 +205,6 @@ def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -
     forces = dict(mechanism.forces)
     for name, load in loads.items():
         with place("loads", name):
-            if name in forces:
-                raise InputError(f"the mechanism has a force '{name}' already", expected="a name of its own")
+            check_new(name, forces)
             forces[name] = load.bind(mechanism.model, mechanism.joints)
     return forces

@@ -91,3 +91,9 @@ def test_loading_twice_gives_mechanisms_of_their_own():
     one, other = Mechanism.load(ARM), Mechanism.load(ARM, gravity="none")
     assert one.gravity == 9.81
     assert other.gravity == 0.0
+
+
+def test_a_force_does_not_take_the_place_of_the_models_own(mechanism, chain):
+    spring = {"kind": "joint_spring", "joint": "first", "stiffness": "1 N*m/rad"}
+    with pytest.raises(InputError, match="the mechanism has a force 'joint damping' already"):
+        mechanism(chain({"name": "first", "damping": 2.0}), forces={"joint damping": spring})

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Container
 
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.errors import InputError
 from pinarm.mechanics.motion import MotionLaw
 
 
@@ -48,6 +50,16 @@ class ForceElement(ABC):
         Elements that act between the two links of a joint have none: their effort is part of what the joint transmits.
         """
         return {}
+
+
+def check_new(name: str, known: Container[str]) -> None:
+    """Raise where the name of a force is that of another one, or of the weights.
+
+    Raises:
+        InputError: It is.
+    """
+    if name in known or name == "gravity":
+        raise InputError(f"the mechanism has a force '{name}' already", expected="a name of its own")
 
 
 def power(element: ForceElement, t: Array | float, q: Array, v: Array) -> Array:
