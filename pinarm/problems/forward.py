@@ -120,7 +120,8 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         except (IntegrationError, Interrupted) as error:
             if error.partial is not None:
                 grid = journey.grid(self.time.instants(), error.partial.seams).until(error.partial.end)
-                error.partial = _at(mechanism, journey, error.partial, self.events, grid)
+                doubts = tuple(error.partial.doubts())
+                error.partial = replace(_at(mechanism, journey, error.partial, self.events, grid), notes=doubts)
             raise
         self._require_branch(mechanism, journey, laid, course)
         t, end = self.time.instants(), course.end

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.engine.integrators import MethodName
+from pinarm.engine.integrators.explicit import LIMITED
 from pinarm.errors import NumericsError
 from pinarm.problems.forward import Forward
 from pinarm.use.result import Result
@@ -26,8 +27,11 @@ CHEAPEST_STEP = 3.0
 FEW = 100
 """Steps that any method may take."""
 
+MANY = 3000
+"""Steps within which it shows whether an explicit method is limited by stability."""
+
 METHODS: tuple[MethodName, ...] = ("dop853", "dopri5", "stiff")
-"""Methods that are tried where the scenario names none, in this order."""
+"""Methods that are tried where the scenario names none, in this order; the other way round where a motion is stiff."""
 
 
 def reach(scenario: Scenario) -> Result:
@@ -53,12 +57,30 @@ def reach(scenario: Scenario) -> Result:
     span = scenario.problem.time.end - scenario.problem.time.start
     named = "method" in scenario.document.data["accuracy"]
     searches: list[_Search] = []
-    for method in (scenario.content.accuracy.method,) if named else METHODS:
+    for method in (scenario.content.accuracy.method,) if named else _ordered(scenario, span, target):
         most = min([scenario.content.accuracy.max_steps, *(search.limit(target) for search in searches)])
         searches.append(_Search(scenario, Ladder(method, span), most))
         searches[-1].look(target)
     best = min(searches, key=lambda search: search.price(target))
     return best.result(target, sum(len(search.errors) for search in searches))
+
+
+def _ordered(scenario: Scenario, span: float, target: float) -> tuple[MethodName, ...]:
+    """Return the methods in the order in which they are tried: what one costs limits those that follow."""
+    ladder = Ladder(METHODS[0], span)
+    try:
+        first = varied(scenario, ladder.setting(_guess(ladder, target)), min(MANY, scenario.content.accuracy.max_steps))
+        run: Result | None = first.solve()
+    except NumericsError as error:
+        run = error.partial
+    is_stiff = run is not None and any(note.startswith(LIMITED) for note in run.trajectory.notes)
+    return METHODS[::-1] if is_stiff else METHODS
+
+
+def _guess(ladder: Ladder, target: float) -> int:
+    """Return the rung that probably reaches a target."""
+    guess = FIRST if ladder.halving else int(np.ceil(-np.log10(target))) + 1
+    return min(max(guess, FIRST), ladder.last - 1)
 
 
 def _as_it_is(scenario: Scenario) -> Result:
@@ -88,9 +110,7 @@ class _Search:
 
     def look(self, target: float) -> None:
         """Go up and down the ladder for the coarsest rung that reaches the target."""
-        last = self.ladder.last - 1
-        guess = FIRST if self.ladder.halving else int(np.ceil(-np.log10(target))) + 1
-        rung = min(max(guess, FIRST), last)
+        last, rung = self.ladder.last - 1, _guess(self.ladder, target)
         if self.error(rung) <= target:
             while rung > FIRST and self.error(rung - 1) <= target:
                 rung -= 1

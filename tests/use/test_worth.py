@@ -9,6 +9,7 @@ import pinarm
 from pinarm.cli import main
 from pinarm.errors import NumericsError
 from pinarm.use.settings import varied
+from pinarm.use.target import _ordered
 from pinarm.use.worth import differences, estimated, scales
 
 ROOT = Path(__file__).parents[2]
@@ -136,6 +137,14 @@ def test_the_setting_for_a_target_reaches_it_and_the_next_coarser_one_does_not(t
     used = float(result.setting.split("tolerance ")[1].split(",")[0])
     coarser = varied(scenario, {"tolerance": 10 * used}).solve()
     assert max(differences(coarser, exact).values()) > target / 1.5
+
+
+@pytest.mark.parametrize(("damping", "first"), [("1e5 N*m*s/rad", "stiff"), ("1 N*m*s/rad", "dop853")])
+def test_a_stiff_motion_is_tried_by_the_method_for_it_first(damping, first):
+    """What that one costs limits the steps that the others may take: 1e5 N*m*s/rad decay within 1e-7 s."""
+    damper = f"problem.loads={{oil: {{kind: joint_spring, joint: B, damping: {damping}}}}}"
+    swing = pinarm.load(ROOT / "scenarios" / "gen411_arm_swing.yaml", [damper, "problem.time.end=0.5 s"])
+    assert _ordered(swing, 0.5, 1e-6)[0] == first
 
 
 def test_an_output_that_is_zero_is_measured_by_the_size_of_its_unit(chaos):

@@ -32,6 +32,9 @@ NOISE = 1e-6
 STIFF = 0.3
 """Share of the steps at the stability limit from which on a problem is called stiff for an explicit method."""
 
+LIMITED = "stiff"
+"""How a note begins where that is so."""
+
 SAMPLE = 40
 """Number of fixed steps that are repeated in two halves to estimate what a step errs by."""
 
@@ -102,7 +105,7 @@ class Adaptive:
         if share < STIFF:
             return []
         return [
-            f"stiff: on {share:.0%} of the steps {self.name} is limited by stability, not by accuracy; "
+            f"{LIMITED}: on {share:.0%} of the steps {self.name} is limited by stability, not by accuracy; "
             "accuracy.method: stiff takes longer steps"
         ]
 
