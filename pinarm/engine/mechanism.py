@@ -252,8 +252,9 @@ def _build(
     model, carried = _loaded(robot.model, description.payloads, payloads, here, caller)
     joints, balls = joints_of(model), balls_of(model)
     model.gravity.linear = field_of(description.gravity, robot.gravity)
+    turns = ball_coordinates(model, balls)
     with here("coordinates"):
-        coordinates = {**coordinates_of(model, joints, description.coordinates), **ball_coordinates(model, balls)}
+        coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
     constraints: list[Constraint] = [mimicry(mimic, joints, model) for mimic in robot.mimics]
     for name, loop in description.loops.items():
         with here("loops", name):

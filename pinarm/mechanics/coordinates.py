@@ -5,7 +5,7 @@ Each gives its value w(q), its row J with ``w' = J v``, and its drift ``J' v``, 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Protocol
 
@@ -408,9 +408,9 @@ def sum_of(model: pin.Model, joints: Mapping[str, Joint], names: Sequence[str]) 
 
 
 def coordinates_of(
-    model: pin.Model, joints: Mapping[str, Joint], definitions: Mapping[str, Any]
+    model: pin.Model, joints: Mapping[str, Joint], definitions: Mapping[str, Any], known: Container[str] = ()
 ) -> dict[str, Coordinate]:
-    """Return every coordinate by name: those of the joints, then the defined ones.
+    """Return every coordinate by name: those of the joints, then the defined ones, which are none of the known.
 
     Raises:
         InputError: A definition takes the name of a joint, or names something that does not exist.
@@ -418,7 +418,7 @@ def coordinates_of(
     found: dict[str, Coordinate] = {name: sum_of(model, joints, [name]) for name in joints}
     for name, definition in definitions.items():
         with within(Key(name)):
-            if name in joints:
+            if name in joints or name in known:
                 raise InputError(f"the coordinate '{name}' has the name of a joint", expected="a name of its own")
         with within(name):
             found[name] = definition.bind(model, joints)
