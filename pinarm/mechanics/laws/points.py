@@ -48,7 +48,12 @@ class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", r
 
 
 class Spline(MotionLaw, frozen=True, tag_field="law", tag="spline", rename=RENAMED):
-    """Cubic spline through points, s'' continuous inside, with given speeds at its ends; constant speed beyond them."""
+    """Cubic spline through points, s'' continuous inside, with given speeds at its ends; constant speed beyond them.
+
+    Attributes:
+        points: Instants and values.
+        speeds: At the first and the last point; at rest where they are left out.
+    """
 
     points: list[tuple[Abscissa, Level]]
     speeds: tuple[Rate, Rate] = (0.0, 0.0)
@@ -73,6 +78,11 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
     """The spline through the rows of a CSV file: a heading such as ``t [s],theta [deg]``, then two numbers a row.
 
     Columns after the second are notes.
+
+    Attributes:
+        file: The table, relative to the file that names it.
+        speeds: At the first and the last row, and beyond them; at rest where they are left out, which bends a motion
+            that is not.
     """
 
     file: str
