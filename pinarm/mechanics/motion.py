@@ -9,15 +9,15 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
-from pinarm.arrays import Array
-from pinarm.errors import within
+from pinarm.arrays import Array, Flags
+from pinarm.errors import InputError, within
 from pinarm.input.schema import Model, check_unit, measured_fields
 from pinarm.input.units import Unit, unit
 
@@ -111,14 +111,31 @@ class MotionLaw(Model, frozen=True, dict=True):
 
     def jumps(self) -> list[float]:
         """Return the breakpoints at which s, s' or s'' itself jumps, not only a higher derivative."""
-        found = []
+        return [t for t, jumping in self._jumping() if jumping.any()]
+
+    def leaps(self) -> list[float]:
+        """Return the breakpoints at which s itself jumps: a load may, a position never."""
+        return [t for t, jumping in self._jumping() if jumping[0]]
+
+    def _jumping(self) -> Iterator[tuple[float, Flags]]:
+        """Yield the breakpoints, and which of s, s' and s'' jump there."""
         for before, after in pairwise(self.settled):
             instant = np.array([after.start])
             left, right = np.array(before.function(instant)), np.array(after.function(instant))
             size = np.maximum(before.size(), after.size())
-            if (np.abs(left - right)[:, 0] > JUMP * size).any():
-                found.append(after.start)
-        return found
+            yield after.start, np.abs(left - right)[:, 0] > JUMP * size
+
+    def require_continuous(self) -> None:
+        """Refuse jumps of s.
+
+        Raises:
+            InputError: Says where the first one is.
+        """
+        for t in self.leaps():
+            raise InputError(
+                f"the value jumps at {t:.6g}",
+                expected="a law without jumps: those are for loads over time",
+            )
 
     def on(self, start: float, end: float) -> Callable[[Array], Values]:
         """Return the smooth function that holds between two neighbouring breakpoints, both ends included."""

@@ -139,6 +139,7 @@ def _settle(
     if not isinstance(law, Over):
         with place("motion", name):
             law.check_units(measured)
+            law.require_continuous()
         found[name] = law
         return
     with place("motion", name, "of"):
@@ -152,6 +153,8 @@ def _settle(
             raise InputError(f"profiles run along each other: {' -> '.join([*before, name, law.of])}")
     with place("motion", name):
         law.check_units(measured, along)
+        with within("profile"):
+            law.profile.require_continuous()
     if law.of not in found:
         _settle(law.of, (*before, name), mechanism, motion, found, place, span)
     with place("motion", name):

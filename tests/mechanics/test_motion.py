@@ -23,6 +23,7 @@ from pinarm.mechanics.laws import (
     Segment,
     SpeedPoints,
     Spline,
+    Steps,
     Succession,
     Table,
     Trapezoid,
@@ -78,6 +79,7 @@ SAMPLES = {
         "speed points": SpeedPoints(start=0.2, points=[(0.3, 0.0), (1.1, 0.8), (2.0, 0.8), (2.5, -0.4)]),
         "one speed point": SpeedPoints(start=0.2, points=[(0.3, 0.7)]),
     },
+    Steps: {"steps": Steps(points=[(0.3, 0.2), (0.9, 1.0), (1.4, -0.7)])},
     Spline: {
         "spline": Spline(points=[(0.3, 0.2), (0.9, 1.0), (1.4, 0.7), (2.2, 1.5)], speeds=(0.4, -0.6)),
         "spline of two points": Spline(points=[(0.3, 0.2), (1.9, 1.0)]),
@@ -99,7 +101,7 @@ JUMPS = {
     "triangle": [0.25, 0.25 + math.sqrt(0.6), 0.25 + math.sqrt(2.4)],
     "triangle below its limit": [0.25, 0.25 + math.sqrt(0.6), 0.25 + math.sqrt(2.4)],
     "polynomial 3": [0.3, 1.9], "speed points": [0.3, 1.1, 2.0, 2.5],
-    "spline": [0.3, 2.2], "spline of two points": [0.3, 1.9], "table": [0.3, 2.0],
+    "steps": [0.9, 1.4], "spline": [0.3, 2.2], "spline of two points": [0.3, 1.9], "table": [0.3, 2.0],
     "succession": [0.3, 0.8, 1.3, 1.9, 2.7],
 }  # fmt: skip
 FROM_REST_TO_REST = [name for name, law in LAWS.items() if hasattr(law, "end") and len(law.pieces()) > 1]
@@ -139,12 +141,23 @@ def test_pieces_stand_end_to_end_over_all_times(law):
     assert [piece.end for piece in pieces[:-1]] == [piece.start for piece in pieces[1:]] == law.breakpoints()
 
 
-@every_law
+@pytest.mark.parametrize("law", [law for law in LAWS.values() if not isinstance(law, Steps)])
 def test_value_and_speed_are_continuous(law):
+    assert not law.leaps()
     for before, after in zip(law.pieces(), law.pieces()[1:], strict=False):
         t = np.array([after.start])
         left, right = np.array(before.function(t)), np.array(after.function(t))
         assert left[:2] == pytest.approx(right[:2], abs=ROUNDING)
+
+
+def test_steps_hold_each_value_from_its_instant_on():
+    law = LAWS["steps"]
+    assert law.leaps() == law.breakpoints() == [0.9, 1.4]
+    t = np.array([-1.0, 0.5, 0.9, 1.2, 1.4, 9.0])
+    grid = Grid.cover(t, [law])
+    assert grid.t.tolist() == [-1.0, 0.5, 0.9, 0.9, 1.2, 1.4, 1.4, 9.0]
+    assert grid.evaluate(law)[0].tolist() == [0.2, 0.2, 0.2, 1.0, 1.0, 1.0, -0.7, -0.7]
+    assert not np.array(grid.evaluate(law)[1:]).any()
 
 
 @pytest.mark.parametrize("name", ["polynomial 5", "polynomial 7", "cycloidal", *BOUNDED])

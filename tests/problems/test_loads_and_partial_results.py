@@ -5,10 +5,20 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from pinarm.errors import IntegrationError, Interrupted
+from pinarm.errors import InputError, IntegrationError, Interrupted
 from pinarm.mechanics.forces.joint import AppliedEffort, JointEffort
 from pinarm.mechanics.forces.point import Wrench
-from pinarm.mechanics.laws import Constant, Cycloidal, Harmonic, Polynomial, SCurve, Segment, Succession, Trapezoid
+from pinarm.mechanics.laws import (
+    Constant,
+    Cycloidal,
+    Harmonic,
+    Polynomial,
+    SCurve,
+    Segment,
+    Steps,
+    Succession,
+    Trapezoid,
+)
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
@@ -85,6 +95,37 @@ def test_a_prescribed_joint_bears_the_load_too(mechanism, chain, law):
     run = Forward(time=TIME, motion={"second": Constant(value=0.4)}, loads=loads).solve(pair, Accuracy(), place)
     assert run.tau[:, 1] == pytest.approx(-values(law, run.grid.t), abs=1e-13)
     assert run.tau[:, 0] == pytest.approx(0.0, abs=1e-13)
+
+
+def test_a_torque_is_switched_on_and_off(arm):
+    """4 N*m from 1 s to 2 s, then -7 N*m: parabolas end to end."""
+    law = Steps(points=[(0.0, 0.0), (1.0, 4.0), (2.0, -7.0)])
+    run = Forward(time=TIME, loads={"torque": JointEffort(joint="arm", effort=law)}).solve(arm, Accuracy(), place)
+    t = run.grid.t
+    on, off = np.clip(t - 1.0, 0.0, 1.0), np.clip(t - 2.0, 0.0, 1.0)
+    speed = (4.0 * on - 7.0 * off) / INERTIA
+    angle = (2.0 * on**2 + 4.0 * off - 3.5 * off**2) / INERTIA
+    assert run.v[:, 0] == pytest.approx(speed, abs=1e-13)
+    assert run.q[:, 0] == pytest.approx(angle, abs=1e-13)
+    assert run.a[t == 2.0, 0] * INERTIA == pytest.approx([4.0, -7.0], abs=1e-13)
+    assert run.figures["energy"] < 1e-13
+
+
+LEAP = Steps(points=[(0.0, 0.0), (1.0, 4.0)])
+
+
+@pytest.mark.parametrize(
+    "refused",
+    [
+        Inverse(time=TIME, motion={"arm": LEAP}),
+        Forward(time=TIME, motion={"arm": LEAP}),
+        Inverse(time=TIME, motion={"arm": Constant(value=0.4)},
+                loads={"torque": JointEffort(joint="arm", effort=LEAP, over="arm")}),
+    ],
+)  # fmt: skip
+def test_positions_and_what_goes_by_positions_do_not_jump(arm, refused):
+    with pytest.raises(InputError, match="the value jumps at 1"):
+        refused.solve(arm, Accuracy(), place)
 
 
 @pytest.fixture

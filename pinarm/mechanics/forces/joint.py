@@ -301,6 +301,7 @@ class JointEffort(Model, frozen=True, tag_field="kind", tag="joint_effort"):
             along = joint_of(joints, self.over)
         with within("effort"):
             self.effort.check_units(effort_unit(joint), along.unit)
+            self.effort.require_continuous()
         with within("period"):
             check_unit(self.period or 0.0, along.unit)
         return ProfiledEffort(joint.v, along.q, Profile.of(self.effort, self.period))

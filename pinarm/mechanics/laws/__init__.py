@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pinarm.mechanics.laws.composed import Law, Segment, Succession
 from pinarm.mechanics.laws.over import Motion, Over
-from pinarm.mechanics.laws.points import SpeedPoints, Spline, Table
+from pinarm.mechanics.laws.points import SpeedPoints, Spline, Steps, Table
 from pinarm.mechanics.laws.rest_to_rest import Cycloidal, Polynomial, SCurve, Trapezoid
 from pinarm.mechanics.laws.steady import Constant, ConstantAcceleration, ConstantSpeed, Harmonic
 
 __all__ = [
     "Constant", "ConstantAcceleration", "ConstantSpeed", "Cycloidal", "Harmonic", "Law", "Motion", "Over", "Polynomial",
-    "SCurve", "Segment", "SpeedPoints", "Spline", "Succession", "Table", "Trapezoid",
+    "SCurve", "Segment", "SpeedPoints", "Spline", "Steps", "Succession", "Table", "Trapezoid",
 ]  # fmt: skip

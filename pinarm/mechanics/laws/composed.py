@@ -13,7 +13,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.schema import Abscissa, Extent, Level, Model, check_unit
 from pinarm.input.units import Unit
-from pinarm.mechanics.laws.points import SpeedPoints, Spline, Table
+from pinarm.mechanics.laws.points import SpeedPoints, Spline, Steps, Table
 from pinarm.mechanics.laws.rest_to_rest import Cycloidal, Polynomial, SCurve, Trapezoid
 from pinarm.mechanics.laws.steady import Constant, ConstantAcceleration, ConstantSpeed, Harmonic
 from pinarm.mechanics.motion import RENAMED, SECOND, MotionLaw, Piece, Values, polynomial
@@ -127,6 +127,7 @@ Law = (
     | Cycloidal
     | Harmonic
     | SpeedPoints
+    | Steps
     | Spline
     | Table
     | Succession

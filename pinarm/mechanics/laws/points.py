@@ -47,6 +47,32 @@ class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", r
         return [*found, Piece(t, math.inf, polynomial(t, s, v))]
 
 
+class Steps(MotionLaw, frozen=True, tag_field="law", tag="steps"):
+    """Constant from each instant to the next, as of a motor that is switched on and off: for efforts and forces.
+
+    The first value holds before its instant too, and the last for ever.
+
+    Attributes:
+        points: Instants and values.
+    """
+
+    points: list[tuple[Abscissa, Level]]
+
+    def check(self) -> None:
+        """Refuse instants that do not ascend, and none at all."""
+        check_ascending([t for t, _ in self.points], 1)
+
+    def check_units(self, of: Unit, along: Unit = SECOND) -> None:
+        """Check every point; see ``MotionLaw.check_units``."""
+        check_points(self.points, along, of)
+
+    def pieces(self) -> Sequence[Piece]:
+        """Return a constant for each point."""
+        bounds = [-math.inf, *(float(t) for t, _ in self.points[1:]), math.inf]
+        levels = [polynomial(0.0, float(value)) for _, value in self.points]
+        return [Piece(start, end, level) for (start, end), level in zip(pairwise(bounds), levels, strict=True)]
+
+
 class Spline(MotionLaw, frozen=True, tag_field="law", tag="spline", rename=RENAMED):
     """Cubic spline through points, s'' continuous inside, with given speeds at its ends; constant speed beyond them.
 
