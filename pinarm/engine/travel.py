@@ -16,7 +16,7 @@ from pinarm.engine.contacts import RESTING, Bound, Contacts
 from pinarm.engine.course import Course, Leg
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.imposed import Imposed
-from pinarm.engine.integrators import Method, Solution, Watch, integrate
+from pinarm.engine.integrators import Method, Passes, Solution, Watch, integrate
 from pinarm.engine.systems import Initial, System, system_of
 from pinarm.engine.systems.constrained import ConstrainedSystem
 from pinarm.engine.trajectory import Happening
@@ -127,7 +127,8 @@ class Journey:
         if not isinstance(self.method, Adaptive) or not all(stretch.together for stretch in stretches):
             return None
         watches = [_of_mechanism(one, system) for _, one in self._watched(frozenset(), q[0], v[0])]
-        return advance(stretches, system.manifold, q, v, self.method, max_steps=self.max_steps, watches=watches)
+        return advance(stretches, system.manifold, q, v, self.method, max_steps=self.max_steps, watches=watches,
+                       passes=self._passes(system))  # fmt: skip
 
     def travel(self, q: Array, v: Array, ahead: Known | None = None) -> Course:
         """Return the motion from an initial state; its first leg may be known.
@@ -164,14 +165,9 @@ class Journey:
         stretches = [system.stretch(self.dynamics, *span) for span in spans]
         watches = [_of_mechanism(one, system) for _, one in watched]
         steps = self.max_steps - int(sum(course.cost()[name] for name in ("steps", "rejected steps")))
+        given, passes = (stretches, system.manifold, *system.part(q, v), self.method), self._passes(system)
         try:
-            solution = (
-                ahead()
-                if ahead
-                else integrate(
-                    stretches, system.manifold, *system.part(q, v), self.method, max_steps=steps, watches=watches
-                )
-            )
+            solution = ahead() if ahead else integrate(*given, max_steps=steps, watches=watches, passes=passes)
         except (IntegrationError, Interrupted) as error:
             if error.partial.steps:
                 course.legs.append(Leg(system, error.partial))
@@ -194,6 +190,16 @@ class Journey:
             else:
                 meeting = _Meeting(t, q, v, released=~key)
         return meeting
+
+    def _passes(self, system: System) -> Passes | None:
+        """Return whether a step in the integrated states may have gone past a piece of a load."""
+        forces = [one for one in self.dynamics.forces.values() if one.in_pieces]
+
+        def passes(t: Array, q: Array, v: Array) -> bool:
+            whole = system.whole(t, q, v)
+            return any(one.passed(*whole) for one in forces)
+
+        return passes if forces else None
 
     def _watched(self, held: Held, q: Array, v: Array) -> list[tuple[str | int, Watch]]:
         """Return the events, free stops by their index, and those rested on by its complement.

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.mechanics.forces.joint import JointEffort
-from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Over, Trapezoid
+from pinarm.mechanics.forces.joint import JointEffort, TorqueSpeed
+from pinarm.mechanics.forces.pieces import Pieces
+from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Over, Polynomial, Succession, Trapezoid
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
@@ -109,3 +110,52 @@ def test_a_torque_over_the_joint_itself_is_a_spring_and_one_like_a_weight_makes_
     played = Forward(time=TIME, initial=initial, loads={"pull": pull}).solve(light, Accuracy(tolerance=1e-11), place)
     assert played.q == pytest.approx(real.q, abs=1e-8)
     assert played.figures["energy"] < 1e-9
+
+
+REST = Constant(value=0.0)
+KICK = Succession(segments=[
+    {"duration": 3.0, "motion": REST},
+    {"duration": 0.01, "motion": Polynomial(start=0.0, end=5.0, duration=0.01)},
+    {"duration": 0.01, "motion": Polynomial(start=5.0, end=0.0, duration=0.01)},
+    {"duration": 2.98, "motion": REST},
+])  # fmt: skip
+"""A torque of 0.05 J over a hundredth of a turn."""
+
+
+@pytest.fixture
+def wheel(mechanism, chain):
+    return mechanism(chain({"name": "wheel", "inertia": (0.1, 0.1, 0.02)}), gravity="none")
+
+
+def spun(wheel, loads, speed=20.0, **accuracy):
+    """Return the run of the wheel over a second."""
+    one = Forward(time=TimeGrid(end=1.0, samples=3), initial={"velocity": {"wheel": speed}}, loads=loads)
+    return one.solve(wheel, Accuracy(**accuracy), place)
+
+
+@pytest.mark.parametrize("method", ["dop853", "dopri5", "stiff"])
+@pytest.mark.parametrize(("period", "kicks"), [(None, 1), (6.0, 3)])
+def test_a_wheel_passes_no_kick_on_its_way_unseen(wheel, method, period, kicks):
+    """The wheel turns evenly but for kicks of 0.02 rad: steps would be as long as the run."""
+    run = spun(wheel, {"kick": JointEffort(joint="wheel", over="wheel", effort=KICK, period=period)}, method=method)
+    assert 0.5 * 0.02 * run.v[-1, 0] ** 2 == pytest.approx(4.0 + 0.05 * kicks, rel=1e-5)  # kinks of s''
+
+
+@pytest.mark.parametrize("method", ["dop853", "dopri5", "stiff"])
+def test_a_motor_does_not_leap_over_a_notch_of_its_curve(wheel, method):
+    """It gives 5 N*m but for a notch down to -20 N*m at 50 rad/s, 1 rad/s wide: it stays where it gives nothing."""
+    curve = [(-100.0, 5.0), (49.5, 5.0), (50.0, -20.0), (50.5, 5.0), (900.0, 5.0)]
+    run = spun(wheel, {"motor": TorqueSpeed(joint="wheel", curve=curve)}, speed=0.0, method=method)
+    assert run.v[-1, 0] == pytest.approx(49.6, abs=1e-6)
+
+
+def test_steps_of_one_length_that_pass_a_kick_are_called_too_large(wheel):
+    kick = {"kick": JointEffort(joint="wheel", over="wheel", effort=KICK)}
+    assert any("past whole pieces of a load" in note for note in spun(wheel, kick, method="rk4", step=0.05).notes)
+    assert not spun(wheel, kick, method="rk4", step=2e-4).notes
+
+
+def test_slivers_that_rounding_leaves_between_pieces_do_not_count():
+    pieces = Pieces(np.array([1.0, 2.0, 2.0 + 1e-15, 3.0]), period=3.0 + 1e-14)
+    assert not pieces.passed(np.array([1.5, 2.4]))
+    assert pieces.passed(np.array([0.5, 0.6, 1.55]))

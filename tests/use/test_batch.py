@@ -9,6 +9,7 @@ import pytest
 import pinarm
 from pinarm.engine.integrators import Adaptive, Flat, Stretch, advance, integrate
 from pinarm.errors import InputError, NumericsError
+from pinarm.mechanics.forces.pieces import Pieces
 
 ROOT = Path(__file__).parents[2]
 SWING = """\
@@ -76,6 +77,21 @@ def test_events_and_stops_are_those_of_each_motion(scenario):
         rows = np.searchsorted(expected.trajectory.grid.t, batch.t)  # its table has the impacts, too
         assert batch["B"][number] == pytest.approx(expected["B"].values[rows], abs=1e-8)
     assert batch["B"].max() <= 2.1 + 1e-12
+
+
+def test_a_narrow_part_of_a_load_is_passed_unseen_by_none():
+    """Points that fly evenly but for a push of 1 J between 3 and 3.02."""
+    push = Stretch(0.0, 1.0, lambda t, q, v: 100.0 * np.clip(1.0 - abs(q - 3.01) / 0.01, 0.0, None),
+                   together=lambda t, q, v: 100.0 * np.clip(1.0 - abs(q - 3.01) / 0.01, 0.0, None))  # fmt: skip
+    pieces, line = Pieces(np.array([3.0, 3.01, 3.02])), Flat(1, 1)
+    given = {"max_steps": 300, "passes": lambda t, q, v: pieces.passed(q[:, 0])}
+    speeds = np.array([[20.0], [2.0], [-5.0]])
+    batch = advance([push], line, np.zeros((3, 1)), speeds, Adaptive(1e-10), **given)
+    for v, found in zip(speeds, batch.solutions, strict=True):
+        expected = integrate([push], line, np.zeros(1), v, Adaptive(1e-10), **given)
+        assert len(found.steps) == pytest.approx(len(expected.steps), abs=2)  # errors of 1e-10 but for rounding
+    _, v = batch.states(np.array([1.0]))
+    assert v[:, 0, 0] == pytest.approx([np.sqrt(20.0**2 + 2.0), 2.0, -5.0], rel=1e-6)  # kinks
 
 
 def test_an_event_ends_its_own_motion_only(scenario):

@@ -17,6 +17,7 @@ from pinarm.engine.integrators.contract import (
     Manifold,
     Method,
     MethodName,
+    Passes,
     Settle,
     Solution,
     Stretch,
@@ -33,7 +34,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "METHODS", "SETTING", "Acceleration", "Adaptive", "Conserving", "Energy", "Ensemble", "FixedStep", "Flat",
-    "Manifold", "Method", "MethodName", "Radau", "Settle", "Solution", "Stretch", "Watch", "advance", "integrate",
+    "Manifold", "Method", "MethodName", "Passes", "Radau", "Settle", "Solution", "Stretch", "Watch", "advance",
+    "integrate",
 ]  # fmt: skip
 
 _HOMES = {

@@ -21,6 +21,9 @@ Accelerations = Callable[[Array, Array, Array], Array]
 Settle = Callable[[float, Array, Array], tuple[Array, Array]]
 """``(t, q, v) -> q, v``: the nearest state that meets the constraints."""
 
+Passes = Callable[[Array, Array, Array], bool]
+"""``(t, q, v) -> whether`` a step may have gone past something unseen, from states along it, its ends included."""
+
 Energy = Callable[[Array, Array], tuple[float, float]]
 """``(q, v) -> T, V``: kinetic and potential energy [J]; T is quadratic in v."""
 
@@ -124,11 +127,13 @@ class Count:
         evaluations: Number of accelerations computed for the steps.
         rejected: Number of steps that were tried and refused.
         floored: Number of steps that were taken at their floor, with an error above the tolerance.
+        passing: Number of steps of a fixed length that may have gone past something unseen.
     """
 
     evaluations: int = 0
     rejected: int = 0
     floored: int = 0
+    passing: int = 0
 
 
 class Stepper(Protocol):
@@ -152,6 +157,10 @@ class Stepper(Protocol):
 
     def attempt(self, t: float, h: float) -> float:
         """Compute a step from the present state; return its error, up to 1 accepted, not a number where it failed."""
+        ...
+
+    def along(self, t: float, h: float) -> tuple[Array, Array]:
+        """Return instants along the step attempted, its ends included, shape (n,), and states, shape (n, nq + nv)."""
         ...
 
     def retry(self, h: float, error: float) -> float:

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.integrators.contract import Manifold, Solution, Step, Stretch, interpolated
+from pinarm.engine.integrators.contract import Manifold, Passes, Solution, Step, Stretch, interpolated
 from pinarm.engine.integrators.events import Watch, find, nodes, quiet
-from pinarm.engine.integrators.explicit import FASTEST, GAIN, SAFETY, SLOWEST, TINY, Adaptive, terms_of
-from pinarm.engine.integrators.march import SHORTEST
+from pinarm.engine.integrators.explicit import FASTEST, GAIN, HALVES, SAFETY, SLOWEST, TINY, Adaptive, middle, terms_of
+from pinarm.engine.integrators.march import PASSED, SHORTEST
 from pinarm.engine.integrators.start import first_step
 from pinarm.errors import IntegrationError
 
@@ -91,7 +91,7 @@ class Ensemble:
 
 def advance(
     stretches: Sequence[Stretch], manifold: Manifold, q: Array, v: Array, method: Adaptive, *,
-    max_steps: int = 1_000_000, watches: Sequence[Watch] = (),
+    max_steps: int = 1_000_000, watches: Sequence[Watch] = (), passes: Passes | None = None,
 ) -> Ensemble:  # fmt: skip
     """Integrate from many initial states; ``integrate`` does so from one, and takes the same steps.
 
@@ -103,10 +103,11 @@ def advance(
         method: The explicit pair.
         max_steps: Number of steps, rejected ones included, after which a motion is given up.
         watches: What to look for on the way; one that stops ends the motion in which it crosses zero.
+        passes: Whether a step may have gone past something unseen; it is taken shorter then.
     """
     ensemble = Ensemble([Solution(method, manifold, stretches) for _ in q])
     y = np.hstack([manifold.project(q), v])
-    _Advance(ensemble, manifold, method, max_steps, watches).through(stretches, y)
+    _Advance(ensemble, manifold, method, max_steps, watches, passes).through(stretches, y)
     return ensemble
 
 
@@ -139,10 +140,12 @@ class _Advance:
     """An ensemble on its way."""
 
     def __init__(
-        self, ensemble: Ensemble, manifold: Manifold, method: Adaptive, max_steps: int, watches: Sequence[Watch]
-    ) -> None:
+        self, ensemble: Ensemble, manifold: Manifold, method: Adaptive, max_steps: int, watches: Sequence[Watch],
+        passes: Passes | None,
+    ) -> None:  # fmt: skip
         self.solutions, self.failures = ensemble.solutions, ensemble.failures
         self.manifold, self.method, self.max_steps, self.watches = manifold, method, max_steps, watches
+        self.passes = passes
         self.stretch, self.index, self.tries = Stretch(0.0, 0.0, lambda t, q, v: 0.0 * v), -1, 0
 
     def through(self, stretches: Sequence[Stretch], y: Array) -> None:
@@ -177,6 +180,8 @@ class _Advance:
             h, until = np.where(last, end - going.t, going.h), np.where(last, end, going.t + going.h)
             new, slopes = self.attempt(going, h)
             error = self.error(h, going.y, new, slopes)
+            if self.passes:
+                error = np.where(self.passing(self.passes, going, h, new, slopes), PASSED, error)
             done = error <= 1.0  # one that is not even a number is refused like one that is too large
             stopped = self.accept(going, done, h, until, new, slopes)
             going.h = self.adapted(going, h, error, done & last)
@@ -211,6 +216,15 @@ class _Advance:
         denominator = first + sum(0.01 * square for square in lower)
         usual = first / np.sqrt(np.maximum(denominator * y.shape[1], TINY))
         return np.asarray(np.abs(h) * np.where(first == 0.0, np.sqrt([first, *lower][-1] / y.shape[1]), usual))
+
+    def passing(self, passes: Passes, going: _Going, h: Array, new: Array, slopes: Array) -> Flags:
+        """Return which steps may have gone past something unseen."""
+        nq = self.manifold.nq
+        states = np.stack([going.y, middle(h[:, None], going.y, new, slopes), new], axis=1)
+        return np.array([
+            passes(t + step * HALVES, along[:, :nq], along[:, nq:])
+            for t, step, along in zip(going.t, h, states, strict=True)
+        ])  # fmt: skip
 
     def adapted(self, going: _Going, h: Array, error: Array, cut: Flags) -> Array:
         """Return the next steps [s]; those that the end of the stretch has cut say little of them."""

@@ -35,6 +35,9 @@ STIFF = 0.3
 LIMITED = "stiff"
 """How a note begins where that is so."""
 
+HALVES = np.array([0.0, 0.5, 1.0])
+"""Parts of a step."""
+
 SAMPLE = 40
 """Number of fixed steps that are repeated in two halves to estimate what a step errs by."""
 
@@ -159,11 +162,14 @@ class FixedStep:
             found = self._error(solution, step)
             if not found <= error:
                 error, t = found, step.t
+        passing = solution.count.passing
+        unseen = [f"step too large: {passing} steps go past whole pieces of a load; {self.remedy}"] if passing else []
         if error < COARSE:
-            return []
+            return unseen
         return [
+            *unseen,
             f"step too large: at t = {t:.6g} s a step of {self.name} over {self.step:g} s errs by {error:.1e}, "
-            f"relative to 1 + |y|; {self.remedy}"
+            f"relative to 1 + |y|; {self.remedy}",
         ]
 
     def _error(self, solution: Solution, step: Step) -> float:
@@ -239,6 +245,10 @@ class Stages:
         """Whether all slopes are finite."""
         return bool(np.isfinite(self.slopes).all())
 
+    def along(self, t: float, h: float) -> tuple[Array, Array]:
+        """Return the ends of the step and the middle of the cubic between them."""
+        return t + h * HALVES, np.array([self.y, middle(h, self.y, self.new, self.slopes), self.new])
+
     def move(self) -> None:
         """Move on to the end of the step, whose slope is already known."""
         self.y[:] = self.new
@@ -309,6 +319,10 @@ class AdaptiveStepper:
             return float(factor * squares[-1] ** 0.5)
         return float(factor * squares[0] / max((squares[0] + 0.01 * sum(squares[1:])) ** 0.5, TINY))
 
+    def along(self, t: float, h: float) -> tuple[Array, Array]:
+        """Return the ends and the middle of the step."""
+        return self.stages.along(t, h)
+
     def retry(self, h: float, error: float) -> float:
         """Return a shorter step; an error that is not even a number is treated like a large one."""
         self.ceiling = 1.0
@@ -355,6 +369,10 @@ class FixedStepper:
         self.count.evaluations += self.tableau.stages
         return float(0.0 * self.stages.slopes[-1].sum())
 
+    def along(self, t: float, h: float) -> tuple[Array, Array]:
+        """Return the ends and the middle of the step."""
+        return self.stages.along(t, h)
+
     def retry(self, h: float, error: float) -> float:
         """Give up."""
         return 0.0
@@ -365,6 +383,11 @@ class FixedStepper:
         self.stages.move()
         self.count.evaluations += self.stages.settle(t)
         return slopes, self.h
+
+
+def middle(h: Array | float, y: Array, new: Array, slopes: Array) -> Array:
+    """Return the middle of the cubic between two states, the first and the last of the slopes being theirs."""
+    return np.asarray(0.5 * (y + new) + 0.125 * h * (slopes[0] - slopes[-1]))
 
 
 def _terms(tableau: Tableau, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:

@@ -8,9 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.integrators.contract import Manifold, Method, Solution, Step, Stepper, Stretch
+from pinarm.engine.integrators.contract import Manifold, Method, Passes, Solution, Step, Stepper, Stretch
 from pinarm.engine.integrators.events import Watch, find
 from pinarm.errors import IntegrationError, Interrupted
+
+PASSED = 1e12
+"""Error that a step is taken to have where it may have gone past something unseen: large."""
 
 SHORTEST = 16.0
 """Smallest step in units in the last place of t: below it, adding a stage's fraction of h no longer changes t."""
@@ -18,7 +21,7 @@ SHORTEST = 16.0
 
 def integrate(
     stretches: Sequence[Stretch], manifold: Manifold, q: Array, v: Array, method: Method, *,
-    max_steps: int = 1_000_000, watches: Sequence[Watch] = (),
+    max_steps: int = 1_000_000, watches: Sequence[Watch] = (), passes: Passes | None = None,
 ) -> Solution:  # fmt: skip
     """Integrate with steps that end exactly where one stretch meets the next.
 
@@ -30,6 +33,7 @@ def integrate(
         method: The method.
         max_steps: Number of steps, rejected ones included, after which to give up.
         watches: What to look for on the way; one that stops ends the integration where it crosses zero.
+        passes: Whether a step may have gone past something unseen; it is taken shorter then, where the method can.
 
     Returns:
         The steps and their dense output.
@@ -40,7 +44,7 @@ def integrate(
     """
     q, v = manifold.project(np.asarray(q, float)), np.asarray(v, float)
     solution = Solution(method, manifold, method.prepare(stretches, q, v))
-    march = _March(solution, method.stepper(manifold, solution.count), max_steps, watches)
+    march = _March(solution, method.stepper(manifold, solution.count), max_steps, watches, passes)
     try:
         march.through(np.concatenate([q, v]))
     except KeyboardInterrupt:
@@ -51,8 +55,11 @@ def integrate(
 class _March:
     """An integration on its way."""
 
-    def __init__(self, solution: Solution, stepper: Stepper, max_steps: int, watches: Sequence[Watch]) -> None:
-        self.solution, self.stepper, self.max_steps, self.watches = solution, stepper, max_steps, watches
+    def __init__(
+        self, solution: Solution, stepper: Stepper, max_steps: int, watches: Sequence[Watch], passes: Passes | None
+    ) -> None:
+        self.solution, self.stepper, self.max_steps = solution, stepper, max_steps
+        self.watches, self.passes = watches, passes
         self.h, self.stopped = 0.0, False
 
     def through(self, y: Array) -> None:
@@ -75,6 +82,8 @@ class _March:
             last = t + 1.01 * self.h >= end
             taken = end - t if last else self.h
             error = stepper.attempt(t, taken)
+            if error <= 1.0 and self.passes:
+                error = self.seen(error, t, taken)
             if error <= 1.0:
                 y, until = stepper.y.copy(), end if last else t + taken
                 slopes, following = stepper.accept(until, taken, error)
@@ -86,6 +95,17 @@ class _March:
             else:  # a step whose error is not even a number is refused like one that is too large
                 self.solution.count.rejected += 1
                 self.h = stepper.retry(taken, error)
+
+    def seen(self, error: float, t: float, h: float) -> float:
+        """Return the error of a step, a large one where it may have gone past something unseen."""
+        instants, states = self.stepper.along(t, h)
+        nq = self.solution.manifold.nq
+        if not (self.passes and self.passes(instants, states[:, :nq], states[:, nq:])):
+            return error
+        if self.stepper.retry(h, PASSED):
+            return PASSED
+        self.solution.count.passing += 1
+        return error
 
     def check(self, t: float, stretch: Stretch) -> None:
         """Raise where the steps have become too short or too many."""

@@ -173,6 +173,10 @@ class RadauStepper:
             size = float(np.sqrt(np.mean((error / scale) ** 2)))
         return max(size, 1e-10)
 
+    def along(self, t: float, h: float) -> tuple[Array, Array]:
+        """Return the start and the stages of the step, the last of which is its end."""
+        return t + h * np.array([0.0, *C]), np.vstack([self.y, self.y + self.z])
+
     def retry(self, h: float, error: float) -> float:
         """Return a shorter step, with a new Jacobian."""
         self.ceiling = 1.0

@@ -44,6 +44,20 @@ class ForceElement(ABC):
         """Return the element as it is on a stretch of time in which no law jumps."""
         return self
 
+    @property
+    def in_pieces(self) -> bool:
+        """Whether the load is made of pieces along a coordinate or a velocity."""
+        return False
+
+    def passed(self, q: Array, v: Array) -> bool:
+        """Return whether a step may have gone past a piece of the load without having seen it; see ``Pieces``.
+
+        Args:
+            q: Configurations along the step, its ends included, shape (n, nq).
+            v: Velocities, shape (n, nv).
+        """
+        return False
+
     def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
         """Return what acts on links from outside: joint index -> [f; m] at the world's origin, world axes, shape (6,).
 

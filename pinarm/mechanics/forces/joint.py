@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +17,7 @@ from pinarm.input.schema import AnyQuantity, Extent, Model, NotNegative, Positiv
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import METRE, Joint, joint_of
 from pinarm.mechanics.forces.contract import ForceElement
+from pinarm.mechanics.forces.pieces import Pieces
 from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.laws.over import Profile
 from pinarm.mechanics.motion import MotionLaw, Values
@@ -183,7 +186,7 @@ class ProfiledEffort(ForceElement):
     """A torque or force at a joint that depends on the coordinate of a joint, such as of gas on a crank.
 
     All of its power is supplied, also where it could be called a spring. Forward problems step over the profile's
-    breakpoints, where their accuracy is that of a kink.
+    breakpoints, where their accuracy is that of a kink, but over no whole piece.
 
     Attributes:
         v: Index in v of the joint that it acts on.
@@ -206,6 +209,20 @@ class ProfiledEffort(ForceElement):
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the power supplied, with a minus."""
         return np.asarray(-self.profile(q[..., self.q])[0] * v[..., self.v])
+
+    @property
+    def in_pieces(self) -> bool:
+        """Whether there are pieces: there are."""
+        return True
+
+    def passed(self, q: Array, v: Array) -> bool:
+        """Return whether the coordinate passes a whole piece of the profile."""
+        return self._pieces.passed(q[..., self.q])
+
+    @cached_property
+    def _pieces(self) -> Pieces:
+        starts = [piece.start for piece in self.profile.pieces if math.isfinite(piece.start)]
+        return Pieces(np.array(starts), self.profile.period)
 
 
 @dataclass(frozen=True)
@@ -234,6 +251,19 @@ class MotorCurve(ForceElement):
         """Return the power supplied, with a minus."""
         rate = v[..., self.v]
         return np.asarray(-np.interp(rate, self.speeds, self.efforts) * rate)
+
+    @property
+    def in_pieces(self) -> bool:
+        """Whether there are pieces: there are."""
+        return True
+
+    def passed(self, q: Array, v: Array) -> bool:
+        """Return whether the velocity passes the whole way between two points of the curve."""
+        return self._pieces.passed(v[..., self.v])
+
+    @cached_property
+    def _pieces(self) -> Pieces:
+        return Pieces(self.speeds)
 
 
 class JointSpring(Model, frozen=True, tag_field="kind", tag="joint_spring"):
