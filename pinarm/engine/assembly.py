@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Flags
+from pinarm.arrays import Array
 from pinarm.engine.closure import Closure
 from pinarm.engine.imposed import Imposed
+from pinarm.engine.leap import ENOUGH, on_branch, part_of_leap
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError
 from pinarm.mechanics.balls import configuration
@@ -25,9 +26,6 @@ from pinarm.mechanics.couplings import Coupling
 
 CLOSED = 1e-12
 """Largest gap of a solved position, relative to ``1 + |w|``; Newton's method ends near 1e-16."""
-
-ENOUGH = 1e-9
-"""Correction that is the last: Newton's method doubles the digits, the next one would be below rounding."""
 
 CONTRACTION = 0.25
 """Largest ratio of a correction to the one before: Newton's method on its way to the only solution nearby."""
@@ -147,20 +145,30 @@ class Solver:
     ) -> tuple[Array, Array, Array]:
         """Return q, v, a at the instant ``to``, from those at t; the step is cut where the prediction is poor.
 
+        It is cut as well where it would change sides of a singular position without coming close to it: branches that
+        all but meet, as of a crank and a rod of nearly the same length, are as smooth across as along.
+
         Raises:
             AssemblyError: The branch cannot be continued.
         """
         pending, smallest = [to], SMALLEST * abs(to - t)
+        self.closure.place(q)
+        rows = self.rows()
         while pending:
             h = pending[-1] - t
             w, dw, ddw = target(pending[-1])
             predicted = pin.integrate(self.model, q, h * v + 0.5 * h * h * a)
             found = self._newton(predicted, w)
             rates = None if found is None else self.rates(found, dw, ddw, pending[-1])
+            part = 0.5
             if found is not None and rates and self._on_branch(h * (rates[0] - v - h * a), predicted, found):
-                q, (v, a), t = found, rates, pending.pop()
-            elif abs(h) > smallest:
-                pending.append(t + 0.5 * h)
+                there = self.rows()
+                part = part_of_leap(rows, there)
+                if part == 1.0:
+                    q, (v, a), t, rows = found, rates, pending.pop(), there
+                    continue
+            if abs(h) > smallest:
+                pending.append(t + part * h)
             else:
                 raise self._unreachable(*self._closest(q, target(to)[0]), to)
         return q, v, a
@@ -249,18 +257,6 @@ def _solve(rows: Array, right: Array) -> Array:
     if rows.shape[0] == rows.shape[1]:
         return np.asarray(np.linalg.solve(rows, right))
     return np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0])
-
-
-def on_branch(turned: Array, correction: Array) -> Flags:
-    """Tell which solutions are on the branch of their predictions: one on another branch has another velocity.
-
-    With an error of the predicted position ``h^3 j / 6`` that of the velocity is three times as much, over h.
-
-    Args:
-        turned: Errors of the predicted velocities, times h, shape (nv,) or (nv, n).
-        correction: Largest errors of the predicted coordinates, shape () or (n,).
-    """
-    return np.asarray(np.abs(turned).max(axis=0) <= 10.0 * correction + ENOUGH)
 
 
 def check_rank(rows: Array, names: Sequence[str], t: float) -> None:

@@ -16,10 +16,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.assembly import CLOSED, CONTRACTION, ENOUGH, on_branch
+from pinarm.engine.assembly import CLOSED, CONTRACTION
 from pinarm.engine.closure import Closure
 from pinarm.engine.elimination import Elimination, Order, dense
 from pinarm.engine.imposed import Imposed
+from pinarm.engine.leap import ENOUGH, on_branch
 from pinarm.engine.measures import BLOCK, MeasuredAll, Measures
 
 SHORTEST = 4

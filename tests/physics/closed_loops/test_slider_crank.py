@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pinarm.mechanics.forces.point import Wrench
-from pinarm.mechanics.laws import Harmonic
+from pinarm.mechanics.laws import ConstantSpeed, Harmonic
 from pinarm.mechanics.motion import Grid
 
 from .energy_integral import EnergyIntegral
@@ -49,6 +49,28 @@ def test_free_slider_crank_follows_its_energy_integral(solve):
     found = solve("slider_crank", "forward", end=2.0, start=START, initial=initial)
     assert found["theta"].values == pytest.approx(turning.at(found["t"].values), abs=1e-9)
     assert np.ptp(found["w"].values) > 1.0
+
+
+TURNING = {"motion": {"theta": ConstantSpeed(speed=6.0, start=0.1)}, "drives": ["theta"],
+           "start": {"theta": 0.1, "A": -0.2, "x": 0.2}}  # fmt: skip
+
+
+@pytest.mark.parametrize("longer", [1e-5, 1e-7, 1e-9])
+@pytest.mark.parametrize("samples", [61, 301])
+def test_a_rod_hardly_longer_than_the_crank_keeps_its_side(solve, longer, samples):
+    """At a quarter turn the piston all but stops at the crank's bearing; the other branch goes on through it."""
+    crank = SliderCrank(r=0.1, L=0.1 * (1.0 + longer))
+    found = solve("slider_crank", "inverse", arguments={"r": crank.r, "L": crank.L}, samples=samples, **TURNING)
+    theta = found["theta"].values
+    assert theta[-1] > 1.5 * np.pi
+    (_, x), _, _ = crank.motion(theta, 6.0)
+    assert found["x"].values == pytest.approx(x, abs=1e-9)
+
+
+@pytest.mark.parametrize("samples", range(60, 90, 5))
+def test_a_rod_as_long_as_the_crank_goes_on_through_the_singular_position(solve, samples):
+    found = solve("slider_crank", "inverse", arguments={"r": 0.1, "L": 0.1}, samples=samples, **TURNING)
+    assert found["x"].values == pytest.approx(0.2 * np.cos(found["theta"].values), abs=1e-11)
 
 
 def test_a_slide_that_closes_the_loop_is_the_slide_of_the_tree(solve, mechanism):
