@@ -12,7 +12,7 @@ import numpy as np
 from pinarm.arrays import Array, Indices
 from pinarm.engine.closure import RANK, Split
 from pinarm.engine.dynamics import Dynamics
-from pinarm.engine.masses import MASSLESS
+from pinarm.engine.masses import MASSLESS, NOTHING
 from pinarm.engine.trajectory import Trajectory
 
 SAMPLE = 64
@@ -123,12 +123,16 @@ class _Alike:
 
     @property
     def condition(self) -> float:
-        """Return the largest condition number of T^T M T scaled to a diagonal of ones; infinite if one is singular."""
+        """Return the largest condition number of T^T M T scaled to a diagonal of ones; infinite if one is singular.
+
+        A motion may move no mass at some positions only, such as a light crank at the dead centre of its slider.
+        """
         if not self.free_mass.shape[1]:
             return 1.0
-        size = np.sqrt(np.maximum(np.einsum("nii->ni", self.free_mass), 0.0))
-        if (size == 0.0).any():
+        square = np.maximum(np.einsum("nii->ni", self.free_mass), 0.0)
+        if (square <= NOTHING * square.max()).any():
             return np.inf
+        size = np.sqrt(square)
         values = np.linalg.eigvalsh(self.free_mass / (size[:, :, None] * size[:, None]))
         return float((values[:, -1] / values[:, 0]).max()) if values[:, 0].min() > MASSLESS else np.inf
 
