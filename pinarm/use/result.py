@@ -161,10 +161,15 @@ class Result:
             run = self.trajectory
             where = f"{run.parameter} = {run.grid.t[bad[0]]:.9g} {run.unit}"
             more = f", nor in {len(bad) - 1} more rows" if len(bad) > 1 else ""
+            never = [time for time, series in run.further.items() if time in name and np.isnan(series.values).any()]
+            hint = (
+                f"{never[0].removesuffix('.time')} does not take place; its count is 0"
+                if never
+                else "a body without mass that is free to move, or a formula that divides by zero there"
+            )
             raise DynamicsError(
                 f"{name} is not finite at {where}, where {spelled(run.mechanism.model, run.q[bad[0]])}{more}",
-                hint="a body without mass that is free to move, or a formula that divides by zero there",
-                partial=self, t=float(run.grid.t[bad[0]]), q=run.q[bad[0]],
+                hint=hint, partial=self, t=float(run.grid.t[bad[0]]), q=run.q[bad[0]],
             )  # fmt: skip
 
     def summary(self) -> dict[str, Any]:
