@@ -61,8 +61,12 @@ def reach(scenario: Scenario) -> Result:
         most = min([scenario.content.accuracy.max_steps, *(search.limit(target) for search in searches)])
         searches.append(_Search(scenario, Ladder(method, span), most))
         searches[-1].look(target)
-    best = min(searches, key=lambda search: search.price(target))
-    return best.result(target, sum(len(search.errors) for search in searches))
+    while True:
+        best = min(searches, key=lambda search: search.price(target))
+        result = best.result(target, sum(len(search.errors) for search in searches))
+        if not result.missed or best.price(target)[0]:
+            return result
+        best.miss(target, max(result.errors.values()))
 
 
 def _ordered(scenario: Scenario, span: float, target: float) -> tuple[MethodName, ...]:
@@ -109,12 +113,17 @@ class _Search:
     errors: dict[int, float] = field(default_factory=dict)
 
     def look(self, target: float) -> None:
-        """Go up and down the ladder for the coarsest rung that reaches the target."""
+        """Go up and down the ladder for the coarsest rung that reaches the target.
+
+        A rung whose finer solution takes more steps than are left tells nothing of those below it.
+        """
         last, rung = self.ladder.last - 1, _guess(self.ladder, target)
+        while rung > FIRST and self.run(rung) and self.error(rung) == np.inf:
+            rung -= 1
         if self.error(rung) <= target:
             while rung > FIRST and self.error(rung - 1) <= target:
                 rung -= 1
-        while rung < last and self.error(rung) > target and self.run(rung):
+        while rung < last and target < self.error(rung) < np.inf:
             rung += 1
 
     def run(self, rung: int) -> Result | None:
@@ -162,6 +171,13 @@ class _Search:
         if missing:
             evaluations = max((run.figures["evaluations"] for run in self.runs.values() if run), default=np.inf)
         return int(min(self.most, max(evaluations / CHEAPEST_STEP, FEW)))
+
+    def miss(self, target: float, error: float) -> None:
+        """Note that the rung found misses the target after all, of the mechanism as it is; look beyond it."""
+        rung = self.found(target)
+        self.errors[rung] = error
+        if rung < self.ladder.last - 1:
+            self.error(rung + 1)
 
     def result(self, target: float, tried: int) -> Result:
         """Return the result of the rung found, of the mechanism as it is."""
