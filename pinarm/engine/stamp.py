@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.closure import RANK, Split
+from pinarm.engine.closure import Split
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.masses import MASSLESS, NOTHING
+from pinarm.engine.regularity import least_regular
 from pinarm.engine.trajectory import Trajectory
 
 SAMPLE = 64
@@ -29,7 +30,8 @@ def table_figures(run: Trajectory, most: int = SAMPLE) -> dict[str, float]:
     Returns:
         ``closure``, ``closure rate`` and ``closure acceleration``: largest gap of a loop [m or rad], and of its two
         derivatives. ``regularity``: smallest singular value of the constraints' rows relative to the largest, of as
-        many as are independent at any row; 0 at a singular position. ``least regular at``: where that is.
+        many as are independent at any row, looked for between rows where it becomes small; 0 at a singular position.
+        ``least regular at``: where that is.
         ``condition``: largest condition number of the mass matrix of the free motions, scaled to a diagonal of ones.
         ``return trip``: largest difference of the accelerations that the efforts give by forward dynamics to those of
         the table, relative to the largest acceleration that efforts and loads would give if none of them cancelled;
@@ -44,10 +46,7 @@ def table_figures(run: Trajectory, most: int = SAMPLE) -> dict[str, float]:
         gaps = found.gaps.max(axis=0).tolist()
         figures.update(zip(("closure", "closure rate", "closure acceleration"), gaps, strict=True))
         values = run.mechanism.closure.values_of(found.own)
-        rank = max(int((values > RANK * values[:, :1]).sum(axis=1).max()), 1)
-        regular = values[:, rank - 1] / values[:, 0]
-        least = int(np.argmin(regular))
-        figures |= {"regularity": float(regular[least]), "least regular at": float(run.grid.t[rows[least]])}
+        figures |= zip(("regularity", "least regular at"), least_regular(run, rows, values), strict=True)
     if run.unasked:
         return figures
     alike = found.of_one_freedom(run)

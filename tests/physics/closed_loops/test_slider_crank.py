@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pinarm.engine.stamp import table_figures
 from pinarm.mechanics.forces.point import Wrench
 from pinarm.mechanics.laws import ConstantSpeed, Harmonic
 from pinarm.mechanics.motion import Grid
@@ -71,6 +72,23 @@ def test_a_rod_hardly_longer_than_the_crank_keeps_its_side(solve, longer, sample
 def test_a_rod_as_long_as_the_crank_goes_on_through_the_singular_position(solve, samples):
     found = solve("slider_crank", "inverse", arguments={"r": 0.1, "L": 0.1}, samples=samples, **TURNING)
     assert found["x"].values == pytest.approx(0.2 * np.cos(found["theta"].values), abs=1e-11)
+
+
+@pytest.mark.parametrize("kind", ["inverse", "forward"])
+def test_the_nearest_singular_position_is_found_between_the_rows(solve, kind):
+    """Of all positions the one at a quarter turn is the nearest, by the square root of what the rod is longer."""
+    start = {"position": {"theta": 0.1}, "velocity": {"theta": 6.0}}
+    asked = TURNING if kind == "inverse" else {"initial": start, "start": TURNING["start"]}
+    close = []
+    for longer in (1e-6, 1e-7):
+        found = solve(
+            "slider_crank", kind, arguments={"r": 0.1, "L": 0.1 * (1.0 + longer)}, end=0.6, samples=13, **asked
+        )
+        figures = table_figures(found.trajectory)
+        close.append(figures["regularity"])
+        place = np.interp(figures["least regular at"], found["t"].values, found["theta"].values)
+        assert place == pytest.approx(np.pi / 2, abs=0.03)  # rows are 0.3 rad apart, and not evenly
+    assert close[0] / close[1] == pytest.approx(10.0**0.5, rel=1e-2)
 
 
 def test_a_slide_that_closes_the_loop_is_the_slide_of_the_tree(solve, mechanism):
