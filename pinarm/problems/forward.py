@@ -35,6 +35,9 @@ from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
 
 DEFAULT = Accuracy()
 
+LOST = 1e-3
+"""Energy that nothing accounts for, relative to the energy exchanged, from which on this is noted."""
+
 
 class InitialState(Model, frozen=True):
     """State at the first instant; what is not given is 0.
@@ -128,7 +131,8 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         grid = journey.grid(t if end == t[-1] else np.array([*t[t < end], end]), course.seams)
         whole = _at(mechanism, journey, course, self.events, grid)
         energy = {} if self.motion else course.energy()
-        return replace(whole, figures={**course.cost(), **energy}, notes=tuple(course.doubts()))
+        notes = course.doubts() or _lost(energy.get("energy", 0.0))
+        return replace(whole, figures={**course.cost(), **energy}, notes=tuple(notes))
 
     def require_masses(self, mechanism: Mechanism, journey: Journey, q: Array) -> Closure:
         """Return the constraints and the coordinates that follow laws, where masses determine the accelerations at q.
@@ -186,6 +190,13 @@ def _at(mechanism: Mechanism, journey: Journey, course: Course, events: Mapping[
         journey.system().closure, journey.dynamics, partial(_at, mechanism, journey, course, events),
         further=_further(events, course.happenings, len(grid.t)), happenings=tuple(course.happenings),
     )  # fmt: skip
+
+
+def _lost(energy: float) -> list[str]:
+    """Return what is to be said of energy that nothing accounts for, relative to the energy exchanged."""
+    if energy < LOST:
+        return []
+    return [f"energy: {energy:.2g} of what is exchanged is not accounted for: the motion is not that of the mechanism"]
 
 
 def _further(events: Mapping[str, Event], happenings: Sequence[Happening], rows: int) -> dict[str, Series]:

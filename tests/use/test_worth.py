@@ -187,3 +187,10 @@ def test_all_rows_are_checked_when_asked_to(chaos):
     assert all_of_them["equilibrium"] > 1e-3
     assert stamp.table_figures(run)["return trip"] < 1e-12
     assert stamp.table_figures(run, len(run))["return trip"] > 1e-3
+
+
+def test_energy_that_nothing_accounts_for_is_noted(chaos):
+    loose, tight = (chaos.varied({"accuracy": {"tolerance": tolerance}}).run() for tolerance in (1e-2, 1e-9))
+    assert loose.figures["energy"] > 1e-3 > tight.figures["energy"]
+    (note,) = set(loose.notes()) - set(tight.notes())
+    assert note.startswith("energy: ")
