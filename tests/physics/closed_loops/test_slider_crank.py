@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pinarm.engine.stamp import table_figures
+from pinarm.errors import NumericsError
 from pinarm.mechanics.forces.point import Wrench
 from pinarm.mechanics.laws import ConstantSpeed, Harmonic
 from pinarm.mechanics.motion import Grid
@@ -72,6 +73,21 @@ def test_a_rod_hardly_longer_than_the_crank_keeps_its_side(solve, longer, sample
 def test_a_rod_as_long_as_the_crank_goes_on_through_the_singular_position(solve, samples):
     found = solve("slider_crank", "inverse", arguments={"r": 0.1, "L": 0.1}, samples=samples, **TURNING)
     assert found["x"].values == pytest.approx(0.2 * np.cos(found["theta"].values), abs=1e-11)
+
+
+@pytest.mark.parametrize("tolerance", [1e-5, 1e-6, 1e-7, 1e-8, 1e-9])
+@pytest.mark.parametrize("speed", [1.0, 6.0])
+def test_with_a_rod_without_mass_it_goes_through_or_says_that_it_does_not(solve, tolerance, speed):
+    light = {"r": 0.1, "L": 0.1, "m3": 0.0, "I3": 0.0}
+    start = {"position": {"theta": 0.1}, "velocity": {"theta": speed}}
+    try:
+        found = solve("slider_crank", "forward", arguments=light, end=3.0 / speed, samples=13, initial=start,
+                      start=TURNING["start"], tolerance=tolerance)  # fmt: skip
+    except NumericsError as error:
+        assert "singular" in str(error)
+    else:
+        if not any(note.startswith("energy: ") for note in found.trajectory.notes):
+            assert found["x"].values == pytest.approx(0.2 * np.cos(found["theta"].values), abs=1e-6)
 
 
 @pytest.mark.parametrize("kind", ["inverse", "forward"])
