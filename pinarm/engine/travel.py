@@ -16,7 +16,7 @@ from pinarm.engine.contacts import RESTING, Bound, Contacts
 from pinarm.engine.course import Course, Leg
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.imposed import Imposed
-from pinarm.engine.integrators import Method, Passes, Solution, Watch, integrate
+from pinarm.engine.integrators import FixedStep, Method, Passes, Solution, Watch, integrate
 from pinarm.engine.systems import Initial, System, system_of
 from pinarm.engine.systems.constrained import ConstrainedSystem
 from pinarm.engine.trajectory import Happening
@@ -165,7 +165,8 @@ class Journey:
         stretches = [system.stretch(self.dynamics, *span) for span in spans]
         watches = [_of_mechanism(one, system) for _, one in watched]
         steps = self.max_steps - int(sum(course.cost()[name] for name in ("steps", "rejected steps")))
-        given, passes = (stretches, system.manifold, *system.part(q, v), self.method), self._passes(system)
+        method = self.method if system.manifold.nv else FixedStep(self.time[1] - self.time[0])
+        given, passes = (stretches, system.manifold, *system.part(q, v), method), self._passes(system)
         try:
             solution = ahead() if ahead else integrate(*given, max_steps=steps, watches=watches, passes=passes)
         except (IntegrationError, Interrupted) as error:
