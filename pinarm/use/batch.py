@@ -173,16 +173,20 @@ def _starts(
             raise InputError(
                 f"no free joint '{name}' with one coordinate can begin elsewhere", expected=expected, hint=hint
             )
-    columns = columns_of({**{f"position {k}": x for k, x in position.items()},
-                          **{f"velocity {k}": x for k, x in velocity.items()}})  # fmt: skip
-    base, joints = journey.initial, mechanism.joints
-    if not columns.shape[1]:
+    given = {("position", name): x for name, x in position.items()}
+    given |= {("velocity", name): x for name, x in velocity.items()}
+    shape, columns = columns_of({" ".join(key): x for key, x in given.items()})
+    if len(shape) > 1:
+        raise InputError(f"the arrays have {len(shape)} axes", expected="one: a value for every motion")
+    if shape == (0,):
         raise InputError("there are no initial values", expected="one motion or more")
-    q, v = (np.tile(row, (columns.shape[1], 1)) for row in (base.q, base.v))
-    for name, column in zip(position, columns[1:], strict=False):
-        q[:, joints[name].q] = column
-    for name, column in zip(velocity, columns[1 + len(position) :], strict=True):
-        v[:, joints[name].v] = column
+    base, joints = journey.initial, mechanism.joints
+    q, v = (np.tile(row, (*(shape or (1,)), 1)) for row in (base.q, base.v))
+    for (what, name), column in zip(given, columns.values(), strict=True):
+        if what == "position":
+            q[:, joints[name].q] = column
+        else:
+            v[:, joints[name].v] = column
     positions = tuple(dict.fromkeys((*base.positions, *(joints[name].v for name in position))))
     velocities = tuple(dict.fromkeys((*base.velocities, *(joints[name].v for name in velocity))))
     return [Initial(*row, positions, velocities) for row in zip(q, v, strict=True)]
