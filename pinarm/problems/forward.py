@@ -30,7 +30,7 @@ from pinarm.mechanics.balls import indices_of, velocity
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.motion import Grid
-from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_rates, laws_of
+from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_rates, laws_of, still
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
 
 DEFAULT = Accuracy()
@@ -74,7 +74,7 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
 
     def still(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        row = Trajectory.still(mechanism, "t", unit("s"), actuation(mechanism, [*self.motion], []).closure)
+        row = still(mechanism, self.loads, "t", unit("s"), actuation(mechanism, [*self.motion], []).closure)
         return replace(row, further=_further(self.events, [], 1))
 
     def prepare(self, mechanism: Mechanism, place: Place, accuracy: Accuracy = DEFAULT) -> Journey:
