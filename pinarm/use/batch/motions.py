@@ -1,57 +1,65 @@
-"""One scenario from many initial states: what can be integrated together is, and every motion has its own result."""
+"""One scenario from many initial states: solved block by block, so that memory does not grow with their number."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.integrators import Ensemble
-from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.quantities import Quantities
-from pinarm.engine.states import columns_of
-from pinarm.engine.systems import Initial
-from pinarm.engine.trajectory import Trajectory
-from pinarm.engine.travel import Journey
-from pinarm.errors import InputError, NumericsError, PinarmError, choices
-from pinarm.problems.forward import Forward
+from pinarm.arrays import Array
+from pinarm.engine.trajectory import Series
+from pinarm.errors import InputError, NumericsError
+from pinarm.use.batch.block import Block, Question
+from pinarm.use.batch.measures import Asked, Measure, reduced
+from pinarm.use.batch.starts import Starts
+from pinarm.use.batch.table import Table
 from pinarm.use.result import Result
 from pinarm.use.scenario import Scenario, load
+
+AnswerT = TypeVar("AnswerT")
+
+TOGETHER, ALONE, ROWS = 512, 32, 2**17
+"""Motions of a block: as many as fill the calls that they share, or as can be kept where each is taken alone; and the
+rows that their tables may have together."""
+
+KEPT = 4
+"""Blocks of a batch that is kept once it is solved; one of more is solved again whenever something is asked of it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Batch:
     """Motions of one scenario from b initial states, at its n instants.
 
+    They are solved when something is asked, a block of them after the other. Up to 2,048 that are integrated together,
+    or 128 that are not, are kept; of more nothing is: whatever is asked of them is best asked at once.
+
     Attributes:
-        scenario: The scenario.
-        problem: The question about what is solved.
-        journey: What is integrated.
+        question: What is the same in all of them.
+        starts: The initial values that were given.
         q: Configurations at the start, shape (b, nq).
         v: Velocities there, shape (b, nv).
-        ensemble: The motions, their first legs where there are end stops; ``None`` where each has to be taken alone.
     """
 
-    scenario: Scenario
-    problem: Forward = field(repr=False)
-    journey: Journey = field(repr=False)
+    question: Question = field(repr=False)
+    starts: Starts = field(repr=False)
     q: Array = field(repr=False)
     v: Array = field(repr=False)
-    ensemble: Ensemble | None = field(repr=False)
-    _followed: dict[int, Trajectory | PinarmError] = field(default_factory=dict, repr=False)
+    _blocks: dict[int, Block] = field(default_factory=dict, repr=False)
+    _failures: dict[int, str] = field(default_factory=dict, repr=False)
+    _looked: set[int] = field(default_factory=set, repr=False)
 
     def __len__(self) -> int:
         return len(self.q)
 
-    @cached_property
+    @property
     def t(self) -> Array:
         """Return the instants [s], shape (n,)."""
-        return self.problem.time.instants()
+        return self.question.problem.time.instants()
 
     def run(self, number: int) -> Result:
         """Return the result of one motion, with its accuracy, as the scenario itself would have it.
@@ -59,19 +67,24 @@ class Batch:
         Raises:
             NumericsError: It could not be followed to its end; ``partial`` holds it until then.
         """
-        solved = self._solved(number)
-        if isinstance(solved, PinarmError):
-            raise solved
-        with np.errstate(all="ignore"):
-            return self.scenario.measured(solved, self.scenario.scene.restored(solved))
+        number = range(len(self))[number]
+        begin = number - number % self._size if self._small else number
+        block = self._block(begin, begin + self._size if self._small else number + 1)
+        own = self.question.scenario.merged({"problem": {"initial": self.starts.of_one(number)}})
+        try:
+            return replace(block.run(number - begin), content=own.content, data=own.document.data)
+        except NumericsError as error:
+            if isinstance(error.partial, Result):
+                error.partial = replace(error.partial, content=own.content, data=own.document.data)
+            raise
 
-    @cached_property
+    @property
     def failures(self) -> dict[int, str]:
         """Return why motions could not be followed to their end, by their number."""
-        if self.ensemble is not None and not self.journey.bounds:
-            return self.ensemble.failures
-        solved = ((number, self._solved(number)) for number in range(len(self)))
-        return {number: one.message for number, one in solved if isinstance(one, PinarmError)}
+        if len(self._looked) < len(self._begins()):
+            for _ in self._answers(len):
+                pass
+        return dict(sorted(self._failures.items()))
 
     def __getitem__(self, name: str) -> Array:
         """Return a quantity of all motions, shape (b, n), not a number beyond the end of a motion.
@@ -79,58 +92,133 @@ class Batch:
         Raises:
             InputError: There is no quantity of that name.
         """
-        return np.array([self._values(number, name) for number in range(len(self))])
+        return np.asarray(self.values(name)[0])
 
-    def _values(self, number: int, name: str) -> Array:
-        found = np.full(len(self.t), np.nan)
-        run, rows, there = self._rows(number)
-        if run is not None:
-            whole, content = self.scenario.scene.restored(run), self.scenario.content
-            found[there] = Quantities(whole, self.scenario.symbols, content.undetermined)[name].values[rows]
+    def values(self, *names: str) -> Array:
+        """Return several quantities of all motions, shape (k, b, n); see ``batch[name]``.
+
+        Raises:
+            InputError: There is no quantity of a name.
+        """
+        self._require(names)
+        found = np.empty((len(names), len(self), len(self.t)))
+        for part, values in self._answers(lambda block: block.values(names)):
+            found[:, part] = values
         return found
-
-    def _solved(self, number: int) -> Trajectory | PinarmError:
-        """Return one motion of what is solved, or why there is none."""
-        if number not in self._followed:
-            ahead = None if self.ensemble is None else partial(self.ensemble.solution, number)
-            try:
-                solved = self.problem.followed(
-                    self.scenario.scene.solved, self.journey, self.q[number], self.v[number], ahead
-                )
-            except NumericsError as error:
-                self._followed[number] = error
-            else:
-                self._followed[number] = solved
-        return self._followed[number]
 
     def states(self) -> tuple[Array, Array]:
         """Return q, shape (b, n, nq), and v, shape (b, n, nv), of the whole mechanism; not a number beyond an end."""
-        scene, b, n = self.scenario.scene, len(self), len(self.t)
-        if self.ensemble is not None and not self.journey.bounds:
-            return scene.spread(self.t, *self.ensemble.states(self.t))
-        q, v = np.full((b, n, self.q.shape[1]), np.nan), np.full((b, n, self.v.shape[1]), np.nan)
-        for number in range(b):
-            run, rows, there = self._rows(number)
-            if run is not None:
-                q[number, there], v[number, there] = run.q[rows], run.v[rows]
-        return scene.spread(self.t, q, v)
+        model, shape = self.question.scenario.mechanism.model, (len(self), len(self.t))
+        q, v = np.empty((*shape, model.nq)), np.empty((*shape, model.nv))
+        for part, states in self._answers(Block.states):
+            q[part], v[part] = states
+        return q, v
 
-    def _rows(self, number: int) -> tuple[Trajectory | None, Indices, Flags]:
-        """Return as much of a motion as there is, its rows at the instants that it reached, and which these are."""
-        found = self._solved(number)
-        run = getattr(found, "partial", None) if isinstance(found, PinarmError) else found
-        if not isinstance(run, Trajectory):
-            return None, np.zeros(0, dtype=np.intp), np.zeros(len(self.t), dtype=bool)
-        rows = np.maximum(np.searchsorted(run.grid.t, self.t, side="right") - 1, 0)
-        there = run.grid.t[rows] == self.t
-        return run, rows[there], there
+    def reduced(self, asked: Mapping[str, Measure | Sequence[Measure]]) -> Table:
+        """Return a few numbers of every motion: ``reduced({"A_y": ["max", 95], "joint.B.velocity": "rms"})``.
+
+        They are taken over the instants of the table that a motion reached, means over time by the trapezoidal rule.
+        Motions that could not be followed to their end have none.
+
+        Args:
+            asked: Quantity, symbol or formula -> ``min``, ``max``, ``largest`` (in size), ``mean``, ``rms``,
+                ``median``, ``start``, ``end``, or a percentage of the instants; one, or several.
+
+        Raises:
+            InputError: There is no such quantity, or no such measure.
+        """
+        wanted = Asked.read(asked)
+        known = self._require([one.quantity for one in wanted])
+        numbers = np.empty((len(self), len(wanted)))
+        for part, found in self._answers(partial(reduced, asked=wanted)):
+            numbers[part] = found
+        columns = [Series(one.label, one.unit(known), x) for one, x in zip(wanted, numbers.T, strict=True)]
+        return self._table(columns, self.failures)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write every motion, block by block, and a table of all.
+
+        The folder gets ``motions.csv`` and ``motions.npz`` (a line per motion: its initial values, the least and
+        greatest value of every output, its accuracy and cost, and why it failed if it did), ``summary.json``
+        (statistics and failures), and in ``motions`` the outputs of each as ``000042.csv`` and ``000042.npz``, as
+        ``run`` writes them.
+
+        Raises:
+            InputError: The folder cannot be written, or holds something else.
+        """
+        from pinarm.use.batch.save import empty, headings, saved, write_table
+
+        outputs = list(dict.fromkeys(self.question.scenario.content.outputs))
+        known, home = self._require(outputs), Path(folder)
+        columns = headings([known[name] for name in outputs])
+        numbers, errors = np.empty((len(self), len(columns))), dict[int, str]()
+        try:
+            empty(home)
+            for part, lines in self._answers(partial(saved, folder=home)):
+                numbers[part] = [line for line, _ in lines]
+                errors |= {part.start + k: why for k, (_, why) in enumerate(lines) if why}
+            told = [replace(one, values=x) for one, x in zip(columns, numbers.T, strict=True)]
+            write_table(self._table([one for one in told if not np.isnan(one.values).all()], errors), home)
+        except OSError as error:
+            raise InputError(f"the batch cannot be written to {home}: {error.strerror}") from None
+        return home
+
+    def _table(self, numbers: Sequence[Series], errors: Mapping[int, str]) -> Table:
+        starts = self.starts.columns(self.question.scenario.quantities())
+        return Table(self.question.scenario.name, [*starts, *numbers], errors, len(self))
+
+    def _require(self, names: Sequence[str]) -> dict[str, Series]:
+        """Return quantities, of no motion yet.
+
+        Raises:
+            InputError: There is no quantity of a name.
+        """
+        quantities = self.question.scenario.quantities()
+        with np.errstate(all="ignore"):
+            return {name: quantities[name] for name in names}
+
+    def _answers(self, answer: Callable[[Block], AnswerT]) -> Iterator[tuple[slice, AnswerT]]:
+        """Yield what every block answers, and which motions it holds."""
+        for begin in self._begins():
+            part = slice(begin, min(begin + self._size, len(self)))
+            yield part, self._answer(part, answer)
+
+    def _answer(self, part: slice, answer: Callable[[Block], AnswerT]) -> AnswerT:
+        block = self._block(part.start, part.stop)
+        found = answer(block)
+        self._failures.update({part.start + number: why for number, why in block.failures.items()})
+        self._looked.add(part.start)
+        return found
+
+    def _block(self, begin: int, end: int) -> Block:
+        """Return some of the motions; those of a small batch stay solved."""
+        if begin in self._blocks:
+            return self._blocks[begin]
+        block = Block(self.question, self.q[begin:end], self.v[begin:end], begin)
+        if self._small:
+            self._blocks[begin] = block
+        return block
+
+    def _begins(self) -> range:
+        """Return the first motion of every block."""
+        return range(0, len(self), self._size)
+
+    @property
+    def _small(self) -> bool:
+        """Whether the batch stays solved."""
+        return len(self) <= KEPT * self._size
+
+    @property
+    def _size(self) -> int:
+        """Return the number of motions in a block."""
+        return min(TOGETHER, max(1, ROWS // len(self.t))) if self.question.journey.together else ALONE
 
 
 def batch(
     scenario: Scenario | str | Path, position: Mapping[str, ArrayLike] | None = None,
     velocity: Mapping[str, ArrayLike] | None = None, *, overrides: list[str] | None = None,
 ) -> Batch:  # fmt: skip
-    """Solve a scenario of kind ``forward`` from many initial states.
+    """Ask a scenario of kind ``forward`` from many initial states.
 
     Args:
         scenario: The scenario, or its file.
@@ -144,49 +232,8 @@ def batch(
             law, or the numbers of values differ.
         DynamicsError: Masses do not determine the accelerations.
     """
-    one = load(scenario, overrides)
-    scene, problem = one.scene, one.scene.problem
-    if not isinstance(problem, Forward):
-        raise InputError(f"the scenario '{one.name}' is of kind {problem.kind}", expected="kind: forward")
-    if one.content.find or one.content.accuracy.target is not None:
-        raise InputError(f"the scenario '{one.name}' looks for numbers, or for the setting that reaches an error",
-                         expected="neither find nor accuracy.target", hint="accuracy.tolerance")  # fmt: skip
-    journey = problem.prepare(scene.solved, partial(one.document.locating, "problem"), one.content.accuracy)
-    starts = _starts(scene.solved, journey, position or {}, velocity or {})
-    states = [replace(journey, initial=start).begin() for start in starts]
-    q, v = np.array([state[0] for state in states]), np.array([state[1] for state in states])
-    for row in q:
-        problem.require_masses(scene.solved, journey, row)
-    touching = any(journey.contacts.near(row) for row in q) if journey.bounds else False
-    with np.errstate(all="ignore"):  # what is not finite is found in the results, and said in words
-        return Batch(one, problem, journey, q, v, None if touching else journey.abreast(q, v))
-
-
-def _starts(
-    mechanism: Mechanism, journey: Journey, position: Mapping[str, ArrayLike], velocity: Mapping[str, ArrayLike]
-) -> list[Initial]:
-    """Return the initial states, not yet assembled."""
-    for name in (*position, *velocity):
-        if name not in mechanism.joints or name in journey.imposed.names:
-            free = [joint for joint in mechanism.joints if joint not in journey.imposed.names]
-            expected, hint = choices(name, free)
-            raise InputError(
-                f"no free joint '{name}' with one coordinate can begin elsewhere", expected=expected, hint=hint
-            )
-    given = {("position", name): x for name, x in position.items()}
-    given |= {("velocity", name): x for name, x in velocity.items()}
-    shape, columns = columns_of({" ".join(key): x for key, x in given.items()})
-    if len(shape) > 1:
-        raise InputError(f"the arrays have {len(shape)} axes", expected="one: a value for every motion")
-    if shape == (0,):
-        raise InputError("there are no initial values", expected="one motion or more")
-    base, joints = journey.initial, mechanism.joints
-    q, v = (np.tile(row, (*(shape or (1,)), 1)) for row in (base.q, base.v))
-    for (what, name), column in zip(given, columns.values(), strict=True):
-        if what == "position":
-            q[:, joints[name].q] = column
-        else:
-            v[:, joints[name].v] = column
-    positions = tuple(dict.fromkeys((*base.positions, *(joints[name].v for name in position))))
-    velocities = tuple(dict.fromkeys((*base.velocities, *(joints[name].v for name in velocity))))
-    return [Initial(*row, positions, velocities) for row in zip(q, v, strict=True)]
+    question = Question.of(load(scenario, overrides))
+    starts = Starts.of(question.scenario.scene.solved, question.journey, position or {}, velocity or {})
+    states = [question.begin(start) for start in starts.initial(question.journey)]
+    q, v = (np.array(x) for x in zip(*states, strict=True))
+    return Batch(question, starts, q, v)
