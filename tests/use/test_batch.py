@@ -2,6 +2,7 @@
 
 import json
 import tracemalloc
+from functools import partial
 from pathlib import Path
 from shutil import copytree
 
@@ -12,7 +13,9 @@ import pinarm
 from pinarm.engine.integrators import Adaptive, Flat, Stretch, advance, integrate
 from pinarm.errors import InputError, Interrupted, NumericsError
 from pinarm.problems.forward import Forward
-from pinarm.use.batch import motions
+from pinarm.use.batch import motions, remote
+from pinarm.use.batch.block import Block
+from pinarm.use.sweep.pool import Death
 
 ROOT = Path(__file__).parents[2]
 SWING = """\
@@ -150,6 +153,38 @@ def test_blocks_of_loops_are_parts_of_the_whole(scenario, monkeypatch):
     whole = all_of(pinarm.batch(scenario(text=LOOP), velocity=rates), "upright_1")
     monkeypatch.setattr(motions, "ALONE", 2)
     same(all_of(pinarm.batch(scenario(text=LOOP), velocity=rates), "upright_1"), whole)
+
+
+class TestWorkers:
+    def test_processes_give_the_same_numbers_and_files(self, scenario, monkeypatch, tmp_path):
+        """Of a loop: the last motion takes too many steps."""
+        monkeypatch.setattr(motions, "ALONE", 2)
+        one, rates = scenario(text=LOOP).varied({"accuracy.max_steps": 30}), {"upright_0": [1.0, 2.0, 3.0, 4.0, 300.0]}
+        ours, theirs = (pinarm.batch(one, velocity=rates, workers=workers) for workers in (1, 2))
+        one, other = (batch.reduced({"upright_1": ["max", "rms"]}) for batch in (ours, theirs))
+        for column in one.columns:
+            np.testing.assert_array_equal(column.values, other[column.name].values)
+        assert one.errors == other.errors == theirs.failures
+        assert list(one.errors) == [4]
+        folders = [batch.save(tmp_path / str(batch.workers)) for batch in (ours, theirs)]
+        files = [{path.name: path.read_bytes() for path in folder.rglob("*.*")} for folder in folders]
+        assert files[0] == files[1]
+        assert {"000003.csv", "motions.npz"} < files[0].keys()
+
+    def test_what_a_process_cannot_answer_is_told_here(self, scenario, tmp_path):
+        batch = pinarm.batch(scenario(text=LOOP), velocity={"upright_0": [1.0, 2.0]}, workers=2)
+        with pytest.raises(InputError, match="no quantity 'upright'"):
+            list(batch._answers(partial(Block.values, names=["upright"])))
+
+    def test_a_process_that_dies_is_told(self, scenario, monkeypatch):
+        monkeypatch.setattr(remote, "spread", lambda f, jobs, n: ((job, Death("SIGKILL")) for job in jobs))
+        batch = pinarm.batch(scenario(text=LOOP), velocity={"upright_0": [1.0, 2.0]}, workers=2)
+        with pytest.raises(NumericsError, match="solved the motions 0 to 1 died by SIGKILL"):
+            batch.states()
+
+    def test_none_solve_nothing(self, scenario):
+        with pytest.raises(InputError, match="0 workers"):
+            pinarm.batch(scenario(), {"O": 0.0}, workers=0)
 
 
 def reduce(batch, folder):

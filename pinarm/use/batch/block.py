@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from pinarm.problems.abreast import Abreast
 from pinarm.problems.forward import Forward
 from pinarm.use.result import Result
 from pinarm.use.scenario import Scenario
+
+AnswerT = TypeVar("AnswerT")
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,6 +202,11 @@ class Block:
             except NumericsError as error:
                 self._followed[number] = error
         return self._followed[number]
+
+
+def answered(answer: Callable[[Block], AnswerT], block: Block) -> tuple[AnswerT, dict[int, str]]:
+    """Return what a block answers, and why motions of it failed."""
+    return answer(block), block.failures
 
 
 def _rows(told: Array, t: Array) -> tuple[Indices, Indices]:

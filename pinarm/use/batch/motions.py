@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from pinarm.arrays import Array
 from pinarm.engine.trajectory import Series
 from pinarm.errors import InputError, NumericsError
-from pinarm.use.batch.block import Block, Question
+from pinarm.use.batch.block import Block, Question, answered
 from pinarm.use.batch.measures import Asked, Measure, reduced
 from pinarm.use.batch.starts import Starts
 from pinarm.use.batch.table import Table
@@ -36,19 +36,22 @@ class Batch:
     """Motions of one scenario from b initial states, at its n instants.
 
     They are solved when something is asked, a block of them after the other. Up to 2,048 that are integrated together,
-    or 128 that are not, are kept; of more nothing is: whatever is asked of them is best asked at once.
+    or 128 that are not, are kept; of more, or where other processes solve them, nothing is: what is asked of those is
+    best asked at once.
 
     Attributes:
         question: What is the same in all of them.
         starts: The initial values that were given.
         q: Configurations at the start, shape (b, nq).
         v: Velocities there, shape (b, nv).
+        workers: Number of processes that solve them; 1 for this one.
     """
 
     question: Question = field(repr=False)
     starts: Starts = field(repr=False)
     q: Array = field(repr=False)
     v: Array = field(repr=False)
+    workers: int = 1
     _blocks: dict[int, Block] = field(default_factory=dict, repr=False)
     _failures: dict[int, str] = field(default_factory=dict, repr=False)
     _looked: set[int] = field(default_factory=set, repr=False)
@@ -102,7 +105,7 @@ class Batch:
         """
         self._require(names)
         found = np.empty((len(names), len(self), len(self.t)))
-        for part, values in self._answers(lambda block: block.values(names)):
+        for part, values in self._answers(partial(Block.values, names=names)):
             found[:, part] = values
         return found
 
@@ -178,17 +181,25 @@ class Batch:
             return {name: quantities[name] for name in names}
 
     def _answers(self, answer: Callable[[Block], AnswerT]) -> Iterator[tuple[slice, AnswerT]]:
-        """Yield what every block answers, and which motions it holds."""
-        for begin in self._begins():
-            part = slice(begin, min(begin + self._size, len(self)))
-            yield part, self._answer(part, answer)
+        """Yield what every block answers, and which motions it holds; ``answer`` can be imported by its name."""
+        parts = [slice(begin, min(begin + self._size, len(self))) for begin in self._begins()]
+        for part, found, failures in self._told(parts, answer):
+            self._failures.update({part.start + number: why for number, why in failures.items()})
+            self._looked.add(part.start)
+            yield part, found
 
-    def _answer(self, part: slice, answer: Callable[[Block], AnswerT]) -> AnswerT:
-        block = self._block(part.start, part.stop)
-        found = answer(block)
-        self._failures.update({part.start + number: why for number, why in block.failures.items()})
-        self._looked.add(part.start)
-        return found
+    def _told(
+        self, parts: Sequence[slice], answer: Callable[[Block], AnswerT]
+    ) -> Iterator[tuple[slice, AnswerT, dict[int, str]]]:
+        """Yield the answers of blocks, with the failures in them, of this process or as those of others come."""
+        if self.workers == 1:
+            yield from ((part, *answered(answer, self._block(part.start, part.stop))) for part in parts)
+            return
+        from pinarm.use.batch.remote import answers
+
+        jobs = [(part.start, self.q[part], self.v[part]) for part in parts]
+        for (first, q, _), found, failures in answers(self.question.scenario, jobs, answer, self.workers):
+            yield slice(first, first + len(q)), found, failures
 
     def _block(self, begin: int, end: int) -> Block:
         """Return some of the motions; those of a small batch stay solved."""
@@ -216,7 +227,7 @@ class Batch:
 
 def batch(
     scenario: Scenario | str | Path, position: Mapping[str, ArrayLike] | None = None,
-    velocity: Mapping[str, ArrayLike] | None = None, *, overrides: list[str] | None = None,
+    velocity: Mapping[str, ArrayLike] | None = None, *, overrides: list[str] | None = None, workers: int = 1,
 ) -> Batch:  # fmt: skip
     """Ask a scenario of kind ``forward`` from many initial states.
 
@@ -226,14 +237,17 @@ def batch(
             scenario.
         velocity: Joint -> its initial velocities [rad/s or m/s], likewise.
         overrides: Assignments such as ``problem.time.end=3 s`` that replace values of the scenario.
+        workers: Processes that solve the motions, as pays where loops are taken one by one; the numbers are the same.
 
     Raises:
         InputError: The scenario is of another kind or looks for something, a joint has not one coordinate or follows a
             law, or the numbers of values differ.
         DynamicsError: Masses do not determine the accelerations.
     """
+    if workers < 1:
+        raise InputError(f"{workers} workers solve nothing", expected="at least 1")
     question = Question.of(load(scenario, overrides))
     starts = Starts.of(question.scenario.scene.solved, question.journey, position or {}, velocity or {})
     states = [question.begin(start) for start in starts.initial(question.journey)]
     q, v = (np.array(x) for x in zip(*states, strict=True))
-    return Batch(question, starts, q, v)
+    return Batch(question, starts, q, v, workers)
