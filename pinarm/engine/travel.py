@@ -142,7 +142,9 @@ class Journey:
         if not isinstance(self.method, Adaptive) or not self.together:
             return None
         watches = [_of_mechanism(one, system) for _, one in self._watched(frozenset(), q[0], v[0])]
-        return advance(stretches, system.manifold, q, v, self.method, max_steps=self.max_steps, watches=watches)
+        return advance(
+            stretches, system.manifold, *system.part(q, v), self.method, max_steps=self.max_steps, watches=watches
+        )
 
     def events(self, solution: Solution) -> list[Happening]:
         """Return the events of a leg that no stop has ended, in order of time."""

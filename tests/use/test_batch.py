@@ -77,6 +77,26 @@ def test_every_motion_is_that_of_a_run_of_its_own(scenario):
         assert v[number, :, 1] == pytest.approx(expected["joint.B.velocity"].values, abs=1e-8)
 
 
+def test_what_laws_leave_free_is_integrated_together(scenario):
+    """Of the arm whose first joint turns to and fro, driven from a jump of its law on."""
+    law = "O: {law: trapezoid, begin: 0.3 s, from: 0.1 rad, to: 1.1 rad, speed: 1 rad/s, acceleration: 4 rad/s^2}"
+    text = SWING.replace("{O: 10 deg, B: 20 deg}", "{B: 20 deg}").replace("  EXTRA", f"  motion: {{{law}}}\n  EXTRA")
+    one = scenario("events: {low: {when: B, reaches: -1 rad}}", text)
+    batch = pinarm.batch(one, {"B": STARTS["B"]}, RATES)
+    assert batch.question.journey.together
+    q, v = batch.states()
+    for number in range(4):
+        values = {"problem.initial.position.B": f"{float(STARTS['B'][number])!r} rad"}
+        values |= {"problem.initial.velocity": {"B": f"{float(RATES['B'][number])!r} rad/s"}}
+        run = one.varied(values).run()
+        rows = np.searchsorted(run.trajectory.grid.t, batch.t + 1e-9) - 1
+        assert q[number] == pytest.approx(run.trajectory.q[rows], abs=1e-8)
+        assert v[number] == pytest.approx(run.trajectory.v[rows], abs=1e-8)
+        for name in ("joint.O.effort", "event.low.time", "energy.kinetic"):
+            expected = run[name].values[rows]
+            assert batch[name][number] == pytest.approx(expected, rel=1e-7, abs=1e-7, nan_ok=True)
+
+
 def test_events_and_stops_are_those_of_each_motion(scenario):
     one = scenario("events: {low: {when: O, reaches: -0.2 rad}}\n  end_stops: {B: {upper: 2.1 rad, restitution: 0.5}}")
     batch = pinarm.batch(one, STARTS, RATES)
@@ -252,16 +272,14 @@ def test_joints_that_follow_laws_are_where_these_have_them(tmp_path, chain):
 
 
 def test_a_motor_with_losses_is_that_of_its_own_motion(scenario):
-    """All but at rest beside one that turns 1e12 times as fast: which way it goes, that one does not tell."""
-    rates = {"B": np.array([1e-9, -1e-9, 3000.0])}
-    one = scenario("", SWING.replace("O: 10 deg", "O: 70 deg")).varied({
-        "changes.drives.m": {"joint": "B", "efficiency": 0.5, "rotor_inertia": "0.01 kg*m^2"},
-        "problem.time.end": "1 ms",
-    })  # fmt: skip
-    found = pinarm.batch(one, velocity=rates)["drive.m.torque"]
-    for number, rate in enumerate(rates["B"]):
-        own = one.varied({"problem.initial.velocity": {"B": f"{float(rate)!r} rad/s"}}).run()
-        assert found[number] == pytest.approx(own["drive.m.torque"].values, rel=1e-6)
+    """It comes to rest at the last instant: which way it has turned until then, the rows of others do not tell."""
+    law = "O: {law: trapezoid, from: 0 rad, to: 1.75 rad, speed: 1 rad/s, acceleration: 4 rad/s^2}"
+    text = SWING.replace("{O: 10 deg, B: 20 deg}", "{B: 20 deg}").replace("  EXTRA", f"  motion: {{{law}}}\n  EXTRA")
+    one = scenario("", text).varied({"changes.drives.m": {"joint": "O", "efficiency": 0.5}})
+    batch = pinarm.batch(one, {"B": STARTS["B"]})
+    torque, effort = batch.values("drive.m.torque", "joint.O.effort")
+    assert batch.states()[1][:, -1, batch.question.scenario.mechanism.joints["O"].v] == pytest.approx(0.0, abs=1e-14)
+    assert torque[:, -1] == pytest.approx(np.where(effort[:, -1] > 0.0, 2.0, 0.5) * effort[:, -1], rel=1e-12)
 
 
 def test_who_interrupts_is_not_told_of_a_motion_that_failed(scenario, monkeypatch):

@@ -161,7 +161,7 @@ class Block:
     def states(self) -> tuple[Array, Array]:
         """Return q, shape (b, n, nq), and v, shape (b, n, nv), of the whole mechanism; not a number beyond an end."""
         if self.whole is not None:
-            q, v = self.whole.states(self.t)
+            q, v = self.question.journey.system().whole(self.t, *self.whole.states(self.t))
         else:
             q, v = (np.full((len(self), len(self.t), x.shape[1]), np.nan) for x in (self.q, self.v))
             for motion, instant, run, rows in self._tables():
