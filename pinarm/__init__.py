@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from pinarm.engine.trajectory import Series, Trajectory
     from pinarm.errors import PinarmError
     from pinarm.input.roots import rooted
-    from pinarm.use.batch import Batch, batch
+    from pinarm.use.batch.motions import Batch, batch
     from pinarm.use.check import check
     from pinarm.use.explain import explain
     from pinarm.use.replay.page import replay
@@ -28,8 +28,8 @@ _HOMES = {
     "Series": "pinarm.engine.trajectory",
     "Trajectory": "pinarm.engine.trajectory",
     "PinarmError": "pinarm.errors",
-    "Batch": "pinarm.use.batch",
-    "batch": "pinarm.use.batch",
+    "Batch": "pinarm.use.batch.motions",
+    "batch": "pinarm.use.batch.motions",
     "check": "pinarm.use.check",
     "explain": "pinarm.use.explain",
     "Result": "pinarm.use.result",

@@ -13,6 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
 from pinarm.engine.integrators import Acceleration, Energy, Flat, Manifold
@@ -228,16 +229,25 @@ class Dynamics:
         return np.asarray(sum((force.dissipated_power(t, q, v) for force in self.forces.values()), np.zeros(len(q))))
 
 
+def real(x: ArrayLike, name: str) -> Array:
+    """Return an array of real numbers.
+
+    Raises:
+        InputError: It is none.
+    """
+    try:
+        return np.asarray(x).astype(np.float64, casting="same_kind", copy=False)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is no array of real numbers", expected="an array of them") from None
+
+
 def as_rows(x: Array, width: int, name: str) -> Array:
     """Return an array of states as rows, shape (n, width).
 
     Raises:
         InputError: It has another shape, or is not of real numbers.
     """
-    try:
-        rows = np.atleast_2d(np.asarray(x).astype(np.float64, casting="same_kind", copy=False))
-    except (TypeError, ValueError):
-        raise InputError(f"{name} is no array of real numbers", expected=f"(n, {width}) of them") from None
+    rows = np.atleast_2d(real(x, name))
     if rows.ndim != 2 or rows.shape[1] != width:
         raise InputError(f"{name} has the shape {np.shape(x)}", expected=f"(n, {width}) or ({width},)")
     return rows

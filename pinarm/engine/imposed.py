@@ -110,3 +110,14 @@ class Imposed:
             return w, dw, ddw
 
         return target
+
+    def along(self, start: float, end: float) -> Callable[[Array], tuple[Array, Array, Array]]:
+        """Return the same at many instants: ``t -> w, w', w''``, shape (n,) to (n, k)."""
+        functions = [law.on(start, end) for law in self.laws]
+
+        def targets(t: Array) -> tuple[Array, Array, Array]:
+            values = [function(t) for function in functions]
+            w, dw, ddw = (np.array([value[k] for value in values]).T for k in range(3))
+            return w, dw, ddw
+
+        return targets

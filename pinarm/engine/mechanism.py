@@ -35,7 +35,7 @@ from pinarm.mechanics.payload import Payload, laden
 from pinarm.mechanics.rounding import shaken
 
 if TYPE_CHECKING:
-    from pinarm.engine.quantities import Quantities
+    from pinarm.engine.states import States
 
 Locate = Callable[..., AbstractContextManager[None]]
 """``with locate("forces", "spring"):`` gives errors of the block that place of a file."""
@@ -134,15 +134,15 @@ class Mechanism:
         """Return the efforts that the drives must give; the constraints carry the rest.
 
         Args:
-            q: Configurations, shape (n, nq), or (nq,) for one.
-            v: Velocities, shape (n, nv).
-            a: Accelerations, shape (n, nv).
+            q: Configurations, shape (..., nq): any leading axes, or none for one state.
+            v: Velocities, shape (..., nv).
+            a: Accelerations, shape (..., nv).
             drives: Coordinates that drives act along, needed where there are loops; otherwise every joint that mimics
                 no other has one.
             t: Instant at which forces that follow laws are taken [s].
 
         Returns:
-            Efforts at the joints [N*m or N], shape (n, nv).
+            Efforts at the joints [N*m or N], shape (..., nv).
 
         Raises:
             InputError: The shapes do not fit, a state tears a loop or a coupling, or the drives cannot carry the load.
@@ -156,13 +156,13 @@ class Mechanism:
         """Return the accelerations under given efforts.
 
         Args:
-            q: Configurations, shape (n, nq), or (nq,) for one.
-            v: Velocities, shape (n, nv).
-            tau: Efforts of the drives [N*m or N], shape (n, nv); none where it is left out.
+            q: Configurations, shape (..., nq): any leading axes, or none for one state.
+            v: Velocities, shape (..., nv).
+            tau: Efforts of the drives [N*m or N], shape (..., nv); none where it is left out.
             t: Instant at which forces that follow laws are taken [s].
 
         Returns:
-            Accelerations of the joints, shape (n, nv).
+            Accelerations of the joints, shape (..., nv).
 
         Raises:
             InputError: The shapes do not fit, or a state tears a loop or a coupling.
@@ -172,13 +172,13 @@ class Mechanism:
         return states.forward(self, q, v, tau, t)
 
     def configurations(self, positions: Mapping[str, ArrayLike]) -> Array:
-        """Return q, shape (n, nq), from joint coordinates by name; see ``states.configurations``."""
+        """Return q, shape (..., nq), from joint coordinates by name; see ``states.configurations``."""
         from pinarm.engine import states
 
         return states.configurations(self, positions)
 
     def rates(self, values: Mapping[str, ArrayLike]) -> Array:
-        """Return v, a or tau, shape (n, nv), from those of joints by name; see ``states.rates``."""
+        """Return v, a or tau, shape (..., nv), from those of joints by name; see ``states.rates``."""
         from pinarm.engine import states
 
         return states.rates(self, values)
@@ -186,16 +186,17 @@ class Mechanism:
     def at(
         self, q: Array, v: Array | None = None, a: Array | None = None, tau: Array | None = None, *,
         drives: Sequence[str] = (), t: float = 0.0,
-    ) -> Quantities:  # fmt: skip
+    ) -> States:  # fmt: skip
         """Return the quantities of states by name: ``at(q, v)["point.A.position.x"].values`` and all others.
 
-        Every row is a state of its own. Forces that follow laws have their values just after the instant t.
+        Every one is a state of its own; values have the leading axes of the states. Forces that follow laws have their
+        values just after the instant t.
 
         Args:
-            q: Configurations, shape (n, nq) or (nq,).
-            v: Velocities, shape (n, nv); 0 where they are left out.
-            a: Accelerations, shape (n, nv); 0 where neither they nor efforts are given.
-            tau: Efforts of the drives [N*m or N], shape (n, nv), in place of accelerations, which follow from them.
+            q: Configurations, shape (..., nq): any leading axes, or none for one state.
+            v: Velocities, shape (..., nv); 0 where they are left out.
+            a: Accelerations, shape (..., nv); 0 where neither they nor efforts are given.
+            tau: Efforts of the drives [N*m or N], shape (..., nv), in place of accelerations, which follow from them.
             drives: Coordinates that the drives act along where accelerations are given; every joint of an open chain
                 where none is named. Without any a mechanism with loops tells no forces.
             t: Instant [s].

@@ -15,11 +15,14 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.dynamics import Dynamics
-from pinarm.engine.integrators import Acceleration
+from pinarm.engine.integrators import Acceleration, Accelerations
 from pinarm.errors import InputError
 
 Targets = Callable[[float], tuple[Array, Array, Array]]
 """``t -> w, w', w''``, each of shape (k,)."""
+
+ManyTargets = Callable[[Array], tuple[Array, Array, Array]]
+"""The same at many instants, shape (n,) to (n, k)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,17 +73,16 @@ class Reduction:
         return cls(model, rows, basis, particular, free_v, free_q, bound_v, bound_q, scalar_q)
 
     def configuration(self, free: Array, w: Array) -> Array:
-        """Return q from the independent coordinates and the targets, shape (nq,)."""
-        q = np.zeros(self.model.nq)
-        q[self.free_q] = free
-        scalars = q[self.scalar_q]
-        scalars[self.bound_v] = 0.0
-        q[self.bound_q] = (self.basis[self.bound_v] @ scalars[self.free_v]) + self.particular[self.bound_v] @ w
+        """Return q from the independent coordinates, shape (..., mu), and the targets, shape (..., k)."""
+        q = np.zeros((*free.shape[:-1], self.model.nq))
+        q[..., self.free_q] = free
+        scalars = q[..., self.scalar_q[self.free_v]]
+        q[..., self.bound_q] = scalars @ self.basis[self.bound_v].T + w @ self.particular[self.bound_v].T
         return q
 
     def velocity(self, u: Array, dw: Array) -> Array:
-        """Return v from the independent velocities and the targets' rates, shape (nv,)."""
-        return self.basis @ u + self.particular @ dw
+        """Return v from the independent velocities, shape (..., nu), and the targets' rates, shape (..., k)."""
+        return np.asarray(u @ self.basis.T + dw @ self.particular.T)
 
     def acceleration(self, dynamics: Dynamics, targets: Targets) -> Acceleration:
         """Return ``(t, free q, u) -> u'`` under the forces of ``dynamics``."""
@@ -96,6 +98,27 @@ class Reduction:
             return np.asarray(np.linalg.solve(basis.T @ mass @ basis, right))
 
         return reduced
+
+    def accelerations(self, dynamics: Dynamics, targets: ManyTargets) -> Accelerations:
+        """Return the same of many states at once: shapes (n,), (n, mu) and (n, nu) to (n, nu)."""
+
+        def reduced(t: Array, free: Array, u: Array) -> Array:
+            w, dw, ddw = targets(t)
+            q, v = self.configuration(free, w), self.velocity(u, dw)
+            demand = dynamics.inverse(t, q, v, ddw @ self.particular.T)
+            return solved(self.basis.T @ dynamics.mass_matrices(q) @ self.basis, -demand @ self.basis)
+
+        return reduced
+
+
+def solved(matrices: Array, right: Array) -> Array:
+    """Return the solutions x of ``A x = b``, shape (n, f); not numbers where a matrix is singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrices, right[:, :, None])[:, :, 0])
+    except np.linalg.LinAlgError:
+        if len(right) == 1:
+            return np.full_like(right, np.nan)
+        return np.concatenate([solved(matrices[k : k + 1], right[k : k + 1]) for k in range(len(right))])
 
 
 def _pivots(rows: Array, names: Sequence[str], given: Sequence[int]) -> Indices:

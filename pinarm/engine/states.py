@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -11,13 +11,14 @@ from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array, Flags
 from pinarm.engine.closure import Closure, Split
-from pinarm.engine.dynamics import Dynamics, as_rows, same_rows
+from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.efforts import actuation, everywhere
+from pinarm.engine.leading import Leading
 from pinarm.engine.measures import BLOCK, Measures
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.quantities import Quantities
-from pinarm.engine.trajectory import Trajectory
+from pinarm.engine.trajectory import Series, Trajectory
 from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.balls import configuration, places_of, unit_of, velocities_of
@@ -32,81 +33,111 @@ UNIT = 1e-8
 NO_DRIVES = "the mechanism has loops, and no drives are named that carry the load: drives=[...]"
 
 
+@dataclass(frozen=True, eq=False)
+class States:
+    """The quantities of states by name.
+
+    Attributes:
+        rows: The same, one row for every state.
+        leading: The leading axes that the states were given in.
+    """
+
+    rows: Quantities
+    leading: Leading
+
+    def __getitem__(self, name: str) -> Series:
+        """Return a quantity by its name, a symbol, or a formula, its values with the leading axes of the states.
+
+        Raises:
+            InputError: There is no such quantity; the message lists what there is.
+        """
+        series = self.rows[name]
+        return replace(series, values=self.leading.unfold(series.values))
+
+    def names(self) -> list[str]:
+        """Return the names of all quantities."""
+        return self.rows.names()
+
+
 def configurations(mechanism: Mechanism, positions: Mapping[str, ArrayLike]) -> Array:
     """Return configurations from joint coordinates by name.
 
     Args:
         mechanism: The mechanism.
-        positions: Joint -> values [rad or m], arrays of one length or single numbers; what is not named is 0. Ball
+        positions: Joint -> values [rad or m], arrays of one shape (...) or single numbers; what is not named is 0. Ball
             joints by their components, as in ``mechanics.balls.configuration``.
 
     Returns:
-        q, shape (n, nq).
+        q, shape (..., nq).
 
     Raises:
-        InputError: A joint does not exist, or the lengths differ.
+        InputError: A joint does not exist, or the shapes differ.
     """
     model, joints, balls = mechanism.model, mechanism.joints, mechanism.balls
-    columns = columns_of(positions)
+    shape, columns = columns_of(positions)
     if all(name in joints for name in positions):
-        rows = np.tile(np.asarray(pin.neutral(model)), (len(columns[0]), 1))
-        rows[:, [joints[name].q for name in positions]] = columns[1:].T
+        rows = np.tile(np.asarray(pin.neutral(model)), (*shape, 1))
+        for name, column in columns.items():
+            rows[..., joints[name].q] = column
         return rows
-    return np.array(
-        [configuration(model, joints, balls, dict(zip(positions, row[1:], strict=True))) for row in columns.T]
-    )
+    named = [dict(zip(columns, row, strict=True)) for row in zip(*map(np.ravel, columns.values()), strict=True)]
+    found = np.array([configuration(model, joints, balls, values) for values in named])
+    return found.reshape(*shape, model.nq)
 
 
 def rates(mechanism: Mechanism, values: Mapping[str, ArrayLike]) -> Array:
-    """Return velocities, accelerations or efforts of joints by name, shape (n, nv); see ``configurations``.
+    """Return velocities, accelerations or efforts of joints by name, shape (..., nv); see ``configurations``.
 
     Those of a ball joint J are ``J.angular_velocity.x`` and so on, in the axes of the link, whatever they are.
     """
     known, places = velocities_of(mechanism.joints, mechanism.balls), places_of(mechanism.joints, mechanism.balls)
     for name in values:
         unit_of(name, known)
-    columns = columns_of(values)
-    rows = np.zeros((len(columns[0]), mechanism.model.nv))
-    rows[:, [places[name] for name in values]] = columns[1:].T
+    shape, columns = columns_of(values)
+    rows = np.zeros((*shape, mechanism.model.nv))
+    for name, column in columns.items():
+        rows[..., places[name]] = column
     return rows
 
 
-def columns_of(values: Mapping[str, ArrayLike]) -> Array:
-    """Return a row of zeros and then the values of every name, shape (1 + k, n).
+def columns_of(values: Mapping[str, ArrayLike]) -> tuple[tuple[int, ...], dict[str, Array]]:
+    """Return the shape that values share, and each of them in it.
 
     Raises:
-        InputError: The values have different lengths, or more axes than one.
+        InputError: Their shapes do not go together.
     """
     try:
-        columns = np.broadcast_arrays(np.zeros(1), *(np.asarray(value, float) for value in values.values()))
+        columns = np.broadcast_arrays(*(np.asarray(value, float) for value in values.values()))
     except ValueError:
-        lengths = ", ".join(f"{name}: {np.shape(value)}" for name, value in values.items())
-        raise InputError(f"the arrays have the shapes {lengths}", expected="one length, or single numbers") from None
-    if columns[0].ndim != 1:
-        raise InputError(f"the arrays have {columns[0].ndim} axes", expected="one: a value for every state")
-    return np.array(columns)
+        shapes = ", ".join(f"{name}: {np.shape(value)}" for name, value in values.items())
+        raise InputError(f"the arrays have the shapes {shapes}", expected="one shape, or single numbers") from None
+    return columns[0].shape if columns else (), dict(zip(values, columns, strict=True))
 
 
 def quantities(
     mechanism: Mechanism, q: Array, v: Array | None, a: Array | None, tau: Array | None, drives: Sequence[str], t: float
-) -> Quantities:
+) -> States:
     """Return the quantities of states; see ``Mechanism.at``."""
-    nv = mechanism.model.nv
+    nq, nv = mechanism.model.nq, mechanism.model.nv
     if a is not None and tau is not None:
         raise InputError("accelerations and efforts are given", expected="one of them: the other one follows")
-    q = _configurations(mechanism, q)
-    still = np.zeros((len(q), nv))
-    v = still if v is None else as_rows(v, nv, "v")
-    same_rows(q, v)
-    after = float(np.nextafter(t, np.inf))
+    rates = {name: (x, nv) for name, x in (("v", v), ("a", a), ("tau", tau)) if x is not None}
+    leading, rows = Leading.fold(q=(q, nq), **rates)
+    _check_unit(mechanism, leading, rows[0])
+    named = dict(zip(("q", *rates), rows, strict=True))
+    found = _quantities(mechanism, leading, named, drives, t)
+    return States(found, leading)
+
+
+def _quantities(
+    mechanism: Mechanism, leading: Leading, given: Mapping[str, Array], drives: Sequence[str], t: float
+) -> Quantities:
+    """Return the quantities of rows of states: q, and what is given of v, a and tau."""
+    q, still = given["q"], np.zeros((len(given["q"]), mechanism.model.nv))
+    v, tau, after = given.get("v", still), given.get("tau"), float(np.nextafter(t, np.inf))
     dynamics, closure = mechanism.dynamics.on(t, after), mechanism.closure
-    if tau is not None:
-        tau = as_rows(tau, nv, "tau")
-        same_rows(q, tau)
-        a = _accelerations(dynamics, closure, t, q, v, tau)
-    a = still if a is None else as_rows(a, nv, "a")
-    same_rows(q, a)
-    _check_closed(closure, q, v, a)
+    a = given.get("a", still) if tau is None else _accelerations(dynamics, closure, t, q, v, tau)
+    _check_closed(closure, leading, q, v, a)
     grid = Grid(np.full(len(q), float(t)), (float(t), after), (0, len(q)))
     run = Trajectory(
         mechanism, "t", unit("s"), grid, q, v, a, still, Multipliers.zero(len(q), closure.size), closure,
@@ -131,38 +162,35 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
         raise InputError(f"the joints of this mechanism are tied by {names}", expected="drives that carry the load",
                          hint="inverse(q, v, a, drives=[...])")  # fmt: skip
     nv = mechanism.model.nv
-    q, v, a = _configurations(mechanism, q), as_rows(v, nv, "v"), as_rows(a, nv, "a")
+    leading, (q, v, a) = Leading.fold(q=(q, mechanism.model.nq), v=(v, nv), a=(a, nv))
+    _check_unit(mechanism, leading, q)
     demand = mechanism.dynamics.on(t, np.nextafter(t, np.inf)).inverse(t, q, v, a)
-    _check_closed(mechanism.closure, q, v, a)
-    return acting.efforts(np.full(len(q), float(t)), q, demand)[0]
+    _check_closed(mechanism.closure, leading, q, v, a)
+    return leading.unfold(acting.efforts(np.full(len(q), float(t)), q, demand)[0])
 
 
 def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: float) -> Array:
     """Return the accelerations under efforts; see ``Mechanism.forward``."""
     dynamics, nv = mechanism.dynamics.on(t, np.nextafter(t, np.inf)), mechanism.model.nv
-    q, v = _configurations(mechanism, q), as_rows(v, nv, "v")
-    if not mechanism.closure.size:
-        return dynamics.forward(t, q, v, tau)
-    efforts = np.zeros_like(v) if tau is None else as_rows(tau, nv, "tau")
-    same_rows(q, v, efforts)
-    a = _accelerations(dynamics, mechanism.closure, t, q, v, efforts)
-    _check_closed(mechanism.closure, q, v, a)
-    return a
+    given = {} if tau is None else {"tau": (tau, nv)}
+    leading, (q, v, *efforts) = Leading.fold(q=(q, mechanism.model.nq), v=(v, nv), **given)
+    _check_unit(mechanism, leading, q)
+    a = _accelerations(dynamics, mechanism.closure, t, q, v, efforts[0] if efforts else np.zeros_like(v))
+    _check_closed(mechanism.closure, leading, q, v, a)
+    return leading.unfold(a)
 
 
-def _configurations(mechanism: Mechanism, q: Array) -> Array:
-    """Return configurations as rows, shape (n, nq).
+def _check_unit(mechanism: Mechanism, leading: Leading, q: Array) -> None:
+    """Raise where a quaternion has not the length 1.
 
     Raises:
-        InputError: Their shape is another one, or a quaternion has not the length 1.
+        InputError: Says which.
     """
-    rows = as_rows(q, mechanism.model.nq, "q")
     for ball in mechanism.balls.values():
-        lengths = np.linalg.norm(ball.quaternion(rows), axis=1)
+        lengths = np.linalg.norm(ball.quaternion(q), axis=1)
         for row in np.flatnonzero(np.abs(lengths - 1.0) > UNIT)[:1]:
-            raise InputError(f"row {row}: the quaternion of '{ball.name}' has the length {lengths[row]:.6g}",
-                             expected="(x, y, z, w) of length 1", hint="configurations({...}) makes them")  # fmt: skip
-    return rows
+            said = f"{leading.place(int(row))}: the quaternion of '{ball.name}' has the length {lengths[row]:.6g}"
+            raise InputError(said, expected="(x, y, z, w) of length 1", hint="configurations({...}) makes them")
 
 
 def _nothing_between(_: Grid) -> Trajectory:
@@ -183,7 +211,7 @@ def _accelerations(dynamics: Dynamics, closure: Closure, t: float, q: Array, v: 
     return found
 
 
-def _check_closed(closure: Closure, q: Array, v: Array, a: Array) -> None:
+def _check_closed(closure: Closure, leading: Leading, q: Array, v: Array, a: Array) -> None:
     """Raise where a state tears a loop or a coupling.
 
     Raises:
@@ -202,7 +230,8 @@ def _check_closed(closure: Closure, q: Array, v: Array, a: Array) -> None:
             worst = int(excess.argmax())
             if excess[worst] > 0.0:
                 constraint, row = closure.owners()[worst]
-                said = f"row {i}: the {what} tear '{constraint.name}' by {abs(left[worst]):.3g} {constraint.unit(row)}"
+                torn = f"tear '{constraint.name}' by {abs(left[worst]):.3g} {constraint.unit(row)}"
+                said = f"{leading.place(i)}: the {what} {torn}"
                 raise InputError(said + {"positions": "", "velocities": "/s", "accelerations": "/s^2"}[what],
                                  expected="states that the loops and couplings allow")  # fmt: skip
 

@@ -28,7 +28,7 @@ class Series:
     Attributes:
         name: As it was asked for.
         unit: SI unit of the values; ``None`` where an argument of unknown unit takes part.
-        values: One per row of the trajectory, shape (n,).
+        values: One per row of the trajectory, shape (n,), or per state, of the shape in which states were given.
         doubt: Why the values are one choice of many; empty where they are determined.
     """
 

@@ -16,13 +16,13 @@ from pinarm.engine.contacts import RESTING, Bound, Contacts
 from pinarm.engine.course import Course, Leg
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.imposed import Imposed
-from pinarm.engine.integrators import FixedStep, Method, Passes, Solution, Watch, integrate
+from pinarm.engine.integrators import FixedStep, Method, Passes, Solution, Stretch, Watch, integrate
 from pinarm.engine.systems import Initial, System, system_of
 from pinarm.engine.systems.constrained import ConstrainedSystem
 from pinarm.engine.trajectory import Happening
 from pinarm.errors import InputError, IntegrationError, Interrupted
 from pinarm.mechanics.laws import Constant
-from pinarm.mechanics.motion import Grid
+from pinarm.mechanics.motion import ROUNDING, Grid
 
 if TYPE_CHECKING:
     from pinarm.engine.integrators import Ensemble
@@ -86,6 +86,11 @@ class Journey:
         laws = [*self.imposed.laws, *(law for force in self.dynamics.forces.values() for law in force.laws())]
         return Grid.cover(t, laws, seams)
 
+    def once(self, t: Array) -> Grid:
+        """Return the grid of given instants, each once: where a law jumps it stands for what comes after."""
+        cuts, slack = np.array(self.cuts), ROUNDING * (t[-1] - t[0])
+        return Grid(t, self.cuts, (0, *map(int, np.searchsorted(t, cuts[1:-1] - slack)), len(t)))
+
     @cached_property
     def cuts(self) -> tuple[float, ...]:
         """Return the bounds of the stretches on which all laws are smooth [s]."""
@@ -113,6 +118,18 @@ class Journey:
                 )
         return whole_q[0], whole_v[0]
 
+    @cached_property
+    def _stretches(self) -> list[Stretch]:
+        return [self.system().stretch(self.dynamics, *span) for span in pairwise(self.cuts)]
+
+    @property
+    def together(self) -> bool:
+        """Whether motions from several initial states can be integrated together."""
+        from pinarm.engine.integrators import Adaptive
+
+        free = self.system().manifold.nv > 0  # what laws determine altogether takes no steps
+        return free and isinstance(self.method, Adaptive) and all(stretch.together for stretch in self._stretches)
+
     def abreast(self, q: Array, v: Array) -> Ensemble | None:
         """Return the first legs from many initial states that touch no stop; ``None`` where each has to be taken alone.
 
@@ -122,13 +139,25 @@ class Journey:
         """
         from pinarm.engine.integrators import Adaptive, advance
 
-        system = self.system()
-        stretches = [system.stretch(self.dynamics, *span) for span in pairwise(self.cuts)]
-        if not isinstance(self.method, Adaptive) or not all(stretch.together for stretch in stretches):
+        system, stretches = self.system(), self._stretches
+        if not isinstance(self.method, Adaptive) or not self.together:
             return None
         watches = [_of_mechanism(one, system) for _, one in self._watched(frozenset(), q[0], v[0])]
-        return advance(stretches, system.manifold, q, v, self.method, max_steps=self.max_steps, watches=watches,
-                       passes=self._passes(system))  # fmt: skip
+        return advance(
+            stretches,
+            system.manifold,
+            *system.part(q, v),
+            self.method,
+            max_steps=self.max_steps,
+            watches=watches,
+            passes=self._passes(system),
+        )
+
+    def events(self, solution: Solution) -> list[Happening]:
+        """Return the events of a leg that no stop has ended, in order of time."""
+        system, names = self.system(), list(self.watches)
+        found = [(one, *system.whole(np.array([one.t]), one.q[None], one.v[None])) for one in solution.crossings]
+        return [Happening(names[one.watch], one.t, q[0], v[0]) for one, q, v in found]
 
     def travel(self, q: Array, v: Array, ahead: Known | None = None) -> Course:
         """Return the motion from an initial state; its first leg may be known.

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from typing import Annotated
 
 import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.closure import Closure
+from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import SETTING, Method, MethodName
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import InputError, Key, within
 from pinarm.input.schema import Duration, Model, Time, check_unit
 from pinarm.input.units import Unit
@@ -197,6 +201,19 @@ def bind_constant_loads(mechanism: Mechanism, loads: Mapping[str, Force], place:
                 raise InputError(f"the force '{name}' follows a law over time and has no value at rest",
                                  hint="law: constant")  # fmt: skip
     return forces
+
+
+def still(
+    mechanism: Mechanism, loads: Mapping[str, Force], parameter: str, measured: Unit, closure: Closure
+) -> Trajectory:
+    """Return one row at the neutral configuration, under the forces of a run: enough to see which quantities there are.
+
+    Raises:
+        InputError: A load names something that does not exist.
+    """
+    forces = bind_loads(mechanism, loads, lambda *path: nullcontext())
+    row = Trajectory.still(mechanism, parameter, measured, closure)
+    return replace(row, dynamics=Dynamics.of(mechanism.model, forces))
 
 
 def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -> dict[str, ForceElement]:

@@ -24,7 +24,7 @@ from pinarm.mechanics.coordinates import METRE
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.motion import Grid
-from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, laws_of
+from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, laws_of, still
 
 
 class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
@@ -54,7 +54,7 @@ class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         free = mechanism.model.nv - len(self.hold)
         units = _units(mechanism, free)
-        row = Trajectory.still(mechanism, "row", unit("1"), actuation(mechanism, [*self.hold], []).closure)
+        row = still(mechanism, self.loads, "row", unit("1"), actuation(mechanism, [*self.hold], []).closure)
         further = {name: Series(name, measured, np.zeros(1)) for name, measured in units.items()}
         return replace(row, further=further, separate=True)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import ClassVar
@@ -10,7 +10,7 @@ from typing import ClassVar
 import msgspec
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.engine.assembly import start_configuration
 from pinarm.engine.closure import Closure
 from pinarm.engine.course import Course
@@ -21,6 +21,7 @@ from pinarm.engine.masses import require_masses
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.standstill import undetermined_rest
 from pinarm.engine.systems import Initial
+from pinarm.engine.systems import Motion as Completed
 from pinarm.engine.trajectory import Happening, Series, Trajectory
 from pinarm.engine.travel import Journey, Known
 from pinarm.errors import InputError, IntegrationError, Interrupted, Key
@@ -30,7 +31,7 @@ from pinarm.mechanics.balls import indices_of, velocity
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.motion import Grid
-from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_rates, laws_of
+from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_rates, laws_of, still
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
 
 DEFAULT = Accuracy()
@@ -77,8 +78,8 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
 
     def still(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        row = Trajectory.still(mechanism, "t", unit("s"), actuation(mechanism, [*self.motion], []).closure)
-        return replace(row, further=_further(self.events, [], 1))
+        row = still(mechanism, self.loads, "t", unit("s"), actuation(mechanism, [*self.motion], []).closure)
+        return replace(row, further=further(self.events, [()], np.zeros(1, dtype=np.intp)))
 
     def prepare(self, mechanism: Mechanism, place: Place, accuracy: Accuracy = DEFAULT) -> Journey:
         """Check all names and units; return what is to be integrated."""
@@ -184,11 +185,19 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
 
 def _at(mechanism: Mechanism, journey: Journey, course: Course, events: Mapping[str, Event], grid: Grid) -> Trajectory:
     """Return a course at the instants of a grid; accelerations are those of the equation of motion there."""
-    motion = course.complete(grid)
+    one, again = np.zeros(len(grid.t), dtype=np.intp), partial(_at, mechanism, journey, course, events)
+    run = told(mechanism, journey, grid, course.complete(grid), again)
+    happened = tuple(course.happenings)
+    return replace(run, further=further(events, [happened], one), happenings=happened)
+
+
+def told(
+    mechanism: Mechanism, journey: Journey, grid: Grid, motion: Completed, again: Callable[[Grid], Trajectory]
+) -> Trajectory:
+    """Return the trajectory of a motion at the rows of a grid."""
     return Trajectory(
         mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau, motion.lam,
-        journey.system().closure, journey.dynamics, partial(_at, mechanism, journey, course, events),
-        further=_further(events, course.happenings, len(grid.t)), happenings=tuple(course.happenings),
+        journey.system().closure, journey.dynamics, again,
     )  # fmt: skip
 
 
@@ -199,11 +208,20 @@ def _lost(energy: float) -> list[str]:
     return [f"energy: {energy:.2g} of what is exchanged is not accounted for: the motion is not that of the mechanism"]
 
 
-def _further(events: Mapping[str, Event], happenings: Sequence[Happening], rows: int) -> dict[str, Series]:
-    """Return when each event first took place, and how often, as quantities that are the same in all rows."""
+def further(
+    events: Mapping[str, Event], happenings: Sequence[Sequence[Happening]], motion: Indices
+) -> dict[str, Series]:
+    """Return when each event first took place, and how often, as quantities that are the same in all rows of a motion.
+
+    Args:
+        events: The events, by name.
+        happenings: What took place, motion by motion.
+        motion: Which motion each row belongs to, shape (n,).
+    """
     found = {}
     for name in events:
-        times = [one.t for one in happenings if one.name == name]
-        found[f"event.{name}.time"] = Series(f"event.{name}.time", unit("s"), np.full(rows, [*times, np.nan][0]))
-        found[f"event.{name}.count"] = Series(f"event.{name}.count", unit("1"), np.full(rows, float(len(times))))
+        times = [[one.t for one in some if one.name == name] for some in happenings]
+        first, count = (np.array(x)[motion] for x in ([[*x, np.nan][0] for x in times], [float(len(x)) for x in times]))
+        found[f"event.{name}.time"] = Series(f"event.{name}.time", unit("s"), first)
+        found[f"event.{name}.count"] = Series(f"event.{name}.count", unit("1"), count)
     return found

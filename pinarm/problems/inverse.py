@@ -23,7 +23,7 @@ from pinarm.input.units import Unit, unit
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.motion import Grid
-from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, laws_of
+from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, laws_of, still
 
 Rates = tuple[Array, Array]
 
@@ -49,7 +49,7 @@ class Inverse(Model, frozen=True, tag_field="kind", tag="inverse"):
 
     def still(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        return Trajectory.still(mechanism, "t", unit("s"), actuation(mechanism, self.drives, [*self.motion]).closure)
+        return still(mechanism, self.loads, "t", unit("s"), actuation(mechanism, self.drives, [*self.motion]).closure)
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement]]:
         """Check all names and units; return the imposed coordinates, the drives and the forces."""

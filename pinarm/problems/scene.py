@@ -117,15 +117,14 @@ class Scene:
         """Return a run of what is solved as one of the whole mechanism."""
         return run if self.part is None else self.part.restored(run)
 
-    def spread(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+    def spread(self, grid: Grid, q: Array, v: Array) -> tuple[Array, Array]:
         """Return states of what is solved as those of the whole mechanism.
 
         Args:
-            t: Instants [s], shape (n,).
+            grid: The n instants.
             q: Configurations, shape (..., n, nq of what is solved).
             v: Velocities, likewise.
         """
-        grid = Grid(t, (float(t[0]), float(t[-1])), (0, len(t)))
         return (q, v) if self.part is None else self.part.spread(grid, q, v)
 
     def _as_put(self, accuracy: Accuracy, place: Place) -> tuple[Trajectory, Trajectory]:

@@ -19,7 +19,7 @@ from pinarm.input.units import Unit, unit
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.mechanics.motion import RENAMED, Grid, MotionLaw
-from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, laws_of
+from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, laws_of, still
 from pinarm.problems.inverse import Rates, driven
 
 
@@ -63,7 +63,7 @@ class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
     def still(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         closure = actuation(mechanism, self.drives, [*self.over, *self.hold]).closure
-        return replace(Trajectory.still(mechanism, *_parameter(self.over, mechanism), closure), separate=True)
+        return replace(still(mechanism, self.loads, *_parameter(self.over, mechanism), closure), separate=True)
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement]]:
         """Check all names and units; return the imposed coordinates, the drives and the forces."""
@@ -108,7 +108,7 @@ class State(Model, frozen=True, tag_field="kind", tag="state"):
     def still(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         closure = actuation(mechanism, self.drives, [*self.over, *self.hold]).closure
-        return replace(Trajectory.still(mechanism, *_parameter(self.over, mechanism), closure), separate=True)
+        return replace(still(mechanism, self.loads, *_parameter(self.over, mechanism), closure), separate=True)
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement], Rates]:
         """Check all names and units; return the imposed coordinates, the drives, the forces, and the given rates."""

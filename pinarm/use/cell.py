@@ -18,6 +18,7 @@ from pinarm.use.sweep import report as sweeps
 from pinarm.use.tradeoff import report as trades
 
 if TYPE_CHECKING:
+    from pinarm.use.batch.table import Table
     from pinarm.use.check import Finding
     from pinarm.use.plot import Picture
     from pinarm.use.sweep.study import Sweep
@@ -46,6 +47,17 @@ def of_sweep(sweep: Sweep) -> str:
         _heading(sweep.title or sweep.name), table(sweeps.ranges(sweep)), lines(sweeps.remarks(sweep)),
         picture(sweep.plot()),
     ])  # fmt: skip
+
+
+def of_table(batch: Table) -> str:
+    """Return the statistics of a batch's numbers, and why motions failed."""
+    told = batch.summary()
+    rows = [["", "unit", "min", "in motion", "mean", "deviation", "max", "in motion"]]
+    for name, entry in told["columns"].items():
+        numbers = [entry.get(key) for key in ("min", "at_min", "mean", "deviation", "max", "at_max")]
+        rows.append([name, entry["unit"], *("-" if number is None else f"{number:.7g}" for number in numbers)])
+    failed = [f"failed: {one['reason']} ({one['cases']})" for one in told["failures"]]
+    return _whole([_heading(f"{batch.name}, {len(batch)} motions"), table(rows), lines(failed)])
 
 
 def of_tradeoff(trade: Tradeoff) -> str:

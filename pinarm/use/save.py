@@ -43,7 +43,7 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
         write(folder / "mechanism.yaml", _mechanism(mechanism.source, folder, model))
         write(folder / model, _model(mechanism, folder))
         write_parts(folder / "trajectory.csv", csv(columns))
-        write_arrays(folder / "trajectory.npz", _arrays(result, columns))
+        write_arrays(folder / "trajectory.npz", arrays(result, columns))
         if timing:
             write(folder / "timing.json", json_text(timing) + "\n")
     except OSError as error:
@@ -101,7 +101,7 @@ def _lines(table: Array) -> bytes:
     return "".join(",".join(map(repr, row)) + "\n" for row in table.tolist()).encode()
 
 
-def _arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
+def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
     """Return the outputs by name, their units, and what is behind them as ``state.q`` and so on."""
     run = result.trajectory
     units = np.array([[series.name, str(series.unit or "?")] for series in columns])

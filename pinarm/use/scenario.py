@@ -159,6 +159,10 @@ class Scenario:
         """
         return self._of(_overridden(self.document, overrides)) if overrides else self
 
+    def merged(self, changes: Mapping[str, Any]) -> Scenario:
+        """Return the scenario with the values that ``changes`` has at the same paths, as a file would have them."""
+        return self._of(self.document.merged(replace(self.document, data=dict(changes), places={}, keys={})))
+
     def _of(self, document: Document) -> Scenario:
         """Return the scenario of another document in the same place, with the same last digits."""
         content = document.validate(ScenarioFile)
@@ -242,7 +246,7 @@ class Scenario:
             ) from error
         except NumericsError as error:
             if isinstance(error.partial, Trajectory):
-                error.partial = self._result(error.partial, {})
+                error.partial = self.result(error.partial, {})
             raise
 
     def _found(self, asked: Find) -> Result:
@@ -289,7 +293,7 @@ class Scenario:
         """
         measured = {**solved.figures, **power_balance(solved), **table_figures(solved)}
         removals = self.scene.removals if solved is not trajectory else ()
-        result = replace(self._result(trajectory, measured), removals=removals)
+        result = replace(self.result(trajectory, measured), removals=removals)
         for index, name in enumerate(self.content.outputs):
             with self.document.locating("outputs", index):
                 result.require_finite(name)
@@ -297,7 +301,8 @@ class Scenario:
             raise _beyond(trajectory)
         return result
 
-    def _result(self, trajectory: Trajectory, figures: Mapping[str, float]) -> Result:
+    def result(self, trajectory: Trajectory, figures: Mapping[str, float]) -> Result:
+        """Return the result of a run of the whole mechanism, and the figures of its accuracy."""
         quantities = Quantities(trajectory, self.symbols, self.content.undetermined)
         return Result(self.name, self.problem.kind, self.content, self.document.data, quantities, figures, self.folder)
 

@@ -35,7 +35,7 @@ def test_arguments_change_the_model(value):
     masses = [sum(body.mass for body in mechanism.model.inertias) for mechanism in (heavy, light)]
     assert masses[0] - masses[1] == pytest.approx(1.9, rel=1e-14)
     lever = heavy.inverse(*np.zeros((3, 2))) - light.inverse(*np.zeros((3, 2)))
-    assert lever[0] == pytest.approx([1.9 * 9.81 * 0.5, 1.9 * 9.81 * 0.25], rel=1e-13)
+    assert lever == pytest.approx([1.9 * 9.81 * 0.5, 1.9 * 9.81 * 0.25], rel=1e-13)
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_an_unknown_coordinate_comes_with_a_suggestion():
 def test_forces_of_the_file_act(mechanism, chain):
     spring = {"kind": "joint_spring", "joint": "arm", "stiffness": "8 N*m/rad", "rest": "90 deg"}
     sprung = mechanism(chain({"name": "arm"}), gravity="none", forces={"spring": spring})
-    held = sprung.inverse(np.array([0.5]), np.zeros(1), np.zeros(1))[0, 0]
+    held = sprung.inverse(np.array([0.5]), np.zeros(1), np.zeros(1))[0]
     assert held == pytest.approx(8.0 * (0.5 - np.pi / 2), rel=1e-15)
 
 
@@ -84,7 +84,7 @@ def test_a_law_of_the_file_is_that_of_the_instant(mechanism, chain):
     pushed = mechanism(chain({"name": "arm"}), gravity="none", forces={"push": push})
     zero = np.zeros(1)
     for t, expected in ((-1.0, 0.0), (0.25, 0.5), (0.75, 3.5), (2.0, 4.0)):
-        assert pushed.inverse(zero, zero, zero, t=t)[0, 0] == pytest.approx(-expected)
+        assert pushed.inverse(zero, zero, zero, t=t)[0] == pytest.approx(-expected)
 
 
 def test_loading_twice_gives_mechanisms_of_their_own():

@@ -114,7 +114,7 @@ def test_a_follower_may_carry_the_drive_where_it_is_named():
     q = panda.configurations({"panda_joint2": 1.0})
     still = np.zeros_like(q)
     tip = panda.rates({"panda_finger_joint1": 1.0, "panda_finger_joint2": 1.0})
-    leading = panda.inverse(q, still, tip)[0]
-    following = panda.inverse(q, still, tip, drives=[*arm, "panda_finger_joint2"])[0]
+    leading = panda.inverse(q, still, tip)
+    following = panda.inverse(q, still, tip, drives=[*arm, "panda_finger_joint2"])
     assert following[:7] == pytest.approx(leading[:7], abs=1e-12)
     assert following[[8, 7]] == pytest.approx(leading[[7, 8]], abs=1e-12)

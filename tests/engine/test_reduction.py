@@ -13,7 +13,7 @@ from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.integrators import Adaptive, Flat, integrate
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.reduction import Reduction
+from pinarm.engine.reduction import Reduction, solved
 from pinarm.engine.systems import Initial, system_of
 from pinarm.engine.systems.reduced import FreePart
 from pinarm.errors import InputError
@@ -312,3 +312,19 @@ def test_the_free_space_is_flat_where_it_can_be(arm):
     imposed = Imposed.some(arm, {"B": Constant(value=0.0)})
     initial = Initial(np.zeros(2), np.zeros(2))
     assert system_of(arm.closure, dynamics, imposed, initial).manifold == Flat(1, 1)
+
+
+def test_many_states_have_the_accelerations_of_each(panda):
+    law = Trapezoid(start=0.0, end=1.0, speed=1.0, acceleration=4.0)
+    imposed = Imposed.some(panda, {"panda_joint2": law, "panda_finger_joint1": Constant(value=0.02)})
+    initial = Initial(np.zeros(panda.model.nq), np.zeros(panda.model.nv))
+    stretch = system_of(panda.closure, panda.dynamics, imposed, initial).stretch(panda.dynamics, 0.0, 0.25)
+    t, (q, v) = np.linspace(0.0, 0.25, 30), np.random.default_rng(1).normal(size=(2, 30, 6))
+    alone = [stretch.acceleration(*state) for state in zip(t, q, v, strict=True)]
+    assert stretch.together(t, q, v) == pytest.approx(np.array(alone), rel=1e-10, abs=1e-10)  # M has condition 1e4
+
+
+def test_a_singular_state_leaves_the_others_their_accelerations():
+    matrices, right = np.array([np.eye(2), np.zeros((2, 2)), 2.0 * np.eye(2)]), np.ones((3, 2))
+    assert solved(matrices, right).tolist()[::2] == [[1.0, 1.0], [0.5, 0.5]]
+    assert np.isnan(solved(matrices, right)[1]).all()

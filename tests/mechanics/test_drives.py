@@ -76,8 +76,8 @@ def test_rotor_counts_in_the_effort_as_inertia_about_the_joint(mechanism, chain)
     q, v, a = np.array([0.3]), np.array([1.1]), np.array([2.5])
     weight = -2.0 * 9.81 * 0.5 * np.cos(0.3)  # moment of the weight about y, which turns x towards -z
     expected = (ABOUT_PIVOT + RATIO**2 * ROTOR) * 2.5 + weight
-    assert arm.inverse(q, v, a)[0, 0] == pytest.approx(expected, rel=1e-14)
-    assert arm.forward(q, v, np.array([expected]))[0, 0] == pytest.approx(2.5, rel=1e-14)
+    assert arm.inverse(q, v, a)[0] == pytest.approx(expected, rel=1e-14)
+    assert arm.forward(q, v, np.array([expected]))[0] == pytest.approx(2.5, rel=1e-14)
     kinetic, _ = arm.dynamics.energy(q[None], v[None])
     assert kinetic[0] == pytest.approx(0.5 * (ABOUT_PIVOT + RATIO**2 * ROTOR) * 1.1**2, rel=1e-14)
 

@@ -106,8 +106,8 @@ def test_damping_is_read_and_applied(mechanism, chain):
     q, v = np.array([0.3]), np.array([1.7])
     inertia = 0.2 + 2.0 * 0.5**2
     expected = (-0.7 * 1.7 + 2.0 * 9.81 * 0.5 * np.cos(0.3)) / inertia  # about y, x turns towards -z
-    assert arm.forward(q, v)[0, 0] == pytest.approx(expected, rel=1e-14)
-    assert arm.inverse(q, v, np.array([expected]))[0, 0] == pytest.approx(0.0, abs=1e-14)
+    assert arm.forward(q, v)[0] == pytest.approx(expected, rel=1e-14)
+    assert arm.inverse(q, v, np.array([expected]))[0] == pytest.approx(0.0, abs=1e-14)
 
 
 def test_damping_belongs_to_its_own_joint(mechanism, chain):

@@ -5,6 +5,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
+from pinarm.engine.quantities import Quantities
 from pinarm.errors import InputError, IntegrationError, Interrupted
 from pinarm.mechanics.forces.joint import AppliedEffort, JointEffort
 from pinarm.mechanics.forces.point import Wrench
@@ -20,8 +21,10 @@ from pinarm.mechanics.laws import (
     Trapezoid,
 )
 from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.equilibria import Equilibria
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
+from pinarm.problems.states import State, Statics
 
 INERTIA, LEVER = 0.3 + 2.0 * 0.5**2, 0.7
 ROD = {"name": "arm", "axis": "0 0 1", "mass": 2.0, "com": "0.5 0 0", "inertia": (0.1, 0.3, 0.3)}
@@ -195,3 +198,14 @@ def test_pieces_of_a_law_that_lie_between_two_rows_are_no_difficulty(arm, kind, 
         found = run.a[:, 0] * INERTIA
     assert len(run) == samples
     assert found == pytest.approx(values(law, run.grid.t) * (1.0 + LEVER), abs=1e-13)
+
+
+LOADS = pushes(Constant(value=1.0))
+
+
+@pytest.mark.parametrize("problem", [
+    Forward(time=TIME, loads=LOADS), Inverse(time=TIME, motion={"arm": Constant(value=0.0)}, loads=LOADS),
+    Statics(loads=LOADS), State(loads=LOADS), Equilibria(starts=[{"arm": 0.0}], loads=LOADS),
+], ids=lambda one: one.kind)  # fmt: skip
+def test_the_power_of_a_load_is_known_before_anything_is_solved(arm, problem):
+    assert str(Quantities(problem.still(arm))["power.torque"].unit) == "W"

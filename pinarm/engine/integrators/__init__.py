@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pinarm.engine.integrators.contract import (
     SETTING,
     Acceleration,
+    Accelerations,
     Energy,
     Flat,
     Manifold,
@@ -33,8 +34,8 @@ if TYPE_CHECKING:
     from pinarm.engine.integrators.stiff import Radau
 
 __all__ = [
-    "METHODS", "SETTING", "Acceleration", "Adaptive", "Conserving", "Energy", "Ensemble", "FixedStep", "Flat",
-    "Manifold", "Method", "MethodName", "Passes", "Radau", "Settle", "Solution", "Stretch", "Watch", "advance",
+    "METHODS", "SETTING", "Acceleration", "Accelerations", "Adaptive", "Conserving", "Energy", "Ensemble", "FixedStep",
+    "Flat", "Manifold", "Method", "MethodName", "Passes", "Radau", "Settle", "Solution", "Stretch", "Watch", "advance",
     "integrate",
 ]  # fmt: skip
 

@@ -71,11 +71,11 @@ class System(Protocol):
         ...
 
     def part(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the integrated part of one state of the mechanism."""
+        """Return the integrated part of states of the mechanism, shapes (..., nq) and (..., nv)."""
         ...
 
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the mechanism's states, shapes (n, nq) and (n, nv), from integrated ones at times t, shape (n,)."""
+        """Return the mechanism's states, shapes (..., n, nq) and (..., n, nv), from integrated ones at n times t."""
         ...
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:

@@ -10,7 +10,7 @@ from pinarm.arrays import Array
 from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics, parts
 from pinarm.engine.imposed import Imposed
-from pinarm.engine.integrators import Acceleration, Energy, Manifold, Stretch
+from pinarm.engine.integrators import Acceleration, Accelerations, Energy, Manifold, Stretch
 from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.reduction import Reduction
 from pinarm.engine.systems.contract import Initial, Motion
@@ -58,7 +58,8 @@ class ReducedSystem:
 
     def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
         """Return the motion of the free coordinates."""
-        return Stretch(start, end, self._acceleration(dynamics, start, end), energy=self._energy(dynamics))
+        together, energy = self._accelerations(dynamics, start, end), self._energy(dynamics)
+        return Stretch(start, end, self._acceleration(dynamics, start, end), energy=energy, together=together)
 
     def _energy(self, dynamics: Dynamics) -> Energy | None:
         """Return the energy of the free coordinates, as far as it is conserved."""
@@ -75,27 +76,26 @@ class ReducedSystem:
     def _acceleration(self, dynamics: Dynamics, start: float, end: float) -> Acceleration:
         return self.reduction.acceleration(dynamics.on(start, end), self.imposed.on(start, end))
 
+    def _accelerations(self, dynamics: Dynamics, start: float, end: float) -> Accelerations:
+        return self.reduction.accelerations(dynamics.on(start, end), self.imposed.along(start, end))
+
     def part(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the free part of a state."""
-        return q[self.reduction.free_q], v[self.reduction.free_v]
+        """Return the free part of states."""
+        return q[..., self.reduction.free_q], v[..., self.reduction.free_v]
 
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the states with the coupled and the prescribed coordinates in them."""
-        reduction, targets = self.reduction, [self.imposed.on(instant, instant)(instant) for instant in t]
-        states = zip(q, v, targets, strict=True)
-        pairs = [(reduction.configuration(q, w), reduction.velocity(v, dw)) for q, v, (w, dw, _) in states]
-        return np.array([q for q, _ in pairs]), np.array([v for _, v in pairs])
+        targets = [self.imposed.on(instant, instant)(instant) for instant in t]
+        w, dw = np.array([w for w, _, _ in targets]), np.array([dw for _, dw, _ in targets])
+        return self.reduction.configuration(q, w), self.reduction.velocity(v, dw)
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
         """Return the whole motion, and the efforts by inverse dynamics."""
         reduction, targets = self.reduction, np.array([grid.evaluate(law) for law in self.imposed.laws])  # (k, 3, n)
-        whole_q = np.array([reduction.configuration(q[i], targets[:, 0, i]) for i in range(len(q))])
-        whole_v = v @ reduction.basis.T + targets[:, 1].T @ reduction.particular.T
+        whole_q, whole_v = reduction.configuration(q, targets[:, 0].T), reduction.velocity(v, targets[:, 1].T)
         rates = np.empty_like(v)
         for start, end, rows in grid.stretches():
-            acceleration = self._acceleration(dynamics, start, end)
-            for i in range(rows.start, rows.stop):
-                rates[i] = acceleration(grid.t[i], q[i], v[i])
+            rates[rows] = self._accelerations(dynamics, start, end)(grid.t[rows], q[rows], v[rows])
         a = rates @ reduction.basis.T + targets[:, 2].T @ reduction.particular.T
         demand = np.concatenate(
             [part.inverse(grid.t[rows], whole_q[rows], whole_v[rows], a[rows]) for rows, part in parts(dynamics, grid)]

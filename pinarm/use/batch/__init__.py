@@ -1,0 +1,1 @@
+"""Batches: one scenario from many initial states."""
