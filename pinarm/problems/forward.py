@@ -27,7 +27,7 @@ from pinarm.engine.travel import Journey, Known
 from pinarm.errors import InputError, IntegrationError, Interrupted, Key
 from pinarm.input.schema import Level, Model, Rate
 from pinarm.input.units import unit
-from pinarm.mechanics.balls import indices_of, velocity
+from pinarm.mechanics.balls import coordinate_name, indices_of, velocity
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.motion import Grid
@@ -133,7 +133,7 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         whole = _at(mechanism, journey, course, self.events, grid)
         energy = {} if self.motion else course.energy()
         notes = course.doubts() or _lost(energy.get("energy", 0.0))
-        return replace(whole, figures={**course.cost(), **energy}, notes=tuple(notes))
+        return replace(whole, figures={**course.cost(), **energy}, notes=(*_changed(mechanism, journey, v), *notes))
 
     def require_masses(self, mechanism: Mechanism, journey: Journey, q: Array) -> Closure:
         """Return the constraints and the coordinates that follow laws, where masses determine the accelerations at q.
@@ -199,6 +199,22 @@ def told(
         mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau, motion.lam,
         journey.system().closure, journey.dynamics, again,
     )  # fmt: skip
+
+
+def _changed(mechanism: Mechanism, journey: Journey, v: Array) -> list[str]:
+    """Return what is to be said of given velocities that loops do not allow; v are those of the start."""
+    given, told = journey.initial, []
+    if len(v) < len(given.v):  # laws and couplings have been eliminated: what contradicts them is refused
+        return []
+    for index in given.velocities:
+        if abs(v[index] - given.v[index]) > CONSISTENT * max(1.0, abs(v[index])):
+            joint = coordinate_name(mechanism.model, index)
+            told.append(f"{joint} has {v[index]:.6g} at the start where {given.v[index]:.6g} was given")
+    return [f"the loops do not allow the given velocities, the closest are taken: {', '.join(told)}"] if told else []
+
+
+CONSISTENT = 1e-9
+"""Difference of given velocities to what loops allow that typed digits explain [rad/s or m/s], or relative to it."""
 
 
 def _lost(energy: float) -> list[str]:

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from catalogue import bennett, four_bar, rssr
+from catalogue import MODELS, bennett, four_bar, rssr
 from motions import energy, free, poses
 
 from pinarm.engine import native
 from pinarm.engine.closure import Split
+from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import DynamicsError
 
 TOLERANCE = 1e-9
@@ -91,3 +92,23 @@ class TestTornAccelerations:
         monkeypatch.setattr(Split, "solve", lambda *given: exact(*given) * (1.0 + 1e-4))
         with pytest.raises(DynamicsError, match=r"at t = \S+ s the accelerations tear the loops"):
             self.run("rsur by a cross", tmp_path)
+
+
+class TestVelocitiesAgainstTheLoop:
+    """The uprights of a parallelogram turn alike."""
+
+    def run(self, **velocity):
+        mechanism = Mechanism.load(MODELS / "four_bar" / "mechanism.yaml")
+        position = {"upright_0": 0.3, "coupler_0": -0.3, "upright_1": 0.3}
+        return free(mechanism, 0.1, position=position, velocity=velocity)
+
+    def test_the_closest_are_taken_and_told(self):
+        run = self.run(upright_0=1.0, upright_1=3.0)
+        assert run.v[0] == pytest.approx([2.0, -2.0, 2.0], abs=1e-12)
+        (note,) = run.notes
+        assert "upright_0 has 2 at the start where 1 was given, upright_1 has 2 at the start where 3 was given" in note
+
+    def test_those_that_it_allows_stay_without_a_word(self):
+        run = self.run(upright_0=1.5, upright_1=1.5)
+        assert run.v[0] == pytest.approx([1.5, -1.5, 1.5], abs=1e-12)
+        assert run.notes == ()

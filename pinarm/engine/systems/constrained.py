@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.assembly import assembled
-from pinarm.engine.closure import Closure, Split
+from pinarm.engine.closure import RANK, Closure, Split
 from pinarm.engine.dynamics import Dynamics, mass_matrices, mass_matrix, parts
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.integrators import Energy, Manifold, Stretch
@@ -34,9 +34,6 @@ from pinarm.mechanics.motion import Grid
 LASTING, ROUNDING = 1e-6, 1e-10
 """Part of the centripetal terms that redundant loops may leave: closed to rounding, they leave 1e-12; and what rounding
 leaves where these terms vanish, relative to the square of the velocity [m]."""
-
-CONSISTENT = 1e-9
-"""Largest difference of given velocities to what the loops allow that typed digits explain [rad/s or m/s]."""
 
 MET, LEAST = 1e-6, 1.0
 """Part of its terms that ``G a + G' v`` may be at accepted states, where closed loops leave less than 1e-10; and the
@@ -75,7 +72,7 @@ class ConstrainedSystem:
 
         Raises:
             AssemblyError: The loops cannot be closed with the given coordinates.
-            InputError: A law contradicts the loops, or given velocities do, or they do an instant later.
+            InputError: A law contradicts the loops, or velocities do an instant later.
             DynamicsError: Something without mass is left free.
         """
         w, dw, ddw = self.imposed.on(start, end)(start)
@@ -121,25 +118,21 @@ class ConstrainedSystem:
             )
 
     def _velocity(self, q: Array, initial: Initial, dw: Array) -> Array:
-        """Return the velocity of least kinetic energy that the constraints allow and that has what is given."""
+        """Return the velocity of least kinetic energy that the constraints allow and that has what is given.
+
+        Where it cannot have that, it has what comes closest.
+        """
         model = self.rows.model
         nv, mass = model.nv, mass_matrix(model, self.rows.data, q)
         self.rows.place(q)
         rows, right = self.rows.rows(), self.rates(dw)
         given = np.eye(nv)[list(initial.velocities)]
-        values = initial.v[list(initial.velocities)]
-        split = Split.of(np.vstack([rows, given]))
-        v = split.solve(mass, np.zeros(nv), np.concatenate([right, values]))
-        if np.abs(np.concatenate([rows @ v - right, given @ v - values])).max(initial=0.0) > CONSISTENT:
-            nearest = Split.of(rows).solve(mass, mass @ initial.v, right)
-            names = [coordinate_name(model, index) for index in initial.velocities]
-            closest = ", ".join(f"{name} = {nearest[i]:.6g}" for name, i in zip(names, initial.velocities, strict=True))
-            raise InputError(
-                f"the given velocities of {', '.join(names)} contradict the loops or each other",
-                expected=f"velocities that the loops allow; the nearest are {closest}",
-                hint="give those of independent joints only: the others follow",
-            )
-        return v
+        split = Split.of(rows)
+        x, scale = split.particular(right), 1.0 / self.rows.scale[list(initial.velocities)]
+        left = initial.v[list(initial.velocities)] - given @ x
+        ways = np.linalg.lstsq(scale[:, None] * (given @ split.free), scale * left, rcond=RANK)[0]
+        values = given @ (x + split.free @ ways)
+        return Split.of(np.vstack([rows, given])).solve(mass, np.zeros(nv), np.concatenate([right, values]))
 
     def rates(self, targets: Array) -> Array:
         """Return the right-hand side of the rows: 0 for the constraints, then what the laws ask for, shape (.., k)."""
