@@ -20,7 +20,8 @@ from pinarm.engine.integrators import FixedStep, Method, Passes, Solution, Stret
 from pinarm.engine.systems import Initial, System, system_of
 from pinarm.engine.systems.constrained import ConstrainedSystem
 from pinarm.engine.trajectory import Happening
-from pinarm.errors import InputError, IntegrationError, Interrupted
+from pinarm.errors import InputError, IntegrationError, Interrupted, NumericsError
+from pinarm.mechanics.coordinates import spelled
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.motion import ROUNDING, Grid
 
@@ -202,6 +203,7 @@ class Journey:
             if error.partial.steps:
                 course.legs.append(Leg(system, error.partial))
             error.partial = course if course.legs else None
+            self._locate(error, system)
             raise
         course.legs.append(Leg(system, solution))
         return self._met(course, solution, system, [key for key, _ in watched])
@@ -220,6 +222,13 @@ class Journey:
             else:
                 meeting = _Meeting(t, q, v, released=~key)
         return meeting
+
+    def _locate(self, error: NumericsError, system: System) -> None:
+        """Say in an error where the integration ended, joint by joint."""
+        if "q" in error.data:
+            state = (np.asarray(error.data[name])[None] for name in ("t", "q", "v"))
+            error.data["q"], error.data["v"] = (x[0] for x in system.whole(*state))
+            error.message += f", with {spelled(self.dynamics.model, error.data['q'])}"
 
     def _passes(self, system: System) -> Passes | None:
         """Return whether a step in the integrated states may have gone past a piece of a load."""

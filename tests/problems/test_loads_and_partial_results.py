@@ -11,6 +11,7 @@ from pinarm.mechanics.forces.joint import AppliedEffort, JointEffort
 from pinarm.mechanics.forces.point import Wrench
 from pinarm.mechanics.laws import (
     Constant,
+    ConstantSpeed,
     Cycloidal,
     Harmonic,
     Polynomial,
@@ -22,7 +23,7 @@ from pinarm.mechanics.laws import (
 )
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.equilibria import Equilibria
-from pinarm.problems.forward import Forward
+from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.states import State, Statics
 
@@ -112,6 +113,14 @@ def test_a_torque_is_switched_on_and_off(arm):
     assert run.q[:, 0] == pytest.approx(angle, abs=1e-13)
     assert run.a[t == 2.0, 0] * INERTIA == pytest.approx([4.0, -7.0], abs=1e-13)
     assert run.figures["energy"] < 1e-13
+
+
+def test_where_the_integration_ends_is_told_by_joints(arm):
+    """A torque that grows with the angle, by so much that nothing follows it."""
+    torque = JointEffort(joint="arm", effort=ConstantSpeed(speed=1e30), over="arm")
+    problem = Forward(time=TIME, loads={"torque": torque}, initial=InitialState(position={"arm": 1.0}))
+    with pytest.raises(IntegrationError, match=r"cannot go on at t = \S+ s: .*, with arm = \S+ rad"):
+        problem.solve(arm, Accuracy(), place)
 
 
 LEAP = Steps(points=[(0.0, 0.0), (1.0, 4.0)])

@@ -119,7 +119,7 @@ class _March:
 def _not_finite(solution: Solution, t: float, y: Array) -> IntegrationError:
     nq = solution.manifold.nq
     return IntegrationError(
-        f"the acceleration is not finite at the start, t = {t:.9g} s, q = {np.array2string(y[:nq])}",
+        f"the acceleration is not finite at the start, t = {t:.9g} s",
         hint="a body without mass that is free to move, or a load that is infinite here",
         partial=solution, t=t, q=y[:nq].copy(), v=y[nq:].copy(),
     )  # fmt: skip
@@ -141,7 +141,7 @@ def _stuck(solution: Solution, t: float, h: float, stepper: Stepper) -> Integrat
     reason = "the acceleration grows without bound" if stepper.finite else "the acceleration is not finite"
     fallen = f"the step fell to {h:.2g} s because {reason}" if h else f"{reason} within one step"
     return IntegrationError(
-        f"the integration cannot go on at t = {t:.12g} s: {fallen} near q = {np.array2string(stepper.y[:nq])}",
+        f"the integration cannot go on at t = {t:.12g} s: {fallen}",
         hint=f"{solution.method.remedy}, or look for a singular position or a load that jumps there",
         partial=solution, t=t, q=stepper.y[:nq].copy(), v=stepper.y[nq:].copy(),
     )  # fmt: skip
