@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from pinarm.arrays import Array, Indices
@@ -12,9 +14,8 @@ from pinarm.errors import PinarmError
 NEAR = 0.1
 """Regularity at the rows from which on it is looked for between them."""
 
-ROUNDS, POINTS = 6, 9
-"""How often the instants between two rows are looked at more closely, and how many each time: to 1e-4 of a row."""
-
+ROUNDS, EVENLY = 10, 4
+"""How often instants between rows are looked at; at first so many on either side, evenly, as rows may be far apart."""
 
 FLAT = 0.05
 """Part of the regularity by which it changes from one instant to the next where it is not looked for any closer."""
@@ -34,19 +35,46 @@ def least_regular(run: Trajectory, rows: Indices, values: Array) -> tuple[float,
     best = float(regular[least]), float(run.grid.t[rows[least]])
     if run.separate or not 0 < least < len(rows) - 1 or not RANK < best[0] < NEAR:
         return best
-    low, high = (float(run.grid.t[rows[least + side]]) for side in (-1, 1))
-    for _ in range(ROUNDS):
-        t = np.linspace(low, high, POINTS)
+    t, here = run.grid.t[rows[least - 1 : least + 2]], regular[least - 1 : least + 2]
+    if t[0] > t[2]:
+        t, here = t[::-1], here[::-1]
+    for round_ in range(ROUNDS):
+        between = _lowest(t, here) if round_ else _evenly(t)
+        if not len(between):
+            break
         try:
-            found = _at(run, t, rank)
+            found = _at(run, between, rank)
         except PinarmError:  # singular: nothing closer can be looked at
             break
-        best = min(best, *zip(found.tolist(), t.tolist(), strict=True))
-        beside = slice(max(int(found.argmin()) - 1, 0), int(found.argmin()) + 2)
-        if np.ptp(found[beside]) < FLAT * found.min():
+        best = min(best, *zip(found.tolist(), between.tolist(), strict=True))
+        order = np.argsort(t := np.concatenate([t, between]))
+        t, here = t[order], np.concatenate([here, found])[order]
+        k = int(here.argmin())
+        if not 0 < k < len(t) - 1:
             break
-        low, high = float(t[beside][0]), float(t[beside][-1])
+        t, here = t[k - 1 : k + 2], here[k - 1 : k + 2]
+        if best[0] <= RANK or np.ptp(here) < FLAT * best[0]:
+            break
     return best
+
+
+def _evenly(t: Array) -> Array:
+    """Return instants between three, as many before the middle one as behind it."""
+    return np.concatenate([np.linspace(*ends, EVENLY + 2)[1:-1] for ends in pairwise(t.tolist())])
+
+
+def _lowest(t: Array, values: Array) -> Array:
+    """Return instants at which a size may be smallest, between three of which the middle one is the smallest so far.
+
+    Where the signed quantity goes through 0 on the one side or on the other, and where a parabola through the squares,
+    which are smooth in any case, is lowest.
+    """
+    crossing = (t[:-1] * values[1:] + t[1:] * values[:-1]) / (values[:-1] + values[1:])
+    (left, right), (falling, rising) = np.diff(t), np.diff(values**2) / np.diff(t)
+    vertex = t[1] - 0.5 * (falling * right + rising * left) / (rising - falling) if rising > falling else t[1]
+    inside = np.array([*crossing, vertex])
+    apart = 1e-9 * (t[2] - t[0])
+    return np.unique(inside[np.abs(inside[:, None] - t).min(axis=1) > apart])
 
 
 def _at(run: Trajectory, t: Array, rank: int) -> Array:
