@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.closure import Closure, Split
+from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import mass_matrix
 from pinarm.engine.imposed import Imposed
+from pinarm.engine.split import Split
 from pinarm.mechanics.coordinates import LinearCoordinate
 
 RESTING = 1e-6

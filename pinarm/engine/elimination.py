@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.closure import VANISHED
+from pinarm.engine.split import VANISHED
 
 Row = Mapping[int, Array]
 """A row of A: column -> coefficient, shape (n,), or (1,) where it is the same in all configurations."""

@@ -10,10 +10,11 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.assembly import assembled
-from pinarm.engine.closure import Closure, Split
+from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.split import Split
 from pinarm.engine.stiffness import ZERO, Modes, force, slope, stiffness
 from pinarm.errors import AssemblyError, InputError, Key, within
 from pinarm.mechanics.coordinates import METRE, LinearCoordinate, spelled

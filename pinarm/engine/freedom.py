@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.closure import Closure, Split
+from pinarm.engine.closure import Closure
 from pinarm.engine.elimination import Elimination, Order, Row, dense
 from pinarm.engine.measures import BLOCK, Measures
+from pinarm.engine.split import Split
 
 REGULAR = 1e-4
 """Smallest ratio of singular values of G, its rows of length 1, at which other configurations are eliminated alike."""
@@ -62,7 +63,7 @@ def regular_order(matrix: Array) -> Order | None:
 
 @dataclass(frozen=True, eq=False)
 class Freedom:
-    """The rows of G taken apart at n configurations; see ``closure.Split`` for a single one.
+    """The rows of G taken apart at n configurations; see ``split.Split`` for a single one.
 
     Attributes:
         elimination: Of those rows that determine what all of them do.
@@ -102,7 +103,7 @@ class Freedom:
     def solve(self, mass: Array, force: Array, right: Mapping[int, Array]) -> Array:
         """Return the x that minimises ``x^T M x / 2 - force . x`` while ``G x = right``, shape (n, nv).
 
-        Gauss's principle, as in ``closure.Split.solve``.
+        Gauss's principle, as in ``split.Split.solve``.
 
         Args:
             mass: M, shape (n, nv, nv).

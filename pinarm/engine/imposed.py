@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.closure import Split
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.split import Split
 from pinarm.errors import InputError
 from pinarm.mechanics.balls import ball_coordinates
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate

@@ -6,7 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.closure import Closure, Split
+from pinarm.engine.closure import Closure
+from pinarm.engine.split import Split
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.balls import coordinate_name
 from pinarm.mechanics.tree import listed

@@ -8,8 +8,9 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.closure import Closure, Split
+from pinarm.engine.closure import Closure
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.split import Split
 from pinarm.mechanics.loops import LoopJoint
 from pinarm.mechanics.pairs import looser
 

@@ -9,7 +9,8 @@ from functools import cache
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.closure import Closure, Split
+from pinarm.engine.closure import Closure
+from pinarm.engine.split import Split
 
 BLOCK = 512
 """Number of rows whose G is held at once."""

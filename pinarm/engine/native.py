@@ -15,10 +15,11 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.closure import RANK, Closure, Constraint
+from pinarm.engine.closure import Closure, Constraint
 from pinarm.engine.dynamics import Dynamics, mass_matrix
 from pinarm.engine.integrators import Acceleration
 from pinarm.engine.reduction import Targets
+from pinarm.engine.split import RANK
 from pinarm.mechanics.loops import LoopJoint
 
 PROXIMAL, ITERATIONS = 1e-10, 3

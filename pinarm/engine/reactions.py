@@ -13,8 +13,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.closure import Split
 from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.split import Split
 from pinarm.engine.trajectory import Trajectory
 from pinarm.mechanics.loops import LoopJoint
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.closure import RANK
+from pinarm.engine.split import RANK
 from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import PinarmError
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.closure import Split
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.masses import MASSLESS, NOTHING
 from pinarm.engine.regularity import least_regular
+from pinarm.engine.split import Split
 from pinarm.engine.trajectory import Trajectory
 
 SAMPLE = 64

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.closure import RANK, Closure
+from pinarm.engine.closure import Closure
 from pinarm.engine.course import Course, Leg
+from pinarm.engine.split import RANK
 
 REGULAR, SLOW = 1e-3, 0.07
 """Smallest singular value of the rows, relative to its largest in the run, and speed, relative to the largest, below

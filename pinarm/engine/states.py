@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.closure import Closure, Split
+from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.efforts import actuation, everywhere
 from pinarm.engine.leading import Leading
@@ -18,6 +18,7 @@ from pinarm.engine.measures import BLOCK, Measures
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.quantities import Quantities
+from pinarm.engine.split import Split
 from pinarm.engine.trajectory import Series, Trajectory
 from pinarm.errors import InputError
 from pinarm.input.units import unit

@@ -6,8 +6,8 @@ from catalogue import MODELS, bennett, four_bar, rssr
 from motions import energy, free, poses
 
 from pinarm.engine import native
-from pinarm.engine.closure import Split
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.split import Split
 from pinarm.errors import DynamicsError
 
 TOLERANCE = 1e-9

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from motions import driven, free
 
-from pinarm.engine.closure import Split
 from pinarm.engine.freedom import free_motions
 from pinarm.engine.measures import BLOCK, Measures
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.multipliers import Multipliers
+from pinarm.engine.split import Split
 from pinarm.engine.sweeps import Sweep
 from pinarm.engine.systems.together import Together
 from pinarm.errors import InputError

@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.assembly import assembled
-from pinarm.engine.closure import RANK, Closure, Split
+from pinarm.engine.closure import Closure
 from pinarm.engine.dynamics import Dynamics, mass_matrices, mass_matrix, parts
 from pinarm.engine.imposed import Imposed
 from pinarm.engine.integrators import Energy, Manifold, Stretch
@@ -23,6 +23,7 @@ from pinarm.engine.masses import require_masses
 from pinarm.engine.measures import BLOCK
 from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.reduction import Targets
+from pinarm.engine.split import RANK, Split
 from pinarm.engine.systems.contract import Initial, Motion
 from pinarm.engine.systems.together import CLOSED, FEWEST, ITERATIONS, TURNED, Solved, Together
 from pinarm.errors import AssemblyError, DynamicsError, InputError
