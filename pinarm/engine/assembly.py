@@ -21,8 +21,9 @@ from pinarm.engine.leap import ENOUGH, on_branch, part_of_leap
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError
 from pinarm.mechanics.balls import configuration
-from pinarm.mechanics.coordinates import LinearCoordinate, spelled
+from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.joints import spelled
 
 CLOSED = 1e-12
 """Largest gap of a solved position, relative to ``1 + |w|``; Newton's method ends near 1e-16."""

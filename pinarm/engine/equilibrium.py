@@ -17,9 +17,10 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.split import Split
 from pinarm.engine.stiffness import ZERO, Modes, force, slope, stiffness
 from pinarm.errors import AssemblyError, InputError, Key, within
-from pinarm.mechanics.coordinates import METRE, LinearCoordinate, spelled
+from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.forces import ForceElement
 from pinarm.mechanics.forces.joint import effort_unit
+from pinarm.mechanics.joints import METRE, spelled
 from pinarm.mechanics.laws import Constant
 
 BALANCED = 1e-13

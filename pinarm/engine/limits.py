@@ -9,8 +9,8 @@ import numpy as np
 
 from pinarm.engine.trajectory import Trajectory
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.coordinates import RADIAN, Joint
 from pinarm.mechanics.forces.joint import effort_unit
+from pinarm.mechanics.joints import RADIAN, Joint
 
 ROUNDING = 1e-9
 """Part of a limit by which it may be passed: a motion that ends at a limit ends there to rounding."""

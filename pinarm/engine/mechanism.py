@@ -24,12 +24,13 @@ from pinarm.input.expressions import Expression
 from pinarm.input.schema import Measured, quantity
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.balls import Ball, ball_coordinates, balls_of
-from pinarm.mechanics.coordinates import Coordinate, Joint, coordinates_of, joint_of, joints_of
+from pinarm.mechanics.coordinates import Coordinate, coordinates_of
 from pinarm.mechanics.couplings import mimicry
 from pinarm.mechanics.description import Gravity, MechanismDescription, field_of
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import ForceElement
 from pinarm.mechanics.forces.contract import check_new
+from pinarm.mechanics.joints import Joint, joint_of, joints_of
 from pinarm.mechanics.model import Base
 from pinarm.mechanics.payload import Payload, laden
 from pinarm.mechanics.rounding import shaken

@@ -21,9 +21,10 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.trajectory import Happening, Trajectory
 from pinarm.mechanics.balls import ball_coordinates, balls_of
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, joints_of
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings import Coupling
 from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.motion import Grid, MotionLaw
 
 

@@ -9,7 +9,8 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.trajectory import Trajectory
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, frame_of
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.joints import frame_of
 
 
 class Passes:

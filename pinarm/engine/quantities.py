@@ -48,9 +48,9 @@ from pinarm.errors import InputError, choices
 from pinarm.input.expressions import Expression
 from pinarm.input.grammar import CONSTANTS
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.coordinates import METRE
 from pinarm.mechanics.forces.contract import power
 from pinarm.mechanics.forces.joint import effort_unit
+from pinarm.mechanics.joints import METRE
 
 UNDETERMINED = 1e-9
 """What a self-stress of length 1 may add to a component that it does not act on: rounding leaves 1e-13."""

@@ -21,7 +21,7 @@ from pinarm.engine.systems import Initial, System, system_of
 from pinarm.engine.systems.constrained import ConstrainedSystem
 from pinarm.engine.trajectory import Happening
 from pinarm.errors import InputError, IntegrationError, Interrupted, NumericsError
-from pinarm.mechanics.coordinates import spelled
+from pinarm.mechanics.joints import spelled
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.motion import ROUNDING, Grid
 

@@ -15,7 +15,8 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError, choices
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.coordinates import METRE, RADIAN, Coordinate, Joint, LinearCoordinate, rate_of_b
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, rate_of_b
+from pinarm.mechanics.joints import METRE, RADIAN, Joint
 
 ANGLES = ("roll", "pitch", "yaw")
 SPIN = unit("rad/s")

@@ -14,109 +14,12 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.errors import InputError, Key, choices, within
+from pinarm.errors import InputError, Key, within
 from pinarm.input.schema import Model
-from pinarm.input.units import Unit, unit
+from pinarm.input.units import Unit
 from pinarm.mechanics.axes import check_parallel
+from pinarm.mechanics.joints import METRE, RADIAN, Direction, Joint, frame_of, frames_of, joint_of, unit_vector
 from pinarm.mechanics.vectors import MEETING, cross, direction
-
-METRE, RADIAN = unit("m"), unit("rad")
-AXES: dict[str, tuple[float, float, float]] = {
-    "x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1),
-}  # fmt: skip
-Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
-Direction = Axis | tuple[float, float, float]
-"""An axis of the world, or the components of a direction."""
-
-
-def unit_vector(direction: Direction) -> Array:
-    """Return a direction as a unit vector, shape (3,).
-
-    Raises:
-        InputError: It has no length.
-    """
-    vector = np.array(AXES[direction] if isinstance(direction, str) else direction, float)
-    length = float(np.linalg.norm(vector))
-    if not 0.0 < length < np.inf:
-        raise InputError(f"{direction} is no direction", expected="three numbers, not all zero")
-    return vector / length
-
-
-@dataclass(frozen=True)
-class Joint:
-    """A joint of the tree that has one coordinate.
-
-    Attributes:
-        name: Its name in the model.
-        index: Pinocchio's joint index.
-        q: Index of its coordinate in q.
-        v: Index of its velocity in v.
-        unit: rad or m.
-    """
-
-    name: str
-    index: int
-    q: int
-    v: int
-    unit: Unit
-
-
-def joints_of(model: pin.Model) -> dict[str, Joint]:
-    """Return the joints with one coordinate, by name, in the order of v."""
-    found = {}
-    for index in range(1, model.njoints):
-        joint = model.joints[index]
-        if joint.nq == joint.nv == 1:
-            measured = METRE if joint.shortname().startswith("JointModelP") else RADIAN
-            found[model.names[index]] = Joint(model.names[index], index, joint.idx_q, joint.idx_v, measured)
-    return found
-
-
-def spelled(model: pin.Model, q: Array) -> str:
-    """Return a configuration in words, such as ``track = 0.2 m, pivot = 1 rad``; q has the shape (nq,)."""
-    single, words = joints_of(model), []
-    for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
-        values = " ".join(f"{number:.6g}" for number in q[joint.idx_q : joint.idx_q + joint.nq])
-        words.append(f"{name} = {values} {single[name].unit}" if name in single else f"{name} = ({values})")
-    return ", ".join(words)
-
-
-def frame_of(model: pin.Model, name: str) -> int:
-    """Return the index of the frame of a link.
-
-    Raises:
-        InputError: The model has no link of that name.
-    """
-    for index, frame in enumerate(model.frames):
-        if frame.name == name and frame.type == pin.FrameType.BODY:
-            return index
-    links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
-    expected, hint = choices(name, links)
-    raise InputError(f"the model has no link '{name}'", expected=expected, hint=hint)
-
-
-def frames_of(model: pin.Model, between: tuple[str, str]) -> tuple[int, int]:
-    """Return the indices of the frames of two links; mistakes are those of a key ``between``.
-
-    Raises:
-        InputError: The model has no link of that name.
-    """
-    with within("between", 0):
-        first = frame_of(model, between[0])
-    with within("between", 1):
-        return first, frame_of(model, between[1])
-
-
-def joint_of(joints: Mapping[str, Joint], name: str) -> Joint:
-    """Return a joint by name.
-
-    Raises:
-        InputError: There is none of that name with one coordinate.
-    """
-    if name not in joints:
-        expected, hint = choices(name, joints)
-        raise InputError(f"the model has no joint '{name}' with one coordinate", expected=expected, hint=hint)
-    return joints[name]
 
 
 class Coordinate(Protocol):

@@ -12,7 +12,8 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.schema import AnyQuantity, Lead, Measured, Model
 from pinarm.input.units import Unit
-from pinarm.mechanics.coordinates import METRE, RADIAN, Joint, LinearCoordinate, joint_of, sum_of
+from pinarm.mechanics.coordinates import LinearCoordinate, sum_of
+from pinarm.mechanics.joints import METRE, RADIAN, Joint, joint_of
 from pinarm.mechanics.tree import Mimic
 
 

@@ -8,11 +8,12 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.input.schema import Acceleration, Model, Positive
-from pinarm.mechanics.coordinates import AXES, Axis, CoordinateDefinition
+from pinarm.mechanics.coordinates import CoordinateDefinition
 from pinarm.mechanics.couplings import CouplingDefinition
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.forces.joint import CREEP
+from pinarm.mechanics.joints import AXES, Axis
 from pinarm.mechanics.loops import Loop
 from pinarm.mechanics.model import Base, Defects
 from pinarm.mechanics.payload import Payload

@@ -15,7 +15,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.schema import Model, Span
 from pinarm.input.units import Unit
-from pinarm.mechanics.coordinates import METRE, RADIAN, Direction, frame_of, unit_vector
+from pinarm.mechanics.joints import METRE, RADIAN, Direction, frame_of, unit_vector
 from pinarm.mechanics.pairs import ALL, NOTHING, Cross, LowerPair, Pair, Tie, normals
 from pinarm.mechanics.vectors import cross
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from pinarm.errors import InputError, within
 from pinarm.input.schema import Inertia, Mass, Model
-from pinarm.mechanics.coordinates import frame_of
+from pinarm.mechanics.joints import frame_of
 from pinarm.mechanics.tree import TRIANGLE
 
 

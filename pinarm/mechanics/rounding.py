@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.mechanics.coordinates import RADIAN, Joint
+from pinarm.mechanics.joints import RADIAN, Joint
 from pinarm.mechanics.tree import inertia
 
 SHAKE = 4.0 * float(np.finfo(float).eps)

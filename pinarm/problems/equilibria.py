@@ -20,8 +20,8 @@ from pinarm.engine.trajectory import Series, Trajectory
 from pinarm.errors import AssemblyError, InputError, Key
 from pinarm.input.schema import Level, Model
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.coordinates import METRE
 from pinarm.mechanics.forces import Force
+from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.motion import Grid
 from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, laws_of, still

@@ -15,7 +15,8 @@ from pinarm.engine.integrators import Watch
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, Key
 from pinarm.input.schema import AnyQuantity, Model, check_unit
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, joint_of
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.joints import joint_of
 from pinarm.problems.common import Place
 
 DIRECTIONS = {"rising": 1, "falling": -1, "any": 0}

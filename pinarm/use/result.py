@@ -16,7 +16,7 @@ from pinarm.engine.limits import Excess, excesses
 from pinarm.engine.quantities import Quantities
 from pinarm.engine.trajectory import Series, Trajectory
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.coordinates import spelled
+from pinarm.mechanics.joints import spelled
 from pinarm.mechanics.rounding import coarse_angles
 from pinarm.problems.scene import Removal
 

@@ -25,8 +25,8 @@ from pinarm.input.expressions import Expression
 from pinarm.input.roots import inside, root_of
 from pinarm.input.schema import Measured, Model
 from pinarm.input.units import read_quantity
-from pinarm.mechanics.coordinates import spelled
 from pinarm.mechanics.description import Gravity
+from pinarm.mechanics.joints import spelled
 from pinarm.mechanics.payload import Payload
 from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.common import Accuracy

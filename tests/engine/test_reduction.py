@@ -17,8 +17,9 @@ from pinarm.engine.reduction import Reduction, solved
 from pinarm.engine.systems import Initial, system_of
 from pinarm.engine.systems.reduced import FreePart
 from pinarm.errors import InputError
-from pinarm.mechanics.coordinates import coordinates_of, joints_of
+from pinarm.mechanics.coordinates import coordinates_of
 from pinarm.mechanics.forces.joint import JointEffort, JointSpring
+from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.laws import Constant, Cycloidal, Harmonic, SCurve, Spline, Trapezoid
 from pinarm.mechanics.motion import Grid
 from pinarm.problems.common import Accuracy, TimeGrid

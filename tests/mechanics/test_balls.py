@@ -13,8 +13,8 @@ from pinarm.mechanics.balls import (
     roll_pitch_yaw,
     velocity,
 )
-from pinarm.mechanics.coordinates import joints_of
 from pinarm.mechanics.forces.joint import BallSpring
+from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.model import build_model
 
 ARM = ({"name": "swing", "at": "0.1 0.2 0.3", "axis": "1 2 3"}, {"name": "body", "kind": "floating", "at": "1 0 0"})

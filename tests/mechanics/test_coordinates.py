@@ -8,17 +8,8 @@ import pytest
 
 from pinarm.errors import InputError
 from pinarm.input.units import unit
-from pinarm.mechanics.coordinates import (
-    AXES,
-    AngleSum,
-    Distance,
-    PointCoordinate,
-    Rotation,
-    coordinates_of,
-    frame_of,
-    joints_of,
-    unit_vector,
-)
+from pinarm.mechanics.coordinates import AngleSum, Distance, PointCoordinate, Rotation, coordinates_of
+from pinarm.mechanics.joints import AXES, frame_of, joints_of, unit_vector
 from pinarm.mechanics.model import build_model
 
 ARM = (

@@ -8,10 +8,10 @@ import pytest
 from pinarm.errors import DynamicsError, InputError, UnitError
 from pinarm.input.schema import Measured
 from pinarm.input.units import unit
-from pinarm.mechanics.coordinates import frame_of, joints_of
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.forces.joint import CREEP, JointEffort, JointFriction, JointSpring, TorqueSpeed
 from pinarm.mechanics.forces.point import PointSpring, Wrench
+from pinarm.mechanics.joints import frame_of, joints_of
 from pinarm.mechanics.laws import Constant, Harmonic, SpeedPoints, Spline, Trapezoid
 from pinarm.mechanics.model import build_model
 

@@ -15,9 +15,9 @@ from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError, within
 from pinarm.input.schema import AnyQuantity, Extent, Model, NotNegative, Positive, check_each, check_unit
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.coordinates import METRE, Joint, joint_of
 from pinarm.mechanics.forces.contract import ForceElement
 from pinarm.mechanics.forces.pieces import Pieces
+from pinarm.mechanics.joints import METRE, Joint, joint_of
 from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.laws.over import Profile
 from pinarm.mechanics.motion import MotionLaw, Values

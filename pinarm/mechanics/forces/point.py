@@ -15,8 +15,8 @@ from pinarm.arrays import Array
 from pinarm.errors import DynamicsError, within
 from pinarm.input.schema import Damping, Force, Length, Model, Moment, Stiffness
 from pinarm.input.units import DIMENSIONLESS
-from pinarm.mechanics.coordinates import Joint, frame_of, frames_of, spelled
 from pinarm.mechanics.forces.contract import ForceElement
+from pinarm.mechanics.joints import Joint, frame_of, frames_of, spelled
 from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.motion import MotionLaw, Values
 from pinarm.mechanics.vectors import combined, cross, dot

@@ -16,7 +16,7 @@ from pinarm.engine.systems import Initial
 from pinarm.engine.trajectory import Series
 from pinarm.engine.travel import Journey
 from pinarm.errors import InputError, choices
-from pinarm.mechanics.coordinates import Joint
+from pinarm.mechanics.joints import Joint
 
 
 @dataclass(frozen=True, eq=False)

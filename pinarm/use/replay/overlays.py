@@ -14,8 +14,8 @@ from pinarm.engine.quantities import UNDETERMINED
 from pinarm.engine.reactions import Reactions
 from pinarm.engine.trajectory import Trajectory
 from pinarm.errors import InputError, choices
-from pinarm.mechanics.coordinates import frame_of
 from pinarm.mechanics.forces.point import AppliedWrench, TwoPointSpring
+from pinarm.mechanics.joints import frame_of
 from pinarm.mechanics.loops import LoopJoint
 from pinarm.use.replay.packing import Packing
 from pinarm.use.replay.tracks import Node
