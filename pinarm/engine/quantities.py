@@ -87,6 +87,10 @@ class Quantities:
         """What the joints transmit."""
         return Reactions(self.trajectory)
 
+    def figures(self) -> dict[str, float]:
+        """Return what the quantities that have been asked are worth, beside what is told of the motion."""
+        return self.reactions.figures() if "reactions" in vars(self) else {}
+
     @cached_property
     def passes(self) -> Passes:
         """What is computed row by row, kept once computed."""

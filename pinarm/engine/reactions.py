@@ -17,6 +17,7 @@ from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.split import Split
 from pinarm.engine.trajectory import Trajectory
 from pinarm.mechanics.loops import LoopJoint
+from pinarm.mechanics.vectors import cross
 
 SAMPLE = 64
 """Largest number of rows at which self-stresses are looked for: they belong to the structure, not to an instant."""
@@ -54,17 +55,14 @@ class Reactions:
         return self.run.gather(self._joints)
 
     def _joints(self, dynamics: Dynamics, part: slice) -> Array:
-        run, model, data, closure = self.run, self.model, self.model.createData(), self.closure
+        run, model, data = self.run, self.model, self.model.createData()
         rows = np.zeros((part.stop - part.start, model.njoints, 6))
         outside = pin.StdVec_Force()
         outside.extend([pin.Force.Zero() for _ in range(model.njoints)])
         for i in range(part.start, part.stop):
             q, v, a = run.q[i], run.v[i], run.a[i]
             pin.forwardKinematics(model, data, q)
-            acting = [force.wrenches(run.grid.t[i], q, v) for force in dynamics.forces.values()]
-            if closure.size:
-                closure.place(q)
-                acting.append(closure.wrenches(self.multipliers[i]))
+            acting = self._acting(dynamics, i)
             for joint in {joint for wrenches in acting for joint in wrenches}:
                 total = sum((wrenches[joint] for wrenches in acting if joint in wrenches), np.zeros(6))
                 outside[joint] = data.oMi[joint].actInv(pin.Force(total))
@@ -74,6 +72,53 @@ class Reactions:
                 row = rows[i - part.start, joint]
                 row[:3], row[3:] = turn @ wrench.linear, turn @ wrench.angular
         return rows
+
+    def _acting(self, dynamics: Dynamics, row: int) -> list[dict[int, Array]]:
+        """Return what loads and constraints do to the bodies at a row: joint index -> [f; m] at the world's origin."""
+        q = self.run.q[row]
+        found = [force.wrenches(self.run.grid.t[row], q, self.run.v[row]) for force in dynamics.forces.values()]
+        if self.closure.size:
+            self.closure.place(q)
+            found.append(self.closure.wrenches(self.multipliers[row]))
+        return found
+
+    def figures(self) -> dict[str, float]:
+        """Return how well the wrenches of the tree's joints keep every body in balance; nothing where none was asked.
+
+        ``bodies``: what Newton's and Euler's equations of a body miss at most, at a sample of the rows, relative to the
+        largest sum of the terms of one body: the wrenches of its joints, loads, weight, and the rate of its momentum,
+        by forward kinematics, about the origin of its joint. Forces and moments each on their own.
+        """
+        if "joints" not in vars(self) or not len(self.run):
+            return {}
+        missed, terms = np.moveaxis(self.run.gather(self._balances), 1, 0)
+        parts = [slice(0, 3), slice(3, 6)]
+        sizes = [(np.linalg.norm(missed[..., k], axis=-1).max(), terms[..., k].max()) for k in parts]
+        return {"bodies": max(float(left / size) if size else 0.0 for left, size in sizes)}
+
+    def _balances(self, dynamics: Dynamics, part: slice) -> Array:
+        """Return what is missed and the sums of absolute terms, body by body, shape (k, 2, njoints - 1, 6)."""
+        run, model, data = self.run, self.model, self.model.createData()
+        sampled = np.unique(np.linspace(0, len(run) - 1, min(len(run), SAMPLE)).astype(int))
+        rows = sampled[(sampled >= part.start) & (sampled < part.stop)]
+        found = np.zeros((len(rows), 2, model.njoints - 1, 6))
+        for k, i in enumerate(rows):
+            acting = self._acting(dynamics, i)
+            pin.forwardKinematics(model, data, run.q[i], run.v[i], run.a[i])
+            places = data.oMi.tolist()
+            for body in range(1, model.njoints):
+                inertia, twist, place = model.inertias[body], data.v[body], places[body]
+                rate = inertia * data.a[body] + twist.cross(inertia * twist)
+                weight = inertia * pin.Motion(place.rotation.T @ model.gravity.linear, np.zeros(3))
+                turned = [np.concatenate([place.rotation @ one.linear, place.rotation @ one.angular])
+                          for one in (weight, -rate)]  # fmt: skip
+                turned.append(self.joints[i, body])
+                for child in range(body + 1, model.njoints):
+                    if model.parents[child] == body:
+                        turned.append(-_moved(self.joints[i, child], places[child].translation - place.translation))
+                turned += [_moved(each[body], -place.translation) for each in acting if body in each]
+                found[k, :, body - 1] = sum(turned), sum(map(np.abs, turned))
+        return found
 
     def loop(self, name: str) -> Array:
         """Return the wrench of a loop joint's first link on its second, at frame 2, world axes, shape (n, 6)."""
@@ -131,3 +176,8 @@ class Reactions:
                 rows[i, joint, :3] = total[:3]
                 rows[i, joint, 3:] = total[3:] - np.cross(self.origins[i, joint], total[:3])
         return rows
+
+
+def _moved(wrench: Array, arm: Array) -> Array:
+    """Return a wrench about a point from which ``arm`` leads to where it was taken, shape (6,)."""
+    return np.concatenate([wrench[:3], wrench[3:] + cross(arm, wrench[:3])])

@@ -260,6 +260,7 @@ RESIDUALS = {
     "power": "balance of power along the motion, relative to its terms",
     "energy": "energy that nothing accounts for, relative to the energy exchanged",
     "return trip": "accelerations from the efforts by forward dynamics, relative to the largest",
+    "bodies": "Newton's and Euler's equations of every body with the reactions, relative to their terms",
 }
 CLOSURES = {
     "closure": "largest gap of a loop [m or rad]",

@@ -297,6 +297,7 @@ class Scenario:
         for index, name in enumerate(self.content.outputs):
             with self.document.locating("outputs", index):
                 result.require_finite(name)
+        result = replace(result, figures={**result.figures, **result.quantities.figures()})
         if not all(math.isfinite(figure) for figure in result.figures.values()):
             raise _beyond(trajectory)
         return result
