@@ -17,7 +17,6 @@ from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.split import Split
 from pinarm.engine.trajectory import Trajectory
 from pinarm.mechanics.loops import LoopJoint
-from pinarm.mechanics.vectors import cross
 
 SAMPLE = 64
 """Largest number of rows at which self-stresses are looked for: they belong to the structure, not to an instant."""
@@ -101,24 +100,26 @@ class Reactions:
         run, model, data = self.run, self.model, self.model.createData()
         sampled = np.unique(np.linspace(0, len(run) - 1, min(len(run), SAMPLE)).astype(int))
         rows = sampled[(sampled >= part.start) & (sampled < part.stop)]
-        found = np.zeros((len(rows), 2, model.njoints - 1, 6))
+        inertias, upwards = model.inertias.tolist(), -model.gravity
+        shape = len(rows), model.njoints
+        turns, places, asked, loads = (np.zeros((*shape, *size)) for size in ((3, 3), (3,), (6,), (6,)))
         for k, i in enumerate(rows):
-            acting = self._acting(dynamics, i)
+            for wrenches in self._acting(dynamics, i):
+                for body, wrench in wrenches.items():
+                    loads[k, body] += wrench
             pin.forwardKinematics(model, data, run.q[i], run.v[i], run.a[i])
-            places = data.oMi.tolist()
-            for body in range(1, model.njoints):
-                inertia, twist, place = model.inertias[body], data.v[body], places[body]
-                rate = inertia * data.a[body] + twist.cross(inertia * twist)
-                weight = inertia * pin.Motion(place.rotation.T @ model.gravity.linear, np.zeros(3))
-                turned = [np.concatenate([place.rotation @ one.linear, place.rotation @ one.angular])
-                          for one in (weight, -rate)]  # fmt: skip
-                turned.append(self.joints[i, body])
-                for child in range(body + 1, model.njoints):
-                    if model.parents[child] == body:
-                        turned.append(-_moved(self.joints[i, child], places[child].translation - place.translation))
-                turned += [_moved(each[body], -place.translation) for each in acting if body in each]
-                found[k, :, body - 1] = sum(turned), sum(map(np.abs, turned))
-        return found
+            states = list(zip(inertias, data.v.tolist(), data.a.tolist(), data.oMi.tolist(), strict=True))
+            turns[k], places[k] = [place.rotation for *_, place in states], [place.translation for *_, place in states]
+            asked[k] = [(inertia * (rate + place.actInv(upwards)) + twist.cross(inertia * twist)).vector
+                        for inertia, twist, rate, place in states]  # fmt: skip
+        forces, moments = (turns @ asked[..., part, None] for part in (slice(0, 3), slice(3, 6)))
+        asked, wrenches = np.concatenate([forces, moments], axis=2)[..., 0], self.joints[rows]
+        parents = np.array(model.parents)
+        carries = (parents == np.arange(model.njoints)[:, None]).astype(float)
+        carried, outside = _moved(wrenches, places - places[:, parents]), _moved(loads, -places)
+        missed = wrenches + outside - asked - carries @ carried
+        terms = np.abs(wrenches) + np.abs(outside) + np.abs(asked) + carries @ np.abs(carried)
+        return np.asarray(np.stack([missed, terms], axis=1)[:, :, 1:])
 
     def loop(self, name: str) -> Array:
         """Return the wrench of a loop joint's first link on its second, at frame 2, world axes, shape (n, 6)."""
@@ -178,6 +179,6 @@ class Reactions:
         return rows
 
 
-def _moved(wrench: Array, arm: Array) -> Array:
-    """Return a wrench about a point from which ``arm`` leads to where it was taken, shape (6,)."""
-    return np.concatenate([wrench[:3], wrench[3:] + cross(arm, wrench[:3])])
+def _moved(wrenches: Array, arms: Array) -> Array:
+    """Return wrenches, shape (.., 6), about points from which arms, shape (.., 3), lead to where they were taken."""
+    return np.concatenate([wrenches[..., :3], wrenches[..., 3:] + np.cross(arms, wrenches[..., :3])], axis=-1)

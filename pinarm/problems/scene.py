@@ -80,11 +80,14 @@ class Scene:
         stay = {mechanism.joints[name].v for name in asked if name in mechanism.joints}
         if problem.kind == "equilibria" or known.own.keys() | known.still.keys() <= stay:
             return cls.whole(problem, mechanism)
-        problem.prepare(mechanism, place)
         forces = bind_loads(mechanism, told.get("loads", {}), place)
-        found = removable(problem.kind, known, forces, asked)
+        try:
+            found = removable(problem.kind, known, forces, asked)
+        except KeyError:  # a name that does not exist: the question tells of it when it is solved
+            found = None
         if found is None:
             return cls.whole(problem, mechanism)
+        problem.prepare(mechanism, place)
         part = Part(mechanism, forces, *found)
         return cls(problem, mechanism, _of_part(problem, told, part), part)
 
