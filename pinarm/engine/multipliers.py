@@ -73,7 +73,7 @@ class Multipliers:
         def own(rows: Indices) -> Array:
             owner = np.searchsorted(starts, rows, side="right") - 1
             found = np.empty((len(rows), parts[0].own(rows[:0]).shape[1]))
-            for k in np.unique(owner):
+            for k in set(owner.tolist()):
                 found[owner == k] = parts[k].own(rows[owner == k] - starts[k])
             return found
 

@@ -98,7 +98,7 @@ class Reactions:
     def _balances(self, dynamics: Dynamics, part: slice) -> Array:
         """Return what is missed and the sums of absolute terms, body by body, shape (k, 2, njoints - 1, 6)."""
         run, model, data = self.run, self.model, self.model.createData()
-        sampled = np.unique(np.linspace(0, len(run) - 1, min(len(run), SAMPLE)).astype(int))
+        sampled = np.linspace(0, len(run) - 1, min(len(run), SAMPLE)).astype(int)
         rows = sampled[(sampled >= part.start) & (sampled < part.stop)]
         inertias, upwards = model.inertias.tolist(), -model.gravity
         shape = len(rows), model.njoints
