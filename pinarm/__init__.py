@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +24,9 @@ if TYPE_CHECKING:
     from pinarm.use.tradeoff.study import Tradeoff, tradeoff
 
 __version__ = "0.1.0"
+
+if "pinocchio" not in sys.modules:  # threads of OpenMP that wait busily cost others their cores, and calls milliseconds
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 _HOMES = {
     "Mechanism": "pinarm.engine.mechanism",

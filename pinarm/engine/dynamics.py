@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
 from pinarm.engine.integrators import Acceleration, Energy, Flat, Manifold
+from pinarm.engine.parallel import Parallel
 from pinarm.errors import InputError
 from pinarm.mechanics.forces import ForceElement
 from pinarm.mechanics.motion import Grid
@@ -81,8 +82,8 @@ class Dynamics:
         return Flat(nq, nv) if nq == nv else JointSpace(self.model, nq, nv)
 
     @cached_property
-    def _pool(self) -> pin.ModelPool:
-        return pin.ModelPool(self.model, 1)
+    def _parallel(self) -> Parallel:
+        return Parallel(self.model)
 
     def mass_matrices(self, q: Array) -> Array:
         """Return M at configurations, shape (n, nq), as an array of shape (n, nv, nv)."""
@@ -122,7 +123,7 @@ class Dynamics:
         same_rows(q, v, a)
         if not len(q):
             return np.zeros((0, nv))
-        tau: Array = pin.rneaInParallel(1, self._pool, q.T, v.T, a.T).reshape(nv, -1).T
+        tau = self._parallel.rnea(q, v, a)
         return tau - self.loads(t, q, v) if self.forces else tau
 
     def forward(self, t: Array | float, q: Array, v: Array, tau: Array | None = None) -> Array:
@@ -147,7 +148,7 @@ class Dynamics:
             efforts = as_rows(tau, self.model.nv, "tau")
             same_rows(q, efforts)
             total += efforts
-        a: Array = pin.abaInParallel(1, self._pool, q.T, v.T, total.T).reshape(self.model.nv, len(q)).T
+        a = self._parallel.aba(q, v, total)
         checked = {0, len(q) // 2, len(q) - 1, int(np.abs(q).max(axis=1).argmax())} if len(q) else set()
         exact = {row: pin.aba(self.model, self.data, q[row], v[row], total[row]) for row in checked}
         if all(np.abs(a[row] - one).max() <= SAME * np.abs(one).max() for row, one in exact.items()):

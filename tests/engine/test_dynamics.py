@@ -5,9 +5,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from pinarm.engine import parallel
 from pinarm.engine.dynamics import Dynamics, JointSpace
 from pinarm.engine.integrators import Flat
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.parallel import Parallel
 from pinarm.errors import InputError
 from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.forces.joint import JointEffort, JointSpring
@@ -279,3 +281,23 @@ def test_many_states_are_as_exact_as_each_where_links_are_short_or_far_away(mech
     bound = 1e-8 if away else 1e-10 if length < 1.0 else 1e-13  # the places themselves are rounded; 1e-16 m of 1e-6 m
     assert found[:, 0] == pytest.approx(first, abs=bound * np.abs(second).max())
     assert found.sum(axis=1) == pytest.approx(second, abs=bound * np.abs(second).max())
+
+
+class TestThreads:
+    """Calls on many states use all cores; the numbers are those of one."""
+
+    @pytest.mark.parametrize("call", ["rnea", "aba"])
+    def test_they_change_no_digit(self, call, monkeypatch):
+        model = pin.buildSampleModelManipulator()
+        states = np.random.default_rng(0).normal(size=(3, 500, model.nv))
+        monkeypatch.setattr(parallel, "threads", lambda: 2)
+        monkeypatch.setattr(parallel, "cores", lambda: 2)
+        alone = getattr(Parallel(model), call)(*states)
+        monkeypatch.setattr(parallel, "MANY", 1)
+        assert np.array_equal(getattr(Parallel(model), call)(*states), alone)
+
+    @pytest.mark.parametrize(("said", "found"), [("1", 1), ("", 3), ("2,1", 2), ("9", 3), ("0", 1), ("many", 3)])
+    def test_the_environment_may_allow_fewer(self, monkeypatch, said, found):
+        monkeypatch.setattr(parallel, "cores", lambda: 3)
+        monkeypatch.setenv("OMP_NUM_THREADS", said)
+        assert parallel.threads() == found

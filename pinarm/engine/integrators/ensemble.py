@@ -1,8 +1,7 @@
 """Many motions of one system at once: their steps are taken together, each at its own time and of its own length.
 
 What they share is the call that evaluates the accelerations of all. Where one ends, by an event or because it cannot go
-on, the others do not notice. That call has one thread: with two, 256 to 1,024 motions took 0.7 of the time at best, and
-4 to 15 times as long where another process had the second core, for which OpenMP waits.
+on, the others do not notice. That call has one thread: with two, 256 to 1,024 motions took 0.7 to 1.5 of the time.
 """
 
 from __future__ import annotations
