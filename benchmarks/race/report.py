@@ -55,7 +55,7 @@ def _head(results: dict[str, Results], command: str) -> str:
                "Absolute times are those of that machine and day.")  # fmt: skip
     return f"""# The race
 
-Time to an answer of a given accuracy: pinarm and other engines on the same problems, from the same numbers, in one run:
+Time to an answer of a given accuracy: pinarm and other engines, from the same numbers, problem by problem in turn:
 
     {command}
 

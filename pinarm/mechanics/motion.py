@@ -125,15 +125,18 @@ class MotionLaw(Model, frozen=True, dict=True):
             size = np.maximum(before.size(), after.size())
             yield after.start, np.abs(left - right)[:, 0] > JUMP * size
 
-    def require_continuous(self) -> None:
+    def require_continuous(self, along: Unit = SECOND) -> None:
         """Refuse jumps of s.
+
+        Args:
+            along: Unit of what the law runs along.
 
         Raises:
             InputError: Says where the first one is.
         """
         for t in self.leaps():
             raise InputError(
-                f"the value jumps at {t:.6g}",
+                f"the value jumps at {t:.6g} {along}",
                 expected="a law without jumps: those are for loads over time",
             )
 

@@ -158,7 +158,7 @@ def _settle(
     with place("motion", name):
         law.check_units(measured, along)
         with within("profile"):
-            law.profile.require_continuous()
+            law.profile.require_continuous(along)
     if law.of not in found:
         _settle(law.of, (*before, name), mechanism, motion, found, place, span)
     with place("motion", name):

@@ -209,7 +209,8 @@ def _changed(mechanism: Mechanism, journey: Journey, v: Array) -> list[str]:
     for index in given.velocities:
         if abs(v[index] - given.v[index]) > CONSISTENT * max(1.0, abs(v[index])):
             joint = coordinate_name(mechanism.model, index)
-            told.append(f"{joint} has {v[index]:.6g} at the start where {given.v[index]:.6g} was given")
+            measured = mechanism.joints[joint].unit if joint in mechanism.joints else "rad"
+            told.append(f"{joint} has {v[index]:.6g} {measured}/s at the start where {given.v[index]:.6g} was given")
     return [f"the loops do not allow the given velocities, the closest are taken: {', '.join(told)}"] if told else []
 
 

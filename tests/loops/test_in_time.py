@@ -106,7 +106,9 @@ class TestVelocitiesAgainstTheLoop:
         run = self.run(upright_0=1.0, upright_1=3.0)
         assert run.v[0] == pytest.approx([2.0, -2.0, 2.0], abs=1e-12)
         (note,) = run.notes
-        assert "upright_0 has 2 at the start where 1 was given, upright_1 has 2 at the start where 3 was given" in note
+        assert (
+            "upright_0 has 2 rad/s at the start where 1 was given, upright_1 has 2 rad/s at the start where 3" in note
+        )
 
     def test_those_that_it_allows_stay_without_a_word(self):
         run = self.run(upright_0=1.5, upright_1=1.5)

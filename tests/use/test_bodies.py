@@ -21,19 +21,15 @@ problem:
     push: {kind: wrench, point: panda_link5, force: [3 N, -2 N, 8 N], moment: [0, 1 N*m, 0], axes: world}
 outputs: [joint.panda_joint3.moment.x]
 """
-ASKED = sorted(
-    path.stem for path in SCENARIOS.glob("*.yaml") if "reaction" in path.stem or "force." in path.read_text("utf-8")
-)
-
-
-def test_there_are_some():
-    assert len(ASKED) > 5
+ASKED = [
+    "crank_rocker_turning", "gen411_arm_dynamic", "gen411_arm_static", "manipulator_held", "rotor_balanced",
+    "rotor_vertical", "slider_crank_gas", "unbalanced_rotor_free",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ASKED)
 def test_those_of_scenarios_keep_every_body_in_balance(name):
-    figures = pinarm.run(SCENARIOS / f"{name}.yaml").figures
-    assert figures.get("bodies", 0.0) < 1e-13
+    assert pinarm.run(SCENARIOS / f"{name}.yaml").figures["bodies"] < 1e-13
 
 
 @pytest.fixture

@@ -278,7 +278,8 @@ def require_met(rows: Array, a: Array, right: Array, t: float, q: Array) -> None
     left, size = np.abs(rows @ a - right).max(), (np.abs(rows) @ np.abs(a) + np.abs(right)).max()
     if not left <= MET * max(size, LEAST):
         raise DynamicsError(
-            f"at t = {t:.9g} s the accelerations tear the loops: G a + G' v is {left:.3g}, its terms reach {size:.3g}",
+            f"at t = {t:.9g} s the accelerations tear the loops: G a + G' v is {left:.3g}, its terms reach {size:.3g} "
+            "[m/s^2 or rad/s^2]",
             expected=f"no more than {MET:g} of its terms",
             hint="masses many orders apart in one loop, or a position all but singular, may be the reason",
             t=t, q=q,

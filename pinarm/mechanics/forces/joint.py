@@ -331,7 +331,7 @@ class JointEffort(Model, frozen=True, tag_field="kind", tag="joint_effort"):
             along = joint_of(joints, self.over)
         with within("effort"):
             self.effort.check_units(effort_unit(joint), along.unit)
-            self.effort.require_continuous()
+            self.effort.require_continuous(along.unit)
         with within("period"):
             check_unit(self.period or 0.0, along.unit)
         return ProfiledEffort(joint.v, along.q, Profile.of(self.effort, self.period))
