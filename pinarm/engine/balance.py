@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -22,9 +23,10 @@ SAMPLE = 64
 ROUNDING = 1e-15
 """Of an energy, relative to it: a motion so short that it exchanges no more has not lost any."""
 
-PARTS, GAUSS_NODES = 4, 4
-"""Parts of a step at whose ends the energy is looked at: within it the dense output errs more than at its end. Nodes
-of the quadrature of dissipated power over a part: degree 7, the order of the dense output."""
+PARTS, STEPS, GAUSS_NODES = 4, 8, 4
+"""Parts of a step at whose ends the energy is looked at: within it the dense output errs more than at its end. This is
+done in all steps that have been looked into, as for rows of the table, and in as many others, evenly. Nodes of the
+quadrature of dissipated power over a part: degree 7, the order of the dense output."""
 
 
 def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, float]:
@@ -94,7 +96,7 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
     return supplied - asked.sum(axis=(1, 2, 3)), terms
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Account:
     """What the energy of an integrated motion is balanced from.
 
@@ -110,31 +112,48 @@ class Account:
 
     def columns(self) -> tuple[Array, Array, Array]:
         """Return kinetic, potential and so far dissipated energy [J] at the ends of all parts, each of shape (n,)."""
-        index, start, h = self._parts()
-        ends, where = np.concatenate([start[:1], start + h]), np.concatenate([index[:1], index])
-        kinetic, potential = self.dynamics[0].energy(*self.whole(ends, *self.solution.states_in(where, ends)))
-        return kinetic, potential, np.concatenate([[0.0], np.cumsum(self._losses(index, start, h))])
+        varying = [dynamics.exchanging for dynamics in self.dynamics]
+        index, start, h = self._parts(sorted({*self.solution.looked_into, *self._even(any(varying))}))
+        ends, last = np.append(start, self.solution.end), index[-1:]
+        q, v = self.whole(ends, *self.solution.states_in(np.concatenate([index, last]), ends))
+        kinetic, potential = self.dynamics[0].energy(q, v)
+        lost = np.zeros(len(h))
+        for number, (dynamics, changing) in enumerate(zip(self.dynamics, varying, strict=True)):
+            rows = np.flatnonzero(self._stretches[index] == number)
+            if dynamics.steady.any() and q.shape == v.shape:
+                lost[rows] -= np.diff(q, axis=0)[rows] @ dynamics.steady
+            if changing:
+                lost[rows] += self._losses(changing, index[rows], start[rows], h[rows])
+        return kinetic, potential, np.concatenate([[0.0], np.cumsum(lost)])
 
-    def _parts(self) -> tuple[Indices, Array, Array]:
-        """Return the step of every part, its start and its length [s], each of shape (PARTS * steps,)."""
+    @cached_property
+    def _stretches(self) -> Indices:
+        return np.array([step.stretch for step in self.solution.steps])
+
+    def _even(self, every: bool) -> list[int]:
+        """Return steps that are looked into in any case: all of them, or an even choice."""
+        n = len(self.solution.steps)
+        return list(range(n)) if every else np.linspace(0, n - 1, min(n, STEPS)).astype(int).tolist()
+
+    def _parts(self, divided: list[int]) -> tuple[Indices, Array, Array]:
+        """Return the step of every part, its start and its length [s], each of shape (n,)."""
         steps = self.solution.steps
-        index, part = np.repeat(np.arange(len(steps)), PARTS), np.tile(np.arange(PARTS), len(steps))
-        start, h = np.array([(step.t, (step.until - step.t) / PARTS) for step in steps])[index].T
+        counts = np.ones(len(steps), dtype=np.intp)
+        counts[divided] = PARTS
+        index = np.repeat(np.arange(len(steps)), counts)
+        part = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
+        start, h = np.array([(step.t, (step.until - step.t) / n) for step, n in zip(steps, counts, strict=True)])[
+            index
+        ].T
         return index, start + part * h, h
 
-    def _losses(self, index: Indices, start: Array, h: Array) -> Array:
-        """Return the energy dissipated in every part [J], shape (PARTS * steps,)."""
-        if not any(part.forces for part in self.dynamics):
-            return np.zeros(len(h))
+    def _losses(self, dynamics: Dynamics, index: Indices, start: Array, h: Array) -> Array:
+        """Return the energy that elements take out in parts of steps [J], shape (n,)."""
         nodes, weights = np.polynomial.legendre.leggauss(GAUSS_NODES)
         t = (start[:, None] + 0.5 * h[:, None] * (nodes + 1.0)).ravel()
-        where = np.repeat(index, GAUSS_NODES)
-        q, v = self.whole(t, *self.solution.states_in(where, t))
-        stretch = np.array([step.stretch for step in self.solution.steps])[where]
-        powers = np.zeros(len(t))
-        for number in np.unique(stretch):
-            rows = stretch == number
-            powers[rows] = self.dynamics[number].dissipated_power(t[rows], q[rows], v[rows])
+        powers = dynamics.dissipated_power(
+            t, *self.whole(t, *self.solution.states_in(np.repeat(index, GAUSS_NODES), t))
+        )
         return np.asarray(0.5 * h * (powers.reshape(-1, GAUSS_NODES) @ weights))
 
 

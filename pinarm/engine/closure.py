@@ -6,85 +6,19 @@ An open chain has no rows; nothing else distinguishes it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.input.units import Unit
+from pinarm.engine.constraints import Constraint, Guide
+from pinarm.engine.measures import Measures
 from pinarm.mechanics.coordinates import Coordinate
 
-
-class Constraint(Protocol):
-    """Rows of G that belong together, such as those of one joint."""
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-        ...
-
-    @property
-    def size(self) -> int:
-        """Number m of rows."""
-        ...
-
-    def unit(self, row: int) -> Unit:
-        """Return the unit of the gap in a row: m or rad."""
-        ...
-
-    def gap(self, data: pin.Data, q: Array) -> Array:
-        """Return what is not closed [m or rad], shape (m,); ``data`` holds the placements of frames."""
-        ...
-
-    def rows(self, model: pin.Model, data: pin.Data) -> Array:
-        """Return G, shape (m, nv); ``data`` holds the Jacobians of joints and the placements of frames."""
-        ...
-
-    def drift(self, model: pin.Model, data: pin.Data) -> Array:
-        """Return G' v, shape (m,); ``data`` holds the forward kinematics of (q, v, 0) and the placements of frames."""
-        ...
-
-    def wrenches(self, model: pin.Model, data: pin.Data, lam: Array) -> dict[int, Array]:
-        """Return what multipliers do to the links: joint index -> [f; m] at the world's origin, world axes."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class Guide:
-    """A coordinate that is held to a value by a force along itself; the multiplier is that force.
-
-    Attributes:
-        name: Name of the coordinate.
-        coordinate: The coordinate.
-        size: One row.
-    """
-
-    name: str
-    coordinate: Coordinate
-    size: int = 1
-
-    def unit(self, row: int) -> Unit:
-        """Return the coordinate's unit."""
-        return self.coordinate.unit
-
-    def gap(self, data: pin.Data, q: Array) -> Array:
-        """Return the coordinate's value: what it is held to is the user's to subtract."""
-        return np.array([self.coordinate.value(data, q)])
-
-    def rows(self, model: pin.Model, data: pin.Data) -> Array:
-        """Return its row."""
-        return self.coordinate.row(model, data)[None]
-
-    def drift(self, model: pin.Model, data: pin.Data) -> Array:
-        """Return its drift."""
-        return np.array([self.coordinate.drift(model, data)])
-
-    def wrenches(self, model: pin.Model, data: pin.Data, lam: Array) -> dict[int, Array]:
-        """Return the force on the links whose points the coordinate measures."""
-        return self.coordinate.wrenches(model, data, float(lam[0]))
+MANY = 8
+"""Number of configurations from which on it pays to look at them together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +73,12 @@ class Closure:
         """Return the unit of the gap in every row, shape (m,): that of length, or 1 for angles."""
         return np.array([self.length ** float(one.unit(row).dimension[0]) for one, row in self.owners()])
 
+    def apart(self) -> Closure:
+        """Return the same with buffers of its own."""
+        other = replace(self, data=self.model.createData())
+        vars(other)["measures"] = self.measures  # they have no buffers
+        return other
+
     def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> Closure:
         """Return the closure with the rows of guided coordinates after its own."""
         if not names:
@@ -178,8 +118,16 @@ class Closure:
             [np.zeros((0, self.model.nv)), *(c.rows(self.model, self.data) for c in self.constraints)]
         )
 
+    @cached_property
+    def measures(self) -> Measures | None:
+        """What the constraints measure, at many configurations; none where something cannot be had so."""
+        return Measures.of(self.model, self.constraints)
+
     def at(self, q: Array) -> tuple[Array, Array]:
         """Return the gaps, shape (n, m), and G, shape (n, m, nv), at configurations, shape (n, nq)."""
+        if len(q) >= MANY and self.measures:
+            measured = self.measures.at(q.T)
+            return measured.gaps(len(q)), measured.matrices((len(q), self.size, self.model.nv))
         gaps, rows = np.empty((len(q), self.size)), np.empty((len(q), self.size, self.model.nv))
         for k, one in enumerate(q if self.size else ()):
             self.place(one)
@@ -188,6 +136,8 @@ class Closure:
 
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
+        if len(q) >= MANY and self.measures:
+            return self.measures.at(q.T).drifts(v.T, self.size)
         found = np.empty((len(q), self.size))
         for k, one in enumerate(q if self.size else ()):
             self.place(one)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pinarm.arrays import Array
 from pinarm.engine.balance import Account, energy_balance
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Solution
@@ -63,6 +64,15 @@ class Course:
             motions.append(leg.system.complete(self.dynamics, local, *leg.solution.states(local.t)))
         q, v, a, tau = map(np.concatenate, zip(*((one.q, one.v, one.a, one.tau) for one in motions), strict=True))
         return Motion(q, v, a, tau, Multipliers.joined([one.lam for one in motions]))
+
+    def positions(self, t: Array) -> Array:
+        """Return the configurations at instants, shape (n,), as they have been integrated, shape (n, nq)."""
+        owners = np.searchsorted(np.array(self.seams), t)
+        found = np.empty((len(t), self.dynamics.model.nq))
+        for number in sorted(set(owners.tolist())):
+            leg, here = self.legs[number], owners == number
+            found[here] = leg.system.whole(t[here], *leg.solution.states(t[here]))[0]
+        return found
 
     def cost(self) -> dict[str, float]:
         """Return the work done, by name."""

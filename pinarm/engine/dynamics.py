@@ -7,7 +7,7 @@ tau, forward dynamics for a. On a tree both have recursive routes of linear cost
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 
@@ -166,10 +166,7 @@ class Dynamics:
 
     def load(self) -> Acceleration:
         """Return ``(t, q, v) -> tau``, the load in one state, to be read only; steady loads are summed once."""
-        steady, tau, still = (np.zeros(self.model.nv) for _ in range(3))
-        for force in self.forces.values():
-            if force.steady:
-                force.add_load(0.0, pin.neutral(self.model), still, steady)
+        steady, tau = self.steady, np.zeros(self.model.nv)
         changing = tuple(force for force in self.forces.values() if not force.steady)
         if not changing:
             return lambda t, q, v: steady
@@ -181,6 +178,15 @@ class Dynamics:
             return tau
 
         return loaded
+
+    @cached_property
+    def steady(self) -> Array:
+        """The sum of the loads that are the same in all states and at all times [N*m or N], shape (nv,)."""
+        tau, q, still = np.zeros(self.model.nv), pin.neutral(self.model), np.zeros(self.model.nv)
+        for force in self.forces.values():
+            if force.steady:
+                force.add_load(0.0, q, still, tau)
+        return tau
 
     def energy(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return kinetic and potential energy [J], each of shape (n,); rotors and springs included."""
@@ -194,15 +200,9 @@ class Dynamics:
 
     @cached_property
     def conserved(self) -> Energy | None:
-        """Return ``(q, v) -> T, V`` of one state; ``None`` where force elements exchange energy.
-
-        Those do that follow laws, or dissipate at any of several states of no special kind.
-        """
+        """Return ``(q, v) -> T, V`` of one state; ``None`` where force elements exchange energy."""
         model, data, forces, forgotten = self.model, self.data, tuple(self.forces.values()), self._forgotten
-        rng = np.random.default_rng(0)
-        q = np.array([pin.integrate(model, pin.neutral(model), row) for row in rng.uniform(-1.0, 1.0, (3, model.nv))])
-        v = rng.uniform(-1.0, 1.0, (3, model.nv))
-        if any(force.laws() or np.asarray(force.dissipated_power(0.0, q, v)).any() for force in forces):
+        if not all(force.conservative for force in forces):
             return None
 
         def energy(q: Array, v: Array) -> tuple[float, float]:
@@ -224,6 +224,17 @@ class Dynamics:
         data, q = rotors.createData(), pin.neutral(rotors)
         counted = [pin.computeKineticEnergy(rotors, data, q, unit) for unit in np.eye(rotors.nv)]
         return np.asarray(0.5 * rotors.armature - counted)
+
+    @cached_property
+    def exchanging(self) -> Dynamics | None:
+        """The same with only those force elements that exchange energy and are not steady; ``None`` without any.
+
+        On mechanisms with quaternions or (cos, sin) pairs steady ones are among them: no difference of their
+        configurations tells the work.
+        """
+        simple = self.model.nq == self.model.nv
+        found = {name: one for name, one in self.forces.items() if not (one.conservative or (one.steady and simple))}
+        return replace(self, forces=found) if found else None
 
     def dissipated_power(self, t: Array, q: Array, v: Array) -> Array:
         """Return the power that leaves through force elements [W], shape (n,); negative where they drive."""

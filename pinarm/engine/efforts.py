@@ -14,7 +14,8 @@ from typing import Protocol
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.closure import Closure, Constraint
+from pinarm.engine.closure import Closure
+from pinarm.engine.constraints import Constraint
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.multipliers import Multipliers
 from pinarm.errors import InputError

@@ -34,7 +34,7 @@ def free_motions(closure: Closure, q: Array) -> Iterator[tuple[Indices, Array]]:
     if not closure.size:
         yield np.arange(n), np.broadcast_to(np.eye(nv)[:, None], (nv, n, nv))
         return
-    measures = Measures.of(closure.model, closure.constraints)
+    measures = closure.measures
     for start in range(0, n, BLOCK):
         left = np.arange(start, min(start + BLOCK, n))
         while len(left):

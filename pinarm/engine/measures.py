@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.closure import Constraint, Guide
+from pinarm.engine.constraints import Constraint, Guide
 from pinarm.engine.elimination import Row
 from pinarm.mechanics.chains import Chain, Placed
 from pinarm.mechanics.coordinates import Coordinate, DistanceCoordinate, FrameCoordinate, LinearCoordinate
@@ -237,6 +237,29 @@ class MeasuredAll:
         found = {}
         for start, part in self.parts:
             found.update({start + i: x for i, x in part.drift([k - start for k in wanted], v).items()})
+        return found
+
+    def gaps(self, n: int) -> Array:
+        """Return the values of all rows at n configurations [m or rad], shape (n, m)."""
+        gap = self.gap()
+        found = np.empty((n, len(gap)))
+        for row, x in enumerate(gap):
+            found[:, row] = x
+        return found
+
+    def matrices(self, shape: tuple[int, ...]) -> Array:
+        """Return J with all rows, of the shape (n, m, nv)."""
+        found = np.zeros(shape)
+        for row, coefficients in self.rows(range(shape[1])).items():
+            for column, x in coefficients.items():
+                found[:, row, column] = x
+        return found
+
+    def drifts(self, v: Array, m: int) -> Array:
+        """Return J' v of all m rows, shape (n, m), for velocities v, shape (nv, n)."""
+        found = np.zeros((v.shape[1], m))
+        for row, x in self.drift(range(m), v).items():
+            found[:, row] = x
         return found
 
 

@@ -15,7 +15,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
-from pinarm.engine.closure import Closure, Constraint
+from pinarm.engine.closure import Closure
+from pinarm.engine.constraints import Constraint
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.source import Source, read_robot
 from pinarm.errors import InputError, Key, choices, within

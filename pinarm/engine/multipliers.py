@@ -10,7 +10,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.closure import Closure
-from pinarm.engine.split import Split
+from pinarm.engine.split import Splits
 
 BLOCK = 512
 """Number of rows whose G is held at once."""
@@ -51,7 +51,7 @@ class Multipliers:
             held: ``M a + nle - loads - tau``, shape (n, nv).
             along: Efforts of the drives along the coordinates, shape (n, g).
         """
-        m, own_buffers = closure.size - along.shape[1], cache(lambda: Closure.of(closure.model, closure.constraints))
+        m, own_buffers = closure.size - along.shape[1], cache(closure.apart)
 
         def own(rows: Indices) -> Array:
             found = np.empty((len(rows), m))
@@ -59,8 +59,7 @@ class Multipliers:
                 some = rows[start : start + BLOCK]
                 g = own_buffers().at(q[some])[1]
                 force = held[some] - (along[some][:, None] @ g[:, m:])[:, 0]
-                splits = Split.each(g[:, :m])
-                found[start : start + BLOCK] = [split.multipliers(f) for split, f in zip(splits, force, strict=True)]
+                found[start : start + BLOCK] = Splits.of(g[:, :m]).multipliers(force)
             return found
 
         return cls(own, along)

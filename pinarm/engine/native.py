@@ -15,7 +15,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.closure import Closure, Constraint
+from pinarm.engine.closure import Closure
+from pinarm.engine.constraints import Constraint
 from pinarm.engine.dynamics import Dynamics, mass_matrix
 from pinarm.engine.integrators import Acceleration
 from pinarm.engine.reduction import Targets

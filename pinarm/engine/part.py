@@ -182,7 +182,7 @@ class Part:
         back = replace(
             run, mechanism=self.whole, q=q, v=v, a=a, tau=tau, closure=closure,
             dynamics=Dynamics.of(self.whole.model, self.forces), again=lambda other: self.restored(run.again(other)),
-            happenings=[self._happening(one) for one in run.happenings],
+            happenings=[self._happening(one) for one in run.happenings], positions=None,
         )  # fmt: skip
         if run.unasked:
             return replace(back, lam=self._multipliers(run.lam, np.zeros((n, len(self.removed.couplings)))))
@@ -273,6 +273,11 @@ class Carried(ForceElement):
         whole_q, whole_v = self._whole(q, v)
         powers = (force.dissipated_power(t, whole_q, whole_v) for force in self.forces)
         return np.asarray(sum(powers, np.zeros(q.shape[:-1])))
+
+    @property
+    def conservative(self) -> bool:
+        """Whether all elements are, and nothing that is dropped moves."""
+        return not self.timetable and all(force.conservative for force in self.forces)
 
     def laws(self) -> list[MotionLaw]:
         """Return the laws of all elements, and those of the joints that are dropped."""

@@ -79,12 +79,17 @@ def _lowest(t: Array, values: Array) -> Array:
 
 def _at(run: Trajectory, t: Array, rank: int) -> Array:
     """Return the regularity at instants, shape (n,)."""
+    closure = run.mechanism.closure
+    values = closure.values_of(closure.at(run.positions(t) if run.positions else _positions(run, t))[1])
+    return np.asarray(values[:, rank - 1] / values[:, 0])
+
+
+def _positions(run: Trajectory, t: Array) -> Array:
+    """Return configurations at instants, shape (n, nq), solved anew."""
     cuts = np.array(run.grid.cuts)
     ways = cuts if cuts[0] <= cuts[-1] else -cuts
     owners = np.searchsorted(ways[1:-1], t if ways is cuts else -t)
-    values = [
-        run.mechanism.closure.singular_values(q)
-        for stretch in np.unique(owners)
-        for q in run.within(int(stretch), t[owners == stretch]).q
-    ]
-    return np.array([each[rank - 1] / each[0] for each in values])
+    q = np.empty((len(t), run.q.shape[1]))
+    for stretch in np.unique(owners):
+        q[owners == stretch] = run.within(int(stretch), t[owners == stretch]).q
+    return q

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 
 RANK = 1e-7
 """Singular value of G, its rows of length 1, relative to the largest, below which rows count as dependent: closed to
@@ -23,15 +24,16 @@ those of a second bearing, they are compared with a lever of 1 mm."""
 class Split:
     """The rows of G taken apart: what they determine, what they leave free, and which of them are redundant.
 
-    With D the scaling that gives rows the length 1: ``D G = U S V^T``, cut at the rank r.
+    With D the scaling that gives rows the length 1: ``D G = U S V^T``, cut at the rank r. All arrays, given ones too,
+    may have a leading axis (..): one for each of several configurations at which the rank is the same.
 
     Attributes:
-        scale: Diagonal of D, shape (m,).
-        left: U, shape (m, r).
-        values: S, descending, shape (r,).
-        right: V^T, shape (r, nv).
-        free: T, a basis of the motions that the rows allow, ``G T = 0``, shape (nv, nv - r).
-        rows: G itself, shape (m, nv).
+        scale: Diagonal of D, shape (.., m).
+        left: U, shape (.., m, r).
+        values: S, descending, shape (.., r).
+        right: V^T, shape (.., r, nv).
+        free: T, a basis of the motions that the rows allow, ``G T = 0``, shape (.., nv, nv - r).
+        rows: G itself, shape (.., m, nv).
     """
 
     scale: Array
@@ -44,50 +46,98 @@ class Split:
     @classmethod
     def of(cls, rows: Array, least: float = RANK) -> Split:
         """Return the parts of the rows G, shape (m, nv)."""
-        return cls.each(rows[None], least)[0]
-
-    @classmethod
-    def each(cls, rows: Array, least: float = RANK) -> list[Split]:
-        """Return the parts of the rows G at several configurations, shape (n, m, nv)."""
-        m, nv = rows.shape[1:]
-        if not m:
-            nothing = np.ones(0), np.zeros((0, 0)), np.zeros(0), np.zeros((0, nv)), np.eye(nv)
-            return [cls(*nothing, one) for one in rows]
-        length = np.sqrt((rows * rows).sum(axis=2))
-        longest = np.maximum(length.max(axis=1, keepdims=True), SMALL)
-        scale = 1.0 / np.where(length > VANISHED * longest, length, 1.0)
-        scaled, tall = rows * scale[:, :, None], None
-        if m > nv:
-            tall, scaled = np.linalg.qr(scaled)
-        u, s, vt = np.linalg.svd(scaled)
-        left = u if tall is None else tall @ u
-        ranks = (s > least * np.maximum(s[:, :1], 1.0)).sum(axis=1).tolist()
-        return [cls(scale[k], left[k, :, :r], s[k, :r], vt[k, :r], vt[k, r:].T, rows[k]) for k, r in enumerate(ranks)]
+        ((_, split),) = _alike(rows[None], least)
+        return cls(split.scale[0], split.left[0], split.values[0], split.right[0], split.free[0], rows)
 
     @cached_property
     def redundant(self) -> Array:
-        """N, a basis of the multipliers that do nothing, ``N^T D G = 0``, shape (m, m - r)."""
-        return np.asarray(np.linalg.svd(self.left)[0][:, len(self.values) :])
+        """N, a basis of the multipliers that do nothing, ``N^T D G = 0``, shape (.., m, m - r)."""
+        return np.asarray(np.linalg.svd(self.left)[0][..., self.values.shape[-1] :])
 
     def particular(self, right: Array) -> Array:
-        """Return the shortest x with ``G x = right`` in the sense of least squares, shape (nv,)."""
-        return np.asarray(self.right.T @ ((self.left.T @ (self.scale * right)) / self.values))
+        """Return the shortest x with ``G x = right`` in the sense of least squares, shape (.., nv)."""
+        return np.asarray(np.vecmat(np.vecmat(self.scale * right, self.left) / self.values, self.right))
 
     def multipliers(self, force: Array) -> Array:
-        """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (m,)."""
-        wanted = self.right @ force
-        if len(self.scale) == len(self.values):
-            return np.asarray(self.scale * (self.left @ (wanted / self.values)))
-        q, r = np.linalg.qr(self.rows @ self.right.T)
-        return np.asarray(q @ np.linalg.solve(r.T, wanted))
+        """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (.., m)."""
+        wanted = np.matvec(self.right, force)
+        if self.scale.shape == self.values.shape:
+            return np.asarray(self.scale * np.matvec(self.left, wanted / self.values))
+        q, r = np.linalg.qr(self.rows @ self.right.swapaxes(-1, -2))
+        return np.asarray(np.matvec(q, _solved(r.swapaxes(-1, -2), wanted)))
 
     def solve(self, mass: Array, force: Array, right: Array) -> Array:
-        """Return the x that minimises ``x^T M x / 2 - force . x`` while ``G x = right``, shape (nv,).
+        """Return the x that minimises ``x^T M x / 2 - force . x`` while ``G x = right``, shape (.., nv).
 
         Gauss's principle: with the loads less the bias forces and ``right = -G' v`` it is the acceleration. M may be
         singular in directions that the rows hold.
         """
         x = self.particular(right)
-        if self.free.shape[1]:
-            x = x + self.free @ np.linalg.solve(self.free.T @ mass @ self.free, self.free.T @ (force - mass @ x))
+        if self.free.shape[-1]:
+            free = self.free.swapaxes(-1, -2)
+            x = x + np.matvec(self.free, _solved(free @ mass @ self.free, np.matvec(free, force - np.matvec(mass, x))))
         return x
+
+
+@dataclass(frozen=True, eq=False)
+class Splits:
+    """The rows of G taken apart at n configurations, those with the same rank together.
+
+    Attributes:
+        parts: Places of some of the configurations, and what is theirs.
+        shape: Of G, (n, m, nv).
+    """
+
+    parts: list[tuple[Indices, Split]]
+    shape: tuple[int, ...]
+
+    @classmethod
+    def of(cls, rows: Array) -> Splits:
+        """Return the parts of the rows G, shape (n, m, nv)."""
+        return cls(_alike(rows, RANK), rows.shape)
+
+    def particular(self, right: Array) -> Array:
+        """Return what ``Split.particular`` does, shape (n, nv)."""
+        return self._each(self.shape[2], Split.particular, right)
+
+    def multipliers(self, force: Array) -> Array:
+        """Return what ``Split.multipliers`` does, shape (n, m)."""
+        return self._each(self.shape[1], Split.multipliers, force)
+
+    def solve(self, mass: Array, force: Array, right: Array) -> Array:
+        """Return what ``Split.solve`` does, shape (n, nv)."""
+        return self._each(self.shape[2], Split.solve, mass, force, right)
+
+    def _each(self, width: int, found: Callable[..., Array], *given: Array) -> Array:
+        values = np.empty((self.shape[0], width))
+        for rows, split in self.parts:
+            values[rows] = found(split, *(x[rows] for x in given))
+        return values
+
+
+def _alike(rows: Array, least: float) -> list[tuple[Indices, Split]]:
+    """Return the parts of G at configurations, shape (n, m, nv), those with the same rank together."""
+    n, m, nv = rows.shape
+    if not m:
+        nothing = np.ones((n, 0)), np.zeros((n, 0, 0)), np.zeros((n, 0)), np.zeros((n, 0, nv))
+        return [(np.arange(n), Split(*nothing, np.broadcast_to(np.eye(nv), (n, nv, nv)), rows))]
+    length = np.sqrt((rows * rows).sum(axis=2))
+    longest = np.maximum(length.max(axis=1, keepdims=True), SMALL)
+    scale = 1.0 / np.where(length > VANISHED * longest, length, 1.0)
+    scaled, tall = rows * scale[:, :, None], None
+    if m > nv:
+        tall, scaled = np.linalg.qr(scaled)
+    u, s, vt = np.linalg.svd(scaled)
+    left = u if tall is None else tall @ u
+    ranks = (s > least * np.maximum(s[:, :1], 1.0)).sum(axis=1)
+    found = []
+    for r in sorted(set(ranks.tolist())):
+        k = np.flatnonzero(ranks == r)
+        free = vt[k, r:].swapaxes(1, 2)
+        found.append((k, Split(scale[k], left[k, :, :r], s[k, :r], vt[k, :r], free, rows[k])))
+    return found
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """Return x with ``matrix x = right``, shapes (.., k, k), (.., k) and (.., k)."""
+    return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])

@@ -13,7 +13,7 @@ from pinarm.arrays import Array, Indices
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.masses import MASSLESS, NOTHING
 from pinarm.engine.regularity import least_regular
-from pinarm.engine.split import Split
+from pinarm.engine.split import Splits
 from pinarm.engine.trajectory import Trajectory
 
 SAMPLE = 64
@@ -88,15 +88,11 @@ class _Looked:
 
     def of_one_freedom(self, run: Trajectory) -> list[_Alike]:
         """Return those with as many free motions together: at singular positions there are more."""
-        splits, mass = Split.each(self.own), run.dynamics.mass_matrices(run.q[self.rows])
-        freedoms = np.array([split.free.shape[1] for split in splits])
-        found = []
-        for freedom in set(freedoms.tolist()):
-            some = np.flatnonzero(freedoms == freedom)
-            free = np.array([splits[k].free for k in some])
-            particular = np.array([splits[k].particular(self.right[k]) for k in some])
-            free_mass = free.swapaxes(1, 2) @ mass[some] @ free
-            found.append(_Alike(self.rows[some], free, mass[some], free_mass, particular, self.guided[some]))
+        mass, found = run.dynamics.mass_matrices(run.q[self.rows]), []
+        for some, split in Splits.of(self.own).parts:
+            free_mass = split.free.swapaxes(1, 2) @ mass[some] @ split.free
+            particular = split.particular(self.right[some])
+            found.append(_Alike(self.rows[some], split.free, mass[some], free_mass, particular, self.guided[some]))
         return found
 
 

@@ -25,6 +25,9 @@ order 1 where it passes this at 0.03 of its largest speed, and none at 0.1."""
 WITHIN, BLOCK, USUAL = 16, 500, 8
 """Instants within a step that are looked at, steps that are looked at together, and states that tell what is usual."""
 
+MARGIN = 1.5
+"""How much the speed within a step is underestimated at most."""
+
 AHEAD = 0.25
 """How far a mechanism moves before it may have become singular, over its regularity [rad]: four-bars take 1."""
 
@@ -79,7 +82,7 @@ class _Pace:
         t: Starts of its steps, shape (n,).
         q: Configuration at its start, shape (nq,).
         speed: Speeds at the starts, shape (n,).
-        turning: Speeds at the ends of each step, the smaller one; 0 where the direction changes much, shape (n,).
+        least: About the least speed within each step, shape (n,).
     """
 
     leg: Leg
@@ -87,7 +90,7 @@ class _Pace:
     t: Array
     q: Array
     speed: Array
-    turning: Array
+    least: Array
 
     @classmethod
     def of(cls, leg: Leg, scale: Array) -> _Pace:
@@ -99,8 +102,13 @@ class _Pace:
         q, v = leg.system.whole(t, y[:, :nq], y[:, nq:])
         v = v / scale
         speed = np.linalg.norm(v, axis=1)
-        along = (v[:-1] * v[1:]).sum(axis=1) > 0.5 * speed[:-1] * speed[1:]
-        return cls(leg, scale, t[:-1], q[0], speed[:-1], np.where(along, np.minimum(speed[:-1], speed[1:]), 0.0))
+        if q.shape == v.shape:
+            mean = np.diff(q, axis=0) / (np.diff(t)[:, None] * scale)
+            least = _least(v[:-1], mean, v[1:])
+        else:  # half of the smaller one at its ends; 0 where the direction changes much
+            along = (v[:-1] * v[1:]).sum(axis=1) > 0.5 * speed[:-1] * speed[1:]
+            least = np.where(along, 0.5 * np.minimum(speed[:-1], speed[1:]), 0.0)
+        return cls(leg, scale, t[:-1], q[0], speed[:-1], least)
 
     def within(self, steps: Indices) -> tuple[Array, Array, Array]:
         """Return instants within the steps of given indices, configurations and speeds there."""
@@ -110,6 +118,13 @@ class _Pace:
         return t, q, np.linalg.norm(v / self.scale, axis=1)
 
 
+def _least(first: Array, mean: Array, last: Array) -> Array:
+    """Return the least speed of parabolas through velocities at both ends, with given means, each of shape (n, nv)."""
+    x = np.linspace(0.0, 1.0, WITHIN)[:, None, None]
+    v = first * (1.0 - x) + last * x + (6.0 * mean - 3.0 * (first + last)) * (x * (1.0 - x))
+    return np.asarray(np.linalg.norm(v, axis=2).min(axis=0))
+
+
 def _slow(paces: Sequence[_Pace], limit: float) -> Iterator[tuple[float, Array, float]]:
     """Yield instants at which a motion is slow, the configurations, and how regular they have to be at least."""
     first, since = paces[0], -np.inf
@@ -117,7 +132,7 @@ def _slow(paces: Sequence[_Pace], limit: float) -> Iterator[tuple[float, Array, 
         yield float(first.t[0]), first.q, RANK
         since = float(min(first.t[first.speed >= limit], default=np.inf))
     for pace in paces:
-        steps = np.flatnonzero(pace.turning < 3.0 * limit)
+        steps = np.flatnonzero(pace.least < MARGIN * limit)
         for start in range(0, len(steps), BLOCK):
             t, q, speed = pace.within(steps[start : start + BLOCK])
             for k in np.flatnonzero((speed < limit) & (t >= since)):

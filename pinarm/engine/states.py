@@ -239,7 +239,7 @@ def _check_closed(closure: Closure, leading: Leading, q: Array, v: Array, a: Arr
 
 def _suspects(closure: Closure, q: Array, v: Array, a: Array) -> Iterator[int]:
     """Yield the rows that may tear a loop or a coupling: those beyond half of what typed digits explain."""
-    measures = Measures.of(closure.model, closure.constraints)
+    measures = closure.measures
     if measures is None:
         yield from range(len(q))
         return

@@ -68,7 +68,7 @@ class Sweep:
         """
         if not SIZES[0] < closure.extent < SIZES[1]:
             return None
-        measures = Measures.of(closure.model, (*closure.constraints, *imposed.coordinates))
+        measures = closure.with_guides(imposed.names, imposed.coordinates).measures
         return cls(closure.model.nv, measures, closure.size) if measures else None
 
     def ahead(self, t: Array, w: Array, q: Array, v: Array, a: Array) -> tuple[Array, ...]:

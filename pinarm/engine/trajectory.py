@@ -88,6 +88,8 @@ class Trajectory:
         happenings: Events and impacts, in order of time.
         notes: What the run has to say of itself, such as that its integrator was a poor choice.
         separate: Whether the rows are states of their own, not one motion.
+        positions: Parameter, shape (n,) -> configurations, shape (n, nq), as the integration gives them, which costs
+            less than ``again``; none where nothing has been integrated.
     """
 
     mechanism: Mechanism
@@ -108,6 +110,7 @@ class Trajectory:
     separate: bool = False
     happenings: Sequence[Happening] = ()
     notes: tuple[str, ...] = ()
+    positions: Callable[[Array], Array] | None = field(default=None, repr=False)
 
     @classmethod
     def still(cls, mechanism: Mechanism, parameter: str, measured: Unit, closure: Closure | None = None) -> Trajectory:

@@ -188,7 +188,7 @@ def _at(mechanism: Mechanism, journey: Journey, course: Course, events: Mapping[
     one, again = np.zeros(len(grid.t), dtype=np.intp), partial(_at, mechanism, journey, course, events)
     run = told(mechanism, journey, grid, course.complete(grid), again)
     happened = tuple(course.happenings)
-    return replace(run, further=further(events, [happened], one), happenings=happened)
+    return replace(run, further=further(events, [happened], one), happenings=happened, positions=course.positions)
 
 
 def told(

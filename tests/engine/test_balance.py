@@ -40,6 +40,7 @@ LOADS = {
     "damper": JointSpring(joint="B", damping=0.02),
     "push": effort("B", Trapezoid(start=0.0, end=1.0, acceleration=9.0, begin=0.3)),
     "swing": effort("O", Harmonic(amplitude=2.0, pulsation=5.0)),
+    "steady": effort("O", Constant(value=0.7)),
 }
 
 
@@ -127,7 +128,7 @@ class TestEnergyBalance:
         assert found[1] < found[0] / 100
         assert found[2] < found[1] / 100
 
-    @pytest.mark.parametrize("name", ["damper", "push", "swing", "spring"])
+    @pytest.mark.parametrize("name", [*LOADS])
     def test_a_load_that_is_not_accounted_for_shows(self, arm, name):
         bound = {key: load.bind(arm.model, arm.joints) for key, load in LOADS.items()}
         bounds = [0.0, *(x for x in LOADS["push"].effort.breakpoints() if 0.0 < x < 2.0), 2.0]

@@ -111,6 +111,7 @@ def test_power_of_the_load_is_what_leaves_the_potential_and_is_not_dissipated(fo
         change = differentiate(lambda x: element.potential_energy(motion(x)[0]), t)
         # differences of order 8 at h = 0.02, of energies up to 100 J
         assert power == pytest.approx(-change - element.dissipated_power(t, q, v), abs=1e-9)
+        assert not element.conservative or element.dissipated_power(t, q, v) == 0.0
         worked = max(worked, abs(power))
     assert worked > 1.0, "the motion must make the element work"
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Literal, NamedTuple, Protocol
@@ -78,8 +77,8 @@ class Stretch:
         floor: Returns the step that is taken although its error is above the tolerance, as long as it is below
             ``NOISE`` [s]: close to a singular position, where rounding is blown up, shorter steps are no better.
         energy: Energy of a state; none where dampers, loads over time, drives or laws of motion exchange energy.
-        as_from: ``with as_from(t):`` the acceleration is the one that the step from t was taken with, where it depends
-            on how close to a singular position the step began.
+        since: Start of a step that has been taken [s] -> the acceleration that it was taken with, where that depends on
+            how close to a singular position the step began; none where it does not.
         together: The acceleration of many states at once; none where it is only known of one.
     """
 
@@ -89,14 +88,18 @@ class Stretch:
     settle: Settle | None = None
     floor: Callable[[], float] = float
     energy: Energy | None = None
-    as_from: Callable[[float], AbstractContextManager[None]] = lambda t: nullcontext()
+    since: Callable[[float], Acceleration] | None = None
     together: Accelerations | None = None
 
-    def accelerations(self, t: Array, q: Array, v: Array) -> Array:
-        """Return the accelerations of many states, shape (n, nv), at times t, shape (n,)."""
+    def accelerations(self, start: Array, t: Array, q: Array, v: Array) -> Array:
+        """Return the accelerations of many states, shape (n, nv), at times t in steps from ``start``, shape (n,)."""
         if self.together is not None:
             return self.together(t, q, v)
-        return np.array([self.acceleration(float(instant), *state) for instant, *state in zip(t, q, v, strict=True)])
+        found = np.empty_like(v)
+        for k, (begin, instant) in enumerate(zip(start.tolist(), t.tolist(), strict=True)):
+            acceleration = self.since(begin) if self.since else self.acceleration
+            found[k] = acceleration(instant, q[k], v[k])
+        return found
 
 
 class Step(NamedTuple):
@@ -270,24 +273,34 @@ class Solution:
 
     def states_in(self, index: Indices, t: Array) -> tuple[Array, Array]:
         """Return the states at many times, each from the step of the given index, both of shape (n,)."""
-        needed = np.flatnonzero(np.bincount(index, minlength=len(self.steps)))
-        where = np.searchsorted(needed, index)
-        self._interpolate([int(i) for i in needed if int(i) not in self._interpolants])
+        needed, where = self._places(index)
         steps = [self.steps[i] for i in needed]
-        h, start = np.array([step.h for step in steps])[where], np.array([step.t for step in steps])[where]
-        base, terms = np.array([step.y for step in steps]), np.array([self._interpolants[int(i)] for i in needed])
-        y = interpolated(base[where], terms[where], (t - start) / h)
+        start, h = np.array([(step.t, step.h) for step in steps])[where].T
+        y, passed = np.array([step.y for step in steps])[where], (t - start) / h
+        inside = np.flatnonzero(passed)  # where a step begins its state is known
+        if len(inside):
+            needed, where = self._places(index[inside])
+            self._interpolate([i for i in needed if i not in self._interpolants])
+            terms = np.array([self._interpolants[i] for i in needed])[where]
+            y[inside] = interpolated(y[inside], terms, passed[inside])
         return self.manifold.project(y[:, : self.manifold.nq]), y[:, self.manifold.nq :]
 
+    def _places(self, index: Indices) -> tuple[list[int], Indices]:
+        """Return the steps that occur in an array of indices, ascending, and the place of each entry among them."""
+        needed = np.flatnonzero(np.bincount(index, minlength=len(self.steps)))
+        return needed.tolist(), np.searchsorted(needed, index)
+
+    @property
+    def looked_into(self) -> list[int]:
+        """Return the steps whose dense output is there, because states within them have been asked for."""
+        return sorted(self._interpolants)
+
     def _interpolate(self, indices: list[int]) -> None:
-        """Compute the terms of the interpolants of steps, those of a stretch together where its acceleration allows."""
+        """Compute the terms of the interpolants of steps, those of a stretch together."""
         for number, group in groupby(indices, lambda i: self.steps[i].stretch):
-            here, stretch = list(group), self.stretches[number]
-            for part in [here] if stretch.together else [[i] for i in here]:
-                steps = [self.steps[i] for i in part]
-                with stretch.as_from(steps[0].t):
-                    terms = self.method.interpolants(stretch, self.manifold, steps)
-                self._interpolants.update(zip(part, terms, strict=True))
+            here = list(group)
+            terms = self.method.interpolants(self.stretches[number], self.manifold, [self.steps[i] for i in here])
+            self._interpolants.update(zip(here, terms, strict=True))
 
 
 def interpolated(base: Array, terms: Array, x: Array) -> Array:

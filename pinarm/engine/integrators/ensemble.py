@@ -175,7 +175,7 @@ class _Advance:
     def rates(self, t: Array, y: Array) -> Array:
         """Return the slopes of states."""
         q, v = self.manifold.project(y[:, : self.manifold.nq]), y[:, self.manifold.nq :]
-        return np.hstack([self.manifold.velocity(q, v), self.stretch.accelerations(t, q, v)])
+        return np.hstack([self.manifold.velocity(q, v), self.stretch.accelerations(t, t, q, v)])
 
     def along(self, going: _Going) -> tuple[Indices, Array, Array]:
         """Step through the stretch; return the motions that reach its end, their next steps and their states."""
@@ -210,7 +210,7 @@ class _Advance:
             new[:, :nq] = self.manifold.project(new[:, :nq])
             q, v = new[:, :nq], new[:, nq:]
             slopes[i, :, :nq] = self.manifold.velocity(q, v)
-            slopes[i, :, nq:] = self.stretch.accelerations(going.t + c * h, q, v)
+            slopes[i, :, nq:] = self.stretch.accelerations(going.t, going.t + c * h, q, v)
         return new, slopes
 
     def error(self, h: Array, y: Array, new: Array, slopes: Array) -> Array:

@@ -420,7 +420,7 @@ def terms_of(
     for k, (weights, c) in enumerate(zip(tableau.dense_a, tableau.dense_c, strict=True), s):
         y = base + h[:, None] * (weights[:k] @ slopes[:, :k])
         q, v = manifold.project(y[:, :nq]), y[:, nq:]
-        slopes[:, k, :nq], slopes[:, k, nq:] = manifold.velocity(q, v), stretch.accelerations(t + c * h, q, v)
+        slopes[:, k, :nq], slopes[:, k, nq:] = manifold.velocity(q, v), stretch.accelerations(t, t + c * h, q, v)
     slopes *= h[:, None, None]
     change, first, last = tableau.b @ slopes[:, : s - 1], slopes[:, 0], slopes[:, s - 1]
     lowest = np.stack([change, first - change, 2 * change - first - last], axis=1)

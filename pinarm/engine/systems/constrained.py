@@ -23,9 +23,9 @@ from pinarm.engine.masses import require_masses
 from pinarm.engine.measures import BLOCK
 from pinarm.engine.multipliers import Multipliers
 from pinarm.engine.reduction import Targets
-from pinarm.engine.split import RANK, Split
+from pinarm.engine.split import RANK, Split, Splits
 from pinarm.engine.systems.contract import Initial, Motion
-from pinarm.engine.systems.together import CLOSED, FEWEST, ITERATIONS, TURNED, Solved, Together
+from pinarm.engine.systems.together import CLOSED, ITERATIONS, ROUNDED, TURNED, Solved, Together
 from pinarm.errors import AssemblyError, DynamicsError, InputError
 from pinarm.mechanics.balls import coordinate_at, coordinate_name
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -39,6 +39,9 @@ leaves where these terms vanish, relative to the square of the velocity [m]."""
 MET, LEAST = 1e-6, 1.0
 """Part of its terms that ``G a + G' v`` may be at accepted states, where closed loops leave less than 1e-10; and the
 size that terms have at least, since at rest all of them vanish [m/s^2 or rad/s^2]."""
+
+FEW = 64
+"""Number of rows whose G is taken apart at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +152,7 @@ class ConstrainedSystem:
         """Return the energy of a state, as far as it is conserved."""
         return dynamics.conserved if all(isinstance(law, Constant) for law in self.imposed.laws) else None
 
-    def settled(self, q: Array, v: Array, w: Array, dw: Array, t: Array) -> tuple[Array, Array, list[Split]]:
+    def settled(self, q: Array, v: Array, w: Array, dw: Array, t: Array) -> tuple[Array, Array, Splits]:
         """Return the closed states nearest to given ones, the distance measured by the masses, and their rows apart.
 
         Args:
@@ -162,19 +165,18 @@ class ConstrainedSystem:
         Raises:
             AssemblyError: Newton's method does not close one.
         """
-        model, rows, values = self.rows.model, self.rows, self.rates(w)
-        mass, still, size = mass_matrices(model, rows.data, q), np.zeros(model.nv), max(1.0, rows.extent)
+        model, rows, values, polished = self.rows.model, self.rows, self.rates(w), False
+        mass, still, size = mass_matrices(model, rows.data, q), np.zeros_like(v), max(1.0, rows.extent)
+        whole = size + np.abs(values).max(axis=1)
         for _ in range(ITERATIONS):
             gaps, matrices = rows.at(q)
-            gaps = values - gaps
-            away = zip(q, Split.each(matrices), mass, gaps, strict=True)
-            q = np.array([pin.integrate(model, one, split.solve(m, still, gap)) for one, split, m, gap in away])
-            limit = CLOSED * (size + np.abs(values).max(axis=1)) + TURNED * size * np.abs(q).max(axis=1)
-            excess = np.abs(gaps).max(axis=1) - limit
-            if (excess <= 0.0).all():  # and now closed to rounding
-                splits = Split.each(rows.at(q)[1])
-                states = zip(splits, mass, v, self.rates(dw), strict=True)
-                return q, np.array([split.solve(m, m @ one, rate) for split, m, one, rate in states]), splits
+            gaps, splits = values - gaps, Splits.of(matrices)
+            torn = np.abs(gaps).max(axis=1)
+            if polished or (torn <= ROUNDED * whole).all():
+                return q, splits.solve(mass, np.matvec(mass, v), self.rates(dw)), splits
+            q = _moved(model, q, splits.solve(mass, still, gaps))
+            excess = torn - CLOSED * whole - TURNED * size * np.abs(q).max(axis=1)
+            polished = bool((excess <= 0.0).all())
         worst = int(excess.argmax())
         raise self._open(float(t[worst]), q[worst], gaps[worst])
 
@@ -216,16 +218,14 @@ class ConstrainedSystem:
         return self._with_efforts(dynamics, grid, *found)
 
     def _few(self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array) -> Solved:
-        """Return the first rows, each taken apart by itself: close to singular positions, or with ball joints."""
-        some = np.arange(len(t)) < FEWEST
+        """Return the first rows, each taken apart by itself: few, close to singular positions, or with ball joints."""
+        some = np.arange(len(t)) < FEW
         w, t = w[:, :, some].transpose(0, 2, 1), t[some]
         q, v, splits = self.settled(q[some], v[some], w[0], w[1], t)
         mass, force = dynamics.mass_matrices(q), -dynamics.inverse(t, q, v, np.zeros_like(v))
-        right = self.rates(w[2]) - self.rows.drifts(q, v)
-        a = np.array([split.solve(*given) for split, *given in zip(splits, mass, force, right, strict=True)])
-        held = np.einsum("nij,nj->ni", mass, a) - force
-        efforts = [split.multipliers(one)[self.own.size :] for split, one in zip(splits, held, strict=True)]
-        return some, (q, v, a, np.array(efforts))
+        a = splits.solve(mass, force, self.rates(w[2]) - self.rows.drifts(q, v))
+        efforts = splits.multipliers(np.matvec(mass, a) - force)[:, self.own.size :] if w.size else w[0]
+        return some, (q, v, a, efforts)
 
     def _with_efforts(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array, efforts: Array) -> Motion:
         """Return a motion with the efforts of the imposed coordinates, shape (n, k): at joints and along others."""
@@ -235,6 +235,13 @@ class ConstrainedSystem:
         weights = [one.weights for one in self.imposed.coordinates if isinstance(one, LinearCoordinate)]
         tau = efforts[:, others:] @ np.reshape(weights, (-1, v.shape[1]))
         return Motion(q, v, a, tau, Multipliers.least(self.closure, q, demand - tau, efforts[:, :others]))
+
+
+def _moved(model: pin.Model, q: Array, x: Array) -> Array:
+    """Return configurations, shape (n, nq), after motions x, shape (n, nv)."""
+    if model.nq == model.nv:
+        return q + x
+    return np.array([pin.integrate(model, *one) for one in zip(q, x, strict=True)])
 
 
 class _RowMotion:

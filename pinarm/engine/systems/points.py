@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,7 +71,7 @@ class PointSystem:
         general = self.general
         motion = _PointMotion(self.points, general.rows, dynamics.on(start, end), general.imposed.on(start, end))
         return Stretch(
-            start, end, motion.acceleration, motion.settle, motion.floor, general.energy(dynamics), motion.as_from
+            start, end, motion.acceleration, motion.settle, motion.floor, general.energy(dynamics), motion.since
         )
 
     def part(self, q: Array, v: Array) -> tuple[Array, Array]:
@@ -144,15 +142,18 @@ class _PointMotion:
         self.ways[t] = self.near, self.rank
         return q, v
 
-    @contextmanager
-    def as_from(self, t: float) -> Iterator[None]:
-        """Go on as was chosen at the end of an earlier step; as close to a singular position at the first instant."""
-        now = self.near, self.rank
-        self.near, self.rank = self.ways.get(t, (True, self.rank))
-        try:
-            yield
-        finally:
-            self.near, self.rank = now
+    def since(self, t: float) -> Acceleration:
+        """Return the acceleration as it was chosen at the start of a step, at the first instant as close as can be."""
+        chosen = self.ways.get(t, (True, self.rank))
+
+        def acceleration(instant: float, q: Array, v: Array) -> Array:
+            now, (self.near, self.rank) = (self.near, self.rank), chosen
+            try:
+                return self.acceleration(instant, q, v)
+            finally:
+                self.near, self.rank = now
+
+        return acceleration
 
     def look(self, q: Array) -> None:
         """Choose how to go on, by how regular the position is, which is the one last closed."""

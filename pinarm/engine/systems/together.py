@@ -20,13 +20,16 @@ from pinarm.engine.measures import MeasuredAll, Measures
 CLOSED = 1e-13
 """Gap at which a state counts as closed [m or rad]; one step more ends at rounding."""
 
+ROUNDED = 1e-15
+"""The same that is rounding."""
+
 TURNED = 1e-15
 """What rounding of an angle of many turns leaves open, over the angle."""
 
 ITERATIONS = 12
 
-FEWEST = 16
-"""Number of rows from which on it pays to solve them together."""
+FEWEST = 400
+"""Number of constraint rows in all instants from which on it pays to solve these together."""
 
 Solved = tuple[Flags, Sequence[Array]]
 """Which rows have been solved, shape (n,), and of these q, v, a and the efforts, shapes (s, nq), (s, nv) and (s, k)."""
@@ -47,8 +50,7 @@ class Together:
     @classmethod
     def of(cls, rows: Closure, own: int) -> Together | None:
         """Return the rows of a closure; ``None`` where something cannot be had at many configurations."""
-        measures = Measures.of(rows.model, rows.constraints)
-        return cls(measures, own) if measures else None
+        return cls(rows.measures, own) if rows.measures else None
 
     def solve(self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array) -> Solved | None:
         """Return the closed states nearest to given ones, with accelerations and the efforts of imposed coordinates.
@@ -63,7 +65,7 @@ class Together:
         Returns:
             The rows that the order of elimination serves that suits the first one; ``None`` where it has none.
         """
-        if len(q) < FEWEST:
+        if len(q) * self.measures.size < FEWEST:
             return None
         every, measured, still = range(self.measures.size), self.measures.at(q.T), np.zeros_like(v)
         rows = measured.rows(every)

@@ -32,6 +32,11 @@ class ForceElement(ABC):
         """Return the power that leaves the mechanism [W], shape (...)."""
 
     @property
+    def conservative(self) -> bool:
+        """Whether all of the power goes into U and comes from it."""
+        return False
+
+    @property
     def steady(self) -> bool:
         """Whether the load is the same in all states and at all times."""
         return False

@@ -63,6 +63,11 @@ class SpringDamper(ForceElement):
         """Return the power of the dampers."""
         return np.asarray((self.damping * v[..., self.v] ** 2).sum(axis=-1))
 
+    @property
+    def conservative(self) -> bool:
+        """Whether there are no dampers."""
+        return not self.damping.any()
+
 
 @dataclass(frozen=True)
 class BallSpring(ForceElement):
@@ -91,6 +96,11 @@ class BallSpring(ForceElement):
     def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return 0."""
         return np.zeros(v.shape[:-1])
+
+    @property
+    def conservative(self) -> bool:
+        """Whether it is: a spring alone."""
+        return True
 
     def _rotation(self, q: Array) -> Array:
         """Return the rotation vectors, shape (..., 3); ``w = 2 atan(n / c) u`` for the quaternion (n u, c)."""

@@ -170,6 +170,11 @@ class TwoPointSpring(ForceElement):
             return np.zeros(q.shape[:-1])
         return np.asarray(self.damping * (self._lines(q)[1] * v).sum(axis=-1) ** 2)
 
+    @property
+    def conservative(self) -> bool:
+        """Whether there is no damper."""
+        return not self.damping
+
     def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
         """Return the pull on both links, moved to the world's origin."""
         length, direction, row = self._line(q)
