@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import pinocchio as pin
@@ -35,32 +35,60 @@ PROJECTION = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class PointClosure:
-    """Loops of one mechanism as pairs of coinciding points.
+class Points:
+    """Pairs of coinciding points that say the same as the loops of one mechanism.
 
     Attributes:
-        model: Pinocchio's model.
-        data: Buffers of the decomposition.
-        points: Pinocchio's constraints.
-        states: Their buffers.
-        cholesky: Decomposition of the mass matrix and the rows together.
-        driven: Indices in v of the joints whose acceleration is prescribed.
+        model: Pinocchio's model, with an armature at the joints whose acceleration is prescribed.
+        needed: Pinocchio's constraints.
+        driven: Indices in v of these joints.
         inertia: The armature that holds each of them to it, shape (k,).
-        scale: Smallest Delassus diagonal that is not 0 [1/kg].
         rank: Rank of the rows at a configuration of no special kind.
         regularity: Smallest singular value of the rows there, relative to the largest.
     """
 
     model: pin.Model
-    data: pin.Data = field(repr=False)
-    points: pin.StdVec_RigidConstraintModel = field(repr=False)
-    states: pin.StdVec_RigidConstraintData = field(repr=False)
-    cholesky: pin.ConstraintCholeskyDecomposition = field(repr=False)
+    needed: pin.StdVec_RigidConstraintModel = field(repr=False)
     driven: Indices
     inertia: Array
-    scale: float
     rank: int
     regularity: float
+
+    @staticmethod
+    @lru_cache(maxsize=16)  # the same for all runs of a mechanism
+    def of(closure: Closure, driven: tuple[int, ...]) -> Points | None:
+        """Return the points of a closure; see ``PointClosure.of``."""
+        model, data, held = pin.Model(closure.model), closure.model.createData(), np.array(driven, dtype=np.intp)
+        inertia = np.full(len(held), HEAVY * np.diag(mass_matrix(model, data, pin.neutral(model))).max())
+        model.armature[held] += inertia
+        tied = [_points_of(model, constraint) for constraint in closure.constraints]
+        if not tied or any(points is None for points in tied):
+            return None
+        needed, rank, regularity = _independent(model, data, [point for points in tied for point in points or ()])
+        if _unevenness(model, data, needed, rank) > UNEVEN:
+            return None
+        points = pin.StdVec_RigidConstraintModel()
+        points.extend(needed)
+        return Points(model, points, held, inertia, rank, regularity)
+
+
+@dataclass(frozen=True, eq=False)
+class PointClosure:
+    """Loops of one mechanism as pairs of coinciding points, ready for evaluation.
+
+    Attributes:
+        tied: The points.
+        data: Pinocchio's buffers.
+        states: Those of the constraints.
+        cholesky: Decomposition of the mass matrix and the rows together.
+        scale: Smallest Delassus diagonal that is not 0 [1/kg].
+    """
+
+    tied: Points
+    data: pin.Data = field(repr=False)
+    states: pin.StdVec_RigidConstraintData = field(repr=False)
+    cholesky: pin.ConstraintCholeskyDecomposition = field(repr=False)
+    scale: float
 
     @classmethod
     def of(cls, closure: Closure, q: Array, driven: Sequence[int] = ()) -> PointClosure | None:
@@ -71,27 +99,21 @@ class PointClosure:
         1e12 times the inertia of the tree, so that a load of armature times acceleration prescribes their acceleration
         to 1e-12 of it.
         """
-        model, data, held = pin.Model(closure.model), closure.model.createData(), np.array(driven, dtype=np.intp)
-        inertia = np.full(len(held), HEAVY * np.diag(mass_matrix(model, data, q)).max())
-        model.armature[held] += inertia
-        tied = [_points_of(model, constraint) for constraint in closure.constraints]
-        if not tied or any(points is None for points in tied):
+        tied = Points.of(closure, tuple(driven))
+        if tied is None:
             return None
-        needed, rank, regularity = _independent(model, data, [point for points in tied for point in points or ()])
-        points, states = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
-        for point in needed:
-            points.append(point)
+        model, data, states = tied.model, tied.model.createData(), pin.StdVec_RigidConstraintData()
+        for point in tied.needed:
             states.append(point.createData())
-        pin.initConstraintDynamics(model, data, points, states)
+        pin.initConstraintDynamics(model, data, tied.needed, states)
         inverse = _inverse_mass(model, data, q)
-        if inverse is None or _unevenness(model, data, needed, rank) > UNEVEN:
+        if inverse is None:
             return None
-        rows = _rows(model, data, needed, q)
-        rows[:, held] = 0.0
+        rows = _rows(model, data, list(tied.needed), q)
+        rows[:, tied.driven] = 0.0
         diagonal = np.einsum("ij,jk,ik->i", rows, inverse, rows)
         scale = float(diagonal[diagonal > RANK**2 * diagonal.max()].min())
-        cholesky = pin.ConstraintCholeskyDecomposition(model, data, points, states)
-        return cls(model, data, points, states, cholesky, held, inertia, scale, rank, regularity)
+        return cls(tied, data, states, pin.ConstraintCholeskyDecomposition(model, data, tied.needed, states), scale)
 
     def acceleration(self, dynamics: Dynamics, targets: Targets) -> Acceleration:
         """Return the constrained motion's ``(t, q, v) -> a`` under the forces of ``dynamics`` and the given laws."""
@@ -106,13 +128,16 @@ class PointClosure:
             q: A closed configuration that is not close to a singular one, shape (nq,).
             rank: Rank of the rows there.
         """
-        rows, mass = _rows(self.model, self.data, list(self.points), q), mass_matrix(self.model, self.data, q)
+        rows, mass = (
+            _rows(self.tied.model, self.data, list(self.tied.needed), q),
+            mass_matrix(self.tied.model, self.data, q),
+        )
         least = float(np.linalg.eigvalsh(rows @ np.linalg.solve(mass, rows.T))[-rank])
         return self._solved(dynamics, targets, pin.ProximalSettings(1e-12, TOLERANT * least, REPEATS))
 
     def _solved(self, dynamics: Dynamics, targets: Targets, settings: pin.ProximalSettings) -> Acceleration:
-        model, data, points, states = self.model, self.data, self.points, self.states
-        solve, load, driven, inertia = pin.constraintDynamics, dynamics.load(), self.driven, self.inertia
+        model, data, points, states = self.tied.model, self.data, self.tied.needed, self.states
+        solve, load, driven, inertia = pin.constraintDynamics, dynamics.load(), self.tied.driven, self.tied.inertia
 
         def constrained(t: float, q: Array, v: Array) -> Array:
             tau = load(t, q, v)
@@ -126,18 +151,18 @@ class PointClosure:
     @cached_property
     def pairs(self) -> list[tuple[pin.RigidConstraintModel, pin.RigidConstraintData]]:
         """Return references to the points and their buffers: walking Pinocchio's vectors costs more than they do."""
-        return [(self.points[k], self.states[k]) for k in range(len(self.points))]
+        return [(self.tied.needed[k], self.states[k]) for k in range(len(self.states))]
 
     def joint_at(self, index: int) -> int:
         """Return the joint whose velocity stands at an index in v."""
-        return next(int(joint.id) for joint in self.model.joints if joint.idx_v == index)
+        return next(int(joint.id) for joint in self.tied.model.joints if joint.idx_v == index)
 
     def factorise(self, q: Array) -> None:
         """Decompose mass matrix and rows at a configuration."""
-        pin.crba(self.model, self.data, q, pin.Convention.WORLD)
+        pin.crba(self.tied.model, self.data, q, pin.Convention.WORLD)
         for point, state in self.pairs:
-            point.calc(self.model, self.data, state)
-        self.cholesky.compute(self.model, self.data, self.points, self.states, PROJECTION * self.scale)
+            point.calc(self.tied.model, self.data, state)
+        self.cholesky.compute(self.tied.model, self.data, self.tied.needed, self.states, PROJECTION * self.scale)
 
     def gap(self) -> Array:
         """Return how far the points are apart at the configuration last factorised [m], shape (m,)."""
@@ -145,9 +170,9 @@ class PointClosure:
 
     def rows(self) -> Array:
         """Return the rows at the configuration last factorised; their product with v is minus the gap's rate."""
-        return np.asarray(pin.getConstraintsJacobian(self.model, self.data, self.points, self.states)).reshape(
-            -1, self.model.nv
-        )
+        return np.asarray(
+            pin.getConstraintsJacobian(self.tied.model, self.data, self.tied.needed, self.states)
+        ).reshape(-1, self.tied.model.nv)
 
     def right(self) -> Array:
         """Return what the rows ask of the acceleration last computed, ``-G' v``, shape (m,)."""
@@ -155,7 +180,13 @@ class PointClosure:
 
     def step(self, right: Array) -> Array:
         """Return the least change x, measured by the masses, with ``rows x = right``, shape (nv,)."""
-        return np.asarray(self.cholesky.solve(np.concatenate([right, np.zeros(self.model.nv)]))[len(right) :])
+        m, both = len(right), self._right
+        both[:m] = right
+        return np.asarray(self.cholesky.solve(both)[m:])
+
+    @cached_property
+    def _right(self) -> Array:
+        return np.zeros(3 * len(self.states) + self.tied.model.nv)
 
 
 def _points_of(model: pin.Model, constraint: Constraint) -> list[pin.RigidConstraintModel] | None:

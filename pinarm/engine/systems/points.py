@@ -28,7 +28,7 @@ ROUNDED = 1e-15
 STALLED = 1e-9
 """Gap below which Newton's method may end because rounding lets it shrink no more, relative to the extent."""
 
-NEAR = 0.2
+NEAR = 0.05
 """Smallest singular value of the rows, relative to the largest, and this to what it is at positions of no special kind,
 below which every stage is brought back onto the constraints."""
 
@@ -92,7 +92,7 @@ class _PointMotion:
 
     def __init__(self, points: PointClosure, rows: Closure, dynamics: Dynamics, targets: Targets) -> None:
         self.points, self.extent, self.scale, self.targets = points, rows.extent, rows.scale, targets
-        self.places = [points.model.joints[int(points.joint_at(v))].idx_q for v in points.driven]
+        self.places = [points.tied.model.joints[int(points.joint_at(v))].idx_q for v in points.tied.driven]
         self.dynamics, self.free = dynamics, points.acceleration(dynamics, targets)
         self.tolerant: Acceleration | None = None
         self.near, self.rank, self.looked, self.rows = True, 0, False, np.empty((0, 0))
@@ -102,27 +102,31 @@ class _PointMotion:
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration, near singular positions that of the closed state."""
         if self.near:
-            if v.any() and self.blind(q):
+            self.points.factorise(q)
+            if v.any() and self.blind():
                 return self.across(t, q, v)
             q, v = self.closed(q, v)
             if not self.looked:
                 self.look(q)
-        tolerant = self.tolerant if not self.near and self.rank < self.points.rank else None
+        tolerant = self.tolerant if not self.near and self.rank < self.points.tied.rank else None
         a = (tolerant or self.free)(t, q, v)
         if t == self.t:
             require_met(self.rows, a, self.points.right(), t, q)
         return a
 
-    def blind(self, q: Array) -> bool:
-        """Return whether a position is too close to a singular one."""
-        self.points.factorise(q)
+    def blind(self) -> bool:
+        """Return whether the position last factorised is too close to a singular one."""
         rank, regularity = self.regularity()
         return rank < self.rank or regularity < BLIND
 
     def across(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration at a singular position that is passed, from both sides of it."""
-        model, aside = self.points.model, (ASIDE / float(np.abs(v / self.scale).max())) * v
-        there = [self.free(t, *self.closed(pin.integrate(model, q, k * aside), v)).copy() for k in (-2, -1, 1, 2)]
+        model, aside = self.points.tied.model, (ASIDE / float(np.abs(v / self.scale).max())) * v
+        there = []
+        for k in (-2, -1, 1, 2):
+            beside = pin.integrate(model, q, k * aside)
+            self.points.factorise(beside)
+            there.append(self.free(t, *self.closed(beside, v)).copy())
         return np.asarray(ACROSS @ np.array(there))
 
     def floor(self) -> float:
@@ -132,7 +136,8 @@ class _PointMotion:
     def settle(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the closed state, and choose by it how to go on."""
         if self.places:
-            q[self.places], v[self.points.driven], _ = self.targets(t)
+            q[self.places], v[self.points.tied.driven], _ = self.targets(t)
+        self.points.factorise(q)
         q, v = self.closed(q, v)
         self.look(q)
         if not self.near:
@@ -159,24 +164,24 @@ class _PointMotion:
         """Choose how to go on, by how regular the position is, which is the one last closed."""
         self.rank, regularity = self.regularity()
         self.near, self.looked = regularity < NEAR, True
-        if not self.near and self.rank < self.points.rank and not self.tolerant:
+        if not self.near and self.rank < self.points.tied.rank and not self.tolerant:
             self.tolerant = self.points.tolerant(self.dynamics, self.targets, q, self.rank)
 
     def regularity(self) -> tuple[int, float]:
-        """Return the rank of the rows at the position last closed, and their regularity relative to the usual one."""
+        """Return the rank of the rows at the position last factorised, and their regularity relative to the usual."""
         self.rows = rows = self.points.rows()
-        squares = np.linalg.eigvalsh(rows @ rows.T)  # quicker than singular values, and exact enough
-        held = squares[squares > VANISHED * squares[-1]]
-        return len(held), float(held[0] / held[-1]) ** 0.5 / self.points.regularity
+        squares = np.linalg.eigvalsh(rows @ rows.T).tolist()  # quicker than singular values, and exact enough
+        held = [one for one in squares if one > VANISHED * squares[-1]]
+        return len(held), (held[0] / held[-1]) ** 0.5 / self.points.tied.regularity
 
     def closed(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the closed state nearest to (q, v), the distance measured by the masses."""
+        """Return the closed state nearest to (q, v), q last factorised, the distance measured by the masses."""
         points, before, extent = self.points, np.inf, self.extent
         for _ in range(ITERATIONS):
-            points.factorise(q)
             gap = points.gap()
-            size = float(np.abs(gap).max())
+            size = float(gap.dot(gap)) ** 0.5
             if size <= ROUNDED * extent or (size < STALLED * extent and size > 0.5 * before):
                 break
-            q, before = pin.integrate(points.model, q, points.step(gap)), size
+            q, before = pin.integrate(points.tied.model, q, points.step(gap)), size
+            points.factorise(q)
         return q, v - points.step(points.rows() @ v)
