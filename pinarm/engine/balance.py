@@ -13,6 +13,8 @@ from pinarm.arrays import Array, Indices
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Solution
 from pinarm.engine.trajectory import Trajectory
+from pinarm.mechanics.links import Links, moving, supports
+from pinarm.mechanics.vectors import crossed
 
 Whole = Callable[[Array, Array, Array], tuple[Array, Array]]
 """Rows of integrated states to rows of those of the mechanism: ``t, q, v -> q, v``."""
@@ -68,32 +70,52 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
     Returns:
         Both of shape (rows, nv) [W per rad/s or m/s].
     """
-    model, data, closure = run.mechanism.model, run.mechanism.model.createData(), run.closure
-    bodies = range(1, model.njoints)
-    jacobians, demands = np.empty((len(rows), len(bodies), 6, model.nv)), np.empty((len(rows), 3, len(bodies), 6))
-    held, lam = np.empty((len(rows), model.nv)), run.lam.at(rows)
-    inertias, upwards = model.inertias.tolist(), -model.gravity
-    for k, row in enumerate(rows):
-        q = run.q[row]
-        closure.place(q)
-        held[k] = closure.load(lam[k])
-        pin.computeJointJacobians(model, data, q)
-        pin.forwardKinematics(model, data, q, run.v[row], run.a[row])
-        states = list(zip(inertias, data.v.tolist(), data.a.tolist(), data.oMi.tolist(), strict=True))
-        for body in bodies:
-            jacobians[k, body - 1] = pin.getJointJacobian(model, data, body, pin.LOCAL).reshape(6, -1)
-            inertia, twist, rate, place = states[body]
-            demands[k, :, body - 1] = (
-                (inertia * rate).vector, twist.cross(inertia * twist).vector, (inertia * place.actInv(upwards)).vector,
-            )  # fmt: skip
+    model, lam = run.mechanism.model, run.lam.at(rows)
+    links, twists, rates, columns = moving(model, run.q[rows], run.v[rows], run.a[rows])
+    held = run.closure.load(links, columns, run.q[rows], lam)
+    jacobians = _inwards(links, np.where(supports(model)[:, None], columns[:, None], 0.0))[:, 1:]
+    asked = demands(model, links, twists, rates)[:, :, 1:, None] @ jacobians[:, None]
     supplied = run.tau[rows] + loads[rows] + held - model.armature * run.a[rows]
-    asked = demands[:, :, :, None, :] @ jacobians[:, None]
+    inertias = model.inertias.tolist()
     masses = np.array([inertia.mass for inertia in inertias[1:]])
     levers = np.array([pin.skew(inertia.lever) for inertia in inertias[1:]])
     paths = jacobians[:, :, :3] - levers @ jacobians[:, :, 3:]  # of the mass centres, for unit velocities
     weights = masses @ np.sqrt((paths * paths).sum(axis=2)) * np.linalg.norm(model.gravity.linear)
     terms = np.abs(supplied) + np.abs(held) + np.abs(asked).sum(axis=(1, 2, 3)) + weights
     return supplied - asked.sum(axis=(1, 2, 3)), terms
+
+
+def _inwards(links: Links, twists: Array) -> Array:
+    """Return twists of links in their own frames, shape (n, njoints, 6, k), from those in the world's."""
+    turns, linear, angular = links.turns.swapaxes(2, 3), twists[:, :, :3], twists[:, :, 3:]
+    around = crossed(links.places[:, :, None], angular.swapaxes(2, 3)).swapaxes(2, 3)
+    return np.concatenate([turns @ (linear - around), turns @ angular], axis=2)
+
+
+def demands(model: pin.Model, links: Links, twists: Array, rates: Array) -> Array:
+    """Return what the motion of every link demands, by Newton's and Euler's equations, in the link's own frame.
+
+    Args:
+        model: Pinocchio's model.
+        links: Where they are.
+        twists: V, in their own frames, shape (n, njoints, 6).
+        rates: V', likewise.
+
+    Returns:
+        ``I V'``, ``V x* I V`` and the wrench against its weight, shape (n, 3, njoints, 6).
+    """
+    mass = np.array([inertia.matrix() for inertia in model.inertias])
+    upwards = np.zeros_like(twists)
+    upwards[..., :3] = np.vecmat(-model.gravity.linear, links.turns)
+    return np.stack(
+        [np.matvec(mass, rates), _across(twists, np.matvec(mass, twists)), np.matvec(mass, upwards)], axis=1
+    )
+
+
+def _across(twists: Array, momenta: Array) -> Array:
+    """Return ``V x* H`` of twists and momenta in the same frames, shape (.., 6)."""
+    v, omega, p, h = twists[..., :3], twists[..., 3:], momenta[..., :3], momenta[..., 3:]
+    return np.concatenate([crossed(omega, p), crossed(omega, h) + crossed(v, p)], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)

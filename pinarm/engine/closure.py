@@ -16,6 +16,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints import Constraint, Guide
 from pinarm.engine.measures import Measures
 from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.links import Links, supports
 
 MANY = 8
 """Number of configurations from which on it pays to look at them together."""
@@ -161,28 +162,34 @@ class Closure:
         pin.forwardKinematics(self.model, self.data, q, v, np.zeros(self.model.nv))
         return np.concatenate([np.zeros(0), *(one.drift(self.model, self.data) for one in self.constraints)])
 
-    def load(self, lam: Array) -> Array:
-        """Return G^T lam at the configuration last placed, through the links' Jacobians, shape (nv,).
+    def wrenches(self, links: Links, lam: Array) -> Array:
+        """Return what multipliers, shape (n, m), do to the links, shape (n, njoints, 6).
 
-        Couplings, which act within joints, have no wrenches and contribute by their rows.
+        [f; m] at the world's origin, world axes [N, N*m]. Couplings, which act within joints, do nothing to them.
         """
-        total = np.zeros(self.model.nv)
+        total = np.zeros((len(lam), self.model.njoints, 6))
         for constraint, rows in zip(self.constraints, self.slices().values(), strict=True):
-            wrenches = constraint.wrenches(self.model, self.data, lam[rows])
-            for joint, wrench in wrenches.items():
-                jacobian = pin.getJointJacobian(self.model, self.data, joint, pin.ReferenceFrame.WORLD)
-                total += jacobian.reshape(6, -1).T @ wrench
-            if not wrenches:
-                total += constraint.rows(self.model, self.data).T @ lam[rows]
+            for joint, wrench in constraint.wrenches(links, lam[:, rows]).items():
+                total[:, joint] += wrench
         return total
 
-    def wrenches(self, lam: Array) -> dict[int, Array]:
-        """Return what multipliers, shape (m,), do to the links at the configuration last placed.
+    def load(self, links: Links, columns: Array, q: Array, lam: Array) -> Array:
+        """Return G^T lam, through the links' Jacobians, shape (n, nv).
 
-        Joint index -> [f; m] at the world's origin, world axes [N, N*m], shape (6,).
+        Couplings, which act within joints, have no wrenches and contribute by their rows.
+
+        Args:
+            links: Where the links are.
+            columns: Twists that unit velocities of the joints give to what lies beyond, in the world's frame, shape
+                (n, 6, nv).
+            q: Configurations, shape (n, nq).
+            lam: Multipliers, shape (n, m).
         """
-        total: dict[int, Array] = {}
-        for constraint, rows in zip(self.constraints, self.slices().values(), strict=True):
-            for joint, wrench in constraint.wrenches(self.model, self.data, lam[rows]).items():
-                total[joint] = total.get(joint, np.zeros(6)) + wrench
+        total, moved = np.zeros((len(lam), self.model.nv)), supports(self.model)
+        for constraint, part in zip(self.constraints, self.slices().values(), strict=True):
+            wrenches = constraint.wrenches(links, lam[:, part])
+            for joint, wrench in wrenches.items():
+                total += moved[joint] * np.vecmat(wrench, columns)
+            if not wrenches:
+                total += np.vecmat(lam[:, part], Closure.of(self.model, [constraint]).at(q)[1])
         return total

@@ -11,6 +11,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.links import Links
 
 
 class Constraint(Protocol):
@@ -42,8 +43,8 @@ class Constraint(Protocol):
         """Return G' v, shape (m,); ``data`` holds the forward kinematics of (q, v, 0) and the placements of frames."""
         ...
 
-    def wrenches(self, model: pin.Model, data: pin.Data, lam: Array) -> dict[int, Array]:
-        """Return what multipliers do to the links: joint index -> [f; m] at the world's origin, world axes."""
+    def wrenches(self, links: Links, lam: Array) -> dict[int, Array]:
+        """Return what multipliers, shape (n, m), do to links: joint index -> [f; m] at the world's origin, (n, 6)."""
         ...
 
 
@@ -77,6 +78,6 @@ class Guide:
         """Return its drift."""
         return np.array([self.coordinate.drift(model, data)])
 
-    def wrenches(self, model: pin.Model, data: pin.Data, lam: Array) -> dict[int, Array]:
+    def wrenches(self, links: Links, lam: Array) -> dict[int, Array]:
         """Return the force on the links whose points the coordinate measures."""
-        return self.coordinate.wrenches(model, data, float(lam[0]))
+        return self.coordinate.wrenches(links, lam[:, 0])

@@ -11,6 +11,7 @@ from pinarm.arrays import Array
 from pinarm.engine.closure import Closure
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.split import Split
+from pinarm.mechanics.links import Links
 from pinarm.mechanics.loops import LoopJoint
 from pinarm.mechanics.pairs import looser
 
@@ -74,24 +75,23 @@ def mobility_of(mechanism: Mechanism, q: Array) -> Mobility:
     rank, rows = len(split.values), closure.size
     regularity = float(values[rank - 1] / values[0]) if rank else 1.0
     loosenings = _loosenings(closure, q, rows - rank, rank) if rows > rank else ()
-    return Mobility(mechanism.model.nv, rows, rank, regularity, _undetermined(closure, split), loosenings)
+    return Mobility(mechanism.model.nv, rows, rank, regularity, _undetermined(closure, split, q), loosenings)
 
 
-def _undetermined(closure: Closure, split: Split) -> dict[str, list[str]]:
+def _undetermined(closure: Closure, split: Split, q: Array) -> dict[str, list[str]]:
     """Return the components that self-stresses act on, of loop joints in frame 1, of tree joints in their own axes."""
-    model, data, found = closure.model, closure.data, dict[str, set[int]]()
+    model, found, links = closure.model, dict[str, set[int]](), Links.at(closure.model, q[None])
     stresses = (split.scale[:, None] * split.redundant).T
     for stress in stresses / np.maximum(np.linalg.norm(stresses, axis=1, keepdims=True), 1e-300):
         for constraint, rows in zip(closure.constraints, closure.slices().values(), strict=True):
             if isinstance(constraint, LoopJoint):
-                turn = data.oMf[constraint.first].rotation
-                wrench = constraint.wrench(data, stress[rows])
+                turn, wrench = links.frame(constraint.first)[0][0], constraint.wrench(links, stress[None, rows])[0]
                 found.setdefault(constraint.name, set()).update(_acting(turn, wrench))
-        acting = closure.wrenches(stress)
+        acting = closure.wrenches(links, stress[None])[0]
         for joint in range(1, model.njoints):
-            total = -sum((acting[int(k)] for k in model.subtrees[joint] if int(k) in acting), np.zeros(6))
-            total[3:] -= np.cross(data.oMi[joint].translation, total[:3])
-            found.setdefault(str(model.names[joint]), set()).update(_acting(data.oMi[joint].rotation, total))
+            total = -acting[list(model.subtrees[joint])].sum(axis=0)
+            total[3:] -= np.cross(links.places[0, joint], total[:3])
+            found.setdefault(str(model.names[joint]), set()).update(_acting(links.turns[0, joint], total))
     return {name: [COMPONENTS[k] for k in sorted(parts)] for name, parts in found.items() if parts}
 
 

@@ -7,19 +7,26 @@ that a component on which one of them acts is not determined by rigid bodies at 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
+from pinarm.engine.balance import demands
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.split import Split
 from pinarm.engine.trajectory import Trajectory
+from pinarm.mechanics.links import Links, moving
 from pinarm.mechanics.loops import LoopJoint
+from pinarm.mechanics.vectors import crossed
 
 SAMPLE = 64
 """Largest number of rows at which self-stresses are looked for: they belong to the structure, not to an instant."""
+
+BLOCK = 1024
+"""Number of rows that are worked on at once."""
 
 
 class Reactions:
@@ -34,14 +41,17 @@ class Reactions:
         self.loops = {one.name: one for one in self.closure.constraints if isinstance(one, LoopJoint)}
 
     @cached_property
+    def _links(self) -> Links:
+        return Links.at(self.model, self.run.q)
+
+    def links(self, rows: Indices) -> Links:
+        """Return where the links are at some rows; only those of short runs are kept."""
+        return self._links.some(rows) if len(self.run) <= BLOCK else Links.at(self.model, self.run.q[rows])
+
+    @cached_property
     def origins(self) -> Array:
         """Places of the joints' origins [m], world axes, shape (n, njoints, 3)."""
-        model, data = self.model, self.model.createData()
-        rows = np.empty((len(self.run), model.njoints, 3))
-        for i, q in enumerate(self.run.q):
-            pin.forwardKinematics(model, data, q)
-            rows[i] = [place.translation for place in data.oMi]
-        return rows
+        return np.concatenate([self.links(rows).places for rows in _blocks(0, len(self.run))])
 
     @cached_property
     def multipliers(self) -> Array:
@@ -54,31 +64,34 @@ class Reactions:
         return self.run.gather(self._joints)
 
     def _joints(self, dynamics: Dynamics, part: slice) -> Array:
-        run, model, data = self.run, self.model, self.model.createData()
-        rows = np.zeros((part.stop - part.start, model.njoints, 6))
-        outside = pin.StdVec_Force()
-        outside.extend([pin.Force.Zero() for _ in range(model.njoints)])
-        for i in range(part.start, part.stop):
-            q, v, a = run.q[i], run.v[i], run.a[i]
-            pin.forwardKinematics(model, data, q)
-            acting = self._acting(dynamics, i)
-            for joint in {joint for wrenches in acting for joint in wrenches}:
-                total = sum((wrenches[joint] for wrenches in acting if joint in wrenches), np.zeros(6))
-                outside[joint] = data.oMi[joint].actInv(pin.Force(total))
-            pin.rnea(model, data, q, v, a, outside)
-            for joint in range(1, model.njoints):
-                turn, wrench = data.oMi[joint].rotation, data.f[joint]
-                row = rows[i - part.start, joint]
-                row[:3], row[3:] = turn @ wrench.linear, turn @ wrench.angular
-        return rows
+        return np.concatenate([self._transmitted(dynamics, rows) for rows in _blocks(part.start, part.stop)])
 
-    def _acting(self, dynamics: Dynamics, row: int) -> list[dict[int, Array]]:
-        """Return what loads and constraints do to the bodies at a row: joint index -> [f; m] at the world's origin."""
-        q = self.run.q[row]
-        found = [force.wrenches(self.run.grid.t[row], q, self.run.v[row]) for force in dynamics.forces.values()]
+    def _transmitted(self, dynamics: Dynamics, rows: Indices) -> Array:
+        run, model, data = self.run, self.model, self.model.createData()
+        links, acting = self.links(rows), self._acting(dynamics, rows)
+        outside, inner = pin.StdVec_Force(), np.empty_like(acting)
+        outside.extend([pin.Force.Zero() for _ in range(model.njoints)])
+        loaded, acting = np.flatnonzero(acting.any(axis=(0, 2))).tolist(), links.inwards(acting)
+        for k, i in enumerate(rows.tolist()):
+            for joint in loaded:
+                outside[joint] = pin.Force(acting[k, joint])
+            pin.rnea(model, data, run.q[i], run.v[i], run.a[i], outside)
+            inner[k] = [wrench.vector for wrench in data.f.tolist()]
+        inner[:, 0] = 0.0  # of the world, not of a joint
+        return links.outwards(inner)
+
+    def _acting(self, dynamics: Dynamics, rows: Indices) -> Array:
+        """Return what loads and constraints do to the links at k rows, shape (k, njoints, 6).
+
+        [f; m] at the world's origin, world axes [N, N*m].
+        """
+        run, found = self.run, np.zeros((len(rows), self.model.njoints, 6))
+        for force in dynamics.forces.values():
+            for k, i in enumerate(rows.tolist()):
+                for joint, wrench in force.wrenches(run.grid.t[i], run.q[i], run.v[i]).items():
+                    found[k, joint] += wrench
         if self.closure.size:
-            self.closure.place(q)
-            found.append(self.closure.wrenches(self.multipliers[row]))
+            found += self.closure.wrenches(self.links(rows), self.multipliers[rows])
         return found
 
     def figures(self) -> dict[str, float]:
@@ -97,26 +110,15 @@ class Reactions:
 
     def _balances(self, dynamics: Dynamics, part: slice) -> Array:
         """Return what is missed and the sums of absolute terms, body by body, shape (k, 2, njoints - 1, 6)."""
-        run, model, data = self.run, self.model, self.model.createData()
+        run, model = self.run, self.model
         sampled = np.linspace(0, len(run) - 1, min(len(run), SAMPLE)).astype(int)
         rows = sampled[(sampled >= part.start) & (sampled < part.stop)]
-        inertias, upwards = model.inertias.tolist(), -model.gravity
-        shape = len(rows), model.njoints
-        turns, places, asked, loads = (np.zeros((*shape, *size)) for size in ((3, 3), (3,), (6,), (6,)))
-        for k, i in enumerate(rows):
-            for wrenches in self._acting(dynamics, i):
-                for body, wrench in wrenches.items():
-                    loads[k, body] += wrench
-            pin.forwardKinematics(model, data, run.q[i], run.v[i], run.a[i])
-            states = list(zip(inertias, data.v.tolist(), data.a.tolist(), data.oMi.tolist(), strict=True))
-            turns[k], places[k] = [place.rotation for *_, place in states], [place.translation for *_, place in states]
-            asked[k] = [(inertia * (rate + place.actInv(upwards)) + twist.cross(inertia * twist)).vector
-                        for inertia, twist, rate, place in states]  # fmt: skip
-        forces, moments = (turns @ asked[..., part, None] for part in (slice(0, 3), slice(3, 6)))
-        asked, wrenches = np.concatenate([forces, moments], axis=2)[..., 0], self.joints[rows]
+        links, twists, rates, _ = moving(model, run.q[rows], run.v[rows], run.a[rows])
+        asked, wrenches = links.outwards(demands(model, links, twists, rates).sum(axis=1)), self.joints[rows]
         parents = np.array(model.parents)
         carries = (parents == np.arange(model.njoints)[:, None]).astype(float)
-        carried, outside = _moved(wrenches, places - places[:, parents]), _moved(loads, -places)
+        carried = _moved(wrenches, links.places - links.places[:, parents])
+        outside = _moved(self._acting(dynamics, rows), -links.places)
         missed = wrenches + outside - asked - carries @ carried
         terms = np.abs(wrenches) + np.abs(outside) + np.abs(asked) + carries @ np.abs(carried)
         return np.asarray(np.stack([missed, terms], axis=1)[:, :, 1:])
@@ -127,17 +129,15 @@ class Reactions:
 
     def loop_origins(self, name: str) -> Array:
         """Return the places of a loop joint's second frame [m], world axes, shape (n, 3)."""
-        rows = np.empty((len(self.run), 3))
-        for i, q in enumerate(self.run.q):
-            self.closure.place(q)
-            rows[i] = self.closure.data.oMf[self.loops[name].second].translation
-        return rows
+        frame = self.loops[name].second
+        return np.concatenate([self.links(rows).frame(frame)[1] for rows in _blocks(0, len(self.run))])
 
     def _loop(self, name: str, lam: Array) -> Array:
-        rows, joint, part = np.zeros((len(lam), 6)), self.loops[name], self.closure.slices()[name]
-        for i in np.flatnonzero(lam[:, part].any(axis=1)):
-            self.closure.place(self.run.q[i])
-            rows[i] = joint.wrench(self.closure.data, lam[i, part])
+        rows, part = np.zeros((len(lam), 6)), self.closure.slices()[name]
+        held = np.flatnonzero(lam[:, part].any(axis=1))
+        for block in _blocks(0, len(held)):
+            some = held[block]
+            rows[some] = self.loops[name].wrench(self.links(some), lam[some, part])
         return rows
 
     @cached_property
@@ -167,18 +167,21 @@ class Reactions:
         return [self._loop(name, stress) for stress in self.stresses]
 
     def _stressed(self, stress: Array) -> Array:
-        rows = np.zeros((len(stress), self.model.njoints, 6))
-        for i in np.flatnonzero(stress.any(axis=1)):
-            self.closure.place(self.run.q[i])
-            acting = self.closure.wrenches(stress[i])
-            for joint in range(1, self.model.njoints):
-                beyond = [int(k) for k in self.model.subtrees[joint]]
-                total = -sum((acting[k] for k in beyond if k in acting), np.zeros(6))
-                rows[i, joint, :3] = total[:3]
-                rows[i, joint, 3:] = total[3:] - np.cross(self.origins[i, joint], total[:3])
+        rows, some = np.zeros((len(stress), self.model.njoints, 6)), np.flatnonzero(stress.any(axis=1))
+        acting = self.closure.wrenches(self.links(some), stress[some])
+        for joint in range(1, self.model.njoints):
+            rows[some, joint] = _moved(
+                -acting[:, list(self.model.subtrees[joint])].sum(axis=1), -self.origins[some, joint]
+            )
         return rows
+
+
+def _blocks(start: int, stop: int) -> Iterator[Indices]:
+    """Yield rows, so many at a time that what is computed of them does not fill the memory."""
+    for begin in range(start, stop, BLOCK):
+        yield np.arange(begin, min(begin + BLOCK, stop))
 
 
 def _moved(wrenches: Array, arms: Array) -> Array:
     """Return wrenches, shape (.., 6), about points from which arms, shape (.., 3), lead to where they were taken."""
-    return np.concatenate([wrenches[..., :3], wrenches[..., 3:] + np.cross(arms, wrenches[..., :3])], axis=-1)
+    return np.concatenate([wrenches[..., :3], wrenches[..., 3:] + crossed(arms, wrenches[..., :3])], axis=-1)

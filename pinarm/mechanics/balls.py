@@ -17,6 +17,7 @@ from pinarm.errors import InputError, choices
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, rate_of_b
 from pinarm.mechanics.joints import METRE, RADIAN, Joint
+from pinarm.mechanics.links import Links
 
 ANGLES = ("roll", "pitch", "yaw")
 SPIN = unit("rad/s")
@@ -108,7 +109,7 @@ class BallCoordinate:
         w, b = pin.log3(turn), pin.Jlog3(turn)
         return float((rate_of_b(w, b @ omega) @ omega)[self.component])
 
-    def wrenches(self, model: pin.Model, data: pin.Data, effort: float) -> dict[int, Array]:
+    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
         """Return nothing: the moment acts between the links of the joint."""
         return {}
 

@@ -19,7 +19,8 @@ from pinarm.input.schema import Model
 from pinarm.input.units import Unit
 from pinarm.mechanics.axes import check_parallel
 from pinarm.mechanics.joints import METRE, RADIAN, Direction, Joint, frame_of, frames_of, joint_of, unit_vector
-from pinarm.mechanics.vectors import MEETING, cross, direction
+from pinarm.mechanics.links import Links
+from pinarm.mechanics.vectors import MEETING, crossed, direction
 
 
 class Coordinate(Protocol):
@@ -42,10 +43,10 @@ class Coordinate(Protocol):
         """Return J' v; ``data`` holds the forward kinematics of (q, v, 0)."""
         ...
 
-    def wrenches(self, model: pin.Model, data: pin.Data, effort: float) -> dict[int, Array]:
-        """Return what a force along the coordinate does to links from outside of their joints.
+    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
+        """Return what forces along the coordinate, shape (n,), do to links from outside of their joints.
 
-        Joint index -> [f; m] at the world's origin, world axes; ``data`` holds the placements of frames.
+        Joint index -> [f; m] at the world's origin, world axes, shape (n, 6).
         """
         ...
 
@@ -82,7 +83,7 @@ class LinearCoordinate:
         """Return 0: the row is constant."""
         return 0.0
 
-    def wrenches(self, model: pin.Model, data: pin.Data, effort: float) -> dict[int, Array]:
+    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
         """Return nothing: the efforts act between the links of the joints."""
         return {}
 
@@ -115,9 +116,9 @@ class FrameCoordinate:
         acceleration = pin.getFrameClassicalAcceleration(model, data, self.frame, pin.LOCAL_WORLD_ALIGNED)
         return float(self.axis @ acceleration.linear)
 
-    def wrenches(self, model: pin.Model, data: pin.Data, effort: float) -> dict[int, Array]:
+    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
         """Return the force along the axis at the link's origin."""
-        return pull(model, data, self.frame, effort * self.axis)
+        return pull(links, self.frame, effort[:, None] * self.axis)
 
 
 @dataclass(frozen=True)
@@ -157,10 +158,11 @@ class DistanceCoordinate:
         length = max(self.value(data, np.empty(0)), MEETING)
         return float(along @ (a2 - a1) + (rate @ rate - (along @ rate) ** 2) / length)
 
-    def wrenches(self, model: pin.Model, data: pin.Data, effort: float) -> dict[int, Array]:
+    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
         """Return the forces that push the two points apart."""
-        force = effort * direction(self._apart(data))
-        return {**pull(model, data, self.first, -force), **pull(model, data, self.second, force)}
+        apart = links.frame(self.second)[1] - links.frame(self.first)[1]
+        force = (effort * direction(apart.T)).T
+        return {**pull(links, self.first, -force), **pull(links, self.second, force)}
 
     def _apart(self, data: pin.Data) -> Array:
         return np.asarray(data.oMf[self.second].translation - data.oMf[self.first].translation)
@@ -203,16 +205,21 @@ class RotationCoordinate:
         rate = b @ omega
         return float((b @ alpha + rate_of_b(w, rate) @ omega)[self.component])
 
-    def wrenches(self, model: pin.Model, data: pin.Data, effort: float) -> dict[int, Array]:
+    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
         """Return the moment with the same power, ``effort B^T e_k`` in the link's axes."""
-        turn = data.oMf[self.frame].rotation
-        moment = effort * (turn @ pin.Jlog3(turn)[self.component])
-        return {model.frames[self.frame].parentJoint: np.concatenate([np.zeros(3), moment])}
+        turns = links.frame(self.frame)[0]
+        ways = np.array([turn @ pin.Jlog3(turn)[self.component] for turn in turns])
+        wrench = np.concatenate([np.zeros_like(ways), effort[:, None] * ways], axis=1)
+        return {links.model.frames[self.frame].parentJoint: wrench}
 
 
-def pull(model: pin.Model, data: pin.Data, frame: int, force: Array) -> dict[int, Array]:
-    """Return a force at a frame's origin as what it does to its link: joint index -> [f; m] at the world's origin."""
-    return {model.frames[frame].parentJoint: np.concatenate([force, cross(data.oMf[frame].translation, force)])}
+def pull(links: Links, frame: int, force: Array) -> dict[int, Array]:
+    """Return forces at a frame's origin, shape (n, 3), as what they do to its link.
+
+    Joint index -> [f; m] at the world's origin, world axes, shape (n, 6).
+    """
+    wrench = np.concatenate([force, crossed(links.frame(frame)[1], force)], axis=1)
+    return {links.model.frames[frame].parentJoint: wrench}
 
 
 def rate_of_b(w: Array, rate: Array) -> Array:

@@ -14,6 +14,7 @@ from pinarm.input.schema import AnyQuantity, Lead, Measured, Model
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import LinearCoordinate, sum_of
 from pinarm.mechanics.joints import METRE, RADIAN, Joint, joint_of
+from pinarm.mechanics.links import Links
 from pinarm.mechanics.tree import Mimic
 
 
@@ -53,7 +54,7 @@ class Coupling:
         """Return 0."""
         return np.zeros(1)
 
-    def wrenches(self, model: pin.Model, data: pin.Data, lam: Array) -> dict[int, Array]:
+    def wrenches(self, links: Links, lam: Array) -> dict[int, Array]:
         """Return nothing: the efforts act between the links of the coupled joints."""
         return {}
 

@@ -16,8 +16,9 @@ from pinarm.errors import InputError
 from pinarm.input.schema import Model, Span
 from pinarm.input.units import Unit
 from pinarm.mechanics.joints import METRE, RADIAN, Direction, frame_of, unit_vector
+from pinarm.mechanics.links import Links
 from pinarm.mechanics.pairs import ALL, NOTHING, Cross, LowerPair, Pair, Tie, normals
-from pinarm.mechanics.vectors import cross
+from pinarm.mechanics.vectors import cross, crossed
 
 LOCAL = pin.ReferenceFrame.LOCAL
 
@@ -78,20 +79,27 @@ class LoopJoint:
         e, w = self.pair.directions(p, axes)
         return np.asarray(np.concatenate([e @ ddp, w @ domega]) + np.concatenate(self.pair.bend(p, axes, dp, omega)))
 
-    def wrenches(self, model: pin.Model, data: pin.Data, lam: Array) -> dict[int, Array]:
-        """Return what the multipliers do to the links: joint index -> [f; m] at the world's origin, world axes."""
-        wrench = self.wrench(data, lam)
-        place = data.oMf[self.second].translation
-        moved = np.concatenate([wrench[:3], wrench[3:] + cross(place, wrench[:3])])
-        joints = model.frames[self.second].parentJoint, model.frames[self.first].parentJoint
-        return {joints[0]: moved, joints[1]: -moved}
+    def wrenches(self, links: Links, lam: Array) -> dict[int, Array]:
+        """Return what multipliers, shape (n, m), do to links: joint index -> [f; m] at the world's origin, (n, 6)."""
+        wrench, place = self.wrench(links, lam), links.frame(self.second)[1]
+        moved = np.concatenate([wrench[:, :3], wrench[:, 3:] + crossed(place, wrench[:, :3])], axis=1)
+        frames = links.model.frames
+        return {frames[self.second].parentJoint: moved, frames[self.first].parentJoint: -moved}
 
-    def wrench(self, data: pin.Data, lam: Array) -> Array:
-        """Return [f; m] of the first link on the second, at the origin of frame 2, world axes [N, N*m], shape (6,)."""
-        one = data.oMf[self.first]
-        e, w = self.pair.directions(*_placed(one, data.oMf[self.second]))
-        k = self.pair.lengths
-        return np.concatenate([one.rotation @ (lam[:k] @ e), one.rotation @ (lam[k:] @ w)])
+    def wrench(self, links: Links, lam: Array) -> Array:
+        """Return [f; m] of the first link on the second, at the origin of frame 2, world axes [N, N*m], (n, 6)."""
+        (turn, origin), (other, place) = links.frame(self.first), links.frame(self.second)
+        axes = (turn.swapaxes(1, 2) @ other).transpose(2, 1, 0)
+        directions = self.pair.directions(np.vecmat(place - origin, turn).T, axes)
+        parts = lam[:, : self.pair.lengths], lam[:, self.pair.lengths :]
+        inner = (np.einsum("nk,kcn->nc", x, _spread(e, len(x))) for x, e in zip(parts, directions, strict=True))
+        return np.concatenate([np.matvec(turn, one) for one in inner], axis=1)
+
+
+def _spread(directions: Array, n: int) -> Array:
+    """Return directions, shape (k, 3) or (k, 3, n), at n configurations."""
+    spread = directions[:, :, None] if directions.ndim == 2 else directions
+    return np.broadcast_to(spread, (*directions.shape[:2], n))
 
 
 def _placed(one: pin.SE3, two: pin.SE3) -> tuple[Array, Array]:

@@ -37,6 +37,11 @@ def cross(a: Array, b: Array) -> Array:
     return product
 
 
+def crossed(a: Array, b: Array) -> Array:
+    """Return ``a x b`` of vectors along the last axis, shape (.., 3)."""
+    return np.moveaxis(cross(np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)), 0, -1)
+
+
 def direction(p: Array) -> Array:
     """Return ``p / |p|``, shape (3,) or (3, n); any unit vector where p is 0."""
     length = np.sqrt(dot(p, p))

@@ -16,6 +16,7 @@ from newton_euler import newton_euler
 from pinarm.engine.measures import Measures
 from pinarm.engine.quantities import Quantities
 from pinarm.mechanics.laws import Harmonic
+from pinarm.mechanics.links import moving
 from pinarm.mechanics.loops import Loop
 
 KINDS = sorted(str(kind.__struct_config__.tag) for kind in get_args(Loop))
@@ -166,10 +167,12 @@ class TestRows:
             lam = generator.normal(size=closure.size)
             closure.place(q)
             pin.forwardKinematics(model, data, q, v)
-            twists = {i: data.oMi[i].act(data.v[i]).vector for i in range(model.njoints)}
-            power = sum(twists[joint] @ wrench for joint, wrench in closure.wrenches(lam).items())
+            twists = np.array([data.oMi[i].act(data.v[i]).vector for i in range(model.njoints)])
+            links, _, _, columns = moving(model, q[None], v[None], v[None])
+            power = (twists * closure.wrenches(links, lam[None])[0]).sum()
             assert power == pytest.approx(lam @ closure.rows() @ v, abs=1e-12)
-            assert closure.load(lam) == pytest.approx(closure.rows().T @ lam, abs=1e-12)
+            load = closure.load(links, columns, q[None], lam[None])[0]
+            assert load == pytest.approx(closure.rows().T @ lam, abs=1e-12)
 
     def test_many_at_once_are_those_one_by_one(self, loop):
         mechanism, _ = loop

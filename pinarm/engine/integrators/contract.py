@@ -275,6 +275,8 @@ class Solution:
         """Return the states at many times, each from the step of the given index, both of shape (n,)."""
         needed, where = self._places(index)
         steps = [self.steps[i] for i in needed]
+        if not steps:
+            return np.empty((0, self.manifold.nq)), np.empty((0, self.manifold.nv))
         start, h = np.array([(step.t, step.h) for step in steps])[where].T
         y, passed = np.array([step.y for step in steps])[where], (t - start) / h
         inside = np.flatnonzero(passed)  # where a step begins its state is known

@@ -29,6 +29,7 @@ from pinarm.engine.systems.together import CLOSED, ITERATIONS, ROUNDED, TURNED, 
 from pinarm.errors import AssemblyError, DynamicsError, InputError
 from pinarm.mechanics.balls import coordinate_at, coordinate_name
 from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.joints import spelled
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.motion import Grid
 
@@ -39,6 +40,10 @@ leaves where these terms vanish, relative to the square of the velocity [m]."""
 MET, LEAST = 1e-6, 1.0
 """Part of its terms that ``G a + G' v`` may be at accepted states, where closed loops leave less than 1e-10; and the
 size that terms have at least, since at rest all of them vanish [m/s^2 or rad/s^2]."""
+
+TOLD = 1e-6
+"""Smallest singular value of the rows, relative to the largest, from which on branches are told apart: closed to
+rounding, a linkage is known to the root of it."""
 
 FEW = 64
 """Number of rows whose G is taken apart at once."""
@@ -249,6 +254,7 @@ class _RowMotion:
 
     def __init__(self, system: ConstrainedSystem, dynamics: Dynamics, targets: Targets) -> None:
         self.system, self.dynamics, self.targets, self.t = system, dynamics, targets, -np.inf
+        self.rank, self.begun, self.close = 0, False, False
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration."""
@@ -264,9 +270,28 @@ class _RowMotion:
     def settle(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the closed state nearest to (q, v)."""
         w, dw, _ = self.targets(t)
+        closed, rates, splits = self.system.settled(q[None], v[None], w[None], dw[None], np.array([t]))
+        ((_, split),) = splits.parts
+        self._require_apart(t, closed[0], self.system.rows.values_of(split.rows[0])[: split.values.shape[1]])
         self.t = t
-        closed = self.system.settled(q[None], v[None], w[None], dw[None], np.array([t]))
-        return closed[0][0], closed[1][0]
+        return closed[0], rates[0]
+
+    def _require_apart(self, t: float, q: Array, values: Array) -> None:
+        """Raise where a second step in a row ends at a singular position: rounding would choose the way on.
+
+        Passed by a step of ordinary length, it is left on the branch on which it was reached.
+        """
+        self.rank = max(self.rank, len(values))
+        regular = len(values) == self.rank and bool((values[-1:] > TOLD * values[:1]).all())
+        if self.close and not regular:
+            raise DynamicsError(
+                f"at t = {t:.9g} s the position is singular but for rounding, which would choose among the motions "
+                f"that meet there: {spelled(self.dynamics.model, q)}",
+                expected="a motion that passes singular positions at some speed",
+                hint="lengths that differ, masses for light links, or a wider tolerance",
+                t=t, q=q,
+            )  # fmt: skip
+        self.begun, self.close = self.begun or regular, self.begun and not regular
 
 
 def require_met(rows: Array, a: Array, right: Array, t: float, q: Array) -> None:
