@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Solution
 from pinarm.engine.trajectory import Trajectory
@@ -72,24 +72,23 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
     """
     model, lam = run.mechanism.model, run.lam.at(rows)
     links, twists, rates, columns = moving(model, run.q[rows], run.v[rows], run.a[rows])
-    held = run.closure.load(links, columns, run.q[rows], lam)
-    jacobians = _inwards(links, np.where(supports(model)[:, None], columns[:, None], 0.0))[:, 1:]
-    asked = demands(model, links, twists, rates)[:, :, 1:, None] @ jacobians[:, None]
+    moved, held = supports(model), run.closure.load(links, columns, run.q[rows], lam)
+    demanded = links.at_world(demands(model, links, twists, rates))
+    asked = np.where(moved, demanded @ columns, 0.0)  # part by part and link by link
     supplied = run.tau[rows] + loads[rows] + held - model.armature * run.a[rows]
-    inertias = model.inertias.tolist()
-    masses = np.array([inertia.mass for inertia in inertias[1:]])
-    levers = np.array([pin.skew(inertia.lever) for inertia in inertias[1:]])
-    paths = jacobians[:, :, :3] - levers @ jacobians[:, :, 3:]  # of the mass centres, for unit velocities
-    weights = masses @ np.sqrt((paths * paths).sum(axis=2)) * np.linalg.norm(model.gravity.linear)
-    terms = np.abs(supplied) + np.abs(held) + np.abs(asked).sum(axis=(1, 2, 3)) + weights
-    return supplied - asked.sum(axis=(1, 2, 3)), terms
+    terms = np.abs(supplied) + np.abs(held) + np.abs(asked).sum(axis=(0, 2)) + _weights(links, columns, moved)
+    return supplied - asked.sum(axis=(0, 2)), terms
 
 
-def _inwards(links: Links, twists: Array) -> Array:
-    """Return twists of links in their own frames, shape (n, njoints, 6, k), from those in the world's."""
-    turns, linear, angular = links.turns.swapaxes(2, 3), twists[:, :, :3], twists[:, :, 3:]
-    around = crossed(links.places[:, :, None], angular.swapaxes(2, 3)).swapaxes(2, 3)
-    return np.concatenate([turns @ (linear - around), turns @ angular], axis=2)
+def _weights(links: Links, columns: Array, moved: Flags) -> Array:
+    """Return the most that weights can do: m g times the paths of mass centres when one joint moves, shape (n, nv)."""
+    inertias = links.model.inertias.tolist()
+    masses, levers = np.array([one.mass for one in inertias]), np.array([one.lever for one in inertias])
+    centres = links.places + np.matvec(links.turns, levers)
+    linear, angular = columns[:, None, :3].swapaxes(2, 3), columns[:, None, 3:].swapaxes(2, 3)
+    paths = linear + crossed(angular, centres[:, :, None])
+    lengths = np.where(moved, np.sqrt((paths * paths).sum(axis=3)), 0.0)
+    return np.asarray(masses @ lengths * np.linalg.norm(links.model.gravity.linear))
 
 
 def demands(model: pin.Model, links: Links, twists: Array, rates: Array) -> Array:
@@ -102,20 +101,17 @@ def demands(model: pin.Model, links: Links, twists: Array, rates: Array) -> Arra
         rates: V', likewise.
 
     Returns:
-        ``I V'``, ``V x* I V`` and the wrench against its weight, shape (n, 3, njoints, 6).
+        ``I V'``, ``V x* I V`` and the wrench against its weight, shape (3, n, njoints, 6).
     """
-    mass = np.array([inertia.matrix() for inertia in model.inertias])
-    upwards = np.zeros_like(twists)
-    upwards[..., :3] = np.vecmat(-model.gravity.linear, links.turns)
-    return np.stack(
-        [np.matvec(mass, rates), _across(twists, np.matvec(mass, twists)), np.matvec(mass, upwards)], axis=1
-    )
-
-
-def _across(twists: Array, momenta: Array) -> Array:
-    """Return ``V x* H`` of twists and momenta in the same frames, shape (.., 6)."""
+    mass = np.array([inertia.matrix() for inertia in model.inertias.tolist()])
+    mass[0] = 0.0  # of the world
+    found = np.empty((3, *twists.shape))
+    momenta, upwards = np.matvec(mass, twists), np.zeros_like(twists)
     v, omega, p, h = twists[..., :3], twists[..., 3:], momenta[..., :3], momenta[..., 3:]
-    return np.concatenate([crossed(omega, p), crossed(omega, h) + crossed(v, p)], axis=-1)
+    upwards[..., :3] = np.vecmat(-model.gravity.linear, links.turns)
+    found[0], found[2] = np.matvec(mass, rates), np.matvec(mass, upwards)
+    found[1, ..., :3], found[1, ..., 3:] = crossed(omega, p), crossed(omega, h) + crossed(v, p)
+    return found
 
 
 @dataclass(frozen=True, eq=False)

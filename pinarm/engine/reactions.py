@@ -114,7 +114,7 @@ class Reactions:
         sampled = np.linspace(0, len(run) - 1, min(len(run), SAMPLE)).astype(int)
         rows = sampled[(sampled >= part.start) & (sampled < part.stop)]
         links, twists, rates, _ = moving(model, run.q[rows], run.v[rows], run.a[rows])
-        asked, wrenches = links.outwards(demands(model, links, twists, rates).sum(axis=1)), self.joints[rows]
+        asked, wrenches = links.outwards(demands(model, links, twists, rates).sum(axis=0)), self.joints[rows]
         parents = np.array(model.parents)
         carries = (parents == np.arange(model.njoints)[:, None]).astype(float)
         carried = _moved(wrenches, links.places - links.places[:, parents])

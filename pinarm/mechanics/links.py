@@ -55,6 +55,11 @@ class Links:
         """Return wrenches at the joints' origins in world axes, shape (n, njoints, 6), from those in their own."""
         return self._turned(wrenches[..., :3], wrenches[..., 3:], self.turns)
 
+    def at_world(self, wrenches: Array) -> Array:
+        """Return wrenches at the world's origin, shape (.., n, njoints, 6), from those in the links' own frames."""
+        forces, moments = np.matvec(self.turns, wrenches[..., :3]), np.matvec(self.turns, wrenches[..., 3:])
+        return np.concatenate([forces, moments + crossed(self.places, forces)], axis=-1)
+
     def _turned(self, forces: Array, moments: Array, turns: Array) -> Array:
         return np.concatenate([np.matvec(turns, forces), np.matvec(turns, moments)], axis=-1)
 

@@ -39,7 +39,12 @@ def cross(a: Array, b: Array) -> Array:
 
 def crossed(a: Array, b: Array) -> Array:
     """Return ``a x b`` of vectors along the last axis, shape (.., 3)."""
-    return np.moveaxis(cross(np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)), 0, -1)
+    x = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
+    product = np.empty((*x.shape, 3))
+    product[..., 0] = x
+    product[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
+    product[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return product
 
 
 def direction(p: Array) -> Array:
