@@ -132,7 +132,7 @@ def _slow(paces: Sequence[_Pace], limit: float) -> Iterator[tuple[float, Array, 
         yield float(first.t[0]), first.q, RANK
         since = float(min(first.t[first.speed >= limit], default=np.inf))
     for pace in paces:
-        steps = np.flatnonzero(pace.least < MARGIN * limit)
+        steps = np.flatnonzero((pace.least < MARGIN * limit) & (np.append(pace.t[1:], np.inf) > since))
         for start in range(0, len(steps), BLOCK):
             t, q, speed = pace.within(steps[start : start + BLOCK])
             for k in np.flatnonzero((speed < limit) & (t >= since)):
@@ -156,13 +156,13 @@ class _Usual:
     @classmethod
     def of(cls, closure: Closure, legs: Sequence[Leg]) -> _Usual:
         """Return what starts of steps tell: within steps redundant rows tear, and seem independent."""
-        found: list[Array] = []
+        found = []
         for leg in legs:
             steps, nq = leg.solution.steps, leg.solution.manifold.nq
             some = [steps[k] for k in np.unique(np.linspace(0, len(steps) - 1, USUAL).astype(int))]
             t, y = np.array([step.t for step in some]), np.array([step.y for step in some])
-            found += [closure.singular_values(q) for q in leg.system.whole(t, y[:, :nq], y[:, nq:])[0]]
-        values = np.array(found)
+            found.append(leg.system.whole(t, y[:, :nq], y[:, nq:])[0])
+        values = closure.values_of(closure.at(np.concatenate(found))[1])
         rank = int((values > RANK * values[:, :1]).sum(axis=1).max())
         return cls(closure, rank, float(values[:, rank - 1].max()))
 
