@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.race.engines import ENGINES, prepare
+from benchmarks.race.engines.pinarm import evaluations
 from benchmarks.race.problems import Motion, Problem
 from benchmarks.race.shares import shares
 from benchmarks.race.worker import SHORT, Worker
@@ -91,7 +92,8 @@ def _shares(problem: Problem, goals: dict[str, Any]) -> dict[str, float]:
     found = goals.get(f"{GOALS[1]:g}")
     if not found or not isinstance(problem, Motion):
         return {}
-    return shares(prepare("pinarm", problem)[found["run"]].make())
+    setting = prepare("pinarm", problem)[found["run"]]
+    return {**shares(setting.make()), "evaluations": evaluations(problem, setting)}
 
 
 def pick(runs: list[dict[str, Any]], goal: float) -> int | None:

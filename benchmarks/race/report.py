@@ -144,11 +144,30 @@ def _shares(results: dict[str, Results], names: list[str]) -> str:
                "energy": "energy within steps", "residuals": "residuals of the rows", REST: "rest"}  # fmt: skip
     lines = ["## Where pinarm's time goes [%]", "",
              f"To an error of {GOALS[1]:.0e}. Accelerations are Pinocchio's call and the forces; energy and residuals "
-             "are the measures of accuracy.", "",
-             f"| problem | {' | '.join(heading.values())} |", "| --- |" + " ---: |" * len(heading)]  # fmt: skip
-    found = [(problems()[name].title, results[name].get("shares")) for name in names]
-    cells = [(title, [f"{100.0 * told[part]:.0f}" for part in heading]) for title, told in found if told]
-    return "\n".join([*lines, *(f"| {title} | {' | '.join(row)} |" for title, row in cells)]) if cells else ""
+             "are the measures of accuracy.\nBehind them: how many accelerations the steps take, and what one costs "
+             "with all of the steps, the rest of the run left out [µs].", "",
+             f"| problem | {' | '.join(heading.values())} | evaluations | µs each |",
+             "| --- |" + " ---: |" * (len(heading) + 2)]  # fmt: skip
+    for name in names:
+        if told := results[name].get("shares"):
+            cells = [f"{100.0 * told[part]:.0f}" for part in heading]
+            cells += [f"{told['evaluations']:.0f}", f"{1e6 * _of_an_evaluation(results[name]):.1f}"]
+            lines.append(f"| {problems()[name].title} | {' | '.join(cells)} |")
+    return "\n".join([*lines, "", _per_loop(results)])
+
+
+def _of_an_evaluation(result: Results) -> float:
+    """Return what an evaluation costs on the way to the middle goal [s]."""
+    told, seconds = result["shares"], _seconds(result, "pinarm", GOALS[1])
+    return seconds * (told[ACCELERATIONS] + told["steps"]) / told["evaluations"] if seconds else 0.0
+
+
+def _per_loop(results: dict[str, Results]) -> str:
+    """Return how the cost of an evaluation grows with the number of loops."""
+    costs = {n: _of_an_evaluation(results[name]) / n for n in (1, 2, 40)
+             if results.get(name := f"four_bar_{n}", {}).get("shares")}  # fmt: skip
+    told = ", ".join(f"{1e6 * cost:.1f} µs with {n}" for n, cost in costs.items())
+    return f"A loop of the four-bars costs, an evaluation: {told}." if told else ""
 
 
 def _wrong(results: dict[str, Results], names: list[str]) -> str:

@@ -49,6 +49,12 @@ def _motion(problem: Motion, method: str, tolerance: float) -> Run:
     return run
 
 
+def evaluations(problem: Motion, setting: Setting) -> float:
+    """Return how many accelerations a run computes for its steps."""
+    linkage, samples = problem.linkage, len(problem.times) + 1
+    return _scenario(linkage, problem.end, samples, setting.method, setting.value).run().figures["evaluations"]
+
+
 def _batch(problem: Batch) -> list[Setting]:
     return [Setting("dop853, pinarm.batch", tolerance, partial(_motions, problem, tolerance))
             for tolerance in decades(3, 12, 1)]  # fmt: skip
