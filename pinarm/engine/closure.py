@@ -5,9 +5,9 @@ An open chain has no rows; nothing else distinguishes it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import pinocchio as pin
@@ -15,11 +15,12 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints import Constraint, Guide
 from pinarm.engine.measures import Measures
+from pinarm.engine.split import Splits
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.links import Links, supports
 
-MANY = 8
-"""Number of configurations from which on it pays to look at them together."""
+MANY, KEPT = 8, 64
+"""Number of configurations from which on it pays to look at them together, and up to which this is kept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +78,8 @@ class Closure:
     def apart(self) -> Closure:
         """Return the same with buffers of its own."""
         other = replace(self, data=self.model.createData())
-        vars(other)["measures"] = self.measures  # they have no buffers
+        for name in ("measures", "_kept", "_split") if self.measures else ():
+            vars(other)[name] = getattr(self, name)  # they have no buffers
         return other
 
     def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> Closure:
@@ -125,15 +127,37 @@ class Closure:
         return Measures.of(self.model, self.constraints)
 
     def at(self, q: Array) -> tuple[Array, Array]:
-        """Return the gaps, shape (n, m), and G, shape (n, m, nv), at configurations, shape (n, nq)."""
+        """Return the gaps, shape (n, m), and G, shape (n, m, nv), at configurations, shape (n, nq).
+
+        Those of few configurations are kept, to be read only: all that looks at a table asks for them.
+        """
         if len(q) >= MANY and self.measures:
-            measured = self.measures.at(q.T)
-            return measured.gaps(len(q)), measured.matrices((len(q), self.size, self.model.nv))
+            return self._kept(q.tobytes(), len(q)) if len(q) <= KEPT else self._together(q)
         gaps, rows = np.empty((len(q), self.size)), np.empty((len(q), self.size, self.model.nv))
         for k, one in enumerate(q if self.size else ()):
             self.place(one)
             gaps[k], rows[k] = self.gap(one), self.rows()
         return gaps, rows
+
+    def _together(self, q: Array) -> tuple[Array, Array]:
+        assert self.measures is not None
+        measured = self.measures.at(q.T)
+        found = measured.gaps(len(q)), measured.matrices((len(q), self.size, self.model.nv))
+        for x in found:
+            x.flags.writeable = False
+        return found
+
+    @cached_property
+    def _kept(self) -> Callable[[bytes, int], tuple[Array, Array]]:
+        return lru_cache(maxsize=4)(lambda content, n: self._together(np.frombuffer(content).reshape(n, -1)))
+
+    @cached_property
+    def _split(self) -> Callable[[bytes, int], Splits]:
+        return lru_cache(maxsize=4)(lambda content, n: Splits.of(self.at(np.frombuffer(content).reshape(n, -1))[1]))
+
+    def splits(self, q: Array) -> Splits:
+        """Return G taken apart at configurations, shape (n, nq); see ``at``."""
+        return self._split(q.tobytes(), len(q)) if MANY <= len(q) <= KEPT else Splits.of(self.at(q)[1])
 
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""

@@ -58,8 +58,9 @@ class Multipliers:
             for start in range(0, len(rows), BLOCK):
                 some = rows[start : start + BLOCK]
                 g = own_buffers().at(q[some])[1]
-                force = held[some] - (along[some][:, None] @ g[:, m:])[:, 0]
-                found[start : start + BLOCK] = Splits.of(g[:, :m]).multipliers(force)
+                force = held[some] - np.vecmat(along[some], g[:, m:])
+                splits = Splits.of(g[:, :m]) if along.size else own_buffers().splits(q[some])
+                found[start : start + BLOCK] = splits.multipliers(force)
             return found
 
         return cls(own, along)

@@ -173,8 +173,7 @@ class ConstrainedSystem:
         mass, still, size = mass_matrices(model, rows.data, q), np.zeros_like(v), max(1.0, rows.extent)
         whole = size + np.abs(values).max(axis=1)
         for _ in range(ITERATIONS):
-            gaps, matrices = rows.at(q)
-            gaps, splits = values - gaps, Splits.of(matrices)
+            gaps, splits = values - rows.at(q)[0], rows.splits(q)
             torn = np.abs(gaps).max(axis=1)
             if polished or (torn <= ROUNDED * whole).all():
                 return q, splits.solve(mass, np.matvec(mass, v), self.rates(dw)), splits
