@@ -29,7 +29,9 @@ def least_regular(run: Trajectory, rows: Indices, values: Array) -> tuple[float,
         rows: Those of its rows that have been looked at, shape (n,).
         values: Singular values of the constraints there, descending, shape (n, s).
     """
-    rank = max(int((values > RANK * values[:, :1]).sum(axis=1).max()), 1)
+    rank = int((values > RANK * values[:, :1]).sum(axis=1).max())
+    if not rank:  # a second bearing in line with the first holds nothing that could be lost
+        return 1.0, float(run.grid.t[rows[0]])
     regular = values[:, rank - 1] / values[:, 0]
     least = int(np.argmin(regular))
     best = float(regular[least]), float(run.grid.t[rows[least]])

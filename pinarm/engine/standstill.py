@@ -164,8 +164,8 @@ class _Usual:
             found.append(leg.system.whole(t, y[:, :nq], y[:, nq:])[0])
         values = closure.values_of(closure.at(np.concatenate(found))[1])
         rank = int((values > RANK * values[:, :1]).sum(axis=1).max())
-        return cls(closure, rank, float(values[:, rank - 1].max()))
+        return cls(closure, rank, float(values[:, rank - 1].max()) if rank else 1.0)
 
     def regularity(self, q: Array) -> float:
         """Return the smallest singular value at a configuration, relative to the usual one."""
-        return float(self.closure.singular_values(q)[self.rank - 1] / self.value)
+        return float(self.closure.singular_values(q)[self.rank - 1] / self.value) if self.rank else 1.0
