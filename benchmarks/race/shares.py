@@ -24,7 +24,7 @@ PHASES = {
 
 REST = "rest"
 NAMES = (ACCELERATIONS, *PHASES.values(), REST)
-SOLVERS = {("dynamics.py", "free"), ("native.py", "constrained"), ("constrained.py", "constrained")}
+SOLVERS = {("dynamics.py", "free"), ("native.py", "constrained"), ("row_motion.py", "acceleration")}
 """What evaluates the acceleration of one state: Pinocchio's call, and the forces."""
 
 

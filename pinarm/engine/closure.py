@@ -153,11 +153,12 @@ class Closure:
 
     @cached_property
     def _split(self) -> Callable[[bytes, int], Splits]:
-        return lru_cache(maxsize=4)(lambda content, n: Splits.of(self.at(np.frombuffer(content).reshape(n, -1))[1]))
+        return lru_cache(maxsize=4)(lambda content, n: Splits.of(self._kept(content, n)[1]))
 
-    def splits(self, q: Array) -> Splits:
-        """Return G taken apart at configurations, shape (n, nq); see ``at``."""
-        return self._split(q.tobytes(), len(q)) if MANY <= len(q) <= KEPT else Splits.of(self.at(q)[1])
+    def splits(self, q: Array, rows: Array) -> Splits:
+        """Return G taken apart at configurations, shape (n, nq); ``rows`` are what ``at`` says of them."""
+        kept = MANY <= len(q) <= KEPT and self.measures
+        return self._split(q.tobytes(), len(q)) if kept else Splits.of(rows)
 
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""

@@ -59,7 +59,7 @@ class Multipliers:
                 some = rows[start : start + BLOCK]
                 g = own_buffers().at(q[some])[1]
                 force = held[some] - np.vecmat(along[some], g[:, m:])
-                splits = Splits.of(g[:, :m]) if along.size else own_buffers().splits(q[some])
+                splits = Splits.of(g[:, :m]) if along.size else own_buffers().splits(q[some], g)
                 found[start : start + BLOCK] = splits.multipliers(force)
             return found
 

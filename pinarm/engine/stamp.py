@@ -88,7 +88,7 @@ class _Looked:
     def of_one_freedom(self, run: Trajectory) -> list[_Alike]:
         """Return those with as many free motions together: at singular positions there are more."""
         mass, found = run.dynamics.mass_matrices(run.q[self.rows]), []
-        for some, split in run.mechanism.closure.splits(run.q[self.rows]).parts:
+        for some, split in run.mechanism.closure.splits(run.q[self.rows], self.own).parts:
             free_mass = split.free.swapaxes(1, 2) @ mass[some] @ split.free
             particular = split.particular(self.right[some])
             found.append(_Alike(self.rows[some], split.free, mass[some], free_mass, particular, self.guided[some]))

@@ -22,28 +22,19 @@ from pinarm.engine.integrators import Energy, Manifold, Stretch
 from pinarm.engine.masses import require_masses
 from pinarm.engine.measures import BLOCK
 from pinarm.engine.multipliers import Multipliers
-from pinarm.engine.reduction import Targets
 from pinarm.engine.split import RANK, Split, Splits
 from pinarm.engine.systems.contract import Initial, Motion
+from pinarm.engine.systems.row_motion import RowMotion
 from pinarm.engine.systems.together import CLOSED, ITERATIONS, ROUNDED, TURNED, Solved, Together
-from pinarm.errors import AssemblyError, DynamicsError, InputError
+from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.balls import coordinate_at, coordinate_name
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.joints import spelled
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.motion import Grid
 
 LASTING, ROUNDING = 1e-6, 1e-10
 """Part of the centripetal terms that redundant loops may leave: closed to rounding, they leave 1e-12; and what rounding
 leaves where these terms vanish, relative to the square of the velocity [m]."""
-
-MET, LEAST = 1e-6, 1.0
-"""Part of its terms that ``G a + G' v`` may be at accepted states, where closed loops leave less than 1e-10; and the
-size that terms have at least, since at rest all of them vanish [m/s^2 or rad/s^2]."""
-
-TOLD = 1e-6
-"""Smallest singular value of the rows, relative to the largest, from which on branches are told apart: closed to
-rounding, a linkage is known to the root of it."""
 
 FEW = 64
 """Number of rows whose G is taken apart at once."""
@@ -149,7 +140,7 @@ class ConstrainedSystem:
 
     def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
         """Return the motion on an interval without jumps."""
-        motion = _RowMotion(self, dynamics.on(start, end), self.imposed.on(start, end))
+        motion = RowMotion(self.rows, self.settled, dynamics.on(start, end), self.imposed.on(start, end))
         return Stretch(start, end, motion.acceleration, motion.settle, energy=self.energy(dynamics))
 
     def energy(self, dynamics: Dynamics) -> Energy | None:
@@ -173,7 +164,8 @@ class ConstrainedSystem:
         mass, still, size = mass_matrices(model, rows.data, q), np.zeros_like(v), max(1.0, rows.extent)
         whole = size + np.abs(values).max(axis=1)
         for _ in range(ITERATIONS):
-            gaps, splits = values - rows.at(q)[0], rows.splits(q)
+            gaps, matrices = rows.at(q)
+            gaps, splits = values - gaps, rows.splits(q, matrices)
             torn = np.abs(gaps).max(axis=1)
             if polished or (torn <= ROUNDED * whole).all():
                 return q, splits.solve(mass, np.matvec(mass, v), self.rates(dw)), splits
@@ -245,75 +237,3 @@ def _moved(model: pin.Model, q: Array, x: Array) -> Array:
     if model.nq == model.nv:
         return q + x
     return np.array([pin.integrate(model, *one) for one in zip(q, x, strict=True)])
-
-
-class _RowMotion:
-    """The motion on one stretch."""
-
-    def __init__(self, system: ConstrainedSystem, dynamics: Dynamics, targets: Targets) -> None:
-        self.system, self.dynamics, self.targets, self.t = system, dynamics, targets, -np.inf
-        self.rank, self.begun, self.close = 0, False, False
-
-    def acceleration(self, t: float, q: Array, v: Array) -> Array:
-        """Return the acceleration."""
-        closure, dynamics = self.system.rows, self.dynamics
-        closure.place(q)
-        rows, right = closure.rows(), self.system.rates(self.targets(t)[2]) - closure.drift(q, v)
-        force = dynamics.loads(t, q, v) - pin.nonLinearEffects(dynamics.model, dynamics.data, q, v)
-        a = Split.of(rows).solve(mass_matrix(dynamics.model, dynamics.data, q), force, right)
-        if t == self.t:
-            require_met(rows, a, right, t, q)
-        return a
-
-    def settle(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the closed state nearest to (q, v)."""
-        w, dw, _ = self.targets(t)
-        closed, rates, splits = self.system.settled(q[None], v[None], w[None], dw[None], np.array([t]))
-        ((_, split),) = splits.parts
-        self._require_apart(t, closed[0], self.system.rows.values_of(split.rows[0])[: split.values.shape[1]])
-        self.t = t
-        return closed[0], rates[0]
-
-    def _require_apart(self, t: float, q: Array, values: Array) -> None:
-        """Raise where a second step in a row ends at a singular position: rounding would choose the way on.
-
-        Passed by a step of ordinary length, it is left on the branch on which it was reached.
-        """
-        self.rank = max(self.rank, len(values))
-        regular = len(values) == self.rank and bool((values[-1:] > TOLD * values[:1]).all())
-        if self.close and not regular:
-            raise DynamicsError(
-                f"at t = {t:.9g} s the position is singular but for rounding, which would choose among the motions "
-                f"that meet there: {spelled(self.dynamics.model, q)}",
-                expected="a motion that passes singular positions at some speed",
-                hint="lengths that differ, masses for light links, or a wider tolerance",
-                t=t, q=q,
-            )  # fmt: skip
-        self.begun, self.close = self.begun or regular, self.begun and not regular
-
-
-def require_met(rows: Array, a: Array, right: Array, t: float, q: Array) -> None:
-    """Raise where the acceleration at an accepted state leaves the constraints: ``G a + G' v`` is not 0.
-
-    Args:
-        rows: G, shape (m, nv).
-        a: The acceleration, shape (nv,).
-        right: ``-G' v``, shape (m,).
-        t: Instant [s].
-        q: Configuration, shape (nq,).
-
-    Raises:
-        DynamicsError: It is off by more than ``MET`` of its terms.
-    """
-    off = rows @ a - right
-    if off.dot(off) <= (MET * LEAST) ** 2:  # nearly always
-        return
-    left, size = np.abs(off).max(), (np.abs(rows) @ np.abs(a) + np.abs(right)).max()
-    if not left <= MET * max(size, LEAST):
-        raise DynamicsError(
-            f"at t = {t:.9g} s the accelerations tear the loops: G a + G' v is {left:.3g}, its terms reach {size:.3g} "
-            "[m/s^2 or rad/s^2]",
-            expected=f"no more than {MET:g} of its terms",
-            hint="masses many orders apart in one loop, or a position all but singular, may be the reason",
-            t=t, q=q,
-        )  # fmt: skip

@@ -13,8 +13,9 @@ from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Acceleration, Manifold, Stretch
 from pinarm.engine.native import PointClosure
 from pinarm.engine.reduction import Targets
-from pinarm.engine.systems.constrained import ConstrainedSystem, require_met
+from pinarm.engine.systems.constrained import ConstrainedSystem
 from pinarm.engine.systems.contract import Initial, Motion
+from pinarm.engine.systems.row_motion import require_met
 from pinarm.mechanics.motion import Grid
 
 ITERATIONS = 12
