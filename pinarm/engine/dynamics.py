@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -286,8 +286,14 @@ def mass_matrices(model: pin.Model, data: pin.Data, q: Array) -> Array:
     upper = np.empty((len(q), model.nv, model.nv))
     for k, one in enumerate(q):
         upper[k] = pin.crba(model, data, one).reshape(upper.shape[1:])
-    upper = np.triu(upper)
-    return np.asarray(upper + np.triu(upper, 1).swapaxes(1, 2))
+    diagonal, above = _triangle(model.nv)
+    return np.asarray(upper * (diagonal + above) + (upper * above).swapaxes(1, 2))
+
+
+@cache
+def _triangle(n: int) -> tuple[Array, Array]:
+    """Return what leaves the diagonal of a matrix, and what is above it: ``numpy.triu`` costs 10 us."""
+    return np.eye(n), np.triu(np.ones((n, n)), 1)
 
 
 def parts(dynamics: Dynamics, grid: Grid) -> list[tuple[slice, Dynamics]]:

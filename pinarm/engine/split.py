@@ -124,11 +124,7 @@ def _alike(rows: Array, least: float) -> list[tuple[Indices, Split]]:
     length = np.sqrt((rows * rows).sum(axis=2))
     longest = np.maximum(length.max(axis=1, keepdims=True), SMALL)
     scale = 1.0 / np.where(length > VANISHED * longest, length, 1.0)
-    scaled, tall = rows * scale[:, :, None], None
-    if m > nv:
-        tall, scaled = np.linalg.qr(scaled)
-    u, s, vt = np.linalg.svd(scaled)
-    left = u if tall is None else tall @ u
+    left, s, vt = np.linalg.svd(rows * scale[:, :, None], full_matrices=m < nv)
     ranks = (s > least * np.maximum(s[:, :1], 1.0)).sum(axis=1)
     found = []
     for r in sorted(set(ranks.tolist())):
