@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
 from pinarm.engine.integrators import Acceleration, Energy, Flat, Manifold
+from pinarm.engine.jointspace import JointSpace
 from pinarm.engine.parallel import Parallel
 from pinarm.errors import InputError
 from pinarm.mechanics.forces import ForceElement
@@ -27,33 +28,6 @@ SAME = 1e-11
 links' own: far from the origin, or where links differ much in length, the former lose digits that the latter keep."""
 
 NO_FORCES: Mapping[str, ForceElement] = MappingProxyType({})
-
-
-@dataclass(frozen=True)
-class JointSpace:
-    """Configurations with quaternions or (cos, sin) pairs in them.
-
-    Attributes:
-        model: Pinocchio's model.
-        nq: Numbers in q.
-        nv: Numbers in v.
-    """
-
-    model: pin.Model
-    nq: int
-    nv: int
-
-    def velocity(self, q: Array, v: Array) -> Array:
-        """Return q' = T(q) v."""
-        if q.ndim == 1:
-            return np.asarray(pin.tangentMap(self.model, q) @ v)
-        return np.array([pin.tangentMap(self.model, row) @ rate for row, rate in zip(q, v, strict=True)])
-
-    def project(self, q: Array) -> Array:
-        """Return q with its quaternions and pairs at unit length."""
-        if q.ndim == 1:
-            return np.asarray(pin.normalize(self.model, q))
-        return np.array([pin.normalize(self.model, row) for row in q])
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,8 +140,7 @@ class Dynamics:
 
     def load(self) -> Acceleration:
         """Return ``(t, q, v) -> tau``, the load in one state, to be read only; steady loads are summed once."""
-        steady, tau = self.steady, np.zeros(self.model.nv)
-        changing = tuple(force for force in self.forces.values() if not force.steady)
+        steady, changing, tau = self.steady, self.changing, np.zeros(self.model.nv)
         if not changing:
             return lambda t, q, v: steady
 
@@ -187,6 +160,11 @@ class Dynamics:
             if force.steady:
                 force.add_load(0.0, q, still, tau)
         return tau
+
+    @cached_property
+    def changing(self) -> tuple[ForceElement, ...]:
+        """The other force elements."""
+        return tuple(force for force in self.forces.values() if not force.steady)
 
     def energy(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return kinetic and potential energy [J], each of shape (n,); rotors and springs included."""

@@ -6,8 +6,9 @@ import pinocchio as pin
 import pytest
 
 from pinarm.engine import parallel
-from pinarm.engine.dynamics import Dynamics, JointSpace
+from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.integrators import Flat
+from pinarm.engine.jointspace import JointSpace
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.parallel import Parallel
 from pinarm.errors import InputError

@@ -5,8 +5,8 @@ import pinocchio as pin
 import pytest
 from scipy.special import ellipj, ellipk
 
-from pinarm.engine.dynamics import JointSpace
 from pinarm.engine.integrators import Adaptive, Flat, Radau, Stretch, integrate
+from pinarm.engine.jointspace import JointSpace
 from pinarm.engine.tableaus import DOPRI5
 from pinarm.errors import IntegrationError, Interrupted
 
@@ -308,6 +308,22 @@ class TestJointSpace:
         q, v = pin.normalize(space.model, rng.normal(size=space.nq)), rng.normal(size=space.nv)
         change = differentiate(lambda t: pin.integrate(space.model, q, t * v), 0.0)
         assert space.velocity(q, v) == pytest.approx(change, abs=1e-11)
+
+    def test_rows_are_what_each_is(self, space, differentiate):
+        """Of balls, which have formulas of their own, and of joints that have none."""
+        rng, balls = np.random.default_rng(3), pin.Model()
+        ends = [balls.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "shoulder")]
+        for joint, name in ((pin.JointModelRX(), "elbow"), (pin.JointModelSpherical(), "wrist")):
+            ends.append(balls.addJoint(ends[-1], joint, pin.SE3.Identity(), name))
+        for one in (space, JointSpace(balls, balls.nq, balls.nv)):
+            raw, v = rng.normal(size=(5, one.nq)), rng.normal(size=(5, one.nv))
+            q = one.project(raw)
+            assert q == pytest.approx(np.array([pin.normalize(one.model, row) for row in raw]), abs=1e-15)
+            changes = [
+                differentiate(lambda t, model=one.model, q=a, v=b: pin.integrate(model, q, t * v), 0.0)
+                for a, b in zip(q, v, strict=True)
+            ]
+            assert one.velocity(q, v) == pytest.approx(np.array(changes), abs=1e-11)
 
     def test_projection_keeps_what_is_on_it_and_takes_rows(self, space):
         rng = np.random.default_rng(2)
