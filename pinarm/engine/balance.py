@@ -25,10 +25,10 @@ SAMPLE = 64
 ROUNDING = 1e-15
 """Of an energy, relative to it: a motion so short that it exchanges no more has not lost any."""
 
-PARTS, STEPS, GAUSS_NODES = 4, 8, 4
-"""Parts of a step at whose ends the energy is looked at: within it the dense output errs more than at its end. This is
-done in all steps that have been looked into, as for rows of the table, and in as many others, evenly. Nodes of the
-quadrature of dissipated power over a part: degree 7, the order of the dense output."""
+STEPS, GAUSS_NODES = 8, 4
+"""Steps within which the energy is looked at, evenly, besides those that have been looked into, as for rows of the
+table: there the dense output errs more than at their ends. Nodes of the quadrature of dissipated power over a part of a
+step: degree 7, the order of the dense output."""
 
 
 def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, float]:
@@ -157,7 +157,7 @@ class Account:
         """Return the step of every part, its start and its length [s], each of shape (n,)."""
         steps = self.solution.steps
         counts = np.ones(len(steps), dtype=np.intp)
-        counts[divided] = PARTS
+        counts[divided] = self.solution.method.parts
         index = np.repeat(np.arange(len(steps)), counts)
         part = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
         start, h = np.array([(step.t, (step.until - step.t) / n) for step, n in zip(steps, counts, strict=True)])[

@@ -38,6 +38,7 @@ class Conserving:
     """
 
     tolerance: float
+    parts = 4
 
     @property
     def steps(self) -> Adaptive:

@@ -189,6 +189,11 @@ class Method(Protocol):
         ...
 
     @property
+    def parts(self) -> int:
+        """Parts of a step at whose ends it is looked at; its dense output has at most twice their degree."""
+        ...
+
+    @property
     def remedy(self) -> str:
         """What to try where it fails."""
         ...

@@ -275,7 +275,7 @@ class _Advance:
 
     def watched(self, going: _Going, h: Array, new: Array, slopes: Array) -> Flags:
         """Look for crossings in the steps that are done; return which motions end at one."""
-        m, x, nq = len(h), nodes(), self.manifold.nq
+        m, x, nq = len(h), nodes(self.method.parts), self.manifold.nq
         known = slopes.swapaxes(0, 1)
         terms = terms_of(self.method.tableau, self.stretch, self.manifold, going.t, h, going.y, known)
         rows, passed = np.repeat(np.arange(m), len(x)), np.tile(x, m)

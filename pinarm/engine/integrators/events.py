@@ -11,9 +11,6 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.engine.integrators.contract import Crossing, Solution
 
-NODES = 9
-"""Points of a step at which values are taken: their polynomial of degree 8 holds any dense output there is."""
-
 PARTS, ROUNDS = 16, 14
 """A bracket is cut in 16 parts 14 times: 16^14 is beyond the digits of a double, so it ends at rounding."""
 
@@ -39,9 +36,10 @@ class Watch:
 def find(solution: Solution, watches: Sequence[Watch], y: Array) -> bool:
     """Look for crossings in the last step of a solution, and cut it where one stops the integration.
 
-    A value is replaced by the Chebyshev polynomial through it at 9 points of the step, whose roots are all known: a
-    coordinate that is linear in q is such a polynomial, and none of its crossings is missed, however short. Each root
-    is then refined on the value itself. A state that is exactly at zero counts as above it.
+    A value is replaced by the Chebyshev polynomial through it at points of the step, two to each of the method's parts,
+    whose roots are all known: a coordinate that is linear in q is such a polynomial, and none of its crossings is
+    missed, however short. Each root is then refined on the value itself. A state that is exactly at zero counts as
+    above it.
 
     Args:
         solution: Its crossings are completed.
@@ -53,9 +51,9 @@ def find(solution: Solution, watches: Sequence[Watch], y: Array) -> bool:
     """
     index = len(solution.steps) - 1
     step, nq = solution.steps[index], solution.manifold.nq
-    t = step.t + step.h * nodes()
+    t = step.t + step.h * nodes(solution.method.parts)
     t[-1] = step.until
-    states = solution.states_in(np.full(NODES, index), t)
+    states = solution.states_in(np.full(len(t), index), t)
     states[0][0], states[1][0], states[0][-1], states[1][-1] = step.y[:nq], step.y[nq:], y[:nq], y[nq:]
     found = []
     for number, watch in enumerate(watches):
@@ -71,26 +69,26 @@ def find(solution: Solution, watches: Sequence[Watch], y: Array) -> bool:
 
 
 @cache
-def nodes() -> Array:
-    """Return the Chebyshev points of [0, 1], ends included."""
-    return 0.5 - 0.5 * np.cos(np.pi * np.arange(NODES) / (NODES - 1))
+def nodes(parts: int) -> Array:
+    """Return the Chebyshev points of [0, 1], ends included, shape (2 parts + 1,)."""
+    return 0.5 - 0.5 * np.cos(np.pi * np.arange(2 * parts + 1) / (2 * parts))
 
 
 @cache
-def _to_series() -> Array:
+def _to_series(parts: int) -> Array:
     """Return the matrix from values at the nodes to Chebyshev coefficients on [-1, 1]."""
-    return np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(2.0 * nodes() - 1.0, NODES - 1)))
+    return np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(2.0 * nodes(parts) - 1.0, 2 * parts)))
 
 
 def quiet(values: Array) -> Flags:
     """Return which rows of values, given at the nodes, keep their sign for sure, shape (m,)."""
-    series = values @ _to_series().T
+    series = values @ _to_series(values.shape[1] // 2).T
     return np.asarray(np.abs(series[:, 0]) > np.abs(series[:, 1:]).sum(axis=1))
 
 
 def _brackets(values: Array, direction: int) -> list[tuple[float, float]]:
     """Return parts of [0, 1] in which values, given at the nodes, cross zero once in the given direction."""
-    series = _to_series() @ values
+    series = _to_series(len(values) // 2) @ values
     one_sided = abs(series[0]) > np.abs(series[1:]).sum()
     if one_sided or not np.isfinite(series).all():
         return []

@@ -66,6 +66,7 @@ class Adaptive:
 
     tolerance: float
     tableau: Tableau = DOP853
+    parts = 4
     remedy = "a wider tolerance"
 
     @property
@@ -130,6 +131,7 @@ class FixedStep:
 
     step: float
     tableau: Tableau = RK4
+    parts = 4
     remedy = "a shorter accuracy.step, or an adaptive method"
 
     @property

@@ -50,6 +50,7 @@ class Radau:
     tolerance: float
     name = "Radau IIA 5"
     order = 5
+    parts = 4
     remedy = "a wider tolerance"
 
     def prepare(self, stretches: Sequence[Stretch], q: Array, v: Array) -> Sequence[Stretch]:
