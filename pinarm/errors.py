@@ -99,6 +99,10 @@ class UnitError(InputError):
     """A quantity without a unit, with an unknown one, or with one of the wrong dimension."""
 
 
+class MethodError(InputError):
+    """A method of integration that is not for what it is to integrate."""
+
+
 class ExpressionError(InputError):
     """A formula that cannot be read, or that names something unknown."""
 

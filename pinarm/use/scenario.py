@@ -19,7 +19,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities import Quantities
 from pinarm.engine.stamp import table_figures
 from pinarm.engine.trajectory import Trajectory
-from pinarm.errors import DynamicsError, InputError, NumericsError
+from pinarm.errors import DynamicsError, InputError, MethodError, NumericsError
 from pinarm.input.documents import Document
 from pinarm.input.expressions import Expression
 from pinarm.input.roots import inside, root_of
@@ -283,7 +283,11 @@ class Scenario:
 
     def _solved(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""
-        return self.measured(*self.scene.solve(self.content.accuracy, self._place))
+        try:
+            solved = self.scene.solve(self.content.accuracy, self._place)
+        except MethodError as error:
+            raise error.at(self.document.locate(("accuracy", "method"))) from None
+        return self.measured(*solved)
 
     def measured(self, solved: Trajectory, trajectory: Trajectory) -> Result:
         """Return the result of a run that was solved, and of the same run of the whole mechanism, with its accuracy.

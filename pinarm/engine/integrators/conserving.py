@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pinarm.arrays import Array
 from pinarm.engine.integrators.contract import Count, Energy, Manifold, Settle, Solution, Step, Stretch
 from pinarm.engine.integrators.explicit import Adaptive, AdaptiveStepper
-from pinarm.errors import InputError
+from pinarm.errors import MethodError
 
 SLOW = 1e-2
 """Kinetic energy, relative to the largest met, below which velocities are left as they are: near standstill the whole
@@ -64,10 +64,10 @@ class Conserving:
         """Return the stretches with states settled onto the energy of the start.
 
         Raises:
-            InputError: The energy is not constant.
+            MethodError: The energy is not constant.
         """
         if any(stretch.energy is None for stretch in stretches):
-            raise InputError(
+            raise MethodError(
                 "the conserving integrator is for free motions: dampers, drives, loads over time and coordinates that "
                 "follow laws exchange energy",
                 hint="accuracy.method: dop853",
