@@ -16,7 +16,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
-from pinarm.engine.integrators import Acceleration, Energy, Flat, Manifold
+from pinarm.engine.integrators import Acceleration, Accelerations, Energy, Flat, Manifold
 from pinarm.engine.jointspace import JointSpace
 from pinarm.engine.parallel import Parallel
 from pinarm.errors import InputError
@@ -135,6 +135,24 @@ class Dynamics:
 
         def free(t: float, q: Array, v: Array) -> Array:
             return aba(model, data, q, v, load(t, q, v))  # type: ignore[no-any-return]
+
+        return free
+
+    def accelerations(self) -> Accelerations:
+        """Return the free motion's ``(t, q, v) -> a`` of a few states at once: ``forward`` without what checks it."""
+        aba, parallel, nv = pin.abaInParallel, self._parallel, self.model.nv
+        steady, changing, tau = self.steady, self.changing, np.zeros((0, nv))
+
+        def free(t: Array, q: Array, v: Array) -> Array:
+            nonlocal tau
+            if len(tau) < len(q):
+                tau = np.tile(steady, (len(q), 1))
+            loads = tau[: len(q)]
+            if changing:
+                loads[:] = steady
+                for force in changing:
+                    force.add_load(t, q, v, loads)
+            return aba(1, parallel.one, q.T, v.T, loads.T).reshape(nv, len(q)).T  # type: ignore[no-any-return]
 
         return free
 

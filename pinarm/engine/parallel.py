@@ -50,11 +50,12 @@ class Parallel:
     def _rows(self, call: Callable[..., Array], q: Array, *others: Array) -> Array:
         nv = self.model.nv
         number = threads() if len(q) * nv >= MANY and nv <= WIDE else 1
-        pool = self._one if number == 1 else self._several
+        pool = self.one if number == 1 else self._several
         return call(number, pool, q.T, *(x.T for x in others)).reshape(nv, len(q)).T
 
     @cached_property
-    def _one(self) -> pin.ModelPool:
+    def one(self) -> pin.ModelPool:
+        """Buffers of one thread."""
         return pin.ModelPool(self.model, 1)
 
     @cached_property

@@ -7,12 +7,14 @@ from pinarm.engine.integrators import METHODS, Adaptive, Flat, Stretch, Watch, i
 
 LINE = Flat(1, 1)
 TIGHT = Adaptive(1e-11)
-LOOSE = {"dop853": 1e-9, "dopri5": 1e-9, "rk4": 1e-3, "stiff": 1e-9, "conserving": 1e-9}
+LOOSE = {"dop853": 1e-9, "dopri5": 1e-9, "rk4": 1e-3, "stiff": 1e-9, "conserving": 1e-9, "collocation": 1e-9}
 
 
 def oscillator(end, watches, method=TIGHT):
     """The unit oscillator from (0, 1): q = sin t."""
-    stretch = Stretch(0.0, end, lambda t, q, v: -q, energy=lambda q, v: (0.5 * v @ v, 0.5 * q @ q))
+    stretch = Stretch(
+        0.0, end, lambda t, q, v: -q, energy=lambda q, v: (0.5 * v @ v, 0.5 * q @ q), together=lambda t, q, v: -q
+    )
     return integrate([stretch], LINE, np.zeros(1), np.ones(1), method, watches=watches)
 
 

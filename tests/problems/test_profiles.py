@@ -133,7 +133,7 @@ def spun(wheel, loads, speed=20.0, **accuracy):
     return one.solve(wheel, Accuracy(**accuracy), place)
 
 
-@pytest.mark.parametrize("method", ["dop853", "dopri5", "stiff"])
+@pytest.mark.parametrize("method", ["dop853", "dopri5", "stiff", "collocation"])
 @pytest.mark.parametrize(("period", "kicks"), [(None, 1), (6.0, 3)])
 def test_a_wheel_passes_no_kick_on_its_way_unseen(wheel, method, period, kicks):
     """The wheel turns evenly but for kicks of 0.02 rad: steps would be as long as the run."""
@@ -141,7 +141,7 @@ def test_a_wheel_passes_no_kick_on_its_way_unseen(wheel, method, period, kicks):
     assert 0.5 * 0.02 * run.v[-1, 0] ** 2 == pytest.approx(4.0 + 0.05 * kicks, rel=1e-5)  # kinks of s''
 
 
-@pytest.mark.parametrize("method", ["dop853", "dopri5", "stiff"])
+@pytest.mark.parametrize("method", ["dop853", "dopri5", "stiff", "collocation"])
 def test_a_motor_does_not_leap_over_a_notch_of_its_curve(wheel, method):
     """It gives 5 N*m but for a notch down to -20 N*m at 50 rad/s, 1 rad/s wide: it stays where it gives nothing."""
     curve = [(-100.0, 5.0), (49.5, 5.0), (50.0, -20.0), (50.5, 5.0), (900.0, 5.0)]

@@ -30,6 +30,8 @@ def prepare(problem: Problem) -> list[Setting]:
     methods.sort(key=lambda name: name != "stiff")
     if not problem.linkage.damping.any():
         methods.remove("stiff")
+    if problem.linkage.loops:
+        methods.remove("collocation")
     return [Setting(method, tolerance, partial(_motion, problem, method, tolerance))
             for method in methods for tolerance in decades(3, 13, 4)]  # fmt: skip
 

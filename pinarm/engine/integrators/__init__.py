@@ -25,6 +25,7 @@ from pinarm.engine.integrators.contract import (
 )  # fmt: skip
 
 if TYPE_CHECKING:
+    from pinarm.engine.integrators.collocation import Collocation
     from pinarm.engine.integrators.conserving import Conserving
     from pinarm.engine.integrators.ensemble import Ensemble, advance
     from pinarm.engine.integrators.events import Watch
@@ -34,14 +35,15 @@ if TYPE_CHECKING:
     from pinarm.engine.integrators.stiff import Radau
 
 __all__ = [
-    "METHODS", "SETTING", "Acceleration", "Accelerations", "Adaptive", "Conserving", "Energy", "Ensemble", "FixedStep",
-    "Flat", "Manifold", "Method", "MethodName", "Passes", "Radau", "Settle", "Solution", "Stretch", "Watch", "advance",
-    "integrate",
+    "METHODS", "SETTING", "Acceleration", "Accelerations", "Adaptive", "Collocation", "Conserving", "Energy",
+    "Ensemble", "FixedStep", "Flat", "Manifold", "Method", "MethodName", "Passes", "Radau", "Settle", "Solution",
+    "Stretch", "Watch", "advance", "integrate",
 ]  # fmt: skip
 
 _HOMES = {
-    "METHODS": "methods", "Adaptive": "explicit", "Conserving": "conserving", "Ensemble": "ensemble",
-    "FixedStep": "explicit", "Radau": "stiff", "Watch": "events", "advance": "ensemble", "integrate": "march",
+    "METHODS": "methods", "Adaptive": "explicit", "Collocation": "collocation", "Conserving": "conserving",
+    "Ensemble": "ensemble", "FixedStep": "explicit", "Radau": "stiff", "Watch": "events", "advance": "ensemble",
+    "integrate": "march",
 }  # fmt: skip
 
 

@@ -80,6 +80,7 @@ class Stretch:
         since: Start of a step that has been taken [s] -> the acceleration that it was taken with, where that depends on
             how close to a singular position the step began; none where it does not.
         together: The acceleration of many states at once; none where it is only known of one.
+        unchecked: The same for who asks again and again, and compares some of them with ``acceleration`` himself.
     """
 
     start: float
@@ -90,6 +91,7 @@ class Stretch:
     energy: Energy | None = None
     since: Callable[[float], Acceleration] | None = None
     together: Accelerations | None = None
+    unchecked: Accelerations | None = None
 
     def accelerations(self, start: Array, t: Array, q: Array, v: Array) -> Array:
         """Return the accelerations of many states, shape (n, nv), at times t in steps from ``start``, shape (n,)."""
@@ -131,12 +133,14 @@ class Count:
         rejected: Number of steps that were tried and refused.
         floored: Number of steps that were taken at their floor, with an error above the tolerance.
         passing: Number of steps of a fixed length that may have gone past something unseen.
+        limited: Number of steps that an iteration keeps short which would not converge, not their error.
     """
 
     evaluations: int = 0
     rejected: int = 0
     floored: int = 0
     passing: int = 0
+    limited: int = 0
 
 
 class Stepper(Protocol):
@@ -325,10 +329,11 @@ def interpolated(base: Array, terms: Array, x: Array) -> Array:
     return np.where(passed == 0.0, base, base + y)  # where a step begins, whatever becomes of it
 
 
-MethodName = Literal["dop853", "dopri5", "rk4", "stiff", "conserving"]
+MethodName = Literal["dop853", "dopri5", "rk4", "stiff", "conserving", "collocation"]
 """Names of the methods that scenarios may choose."""
 
 SETTING: dict[MethodName, Literal["tolerance", "step"]] = {
     "dop853": "tolerance", "dopri5": "tolerance", "rk4": "step", "stiff": "tolerance", "conserving": "tolerance",
+    "collocation": "tolerance",
 }  # fmt: skip
 """What decides the error of each: its tolerance, or the length of its steps."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from pinarm.engine.integrators.collocation import Collocation
 from pinarm.engine.integrators.conserving import Conserving
 from pinarm.engine.integrators.contract import Method, MethodName
 from pinarm.engine.integrators.explicit import Adaptive, FixedStep
@@ -16,5 +17,6 @@ METHODS: dict[MethodName, Callable[[float], Method]] = {
     "rk4": FixedStep,
     "stiff": Radau,
     "conserving": Conserving,
+    "collocation": Collocation,
 }
 """Name -> what makes the method of its tolerance, or of the length of its steps."""
