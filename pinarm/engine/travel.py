@@ -103,14 +103,14 @@ class Journey:
         """Return the stops at work."""
         return Contacts(self.closure, self.imposed, self.bounds)
 
-    def begin(self) -> tuple[Array, Array]:
-        """Return the initial state of the mechanism, assembled.
+    def begin(self, initial: Initial) -> tuple[Array, Array]:
+        """Return an initial state of the mechanism, assembled.
 
         Raises:
             InputError: It contradicts itself, the laws, or a stop.
         """
         system = self.system()
-        q, v = (x[None] for x in system.begin(self.initial, *self.cuts[:2]))
+        q, v = (x[None] for x in system.begin(initial, *self.cuts[:2]))
         whole_q, whole_v = system.whole(np.array(self.cuts[:1]), q, v)
         for one in self.bounds:
             if one.gap(whole_q[0]) < -one.slack:
