@@ -410,6 +410,14 @@ def test_a_body_without_mass_is_refused_before_anything_moves(scenario):
         pinarm.batch(scenario().varied({"arguments.m_A": "0 kg", "arguments.m_BA": "0 kg"}), STARTS)
 
 
+def test_a_start_where_nothing_is_moved_is_found_among_others(scenario):
+    """With the tip's mass alone, a stretched arm cannot push it along itself: M has the determinant (m l l sin B)^2."""
+    tip = scenario().varied({"arguments.m_B": "0 kg", "arguments.m_BA": "0 kg"})
+    assert len(pinarm.batch(tip, {"B": [1.0, -0.5]})) == 2
+    with pytest.raises(NumericsError, match="without mass"):
+        pinarm.batch(tip, {"B": [1.0, 0.0, -0.5]})
+
+
 def test_only_forward_motions_have_initial_states():
     with pytest.raises(InputError, match="of kind statics"):
         pinarm.batch(ROOT / "scenarios" / "gen411_arm_static.yaml", {"O": 0.0})
