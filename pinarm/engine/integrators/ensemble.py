@@ -213,6 +213,8 @@ class _Advance:
         """Step through all stretches from the states y, shape (nq + nv, b)."""
         number, h = np.arange(y.shape[1]), np.zeros(y.shape[1])
         for index, stretch in enumerate(self.ensemble.stretches):
+            if not len(number):
+                return
             self.index, self.stretch = index, stretch
             t, slope = np.full(len(number), self.stretch.start), np.empty_like(y)
             self.slope_at(t, t, y, slope)

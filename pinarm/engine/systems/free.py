@@ -34,7 +34,7 @@ class FreeSystem:
     def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
         """Return the motion of the free tree."""
         here = dynamics.on(start, end)
-        return Stretch(start, end, here.acceleration(), energy=dynamics.conserved, together=here.forward)
+        return Stretch(start, end, here.acceleration(), energy=dynamics.conserved, together=here.accelerations())
 
     def part(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the state itself."""
