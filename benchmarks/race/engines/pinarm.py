@@ -1,4 +1,7 @@
-"""pinarm, as a user runs it: a scenario's ``run``, or arrays through a mechanism; stamp included, files not."""
+"""pinarm, as a user runs it: a scenario's ``run``, or arrays through a mechanism; stamp included, files not.
+
+It comes before Pinocchio, as where a user imports nothing else, and then says how OpenMP's threads wait.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from pinocchio import Quaternion
-from pinocchio.rpy import matrixToRpy
 
 import pinarm
 from benchmarks.race.engines import Run, Setting, decades
@@ -35,6 +36,8 @@ def prepare(problem: Problem) -> list[Setting]:
 
 
 def _motion(problem: Motion, method: str, tolerance: float) -> Run:
+    from pinocchio import Quaternion
+
     linkage = problem.linkage
     scenario = _scenario(linkage, problem.end, len(problem.times) + 1, method, tolerance)
     columns = [scenario.mechanism.joints[body.name].q for body in linkage.hinged]
@@ -151,6 +154,8 @@ def _joint_forces(body: Body) -> list[str]:
 
 def urdf(linkage: Linkage) -> str:
     """Return the model; points that loops and the spring need are links of their own."""
+    from pinocchio.rpy import matrixToRpy
+
     links = ["ground", *(f"link_{body.name}" for body in linkage.bodies)]
     parts = [] if linkage.flight else ["<link name='ground'/>"]
     for body in linkage.bodies:

@@ -261,8 +261,10 @@ class _Advance:
                 going.number, np.where(done, until, going.t), self.adapted(going, h, error, done & last),
                 np.where(done, FASTEST, 1.0), np.where(done, new, going.y), np.where(done, slopes[-1], going.slope),
             )  # fmt: skip
-            arrived.append(there.only(done & last & ~stopped))
-            going = self.able(there.only(~(done & last) & ~stopped))
+            if (ending := done & last | stopped).any():
+                arrived.append(there.only(ending & ~stopped))
+                there = there.only(~ending)
+            going = self.able(there)
         number, h, y = (np.concatenate([getattr(part, name) for part in arrived], -1) for name in ("number", "h", "y"))
         order = np.argsort(number)
         return number[order], h[order], y[:, order]
