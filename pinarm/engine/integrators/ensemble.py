@@ -13,8 +13,9 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integrators.contract import Count, Crossing, Manifold, Passes, Solution, Step, Stretch, interpolated
+from pinarm.engine.integrators.control import FASTEST, HUGE, LOST, TINY, growth, shrinkage
 from pinarm.engine.integrators.events import Watch, find, nodes, quiet
-from pinarm.engine.integrators.explicit import FASTEST, GAIN, HALVES, SAFETY, SLOWEST, TINY, Adaptive, middle, terms_of
+from pinarm.engine.integrators.explicit import HALVES, Adaptive, middle, terms_of
 from pinarm.engine.integrators.march import PASSED, SHORTEST
 from pinarm.engine.integrators.start import first_step
 from pinarm.errors import IntegrationError
@@ -302,10 +303,10 @@ class _Advance:
 
     def adapted(self, going: _Going, h: Array, error: Array, cut: Flags) -> Array:
         """Return the next steps [s]; those that the end of the stretch has cut say little of them."""
-        exponent = -1.0 / (self.method.tableau.error_order + 1)
+        order = self.method.tableau.error_order + 1
         with np.errstate(divide="ignore", invalid="ignore"):
-            grown = h * np.minimum(going.ceiling, SAFETY * error ** (GAIN * exponent))
-            shrunk = h * np.where(error < 1e300, np.maximum(SLOWEST, SAFETY * error**exponent), 0.1)
+            grown = h * growth(error, order, going.ceiling, np.minimum, np.maximum)
+            shrunk = h * np.where(error < HUGE, shrinkage(error, order, np.maximum), LOST)
         return np.where(error <= 1.0, np.where(cut, np.maximum(going.h, grown), grown), shrunk)
 
     def able(self, going: _Going) -> _Going:
