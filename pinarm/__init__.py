@@ -25,8 +25,11 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-if "pinocchio" not in sys.modules:  # threads of OpenMP that wait busily cost others their cores, and calls milliseconds
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+if "pinocchio" not in sys.modules and "OMP_WAIT_POLICY" not in os.environ:
+    # threads of OpenMP that wait busily cost others their cores, and calls milliseconds; to wake them up costs 75 us:
+    # GNU's wait busily for 0.4 ms, from one call of a batch to the next
+    os.environ["OMP_WAIT_POLICY"] = "passive"
+    os.environ.setdefault("GOMP_SPINCOUNT", "20000")
 
 _HOMES = {
     "Mechanism": "pinarm.engine.mechanism",

@@ -140,7 +140,7 @@ class Account:
             rows = np.flatnonzero(self._stretches[index] == number)
             if dynamics.steady.any() and q.shape == v.shape:
                 lost[rows] -= np.diff(q, axis=0)[rows] @ dynamics.steady
-            if changing:
+            if changing and len(rows):  # an event may have ended the motion before this stretch
                 lost[rows] += self._losses(changing, index[rows], start[rows], h[rows])
         return kinetic, potential, np.concatenate([[0.0], np.cumsum(lost)])
 

@@ -6,7 +6,7 @@ tau, forward dynamics for a. On a tree both have recursive routes of linear cost
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from types import MappingProxyType
@@ -122,12 +122,17 @@ class Dynamics:
             efforts = as_rows(tau, self.model.nv, "tau")
             same_rows(q, efforts)
             total += efforts
-        a = self._parallel.aba(q, v, total)
-        checked = {0, len(q) // 2, len(q) - 1, int(np.abs(q).max(axis=1).argmax())} if len(q) else set()
-        exact = {row: pin.aba(self.model, self.data, q[row], v[row], total[row]) for row in checked}
-        if all(np.abs(a[row] - one).max() <= SAME * np.abs(one).max() for row, one in exact.items()):
-            return a
-        return np.array([pin.aba(self.model, self.data, *row) for row in zip(q, v, total, strict=True)])
+        return self._accelerated(q, v, total, {0, len(q) // 2, len(q) - 1, farthest(q)}) if len(q) else total
+
+    def _accelerated(self, q: Array, v: Array, tau: Array, checked: Iterable[int]) -> Array:
+        """Return ``aba(q, v, tau)``, row by row where the recursion for many states at once errs in a checked row."""
+        a = self._parallel.aba(q, v, tau)
+        for row in checked:
+            exact = pin.aba(self.model, self.data, q[row], v[row], tau[row])
+            apart = a[row] - exact
+            if not apart @ apart <= SAME**2 * (exact @ exact):
+                return np.array([pin.aba(self.model, self.data, *each) for each in zip(q, v, tau, strict=True)])
+        return a
 
     def acceleration(self) -> Acceleration:
         """Return the free motion's ``(t, q, v) -> a`` for one state at a time, with as few calls as there can be."""
@@ -139,7 +144,20 @@ class Dynamics:
         return free
 
     def accelerations(self) -> Accelerations:
-        """Return the free motion's ``(t, q, v) -> a`` of a few states at once: ``forward`` without what checks it."""
+        """Return the same of many states at once; the one farthest out stands for how well they are computed."""
+        steady, changing = self.steady, self.changing
+
+        def free(t: Array, q: Array, v: Array) -> Array:
+            tau = np.empty_like(v)
+            tau[:] = steady
+            for force in changing:
+                force.add_load(t, q, v, tau)
+            return self._accelerated(q, v, tau, (farthest(q),))
+
+        return free
+
+    def unchecked(self) -> Accelerations:
+        """Return the same of a few states, as lean as can be: to be checked by whoever takes them."""
         aba, parallel, nv = pin.abaInParallel, self._parallel, self.model.nv
         steady, changing, tau = self.steady, self.changing, np.zeros((0, nv))
 
@@ -235,6 +253,11 @@ class Dynamics:
     def dissipated_power(self, t: Array, q: Array, v: Array) -> Array:
         """Return the power that leaves through force elements [W], shape (n,); negative where they drive."""
         return np.asarray(sum((force.dissipated_power(t, q, v) for force in self.forces.values()), np.zeros(len(q))))
+
+
+def farthest(q: Array) -> int:
+    """Return the row with the largest coordinate: a state of those that are farthest from the origin."""
+    return int(np.abs(q.T).argmax()) % len(q)
 
 
 def real(x: ArrayLike, name: str) -> Array:

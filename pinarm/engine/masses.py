@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.closure import Closure
+from pinarm.engine.dynamics import mass_matrices
 from pinarm.engine.split import Split
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.balls import coordinate_name
@@ -30,17 +31,34 @@ def require_masses(closure: Closure, q: Array, t: float) -> None:
 
     Args:
         closure: Constraints of the mechanism, and the coordinates that follow laws.
-        q: Configuration, shape (nq,).
+        q: Configurations, shape (n, nq).
         t: Instant, for the message.
 
     Raises:
         DynamicsError: Names the joints that move without mass, and the links beyond them.
     """
-    model = closure.model
-    closure.place(q)
-    free = Split.of(closure.rows()).free
-    upper = np.triu(pin.crba(model, closure.data, q).reshape(model.nv, -1))
-    mass = free.T @ (upper + np.triu(upper, 1).T) @ free
+    mass = mass_matrices(closure.model, closure.data, q)
+    if not closure.size and _all_definite(mass):
+        return
+    for one, matrix in zip(q, mass, strict=True):
+        closure.place(one)
+        _require(closure.model, Split.of(closure.rows()).free, matrix, one, t)
+
+
+def _all_definite(mass: Array) -> bool:
+    """Return whether matrices, shape (n, nv, nv), are as definite as masses must be, by Cholesky's decomposition."""
+    with np.errstate(all="ignore"):
+        scale = 1.0 / np.sqrt(np.diagonal(mass, axis1=1, axis2=2))
+        scaled = scale[:, :, None] * mass * scale[:, None] - MASSLESS * np.eye(mass.shape[1])
+        try:
+            return bool(np.isfinite(np.linalg.cholesky(scaled)).all())
+        except np.linalg.LinAlgError:
+            return False
+
+
+def _require(model: pin.Model, free: Array, mass: Array, q: Array, t: float) -> None:
+    """Raise where a motion moves no mass, of those whose basis is ``free``, shape (nv, nu)."""
+    mass = free.T @ mass @ free
     size = np.abs(np.diag(mass))
     if not len(size):
         return

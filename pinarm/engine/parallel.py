@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import os
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from time import perf_counter
 
 import pinocchio as pin
 
 from pinarm.arrays import Array
 
-MANY = 2**15
-"""Numbers in q or v from which on a call takes so long, 5 ms, that threads gain more than they wait for one another."""
+FEW, MANY = 2**8, 2**15
+"""Numbers in v of all states: up to which a call is over before threads gain anything, and from which on it takes so
+long, 5 ms, that they gain more than they ever wait for one another. In between the calls themselves tell."""
+
+RARELY = 32
+"""Number of calls after which the number of threads that was slower is tried again; more where it was much slower."""
 
 WIDE = 64
 """Coordinates up to which every thread gets buffers of its own: Pinocchio's take 65 nv^3 bytes."""
@@ -27,6 +33,38 @@ def threads() -> int:
     """Return how many threads a call may use: all cores, or what ``OMP_NUM_THREADS`` allows."""
     allowed = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
     return min(cores(), max(1, int(allowed))) if allowed.isdecimal() else cores()
+
+
+@dataclass(eq=False)
+class Pace:
+    """How fast calls of like size are with one thread and with several.
+
+    That depends on who else needs the cores: calls of 256 pandas take 0.20 to 0.28 ms with two threads instead of 0.40,
+    according to how these wait, and 0.4 to 5 where another program has the second core.
+
+    Attributes:
+        spent: Time for a number in v [s], of late, by the number of threads.
+        left: Number of calls until the slower number of threads is tried again.
+    """
+
+    spent: dict[int, float] = field(default_factory=dict)
+    left: int = RARELY
+
+    def choice(self, most: int) -> int:
+        """Return the number of threads for the next call: 1, or ``most``."""
+        if len(self.spent) < 2:
+            return 1 if most in self.spent else most
+        fast, slow = sorted((most, 1), key=self.spent.__getitem__)
+        self.left -= 1
+        if self.left > 0:
+            return fast
+        self.left = int(RARELY * self.spent[slow] / self.spent[fast])
+        return slow
+
+    def note(self, number: int, spent: float) -> None:
+        """Note the time for a number in v [s]; a faster call counts at once, one that was held up a little."""
+        known = self.spent.get(number, spent)
+        self.spent[number] = min(spent, 0.5 * (known + min(spent, 2.0 * known)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +86,19 @@ class Parallel:
         return self._rows(pin.abaInParallel, q, v, tau)
 
     def _rows(self, call: Callable[..., Array], q: Array, *others: Array) -> Array:
-        nv = self.model.nv
-        number = threads() if len(q) * nv >= MANY and nv <= WIDE else 1
+        nv, size = self.model.nv, len(q) * self.model.nv
+        most = threads() if size > FEW and nv <= WIDE else 1
+        pace = self._paces[call, size.bit_length()]
+        number = pace.choice(most) if size < MANY else most
         pool = self.one if number == 1 else self._several
-        return call(number, pool, q.T, *(x.T for x in others)).reshape(nv, len(q)).T
+        start = perf_counter()
+        found = call(number, pool, q.T, *(x.T for x in others))
+        pace.note(number, (perf_counter() - start) / max(size, 1))
+        return found.reshape(nv, len(q)).T
+
+    @cached_property
+    def _paces(self) -> defaultdict[tuple[Callable[..., Array], int], Pace]:
+        return defaultdict(Pace)
 
     @cached_property
     def one(self) -> pin.ModelPool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import pairwise
@@ -27,6 +27,7 @@ from pinarm.mechanics.motion import ROUNDING, Grid
 
 if TYPE_CHECKING:
     from pinarm.engine.integrators import Ensemble
+    from pinarm.engine.integrators.contract import Crossing
 
 Known = Callable[[], Solution]
 """Returns a leg that is known, or raises the error that ended it."""
@@ -102,14 +103,14 @@ class Journey:
         """Return the stops at work."""
         return Contacts(self.closure, self.imposed, self.bounds)
 
-    def begin(self) -> tuple[Array, Array]:
-        """Return the initial state of the mechanism, assembled.
+    def begin(self, initial: Initial) -> tuple[Array, Array]:
+        """Return an initial state of the mechanism, assembled.
 
         Raises:
             InputError: It contradicts itself, the laws, or a stop.
         """
         system = self.system()
-        q, v = (x[None] for x in system.begin(self.initial, *self.cuts[:2]))
+        q, v = (x[None] for x in system.begin(initial, *self.cuts[:2]))
         whole_q, whole_v = system.whole(np.array(self.cuts[:1]), q, v)
         for one in self.bounds:
             if one.gap(whole_q[0]) < -one.slack:
@@ -154,10 +155,10 @@ class Journey:
             passes=self._passes(system),
         )
 
-    def events(self, solution: Solution) -> list[Happening]:
+    def events(self, crossings: Sequence[Crossing]) -> list[Happening]:
         """Return the events of a leg that no stop has ended, in order of time."""
         system, names = self.system(), list(self.watches)
-        found = [(one, *system.whole(np.array([one.t]), one.q[None], one.v[None])) for one in solution.crossings]
+        found = [(one, *system.whole(np.array([one.t]), one.q[None], one.v[None])) for one in crossings]
         return [Happening(names[one.watch], one.t, q[0], v[0]) for one, q, v in found]
 
     def travel(self, q: Array, v: Array, ahead: Known | None = None) -> Course:

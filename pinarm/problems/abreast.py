@@ -48,7 +48,7 @@ class Abreast:
         rows = Grid(grid.t[instant], grid.cuts, (0, *map(int, np.cumsum([len(some) for some, _ in parts]))))
         q, v = (x[motion, instant] for x in ensemble.states(grid.t))
         run = told(mechanism, journey, rows, journey.system().complete(journey.dynamics, rows, q, v), _nothing_between)
-        happenings = [journey.events(solution) for solution in ensemble.solutions]
+        happenings = [journey.events(crossings) for crossings in ensemble.crossings]
         return cls(replace(run, further=further(problem.events, happenings, motion)), motion, instant)
 
 

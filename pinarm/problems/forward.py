@@ -111,14 +111,14 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         """
         journey = self.prepare(mechanism, place, accuracy)
         with place("initial"):
-            q, v = journey.begin()
+            q, v = journey.begin(journey.initial)
         return self.followed(mechanism, journey, q, v)
 
     def followed(
         self, mechanism: Mechanism, journey: Journey, q: Array, v: Array, ahead: Known | None = None
     ) -> Trajectory:
         """Return the motion from an assembled state, whose first leg may be known; see ``solve``."""
-        laid = self.require_masses(mechanism, journey, q)
+        laid = self.require_masses(mechanism, journey, q[None])
         try:
             course = journey.travel(q, v, ahead)
         except (IntegrationError, Interrupted) as error:
@@ -136,13 +136,19 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         return replace(whole, figures={**course.cost(), **energy}, notes=(*_changed(mechanism, journey, v), *notes))
 
     def require_masses(self, mechanism: Mechanism, journey: Journey, q: Array) -> Closure:
-        """Return the constraints and the coordinates that follow laws, where masses determine the accelerations at q.
+        """Return the constraints and the coordinates that follow laws, where masses determine the accelerations.
+
+        Args:
+            mechanism: What moves.
+            journey: What is to be integrated.
+            q: Configurations, shape (n, nq).
 
         Raises:
             DynamicsError: They do not.
         """
         laid = mechanism.closure.with_guides(journey.imposed.names, journey.imposed.coordinates)
-        require_masses(laid, q if len(q) == len(journey.initial.q) else journey.initial.q, self.time.start)
+        known = q.shape[1] == len(journey.initial.q)
+        require_masses(laid, q if known else journey.initial.q[None], self.time.start)
         return laid
 
     def _require_branch(self, mechanism: Mechanism, journey: Journey, laid: Closure, course: Course) -> None:

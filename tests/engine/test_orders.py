@@ -104,7 +104,7 @@ def test_on_loops_with_projection(case, model):
         pytest.skip("not for loops")
     mechanism, end = Mechanism.load(MODELS / model / "mechanism.yaml"), 0.4
     journey = Forward(time=TimeGrid(end=end), **FREE_LOOPS[model]).prepare(mechanism, lambda *path: nullcontext())
-    system, (q, v) = journey.system(), journey.begin()
+    system, (q, v) = journey.system(), journey.begin(journey.initial)
     reference = integrate([system.stretch(journey.dynamics, 0.0, end)], system.manifold, q, v, Adaptive(1e-13))
     last, ends = np.hstack(reference.states(np.array([end])))[0], []
     for n in counts:

@@ -119,8 +119,9 @@ def test_a_narrow_part_of_a_load_is_passed_unseen_by_none():
     given = {"max_steps": 300, "passes": lambda t, q, v: pieces.passed(q[:, 0])}
     speeds = np.array([[20.0], [2.0], [-5.0]])
     batch = advance([push], line, np.zeros((3, 1)), speeds, Adaptive(1e-10), **given)
-    for v, found in zip(speeds, batch.solutions, strict=True):
+    for number, v in enumerate(speeds):
         expected = integrate([push], line, np.zeros(1), v, Adaptive(1e-10), **given)
+        found = batch.solution(number)
         assert len(found.steps) == pytest.approx(len(expected.steps), abs=2)  # errors of 1e-10 but for rounding
     _, v = batch.states(np.array([1.0]))
     assert v[:, 0, 0] == pytest.approx([np.sqrt(20.0**2 + 2.0), 2.0, -5.0], rel=1e-6)  # kinks
@@ -409,6 +410,14 @@ def test_a_body_without_mass_is_refused_before_anything_moves(scenario):
         pinarm.batch(scenario().varied({"arguments.m_A": "0 kg", "arguments.m_BA": "0 kg"}), STARTS)
 
 
+def test_a_start_where_nothing_is_moved_is_found_among_others(scenario):
+    """With the tip's mass alone, a stretched arm cannot push it along itself: M has the determinant (m l l sin B)^2."""
+    tip = scenario().varied({"arguments.m_B": "0 kg", "arguments.m_BA": "0 kg"})
+    assert len(pinarm.batch(tip, {"B": [1.0, -0.5]})) == 2
+    with pytest.raises(NumericsError, match="without mass"):
+        pinarm.batch(tip, {"B": [1.0, 0.0, -0.5]})
+
+
 def test_only_forward_motions_have_initial_states():
     with pytest.raises(InputError, match="of kind statics"):
         pinarm.batch(ROOT / "scenarios" / "gen411_arm_static.yaml", {"O": 0.0})
@@ -432,6 +441,22 @@ def test_steps_do_not_depend_on_the_company(tolerance):
     t = np.linspace(0.0, 2.0, 7)
     states = ensemble.states(t)
     for number in range(40):
-        single, ours = integrate(stretches, space, q[number], v[number], method), ensemble.solutions[number]
+        single, ours = integrate(stretches, space, q[number], v[number], method), ensemble.solution(number)
         assert len(ours.steps) == pytest.approx(len(single.steps), abs=3)  # errors near 1 go by rounding
+        for one in (single, ours):  # twelve stages a try, a slope where each stretch begins, one for the first step
+            assert one.count.evaluations == 12 * (len(one.steps) + one.count.rejected) + 2 + 1
         assert states[0][number] == pytest.approx(single.states(t)[0], abs=1e3 * tolerance)
+
+
+def test_steps_are_limited_over_all_stretches():
+    """Either half of an oscillation takes fewer than both."""
+
+    def pull(t, q, v):
+        return -400.0 * q
+
+    halves = [Stretch(t, t + 1.0, pull, together=pull) for t in (0.0, 1.0)]
+    ones, line, method = np.ones((2, 1)), Flat(1, 1), Adaptive(1e-10)
+    first, both = (advance(some, line, ones, ones, method).solution(0) for some in (halves[:1], halves))
+    most = len(both.steps) + both.count.rejected - 1
+    assert len(first.steps) + first.count.rejected < 0.6 * most
+    assert list(advance(halves, line, ones, ones, method, max_steps=most).failures) == [0, 1]

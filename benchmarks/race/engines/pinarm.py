@@ -1,4 +1,7 @@
-"""pinarm, as a user runs it: a scenario's ``run``, or arrays through a mechanism; stamp included, files not."""
+"""pinarm, as a user runs it: a scenario's ``run``, or arrays through a mechanism; stamp included, files not.
+
+It comes before Pinocchio, as where a user imports nothing else, and then says how OpenMP's threads wait.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from pinocchio import Quaternion
-from pinocchio.rpy import matrixToRpy
 
 import pinarm
 from benchmarks.race.engines import Run, Setting, decades
@@ -17,7 +18,7 @@ from benchmarks.race.problems import Batch, Inverse, Motion, Problem
 from pinarm.engine.integrators import METHODS, SETTING
 
 PASSED_OVER = frozenset({"rk4", "dopri5", "conserving"})
-"""Methods for other purposes: never the fastest here."""
+"""Methods for other purposes: never the fastest of a single motion here."""
 
 
 def prepare(problem: Problem) -> list[Setting]:
@@ -37,6 +38,8 @@ def prepare(problem: Problem) -> list[Setting]:
 
 
 def _motion(problem: Motion, method: str, tolerance: float) -> Run:
+    from pinocchio import Quaternion
+
     linkage = problem.linkage
     scenario = _scenario(linkage, problem.end, len(problem.times) + 1, method, tolerance)
     columns = [scenario.mechanism.joints[body.name].q for body in linkage.hinged]
@@ -58,13 +61,15 @@ def evaluations(problem: Motion, setting: Setting) -> float:
 
 
 def _batch(problem: Batch) -> list[Setting]:
-    return [Setting("dop853, pinarm.batch", tolerance, partial(_motions, problem, tolerance))
-            for tolerance in decades(3, 12, 1)]  # fmt: skip
+    ways = [*(("dopri5", tolerance) for tolerance in decades(3, 8, 2)),
+            *(("dop853", tolerance) for tolerance in decades(3, 12, 2))]  # fmt: skip
+    return [Setting(f"{method}, pinarm.batch", tolerance, partial(_motions, problem, method, tolerance))
+            for method, tolerance in ways]  # fmt: skip
 
 
-def _motions(problem: Batch, tolerance: float) -> Run:
+def _motions(problem: Batch, method: str, tolerance: float) -> Run:
     """Return what advances many starts in one call; their states are taken, not the measures of each motion."""
-    scenario = _scenario(problem.linkage, problem.end, 2, "dop853", tolerance)
+    scenario = _scenario(problem.linkage, problem.end, 2, method, tolerance)
     names = [body.name for body in problem.linkage.bodies]
     columns = [scenario.mechanism.joints[name].q for name in names]
     position, velocity = (dict(zip(names, x.T, strict=True)) for x in problem.starts())
@@ -153,6 +158,8 @@ def _joint_forces(body: Body) -> list[str]:
 
 def urdf(linkage: Linkage) -> str:
     """Return the model; points that loops and the spring need are links of their own."""
+    from pinocchio.rpy import matrixToRpy
+
     links = ["ground", *(f"link_{body.name}" for body in linkage.bodies)]
     parts = [] if linkage.flight else ["<link name='ground'/>"]
     for body in linkage.bodies:

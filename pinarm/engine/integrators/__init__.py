@@ -27,9 +27,10 @@ from pinarm.engine.integrators.contract import (
 if TYPE_CHECKING:
     from pinarm.engine.integrators.collocation import Collocation
     from pinarm.engine.integrators.conserving import Conserving
-    from pinarm.engine.integrators.ensemble import Ensemble, advance
+    from pinarm.engine.integrators.ensemble import Ensemble
     from pinarm.engine.integrators.events import Watch
     from pinarm.engine.integrators.explicit import Adaptive, FixedStep
+    from pinarm.engine.integrators.lockstep import advance
     from pinarm.engine.integrators.march import integrate
     from pinarm.engine.integrators.methods import METHODS
     from pinarm.engine.integrators.stiff import Radau
@@ -42,7 +43,7 @@ __all__ = [
 
 _HOMES = {
     "METHODS": "methods", "Adaptive": "explicit", "Collocation": "collocation", "Conserving": "conserving",
-    "Ensemble": "ensemble", "FixedStep": "explicit", "Radau": "stiff", "Watch": "events", "advance": "ensemble",
+    "Ensemble": "ensemble", "FixedStep": "explicit", "Radau": "stiff", "Watch": "events", "advance": "lockstep",
     "integrate": "march",
 }  # fmt: skip
 

@@ -86,7 +86,7 @@ class ConstrainedSystem:
         q = assembled(self.own, everything, initial.q, np.array([*w, *values]), start)
         self.rows.place(q)
         self._check_independent()
-        require_masses(self.rows, q, start)
+        require_masses(self.rows, q[None], start)
         v = self._velocity(q, initial, dw)
         self._check_lasting(q, v, ddw)
         return q, v

@@ -35,8 +35,8 @@ class FreeSystem:
         """Return the motion of the free tree."""
         here = dynamics.on(start, end)
         return Stretch(
-            start, end, here.acceleration(), energy=dynamics.conserved, together=here.forward,
-            unchecked=here.accelerations(),
+            start, end, here.acceleration(), energy=dynamics.conserved, together=here.accelerations(),
+            unchecked=here.unchecked(),
         )  # fmt: skip
 
     def part(self, q: Array, v: Array) -> tuple[Array, Array]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TypeVar
 
@@ -58,14 +58,14 @@ class Question:
         place = partial(scenario.document.locating, "problem")
         return cls(scenario, problem, problem.prepare(scenario.scene.solved, place, content.accuracy))
 
-    def begin(self, start: Initial) -> tuple[Array, Array]:
-        """Return an initial state, assembled.
+    def begin(self, starts: Iterable[Initial]) -> tuple[Array, Array]:
+        """Return initial states, assembled, of shapes (b, nq) and (b, nv).
 
         Raises:
-            InputError: It contradicts itself, the laws, or a stop.
+            InputError: One contradicts itself, the laws, or a stop.
             DynamicsError: Masses do not determine the accelerations there.
         """
-        q, v = replace(self.journey, initial=start).begin()
+        q, v = (np.array(x) for x in zip(*(self.journey.begin(start) for start in starts), strict=True))
         self.problem.require_masses(self.scenario.scene.solved, self.journey, q)
         return q, v
 

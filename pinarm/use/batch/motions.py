@@ -248,6 +248,4 @@ def batch(
         raise InputError(f"{workers} workers solve nothing", expected="at least 1")
     question = Question.of(load(scenario, overrides))
     starts = Starts.of(question.scenario.scene.solved, question.journey, position or {}, velocity or {})
-    states = [question.begin(start) for start in starts.initial(question.journey)]
-    q, v = (np.array(x) for x in zip(*states, strict=True))
-    return Batch(question, starts, q, v, workers)
+    return Batch(question, starts, *question.begin(starts.initial(question.journey)), workers)

@@ -67,13 +67,13 @@ class Starts:
         base, joints = journey.initial, self.joints
         positions = tuple(dict.fromkeys((*base.positions, *(joints[name].v for name in self.position))))
         velocities = tuple(dict.fromkeys((*base.velocities, *(joints[name].v for name in self.velocity))))
-        for k in range(self.size):
-            q, v = base.q.copy(), base.v.copy()
-            for name, values in self.position.items():
-                q[joints[name].q] = values[k]
-            for name, values in self.velocity.items():
-                v[joints[name].v] = values[k]
-            yield Initial(q, v, positions, velocities)
+        q, v = np.tile(base.q, (self.size, 1)), np.tile(base.v, (self.size, 1))
+        for name, values in self.position.items():
+            q[:, joints[name].q] = values
+        for name, values in self.velocity.items():
+            v[:, joints[name].v] = values
+        for state in zip(q, v, strict=True):
+            yield Initial(*state, positions, velocities)
 
     def of_one(self, number: int) -> dict[str, dict[str, str]]:
         """Return the initial values of one motion, as a scenario's ``initial`` has them."""
