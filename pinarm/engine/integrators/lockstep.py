@@ -210,7 +210,7 @@ class _Advance:
 
     def loud(self, taken: Round) -> Flags:
         """Return in which steps a watched value may cross zero."""
-        m, x, nq = len(taken.h), nodes(), self.manifold.nq
+        m, x, nq = len(taken.h), nodes(self.method.parts), self.manifold.nq
         base, known = taken.y.T, taken.slopes.transpose(2, 0, 1)
         terms = terms_of(self.method.tableau, self.stretch, self.manifold, taken.t, taken.h, base, known)
         rows, passed = np.repeat(np.arange(m), len(x)), np.tile(x, m)
