@@ -61,8 +61,8 @@ def evaluations(problem: Motion, setting: Setting) -> float:
 
 
 def _batch(problem: Batch) -> list[Setting]:
-    ways = [*(("dopri5", tolerance) for tolerance in decades(3, 8, 2)),
-            *(("dop853", tolerance) for tolerance in decades(3, 12, 2))]  # fmt: skip
+    ways = [*(("dopri5", tolerance) for tolerance in decades(3, 8, 4)),
+            *(("dop853", tolerance) for tolerance in decades(3, 12, 4))]  # fmt: skip
     return [Setting(f"{method}, pinarm.batch", tolerance, partial(_motions, problem, method, tolerance))
             for method, tolerance in ways]  # fmt: skip
 
