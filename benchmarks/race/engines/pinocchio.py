@@ -155,7 +155,7 @@ def integration(problem: Motion, acceleration: Acceleration, method: str, tolera
 
 def _batch(problem: Batch) -> list[Setting]:
     """Return RK4 and DOP853 with one step for all starts, accelerations by ``abaInParallel``."""
-    steps = (25.0, 50.0, 100.0, 200.0, 400.0, 800.0, 1600.0)
+    steps = tuple(float(round(25.0 * 2.0 ** (k / 2))) for k in range(13))
     ways = [*(("RK4", n) for n in steps), *(("DOP853", tolerance) for tolerance in decades(2, 12, 4))]
     return [
         Setting(f"{method}, abaInParallel, threads {n}", value, partial(together, problem, n, method, value))
