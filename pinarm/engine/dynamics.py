@@ -20,7 +20,7 @@ from pinarm.engine.integrators import Acceleration, Accelerations, Energy, Flat,
 from pinarm.engine.jointspace import JointSpace
 from pinarm.engine.parallel import Parallel
 from pinarm.errors import InputError
-from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.forces import ForceElement, summed
 from pinarm.mechanics.motion import Grid
 
 SAME = 1e-11
@@ -66,9 +66,13 @@ class Dynamics:
     def loads(self, t: Array | float, q: Array, v: Array) -> Array:
         """Return the generalised loads of the force elements [N*m or N], shape (..., nv)."""
         tau = np.zeros((*q.shape[:-1], self.model.nv))
-        for force in self.forces.values():
+        for force in self._acting:
             force.add_load(t, q, v, tau)
         return tau
+
+    @cached_property
+    def _acting(self) -> tuple[ForceElement, ...]:
+        return summed(self.forces.values())
 
     def on(self, start: float, end: float) -> Dynamics:
         """Return the dynamics as it is on a stretch of time in which no load jumps; buffers are shared."""
@@ -200,7 +204,7 @@ class Dynamics:
     @cached_property
     def changing(self) -> tuple[ForceElement, ...]:
         """The other force elements."""
-        return tuple(force for force in self.forces.values() if not force.steady)
+        return tuple(force for force in self._acting if not force.steady)
 
     def energy(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return kinetic and potential energy [J], each of shape (n,); rotors and springs included."""
@@ -278,7 +282,7 @@ def as_rows(x: Array, width: int, name: str) -> Array:
     Raises:
         InputError: It has another shape, or is not of real numbers.
     """
-    rows = np.atleast_2d(real(x, name))
+    rows = x if type(x) is np.ndarray and x.dtype == np.float64 and x.ndim == 2 else np.atleast_2d(real(x, name))
     if rows.ndim != 2 or rows.shape[1] != width:
         raise InputError(f"{name} has the shape {np.shape(x)}", expected=f"(n, {width}) or ({width},)")
     return rows

@@ -13,7 +13,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.parallel import Parallel
 from pinarm.errors import InputError
 from pinarm.mechanics.description import Gravity
-from pinarm.mechanics.forces.joint import JointEffort, JointSpring
+from pinarm.mechanics.forces.joint import JointEffort, JointSpring, SpringDamper
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.forward import Forward
@@ -169,6 +169,19 @@ class TestLoads:
         rate = dynamics.acceleration()
         for k, t in enumerate(np.linspace(0.1, 0.9, 6)):
             assert rate(t, q[k], v[k]) == pytest.approx(dynamics.forward(t, q[k], v[k])[0], abs=1e-12)
+
+    def test_springs_that_share_a_joint_add_up(self, pendulum):
+        """k1 (q - r1) + k2 (q - r2) and so on, by hand; the second joint has a damper alone."""
+        springs = {
+            "damping": SpringDamper(np.arange(2), np.arange(2), np.zeros(2), np.array([0.3, 0.2]), np.zeros(2)),
+            "one": SpringDamper(np.array([0]), np.array([0]), np.array([50.0]), np.array([0.1]), np.array([0.4])),
+            "other": SpringDamper(np.array([0]), np.array([0]), np.array([20.0]), np.array([0.0]), np.array([-1.0])),
+        }
+        q, v, _ = states(pendulum.model, 5)
+        expected = -np.stack([50.0 * (q[:, 0] - 0.4) + 20.0 * (q[:, 0] + 1.0) + 0.4 * v[:, 0], 0.2 * v[:, 1]], axis=1)
+        dynamics = Dynamics(pendulum.model, springs, pendulum.model.createData())
+        assert dynamics.loads(0.0, q, v) == pytest.approx(expected, abs=1e-13)  # sums of terms near 100 N*m
+        assert dynamics.load()(0.0, q[2], v[2]) == pytest.approx(expected[2], abs=1e-13)
 
     def test_energy_and_power_are_theirs(self, pendulum):
         dynamics, (q, v, _) = loaded(pendulum), states(pendulum.model, 6)

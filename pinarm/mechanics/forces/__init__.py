@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from pinarm.mechanics.forces.contract import ForceElement
-from pinarm.mechanics.forces.joint import JointEffort, JointFriction, JointSpring, TorqueSpeed
+from pinarm.mechanics.forces.joint import JointEffort, JointFriction, JointSpring, SpringDamper, TorqueSpeed
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 
 Force = JointSpring | JointEffort | JointFriction | TorqueSpeed | PointSpring | Wrench
 """Any force element. A new one is a module or class beside these and one entry here."""
 
-__all__ = ["Force", "ForceElement"]
+__all__ = ["Force", "ForceElement", "summed"]
+
+
+def summed(forces: Iterable[ForceElement]) -> tuple[ForceElement, ...]:
+    """Return elements with the same load in all, the springs and dampers at joints as one."""
+    known = tuple(forces)
+    springs = [one for one in known if isinstance(one, SpringDamper)]
+    others = tuple(one for one in known if not isinstance(one, SpringDamper))
+    return (SpringDamper.sum(springs), *others) if springs else others

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -51,9 +51,28 @@ class SpringDamper(ForceElement):
     damping: Array
     rest: Array
 
+    @classmethod
+    def sum(cls, elements: Sequence[SpringDamper]) -> SpringDamper:
+        """Return the element whose load is the sum of theirs; its energy differs by a constant."""
+        size = max((int(one.v.max(initial=-1)) for one in elements), default=-1) + 1
+        sums, places = np.zeros((3, size)), np.zeros(size, np.intp)
+        for one in elements:
+            sums[:, one.v] += [one.stiffness, one.damping, one.stiffness * one.rest]
+            places[one.v] = one.q
+        kept = np.flatnonzero(sums[:2].any(axis=0))
+        stiffness, damping, pull = sums[:, kept]
+        rest = np.divide(pull, stiffness, out=np.zeros(len(kept)), where=stiffness > 0.0)
+        return cls(places[kept], kept, stiffness, damping, rest)
+
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load to ``tau``."""
-        tau[..., self.v] -= self.stiffness * (q[..., self.q] - self.rest) + self.damping * v[..., self.v]
+        places, rates = self._places
+        tau[..., rates] -= self.stiffness * (q[..., places] - self.rest) + self.damping * v[..., rates]
+
+    @cached_property
+    def _places(self) -> tuple[slice | Indices, slice | Indices]:
+        """The indices, as slices where they follow one another: these are read without a copy."""
+        return _following(self.q), _following(self.v)
 
     def potential_energy(self, q: Array) -> Array:
         """Return the energy of the springs."""
@@ -366,6 +385,14 @@ class TorqueSpeed(Model, frozen=True, tag_field="kind", tag="torque_speed"):
                 check_each(point, joint.unit / unit("s"), effort_unit(joint))
         points = np.array(self.curve, float)
         return MotorCurve(joint.v, points[:, 0].copy(), points[:, 1].copy())
+
+
+def _following(indices: Indices) -> slice | Indices:
+    """Return the slice of indices that follow one another, otherwise these."""
+    if not len(indices):
+        return indices
+    first, last = int(indices[0]), int(indices[-1]) + 1
+    return slice(first, last) if np.array_equal(indices, np.arange(first, last)) else indices
 
 
 def _joint(joints: Mapping[str, Joint], name: str) -> Joint:
