@@ -66,7 +66,7 @@ class Accuracy(Model, frozen=True):
     Attributes:
         method: How motions are integrated over time: ``dop853`` (order 8, adaptive, for smooth motions), ``dopri5``
             (order 5, adaptive, for rough ones), ``rk4`` (order 4, steps of one length), ``stiff`` (Radau IIA of order
-            5, for stiff springs with dampers), ``conserving`` (as dop853, at constant energy, for many periods),
+            5 to 13, for stiff springs with dampers), ``conserving`` (as dop853, at constant energy, for many periods),
             ``collocation`` (Gauss-Legendre, order 32, adaptive, for smooth motions of open chains at tight tolerances).
         tolerance: Local error of a step of an adaptive method, relative to ``1 + |y|`` in SI; 1e-9 where it is left
             out. The global error is reported by the balances and is usually ten to a hundred times larger.

@@ -48,7 +48,9 @@ class TestDenseOutput:
         for k, instant in enumerate(t):
             assert np.array_equal(solution.states(np.array([instant]))[0][0], together[0][k])
 
-    @pytest.mark.parametrize("method", [Adaptive(1e-9), Adaptive(1e-6, DOPRI5), Radau(1e-6)], ids=lambda one: one.name)
+    @pytest.mark.parametrize(
+        "method", [Adaptive(1e-9), Adaptive(1e-6, DOPRI5), Radau.of(1e-6)], ids=lambda one: one.name
+    )
     def test_of_many_steps_at_once_is_that_of_each(self, top, method):
         """Further stages of all steps are computed together, where accelerations are known of many states at once."""
         t = np.linspace(0.0, 4.0, 201)

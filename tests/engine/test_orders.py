@@ -8,7 +8,17 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.integrators import METHODS, Adaptive, Collocation, MethodName, Stretch, collocation, integrate, stiff
+from pinarm.engine.integrators import (
+    METHODS,
+    Adaptive,
+    Collocation,
+    MethodName,
+    Radau,
+    Stretch,
+    collocation,
+    integrate,
+    stiff,
+)
 from pinarm.engine.mechanism import Mechanism
 from pinarm.problems.common import TimeGrid
 from pinarm.problems.forward import Forward
@@ -36,10 +46,14 @@ CASES = {
     "dopri5": (5, 5, [40, 60, 90, 130, 200], [20, 30, 45, 70, 100], [80, 110, 150, 200]),
     "rk4": (4, 4, [60, 90, 130, 200, 300], [20, 30, 45, 70, 100], [200, 280, 400, 560]),
     "stiff": (5, 4, [30, 45, 70, 100, 140], [20, 30, 45, 70, 100], [70, 100, 140, 200]),
+    "stiff, 5 stages": (9, 6, [8, 10, 12, 16, 20], [4, 5, 6, 8, 10], [25, 31, 38, 48]),
+    "stiff, 7 stages": (13, 8, [7, 8, 9, 10], [4, 5], []),  # on loops too few digits lie between 0.1 and rounding
     "collocation": (8, 5, [12, 16, 22, 30, 40], [7, 9, 11, 14, 18], []),
 }
 MAKE = {
-    "stiff": lambda: METHODS["stiff"](1e-10),
+    "stiff": lambda: Radau(1e-10, 3),
+    "stiff, 5 stages": lambda: Radau(1e-10, 5),
+    "stiff, 7 stages": lambda: Radau(1e-10, 7),
     "collocation": lambda: Collocation(1e-14, nodes=4),  # of 16 the order is 32: too steep to be measured
 }
 FREE_LOOPS = {
@@ -63,7 +77,7 @@ def case(request, monkeypatch):
 
 
 def test_all_methods_are_here():
-    assert set(CASES) == set(METHODS) == set(get_args(MethodName))
+    assert {name.partition(",")[0] for name in CASES} == set(METHODS) == set(get_args(MethodName))
 
 
 def test_in_the_plane(case):
@@ -78,7 +92,7 @@ def test_in_the_plane(case):
     assert min(ends) > 3e-13  # rounding of 6 s is 1e-14
     assert max(ends) < 1e-4
     assert slope(counts, ends) > order - 0.8  # dopri5: 4.3, its error changes sign nearby
-    assert slope(counts, between) > dense - 0.3
+    assert slope(counts, between) > dense - 0.4  # 7 stages: 7.65, the steps are long
     assert method.order == order
 
 
@@ -91,17 +105,16 @@ def test_on_rotations(case):
         solution, last = equal_steps(method, stretch, dynamics.manifold, ATTITUDE, SPIN, n)
         ends.append(np.abs(last - turned()(4.0)).max())
         between.append(np.abs(np.hstack(solution.states(t)) - turned()(t).T).max())
-    assert min(ends) > 1e-11  # the reference is right to 1e-12
+    assert min(ends) > 5e-12  # the reference is right to 1e-12
     assert max(ends) < 1e-4
     assert slope(counts, ends) > order - 0.3
     assert slope(counts, between) > dense - 0.3
 
 
+@pytest.mark.parametrize("case", [name for name, (*_, counts) in CASES.items() if counts], indirect=True)
 @pytest.mark.parametrize("model", FREE_LOOPS)
 def test_on_loops_with_projection(case, model):
     method, order, _, _, _, counts = case
-    if not counts:
-        pytest.skip("not for loops")
     mechanism, end = Mechanism.load(MODELS / model / "mechanism.yaml"), 0.4
     journey = Forward(time=TimeGrid(end=end), **FREE_LOOPS[model]).prepare(mechanism, lambda *path: nullcontext())
     system, (q, v) = journey.system(), journey.begin(journey.initial)

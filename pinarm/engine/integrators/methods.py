@@ -15,7 +15,7 @@ METHODS: dict[MethodName, Callable[[float], Method]] = {
     "dop853": Adaptive,
     "dopri5": lambda tolerance: Adaptive(tolerance, DOPRI5),
     "rk4": FixedStep,
-    "stiff": Radau,
+    "stiff": Radau.of,
     "conserving": Conserving,
     "collocation": Collocation,
 }

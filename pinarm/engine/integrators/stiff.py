@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,49 +10,62 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.integrators.contract import Count, Manifold, Solution, Step, Stretch
+from pinarm.engine.integrators.radau import Complex, radau
 from pinarm.engine.integrators.start import first_step
 
-ROOT = 6.0**0.5
-C = np.array([(4 - ROOT) / 10, (4 + ROOT) / 10, 1.0])
-A = np.array([
-    [(88 - 7 * ROOT) / 360, (296 - 169 * ROOT) / 1800, (-2 + 3 * ROOT) / 225],
-    [(296 + 169 * ROOT) / 1800, (88 + 7 * ROOT) / 360, (-2 - 3 * ROOT) / 225],
-    [(16 - ROOT) / 36, (16 + ROOT) / 36, 1 / 9],
-])  # fmt: skip
-REAL = 1.0 / (3.0 + 3.0 ** (2 / 3) - 3.0 ** (1 / 3))
-"""The real eigenvalue of A."""
-ERROR = REAL / 3 * np.array([-13 - 7 * ROOT, -13 + 7 * ROOT, -1.0])
-POWERS = np.linalg.inv(C[:, None] ** np.arange(1, 4))
-"""From values at the stages to the coefficients of x, x^2, x^3 of the collocation polynomial."""
+STAGES = ((3e-5, 3), (1e-7, 5), (0.0, 7))
+"""Tolerances above which so many stages are used. Many stages take long steps: at tight tolerances they save most of
+the work, at wide ones Newton's method then meets more than its linear model can follow, as where dry friction sticks.
+"""
 
-ITERATIONS = 7
-CONTRACTION = 1e-3
+ITERATIONS = 10
+CONVERGED = 1e-4
+"""Error of Newton's method relative to the tolerance: a velocity may be off by less than the creep of dry friction."""
+
+CONTRACTION = 1e-2
 """Convergence rate of Newton's method below which a Jacobian serves the next step too."""
+
 SAFETY, SLOWEST, FASTEST, KEPT = 0.9, 0.2, 8.0, 1.2
-"""Step control of RADAU5; a step that would grow by less than the last is kept, and its matrix with it."""
+"""Step control of RADAU5; a step that would grow by less than the last is kept, and its matrices with it."""
 
 
 @dataclass(frozen=True)
 class Radau:
-    """Radau IIA with three stages: order 5, L-stable, steps by an embedded estimate of order 3.
+    """Radau IIA with 3, 5 or 7 stages: order 5, 9 or 13, L-stable, steps by an embedded estimate of order s.
 
-    ``Z_i = h sum_j a_ij f(y + Z_j)``, ``y_new = y + Z_3``, by simplified Newton iterations with a Jacobian by
-    differences; dense output of order 3, the collocation polynomial. For springs of 1e6 to 1e9 N*m/rad with damping,
-    in open chains and in loops, and for dry friction with little creep: steps follow the slow motion, whatever decays
-    quickly. A fast oscillation without damping is not followed but damped. Of no use for smooth motion, where
-    ``Adaptive`` is ten times cheaper, nor for long runs without loss, whose energy it eats. It breaks where the
-    acceleration is not smooth: Newton's method then forces tiny steps. Source: Hairer, Wanner, Solving Ordinary
-    Differential Equations II, section IV.8 (RADAU5).
+    ``Z_i = h sum_j a_ij f(y + Z_j)``, ``y_new = y + Z_s``, by simplified Newton iterations with a Jacobian by
+    differences; dense output of order s + 1, the collocation polynomial. For springs of 1e6 to 1e9 N*m/rad with
+    damping, in open chains and in loops, and for dry friction with little creep: steps follow the slow motion, whatever
+    decays quickly. A fast oscillation without damping is not followed but damped. Of no use for smooth motion, where
+    ``Adaptive`` is cheaper, nor for long runs without loss, whose energy it eats. It breaks where the acceleration is
+    not smooth: Newton's method then forces tiny steps. Sources: Hairer, Wanner, Solving Ordinary Differential Equations
+    II, section IV.8 (RADAU5); Hairer, Wanner, Stiff differential equations solved by Radau methods, J. Comput. Appl.
+    Math. 111 (1999), for more stages.
 
     Attributes:
         tolerance: Local error per step, relative to ``1 + |y|`` in SI; good values 1e-5 to 1e-10.
+        stages: Number s, odd.
     """
 
     tolerance: float
-    name = "Radau IIA 5"
-    order = 5
+    stages: int
     parts = 4
     remedy = "a wider tolerance"
+
+    @classmethod
+    def of(cls, tolerance: float) -> Radau:
+        """Return the method with the stages that suit a tolerance."""
+        return cls(tolerance, next(stages for above, stages in STAGES if tolerance > above))
+
+    @property
+    def name(self) -> str:
+        """Name with the order."""
+        return f"Radau IIA {self.order}"
+
+    @property
+    def order(self) -> int:
+        """Order of the step."""
+        return 2 * self.stages - 1
 
     def prepare(self, stretches: Sequence[Stretch], q: Array, v: Array) -> Sequence[Stretch]:
         """Return the stretches as they are."""
@@ -59,15 +73,11 @@ class Radau:
 
     def stepper(self, manifold: Manifold, count: Count) -> RadauStepper:
         """Return the method at work."""
-        return RadauStepper(self.tolerance, manifold, count)
+        return RadauStepper(self, manifold, count)
 
     def interpolants(self, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
         """Return the terms of the collocation polynomial, from its values at the stages less that at the start."""
-        stages = np.array([step.slopes for step in steps])
-        coefficients = POWERS @ stages
-        change, first = stages[:, -1], coefficients[:, 0]
-        last = np.array([1.0, 2.0, 3.0]) @ coefficients
-        return np.stack([change, first - change, 2 * change - first - last], axis=1)
+        return np.asarray(radau(self.stages).terms @ np.array([step.slopes for step in steps]))
 
     def doubts(self, solution: Solution) -> list[str]:
         """Return nothing: it may cost more than needed, but it does not break."""
@@ -77,17 +87,17 @@ class Radau:
 class RadauStepper:
     """The method at work; ``z`` holds the stages less the state."""
 
-    def __init__(self, tolerance: float, manifold: Manifold, count: Count) -> None:
-        n = manifold.nq + manifold.nv
-        self.tolerance, self.manifold, self.count = tolerance, manifold, count
+    def __init__(self, method: Radau, manifold: Manifold, count: Count) -> None:
+        n, s = manifold.nq + manifold.nv, method.stages
+        self.method, self.tolerance, self.manifold, self.count = radau(s), method.tolerance, manifold, count
         self.y, self.slope, self.new = np.zeros(n), np.zeros(n), np.zeros(n)
-        self.z, self.last_z, self.last_h = np.zeros((3, n)), np.zeros((3, n)), 0.0
+        self.z, self.last_z, self.last_h = np.zeros((s, n)), np.zeros((s, n)), 0.0
         self.jacobian: Array | None = None
         self.fresh, self.h = False, 0.0
-        self.inverse: Array = np.zeros((3 * n, 3 * n))
-        self.filter: Array = np.zeros((n, n))
-        self.enough = max(10 * np.finfo(float).eps / tolerance, min(0.03, tolerance**0.5))
+        self.systems: Complex = np.zeros((len(self.method.eigenvalues), n, n), complex)
+        self.enough = max(10 * np.finfo(float).eps / self.tolerance, CONVERGED)
         self.iterations, self.rate, self.promise, self.ceiling = 0, 0.0, 1.0, FASTEST
+        self.exponent = -1.0 / (s + 1)
         self.before = (0.0, 1.0)
 
     @property
@@ -108,20 +118,30 @@ class RadauStepper:
         self.count.evaluations += 1
         return np.concatenate([self.manifold.velocity(q, v), self.stretch.acceleration(t, q, v)])
 
+    def all_rates(self, t: Array, y: Array) -> Array:
+        """Return f of many states, both of shape (k, nq + nv), at times t, shape (k,)."""
+        slopes, nq, acceleration = np.empty_like(y), self.manifold.nq, self.stretch.acceleration
+        q, v = self.manifold.project(y[:, :nq]), y[:, nq:]
+        self.count.evaluations += len(y)
+        slopes[:, :nq] = self.manifold.velocity(q, v)
+        for k, instant in enumerate(t.tolist()):
+            slopes[k, nq:] = acceleration(instant, q[k], v[k])
+        return slopes
+
     def first(self, h: float) -> float:
         """Return the step of the stretch before, or one from two slopes."""
         stretch = self.stretch
-        return h or float(first_step(stretch.start, stretch.end, self.y, self.slope, self.rates, self.tolerance, 3))
+        order = len(self.method.c)
+        return h or float(first_step(stretch.start, stretch.end, self.y, self.slope, self.rates, self.tolerance, order))
 
     def attempt(self, t: float, h: float) -> float:
         """Compute a step from the present state; return its error, not a number where Newton's method fails."""
         if self.jacobian is None:
             self.jacobian, self.fresh, self.h = self.differences(t), True, 0.0
         if h != self.h:
-            n = len(self.y)
+            scaled = self.method.eigenvalues[:, None, None] / h * np.eye(len(self.y))
             try:
-                self.inverse = np.asarray(np.linalg.inv(np.eye(3 * n) - h * np.kron(A, self.jacobian)))
-                self.filter = np.asarray(np.linalg.inv(np.eye(n) - h * REAL * self.jacobian))
+                self.systems = np.asarray(np.linalg.inv(scaled - self.jacobian))
             except np.linalg.LinAlgError:
                 return np.nan
             self.h = h
@@ -129,24 +149,23 @@ class RadauStepper:
 
     def differences(self, t: float) -> Array:
         """Return the Jacobian of f at the present state, by forward differences."""
-        columns = []
-        for k, value in enumerate(self.y):
-            y = self.y.copy()
-            y[k] += (np.finfo(float).eps * max(1e-5, abs(value))) ** 0.5
-            columns.append((self.rates(t, y) - self.slope) / (y[k] - value))
-        return np.array(columns).T
+        moved = np.tile(self.y, (len(self.y), 1))
+        moved.flat[:: len(self.y) + 1] += (np.finfo(float).eps * np.maximum(1e-5, np.abs(self.y))) ** 0.5
+        apart = moved.diagonal() - self.y
+        return ((self.all_rates(np.full(len(self.y), t), moved) - self.slope) / apart[:, None]).T
 
     def solve(self, t: float, h: float) -> bool:
         """Find the stages by Newton's method; return whether it converged."""
-        scale = self.tolerance * (1.0 + np.abs(self.y))
-        x = C * h / self.last_h + 1.0 if self.last_h else C
-        self.z = (x[:, None] ** np.arange(1, 4)) @ POWERS @ self.last_z - self.last_z[-1]
+        method, scale = self.method, self.tolerance * (1.0 + np.abs(self.y))
+        x = 1.0 + method.c * h / self.last_h if self.last_h else method.c
+        self.z = (x[:, None] ** np.arange(1, len(x) + 1)) @ (method.powers @ self.last_z) - self.last_z[-1]
         before, self.promise = 0.0, max(self.promise, 1e-16) ** 0.8
+        times, inverse = t + method.c * h, method.inverse / h
         for k in range(ITERATIONS):
-            slopes = np.array([self.rates(t + C[i] * h, self.y + self.z[i]) for i in range(3)])
-            change = (self.inverse @ (h * (A @ slopes) - self.z).ravel()).reshape(3, -1)
+            left = self.all_rates(times, self.y + self.z) - inverse @ self.z
+            change = (method.back @ np.matmul(self.systems, (method.forth @ left)[:, :, None])[:, :, 0]).real
             self.z += change
-            size = float(np.sqrt(np.mean((change / scale) ** 2)))
+            size = _size(change / scale)
             self.rate = size / before if before else 0.0
             if not self.rate < 1.0 or not np.isfinite(size):
                 return False
@@ -162,28 +181,28 @@ class RadauStepper:
 
     def estimate(self, t: float, h: float) -> float:
         """Return the error relative to the tolerance: the difference to an embedded method, filtered."""
-        nq = self.manifold.nq
+        nq, method = self.manifold.nq, self.method
         self.new = self.y + self.z[-1]
         self.new[:nq] = self.manifold.project(self.new[:nq])
         scale = self.tolerance * (1.0 + np.maximum(np.abs(self.y), np.abs(self.new)))
-        inner = ERROR @ self.z
-        error = self.filter @ (inner + h * REAL * self.slope)
-        size = float(np.sqrt(np.mean((error / scale) ** 2)))
+        filtered, inner = self.systems[0].real, method.eigenvalues[0].real / h * (method.error @ self.z)
+        error = filtered @ (inner + self.slope)
+        size = _size(error / scale)
         if size > 1.0 and (self.ceiling == 1.0 or not self.last_h):  # a fast transient: filtered once more
-            error = self.filter @ (inner + h * REAL * self.rates(t, self.y + error))
-            size = float(np.sqrt(np.mean((error / scale) ** 2)))
+            error = filtered @ (inner + self.rates(t, self.y + error))
+            size = _size(error / scale)
         return max(size, 1e-10)
 
     def along(self, t: float, h: float) -> tuple[Array, Array]:
         """Return the start and the stages of the step, the last of which is its end."""
-        return t + h * np.array([0.0, *C]), np.vstack([self.y, self.y + self.z])
+        return t + h * np.array([0.0, *self.method.c]), np.vstack([self.y, self.y + self.z])
 
     def retry(self, h: float, error: float) -> float:
         """Return a shorter step, with a new Jacobian."""
         self.ceiling = 1.0
         if not self.fresh:
             self.jacobian = None
-        return h * (max(SLOWEST, self.careful() * error**-0.25) if np.isfinite(error) else 0.5)
+        return h * (max(SLOWEST, self.careful() * error**self.exponent) if np.isfinite(error) else 0.5)
 
     def careful(self) -> float:
         """Return a safety factor that is smaller where Newton's method had to work."""
@@ -192,9 +211,9 @@ class RadauStepper:
     def accept(self, t: float, h: float, error: float) -> tuple[Array, float]:
         """Move on to the end of the step; return its stages and the step to go on with."""
         nq, z = self.manifold.nq, self.z.copy()
-        factor = self.careful() * error**-0.25
+        factor = self.careful() * error**self.exponent
         if self.before[0]:  # Gustafsson's predictive controller
-            factor = min(factor, factor * h / self.before[0] * (self.before[1] / error) ** 0.25)
+            factor = min(factor, factor * h / self.before[0] * (self.before[1] / error) ** -self.exponent)
         factor = min(self.ceiling, FASTEST, max(SLOWEST, factor))
         self.before, self.ceiling = (h, max(error, 1e-2)), FASTEST
         self.last_z, self.last_h = z, h
@@ -206,3 +225,8 @@ class RadauStepper:
         if self.rate > CONTRACTION:
             self.jacobian = None
         return z, h if 1.0 <= factor <= KEPT else h * factor
+
+
+def _size(x: Array) -> float:
+    """Return the root of the mean of squares."""
+    return math.sqrt(float(np.vdot(x, x)) / x.size)
