@@ -67,7 +67,14 @@ class SpringDamper(ForceElement):
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the load to ``tau``."""
         places, rates = self._places
-        tau[..., rates] -= self.stiffness * (q[..., places] - self.rest) + self.damping * v[..., rates]
+        load = self.stiffness * (q[..., places] - self.rest)
+        if self._damped:
+            load += self.damping * v[..., rates]
+        tau[..., rates] -= load
+
+    @cached_property
+    def _damped(self) -> bool:
+        return bool(self.damping.any())
 
     @cached_property
     def _places(self) -> tuple[slice | Indices, slice | Indices]:
