@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import zipfile
 from collections.abc import Iterable
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -36,16 +36,51 @@ def write_arrays(path: Path, arrays: dict[str, Any]) -> None:
     draft.replace(path)
 
 
-def yaml_text(data: Any) -> str:
-    """Return plain data as YAML, its keys in the order they have."""
-    from ruamel.yaml import YAML
+_WORDS = frozenset(["true", "false", "null", "yes", "no", "on", "off", "y", "n"])
+"""What some readers of YAML take for something else than text, in any case."""
 
-    text = StringIO()
-    writer: Any = YAML(typ="safe", pure=True)
-    writer.default_flow_style = False
-    writer.sort_base_mapping_type_on_output = False
-    writer.dump(data, text)
-    return text.getvalue()
+
+def yaml_text(data: Any) -> str:
+    """Return plain data as YAML, its keys in the order they have.
+
+    By hand, since libraries take longer for it than a short scenario takes to be solved.
+    """
+    return "\n".join(_lines(data)) + "\n"
+
+
+def _lines(data: Any) -> list[str]:
+    """Return the lines of a value at the margin: of a map or a list one for each of what is in it, or more."""
+    if not data or not isinstance(data, dict | list):
+        return [_scalar(data)]
+    if isinstance(data, list):
+        return [f"{'  ' if k else '- '}{line}" for value in data for k, line in enumerate(_lines(value))]
+    written = []
+    for key, value in data.items():
+        inner, name = _lines(value), _scalar(str(key))
+        if value and isinstance(value, dict | list):
+            margin = "  " if isinstance(value, dict) else ""
+            written += [f"{name}:", *(margin + line for line in inner)]
+        else:
+            written.append(f"{name}: {inner[0]}")
+    return written
+
+
+def _scalar(value: Any) -> str:
+    """Return text as it stands where every reader takes it for text, otherwise in quotes; and other values."""
+    if isinstance(value, str):
+        plain = re.fullmatch(r"[\w./-](?:[\w .,*/+()^=-]*[\w.)])?", value) and not re.match(r"-(\s|$)|[.-]*$", value)
+        number = re.fullmatch(r"[-+]?\.?[0-9][\w.+-]*|[-+]?\.(inf|nan)", value, re.IGNORECASE)
+        return value if plain and not number and value.lower() not in _WORDS else f'"{_escaped(value)}"'
+    if isinstance(value, float) and not math.isfinite(value):
+        return ".nan" if math.isnan(value) else ".inf" if value > 0.0 else "-.inf"
+    return json.dumps(value)
+
+
+def _escaped(text: str) -> str:
+    named = {"\\": "\\\\", '"': '\\"'}
+    return "".join(
+        named.get(c) or (c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode()) for c in text
+    )
 
 
 def cell(text: str) -> str:
