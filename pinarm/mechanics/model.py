@@ -20,7 +20,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import ModelError
 from pinarm.mechanics.forces.contract import ForceElement
-from pinarm.mechanics.forces.joint import CREEP, BallSpring, DryFriction, SpringDamper
+from pinarm.mechanics.forces.joint import CREEP
 from pinarm.mechanics.tree import Bounds, Mimic, Tree, TreeJoint, from_z, listed
 from pinarm.mechanics.urdf import urdf_tree
 
@@ -210,6 +210,10 @@ def _passive(model: pin.Model, tree: Tree, creep: float) -> dict[str, ForceEleme
     """Return springs, damping and friction of the joints, which Pinocchio does not apply."""
     named = {part.name: part for joint in tree.joints for part in _parts(joint)}
     of = [(named[model.names[made.id]], made) for made in model.joints[1:]]
+    if not any(joint.damping or joint.friction or joint.stiffness for joint, _ in of):
+        return {}
+    from pinarm.mechanics.forces.passive import BallSpring, DryFriction, SpringDamper
+
     damping, friction = (
         np.array([getattr(joint, key) for joint, made in of for _ in range(made.nv)]) for key in ("damping", "friction")
     )

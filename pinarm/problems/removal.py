@@ -21,7 +21,6 @@ from pinarm.engine.part import Removed
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings import Coupling, independent
 from pinarm.mechanics.forces import ForceElement
-from pinarm.mechanics.forces.joint import BallSpring, DryFriction, SpringDamper
 from pinarm.mechanics.laws import Constant, Over
 from pinarm.mechanics.motion import MotionLaw
 from pinarm.problems.common import Place, laws_of
@@ -193,6 +192,8 @@ def removable(
     """
     if not _open_to_it(kind, known):
         return None
+    from pinarm.mechanics.forces.passive import BallSpring, DryFriction, SpringDamper
+
     stay = known.staying(asked)
     locked = {v: law for v, law in known.still.items() if v not in stay}
     single = all(isinstance(one, SpringDamper | DryFriction | BallSpring) for one in forces.values())

@@ -13,7 +13,8 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.parallel import Parallel
 from pinarm.errors import InputError
 from pinarm.mechanics.description import Gravity
-from pinarm.mechanics.forces.joint import JointEffort, JointSpring, SpringDamper
+from pinarm.mechanics.forces.joint import JointEffort, JointSpring
+from pinarm.mechanics.forces.passive import SpringDamper
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.forward import Forward

@@ -13,7 +13,7 @@ from pinarm.mechanics.balls import (
     roll_pitch_yaw,
     velocity,
 )
-from pinarm.mechanics.forces.joint import BallSpring
+from pinarm.mechanics.forces.passive import BallSpring
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.model import build_model
 

@@ -7,7 +7,8 @@ import pytest
 
 from pinarm.engine.quantities import Quantities
 from pinarm.errors import InputError, IntegrationError, Interrupted
-from pinarm.mechanics.forces.joint import AppliedEffort, JointEffort
+from pinarm.mechanics.forces.driving import AppliedEffort
+from pinarm.mechanics.forces.joint import JointEffort
 from pinarm.mechanics.forces.point import Wrench
 from pinarm.mechanics.laws import (
     Constant,

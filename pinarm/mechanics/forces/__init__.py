@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from pinarm.mechanics.forces.contract import ForceElement
-from pinarm.mechanics.forces.joint import JointEffort, JointFriction, JointSpring, SpringDamper, TorqueSpeed
+from pinarm.mechanics.forces.joint import JointEffort, JointFriction, JointSpring, TorqueSpeed
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 
 Force = JointSpring | JointEffort | JointFriction | TorqueSpeed | PointSpring | Wrench
@@ -16,7 +16,10 @@ __all__ = ["Force", "ForceElement", "summed"]
 
 def summed(forces: Iterable[ForceElement]) -> tuple[ForceElement, ...]:
     """Return elements with the same load in all, the springs and dampers at joints as one."""
-    known = tuple(forces)
+    if not (known := tuple(forces)):
+        return ()
+    from pinarm.mechanics.forces.passive import SpringDamper
+
     springs = [one for one in known if isinstance(one, SpringDamper)]
     others = tuple(one for one in known if not isinstance(one, SpringDamper))
     return (SpringDamper.sum(springs), *others) if springs else others
