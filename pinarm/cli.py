@@ -15,10 +15,11 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pinarm.errors import InputError, NumericsError, PinarmError, printable
 from pinarm.input.roots import rooted
+from pinarm.options import add
 
 if TYPE_CHECKING:
     from pinarm.use.check import Finding
@@ -29,7 +30,8 @@ OK, MISSED, BAD_INPUT, NUMERICS_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     gc.set_threshold(100_000, 20, 20)  # importing makes much that stays: looking through it for garbage costs 10 %
-    options = _parser().parse_args(arguments)
+    given = sys.argv[1:] if arguments is None else arguments
+    options = _parser(given).parse_args(given)
     for stream in (sys.stdout, sys.stderr):  # a terminal without Unicode shows question marks instead of failing
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
@@ -49,93 +51,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return OK
 
 
-def _parser() -> argparse.ArgumentParser:
-    common = argparse.ArgumentParser(add_help=False)
-    common.add_argument("--traceback", action="store_true", help="show where in the program an error arose")
-    common.add_argument("--root", metavar="DIR", help="folder that files may refer to (default: the nearest one above "
-                        "with a pyproject.toml or .pinarm-root)")  # fmt: skip
-    common.add_argument("--json", action="store_true", help="print JSON for machines")
-    overrides = argparse.ArgumentParser(add_help=False)
-    overrides.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
-                           help="replace a value of the scenario, such as problem.time.end='3 s'")  # fmt: skip
+def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
+    """Return the parser; of the commands only those among the arguments know their options: these take time."""
     parser = argparse.ArgumentParser(prog="pinarm", description="Rigid-multibody simulation of mechanisms.")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-
-    run = commands.add_parser("run", parents=[common, overrides], help="solve a scenario and write a result folder")
-    run.add_argument("scenario", type=Path)
-    run.add_argument("-o", "--output", type=Path, help="result folder (default: results/SCENARIO)")
-    run.add_argument("--no-plots", action="store_true", help="write numbers only")
-    run.add_argument("--verify", action="store_true",
-                     help="estimate the global error by a second solution, and check every row")  # fmt: skip
-    run.set_defaults(command=_run)
-
-    check = commands.add_parser("check", parents=[common, overrides], help="compare scenarios with their answer keys")
-    check.add_argument("paths", nargs="+", type=Path, metavar="PATH", help="scenario files, or folders of them")
-    check.set_defaults(command=_check)
-
-    validate = commands.add_parser("validate", parents=[common, overrides], help="read and check input only")
-    validate.add_argument("paths", nargs="+", type=Path, metavar="PATH")
-    validate.set_defaults(command=_validate)
-
-    explain = commands.add_parser(
-        "explain", parents=[common, overrides], help="coordinates, mobility, loops, redundancy"
-    )
-    explain.add_argument("path", metavar="SCENARIO|MODEL")
-    explain.set_defaults(command=_explain)
-    _add_sweep(commands, [common, overrides])
-
-    trade = commands.add_parser(
-        "tradeoff", parents=[common, overrides], help="error against cost of settings, of models"
-    )
-    trade.add_argument("scenario", type=Path)
-    trade.add_argument("-o", "--output", type=Path, help="folder (default: results/SCENARIO-tradeoff)")
-    trade.add_argument("--no-plots", action="store_true", help="write numbers only")
-    trade.set_defaults(command=_tradeoff)
-
-    _add_replay(commands, [common])
-
-    schema = commands.add_parser("schema", parents=[common], help="print the JSON Schema for editors")
-    schema.add_argument("of", nargs="?", choices=["scenario", "mechanism"], default="scenario")
-    schema.set_defaults(command=_schema)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", prog="pinarm")
+    for name, (call, explained) in COMMANDS.items():
+        command = commands.add_parser(name, help=explained)
+        command.set_defaults(command=call)
+        if name in arguments:
+            add(name, command)
     return parser
-
-
-def _add_sweep(commands: Any, parents: list[argparse.ArgumentParser]) -> None:
-    sweep = commands.add_parser("sweep", parents=parents, help="solve a scenario for many values")
-    sweep.add_argument("scenario", type=Path)
-    sweep.add_argument("--over", action="append", default=[], metavar="PATH=VALUES",
-                       help="such as arguments.m_A='0.1:0.5:41 kg', '1, 2, 3 kg' or 'normal(0.25, 0.01) kg'; "
-                       "several are combined")  # fmt: skip
-    sweep.add_argument("--cases", type=Path, metavar="CSV", help="a file whose lines are cases; paths in its heading")
-    sweep.add_argument("--sample", type=int, metavar="N", help="how many values to draw from distributions")
-    sweep.add_argument("--seed", type=int, default=0, help="of the drawing (default: 0)")
-    sweep.add_argument("--lhs", action="store_const", const="latin", default="random", dest="sampling",
-                       help="draw a Latin hypercube")  # fmt: skip
-    sweep.add_argument("--result", action="append", default=[], metavar="QUANTITY[@PLACE]", dest="results",
-                       help="what to take from each case, such as C_B, 'C_B @ max', 't @ max(C_B)', 'C_B @ t=1.5 s' "
-                       "(default: least and greatest row of every output)")  # fmt: skip
-    sweep.add_argument("-j", "--workers", type=int, help="processes (default: all cores)")
-    sweep.add_argument("-o", "--output", type=Path, help="folder of the sweep (default: results/SCENARIO-sweep)")
-    sweep.add_argument("--no-plots", action="store_true", help="write numbers only")
-    sweep.set_defaults(command=_sweep)
-
-
-def _add_replay(commands: Any, parents: list[argparse.ArgumentParser]) -> None:
-    replay = commands.add_parser("replay", parents=parents, help="show the motion of a result in a web page")
-    replay.add_argument("result", type=Path, metavar="RESULT", help="result folder")
-    replay.add_argument("-o", "--output", type=Path, help="file (default: replay.html or replay.png in the folder)")
-    replay.add_argument("--trace", action="extend", nargs="+", default=[], metavar="POINT",
-                        help="draw the paths of these links' origins; com: of the centre of mass")  # fmt: skip
-    replay.add_argument("--arrows", action="extend", nargs="+", default=[], metavar="KIND",
-                        help="draw forces, torques, reactions, or all")  # fmt: skip
-    replay.add_argument("--plot", action="extend", nargs="*", metavar="QUANTITY",
-                        help="plot these beside it, or nothing (default: the outputs)")  # fmt: skip
-    instead = replay.add_mutually_exclusive_group()
-    instead.add_argument("--png", metavar="t=VALUE", help="write a picture of this instant, by Chromium")
-    instead.add_argument("--video", type=Path, metavar="FILE.mp4", help="write a video, by Chromium and ffmpeg")
-    replay.add_argument("--fps", type=float, default=30.0, help="pictures a second of the video")
-    replay.add_argument("--speed", type=float, default=1.0, help="of the video, relative to real time")
-    replay.set_defaults(command=_replay)
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -336,3 +261,16 @@ def _print_json(value: object) -> None:
     from pinarm.use.files import json_text
 
     print(json_text(value))
+
+
+COMMANDS = {
+    "run": (_run, "solve a scenario and write a result folder"),
+    "check": (_check, "compare scenarios with their answer keys"),
+    "validate": (_validate, "read and check input only"),
+    "explain": (_explain, "coordinates, mobility, loops, redundancy"),
+    "sweep": (_sweep, "solve a scenario for many values"),
+    "tradeoff": (_tradeoff, "error against cost of settings, of models"),
+    "replay": (_replay, "show the motion of a result in a web page"),
+    "schema": (_schema, "print the JSON Schema for editors"),
+}
+"""Name -> what does it, and what it does."""

@@ -11,7 +11,7 @@ import pinarm
 
 PACKAGE = Path(pinarm.__file__).parent
 LAYERS = {
-    "errors": 0, "arrays": 0, "input": 0, "mechanics": 1, "engine": 2, "problems": 3, "use": 4, "cli": 5,
+    "errors": 0, "arrays": 0, "input": 0, "mechanics": 1, "engine": 2, "problems": 3, "use": 4, "options": 4, "cli": 5,
 }  # fmt: skip
 EXEMPT = {"__init__", "__main__"}
 COSTLY = {"matplotlib", "pandas", "meshcat", "scipy"}

@@ -15,7 +15,7 @@ from pinarm.errors import InputError
 
 
 def commands() -> set[str]:
-    [choices] = [action for action in _parser()._actions if isinstance(action, argparse._SubParsersAction)]
+    [choices] = [action for action in _parser([])._actions if isinstance(action, argparse._SubParsersAction)]
     return set(choices.choices)
 
 

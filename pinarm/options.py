@@ -1,0 +1,98 @@
+"""The options of the commands."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser
+from collections.abc import Callable
+from pathlib import Path
+
+
+def add(command: str, parser: ArgumentParser) -> None:
+    """Add the options of a command to its parser."""
+    OPTIONS[command](parser)
+    parser.add_argument("--traceback", action="store_true", help="show where in the program an error arose")
+    parser.add_argument("--root", metavar="DIR", help="folder that files may refer to (default: the nearest one above "
+                        "with a pyproject.toml or .pinarm-root)")  # fmt: skip
+    parser.add_argument("--json", action="store_true", help="print JSON for machines")
+
+
+def _overrides(command: ArgumentParser) -> None:
+    command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
+                         help="replace a value of the scenario, such as problem.time.end='3 s'")  # fmt: skip
+
+
+def _run(run: ArgumentParser) -> None:
+    run.add_argument("scenario", type=Path)
+    run.add_argument("-o", "--output", type=Path, help="result folder (default: results/SCENARIO)")
+    run.add_argument("--no-plots", action="store_true", help="write numbers only")
+    run.add_argument("--verify", action="store_true",
+                     help="estimate the global error by a second solution, and check every row")  # fmt: skip
+    _overrides(run)
+
+
+def _check(check: ArgumentParser) -> None:
+    check.add_argument("paths", nargs="+", type=Path, metavar="PATH", help="scenario files, or folders of them")
+    _overrides(check)
+
+
+def _validate(validate: ArgumentParser) -> None:
+    validate.add_argument("paths", nargs="+", type=Path, metavar="PATH")
+    _overrides(validate)
+
+
+def _explain(explain: ArgumentParser) -> None:
+    explain.add_argument("path", metavar="SCENARIO|MODEL")
+    _overrides(explain)
+
+
+def _tradeoff(trade: ArgumentParser) -> None:
+    trade.add_argument("scenario", type=Path)
+    trade.add_argument("-o", "--output", type=Path, help="folder (default: results/SCENARIO-tradeoff)")
+    trade.add_argument("--no-plots", action="store_true", help="write numbers only")
+    _overrides(trade)
+
+
+def _schema(schema: ArgumentParser) -> None:
+    schema.add_argument("of", nargs="?", choices=["scenario", "mechanism"], default="scenario")
+
+
+def _sweep(sweep: ArgumentParser) -> None:
+    sweep.add_argument("scenario", type=Path)
+    sweep.add_argument("--over", action="append", default=[], metavar="PATH=VALUES",
+                       help="such as arguments.m_A='0.1:0.5:41 kg', '1, 2, 3 kg' or 'normal(0.25, 0.01) kg'; "
+                       "several are combined")  # fmt: skip
+    sweep.add_argument("--cases", type=Path, metavar="CSV", help="a file whose lines are cases; paths in its heading")
+    sweep.add_argument("--sample", type=int, metavar="N", help="how many values to draw from distributions")
+    sweep.add_argument("--seed", type=int, default=0, help="of the drawing (default: 0)")
+    sweep.add_argument("--lhs", action="store_const", const="latin", default="random", dest="sampling",
+                       help="draw a Latin hypercube")  # fmt: skip
+    sweep.add_argument("--result", action="append", default=[], metavar="QUANTITY[@PLACE]", dest="results",
+                       help="what to take from each case, such as C_B, 'C_B @ max', 't @ max(C_B)', 'C_B @ t=1.5 s' "
+                       "(default: least and greatest row of every output)")  # fmt: skip
+    sweep.add_argument("-j", "--workers", type=int, help="processes (default: all cores)")
+    sweep.add_argument("-o", "--output", type=Path, help="folder of the sweep (default: results/SCENARIO-sweep)")
+    sweep.add_argument("--no-plots", action="store_true", help="write numbers only")
+    _overrides(sweep)
+
+
+def _replay(replay: ArgumentParser) -> None:
+    replay.add_argument("result", type=Path, metavar="RESULT", help="result folder")
+    replay.add_argument("-o", "--output", type=Path, help="file (default: replay.html or replay.png in the folder)")
+    replay.add_argument("--trace", action="extend", nargs="+", default=[], metavar="POINT",
+                        help="draw the paths of these links' origins; com: of the centre of mass")  # fmt: skip
+    replay.add_argument("--arrows", action="extend", nargs="+", default=[], metavar="KIND",
+                        help="draw forces, torques, reactions, or all")  # fmt: skip
+    replay.add_argument("--plot", action="extend", nargs="*", metavar="QUANTITY",
+                        help="plot these beside it, or nothing (default: the outputs)")  # fmt: skip
+    instead = replay.add_mutually_exclusive_group()
+    instead.add_argument("--png", metavar="t=VALUE", help="write a picture of this instant, by Chromium")
+    instead.add_argument("--video", type=Path, metavar="FILE.mp4", help="write a video, by Chromium and ffmpeg")
+    replay.add_argument("--fps", type=float, default=30.0, help="pictures a second of the video")
+    replay.add_argument("--speed", type=float, default=1.0, help="of the video, relative to real time")
+
+
+OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
+    "run": _run, "check": _check, "validate": _validate, "explain": _explain, "sweep": _sweep, "tradeoff": _tradeoff,
+    "replay": _replay, "schema": _schema,
+}  # fmt: skip
+"""Command -> what adds its own options."""
