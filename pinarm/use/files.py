@@ -7,6 +7,7 @@ import math
 import re
 import zipfile
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -36,51 +37,31 @@ def write_arrays(path: Path, arrays: dict[str, Any]) -> None:
     draft.replace(path)
 
 
-_WORDS = frozenset(["true", "false", "null", "yes", "no", "on", "off", "y", "n"])
-"""What some readers of YAML take for something else than text, in any case."""
-
-
 def yaml_text(data: Any) -> str:
-    """Return plain data as YAML, its keys in the order they have.
+    """Return plain data as YAML, its keys in the order they have; every reader takes its texts for text."""
+    import yaml
 
-    By hand, since libraries take longer for it than a short scenario takes to be solved.
-    """
-    return "\n".join(_lines(data)) + "\n"
-
-
-def _lines(data: Any) -> list[str]:
-    """Return the lines of a value at the margin: of a map or a list one for each of what is in it, or more."""
-    if not data or not isinstance(data, dict | list):
-        return [_scalar(data)]
-    if isinstance(data, list):
-        return [f"{'  ' if k else '- '}{line}" for value in data for k, line in enumerate(_lines(value))]
-    written = []
-    for key, value in data.items():
-        inner, name = _lines(value), _scalar(str(key))
-        if value and isinstance(value, dict | list):
-            margin = "  " if isinstance(value, dict) else ""
-            written += [f"{name}:", *(margin + line for line in inner)]
-        else:
-            written.append(f"{name}: {inner[0]}")
-    return written
+    return str(yaml.dump(data, Dumper=_dumper(), sort_keys=False, allow_unicode=True, width=WIDTH))
 
 
-def _scalar(value: Any) -> str:
-    """Return text as it stands where every reader takes it for text, otherwise in quotes; and other values."""
-    if isinstance(value, str):
-        plain = re.fullmatch(r"[\w./-](?:[\w .,*/+()^=-]*[\w.)])?", value) and not re.match(r"-(\s|$)|[.-]*$", value)
-        number = re.fullmatch(r"[-+]?\.?[0-9][\w.+-]*|[-+]?\.(inf|nan)", value, re.IGNORECASE)
-        return value if plain and not number and value.lower() not in _WORDS else f'"{_escaped(value)}"'
-    if isinstance(value, float) and not math.isfinite(value):
-        return ".nan" if math.isnan(value) else ".inf" if value > 0.0 else "-.inf"
-    return json.dumps(value)
+@cache
+def _dumper() -> Any:
+    import yaml
+
+    class Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]
+        """PyYAML knows YAML 1.1; this puts what later versions and other readers take for a number in quotes too."""
+
+        ignore_aliases = staticmethod(lambda data: True)
+
+    Dumper.add_implicit_resolver("!else", re.compile(SOMETHING_ELSE, re.IGNORECASE), None)
+    return Dumper
 
 
-def _escaped(text: str) -> str:
-    named = {"\\": "\\\\", '"': '\\"'}
-    return "".join(
-        named.get(c) or (c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode()) for c in text
-    )
+WIDTH = 10**9
+"""Lines are not folded."""
+
+SOMETHING_ELSE = r"([-+]?\.?[0-9][\w.+-]*|y|n)$"
+"""Text that some reader of YAML takes for a number or a truth value."""
 
 
 def cell(text: str) -> str:

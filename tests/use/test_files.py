@@ -33,4 +33,4 @@ def test_numbers_and_what_is_empty_are_read_as_they_were():
 
 def test_what_needs_no_quotes_has_none():
     lines = yaml_text({"time": {"end": "2 s"}, "outputs": ["C_B", "F_By"], "rtol": 1e-10}).splitlines()
-    assert lines == ["time:", "  end: 2 s", "outputs:", "- C_B", "- F_By", "rtol: 1e-10"]
+    assert lines == ["time:", "  end: 2 s", "outputs:", "- C_B", "- F_By", "rtol: 1.0e-10"]
