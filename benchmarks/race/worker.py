@@ -29,8 +29,9 @@ SHORT = 1.0
 PATIENCE = 5.0
 """Time that a process has to end [s]."""
 
-ENVIRONMENT = {"pinocchio": {"OMP_WAIT_POLICY": "passive"}}
-"""What a user learns to set: threads that wait busily cost the parallel calls of Pinocchio milliseconds each."""
+ENVIRONMENT = {"pinocchio": {"OMP_WAIT_POLICY": "passive", "GOMP_SPINCOUNT": "20000"}}
+"""What a user learns to set: threads that wait busily cost the parallel calls of Pinocchio milliseconds each, and those
+that sleep at once must be woken for each; pinarm sets the same."""
 
 
 class Worker:
