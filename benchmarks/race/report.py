@@ -144,8 +144,8 @@ def _shares(results: dict[str, Results], names: list[str]) -> str:
                "energy": "energy within steps", "residuals": "residuals of the rows", REST: "rest"}  # fmt: skip
     lines = ["## Where pinarm's time goes [%]", "",
              f"To an error of {GOALS[1]:.0e}. Accelerations are Pinocchio's call and the forces; energy and residuals "
-             "are the measures of accuracy.\nBehind them: how many accelerations the steps take, and what one costs "
-             "with all of the steps, the rest of the run left out [µs].", "",
+             "are the measures\nof accuracy. Behind them: how many accelerations the steps take, and what one costs "
+             "with all of the steps, the rest of\nthe run left out [µs].", "",
              f"| problem | {' | '.join(heading.values())} | evaluations | µs each |",
              "| --- |" + " ---: |" * (len(heading) + 2)]  # fmt: skip
     for name in names:
