@@ -160,23 +160,21 @@ class Account:
         counts[divided] = self.solution.method.parts
         index = np.repeat(np.arange(len(steps)), counts)
         part = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
-        start, h = np.array([(step.t, (step.until - step.t) / n) for step, n in zip(steps, counts, strict=True)])[
-            index
-        ].T
-        return index, start + part * h, h
+        start, end = np.array([(step.t, step.until) for step in steps]).T
+        h = ((end - start) / counts)[index]
+        return index, start[index] + part * h, h
 
     def _losses(self, dynamics: Dynamics, index: Indices, start: Array, h: Array) -> Array:
         """Return the energy that elements take out in parts of steps [J], shape (n,)."""
         nodes, weights = np.polynomial.legendre.leggauss(GAUSS_NODES)
         t = (start[:, None] + 0.5 * h[:, None] * (nodes + 1.0)).ravel()
-        powers = dynamics.dissipated_power(
-            t, *self.whole(t, *self.solution.states_in(np.repeat(index, GAUSS_NODES), t))
-        )
+        q, v = self.whole(t, *self.solution.states_in(np.repeat(index, GAUSS_NODES), t))
+        powers = dynamics.dissipated_power(t, q, v)
         return np.asarray(0.5 * h * (powers.reshape(-1, GAUSS_NODES) @ weights))
 
 
 def energy_balance(*accounts: Account) -> dict[str, float]:
-    """Return the largest change of energy that nothing accounts for, at the ends of the steps and within them.
+    """Return the largest change of energy that nothing accounts for, at the ends of all steps and within some.
 
     ``E(t) - E(0) + integral of the dissipated power``, less the rounding of its terms, relative to the largest energy
     exchanged: between kinetic and potential, and through dampers and drives. For a motion without loads it is the drift

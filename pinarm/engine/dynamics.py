@@ -16,16 +16,12 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
-from pinarm.engine.integrators import Acceleration, Accelerations, Energy, Flat, Manifold
+from pinarm.engine.integrators import SAME, Acceleration, Accelerations, Energy, Flat, Manifold
 from pinarm.engine.jointspace import JointSpace
 from pinarm.engine.parallel import Parallel
 from pinarm.errors import InputError
 from pinarm.mechanics.forces import ForceElement, summed
 from pinarm.mechanics.motion import Grid
-
-SAME = 1e-11
-"""Largest difference between the recursions in the world's axes, which are those for many states at once, and in the
-links' own: far from the origin, or where links differ much in length, the former lose digits that the latter keep."""
 
 NO_FORCES: Mapping[str, ForceElement] = MappingProxyType({})
 

@@ -128,10 +128,8 @@ class PointClosure:
             q: A closed configuration that is not close to a singular one, shape (nq,).
             rank: Rank of the rows there.
         """
-        rows, mass = (
-            _rows(self.tied.model, self.data, list(self.tied.needed), q),
-            mass_matrix(self.tied.model, self.data, q),
-        )
+        model, data = self.tied.model, self.data
+        rows, mass = _rows(model, data, list(self.tied.needed), q), mass_matrix(model, data, q)
         least = float(np.linalg.eigvalsh(rows @ np.linalg.solve(mass, rows.T))[-rank])
         return self._solved(dynamics, targets, pin.ProximalSettings(1e-12, TOLERANT * least, REPEATS))
 
@@ -170,9 +168,9 @@ class PointClosure:
 
     def rows(self) -> Array:
         """Return the rows at the configuration last factorised; their product with v is minus the gap's rate."""
-        return np.asarray(
-            pin.getConstraintsJacobian(self.tied.model, self.data, self.tied.needed, self.states)
-        ).reshape(-1, self.tied.model.nv)
+        model = self.tied.model
+        rows = pin.getConstraintsJacobian(model, self.data, self.tied.needed, self.states)
+        return np.asarray(rows).reshape(-1, model.nv)
 
     def right(self) -> Array:
         """Return what the rows ask of the acceleration last computed, ``-G' v``, shape (m,)."""

@@ -96,10 +96,6 @@ class Splits:
         """Return the parts of the rows G, shape (n, m, nv)."""
         return cls(_alike(rows, RANK), rows.shape)
 
-    def particular(self, right: Array) -> Array:
-        """Return what ``Split.particular`` does, shape (n, nv)."""
-        return self._each(self.shape[2], Split.particular, right)
-
     def multipliers(self, force: Array) -> Array:
         """Return what ``Split.multipliers`` does, shape (n, m)."""
         return self._each(self.shape[1], Split.multipliers, force)

@@ -26,7 +26,7 @@ WITHIN, BLOCK, USUAL = 16, 500, 8
 """Instants within a step that are looked at, steps that are looked at together, and states that tell what is usual."""
 
 MARGIN = 1.5
-"""How much the speed within a step is underestimated at most."""
+"""How much larger than it is the least speed within a step is estimated at most."""
 
 AHEAD = 0.25
 """How far a mechanism moves before it may have become singular, over its regularity [rad]: four-bars take 1."""

@@ -26,7 +26,7 @@ TOLERANCES = 10.0 ** -np.arange(3, 13)
 
 
 def motion(dynamics, end, q, v, tolerance):
-    stretch = Stretch(0.0, end, dynamics.acceleration(), together=dynamics.forward, unchecked=dynamics.accelerations())
+    stretch = Stretch(0.0, end, dynamics.acceleration(), together=dynamics.forward, unchecked=dynamics.unchecked())
     return integrate([stretch], dynamics.manifold, q, v, Collocation(tolerance))
 
 

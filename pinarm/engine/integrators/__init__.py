@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from pinarm.engine.integrators.contract import (
+    SAME,
     SETTING,
     Acceleration,
     Accelerations,
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from pinarm.engine.integrators.stiff import Radau
 
 __all__ = [
-    "METHODS", "SETTING", "Acceleration", "Accelerations", "Adaptive", "Collocation", "Conserving", "Energy",
+    "METHODS", "SAME", "SETTING", "Acceleration", "Accelerations", "Adaptive", "Collocation", "Conserving", "Energy",
     "Ensemble", "FixedStep", "Flat", "Manifold", "Method", "MethodName", "Passes", "Radau", "Settle", "Solution",
     "Stretch", "Watch", "advance", "integrate",
 ]  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.gauss import gauss
-from pinarm.engine.integrators.contract import Count, Manifold, Solution, Step, Stretch
+from pinarm.engine.integrators.contract import SAME, Count, Manifold, Solution, Step, Stretch
 from pinarm.engine.integrators.start import first_step
 from pinarm.engine.integrators.window import Course, Window
 from pinarm.errors import MethodError
@@ -37,9 +37,6 @@ TINY = 1e-9
 
 REACH = 1.3
 """Part of a refused window up to which its polynomial is a better start than that of the window before."""
-
-SAME = 1e-11
-"""Largest relative difference between accelerations of many states at once and of one: see ``Dynamics.forward``."""
 
 NEEDLESS, LIMITED = 1e-6, 0.5
 """Error of a window, relative to the tolerance, which says that it could be more than twice as long but for its sweeps;

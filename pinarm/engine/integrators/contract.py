@@ -17,6 +17,11 @@ Acceleration = Callable[[float, Array, Array], Array]
 Accelerations = Callable[[Array, Array, Array], Array]
 """``(t, q, v) -> a`` of many states at once, shapes (n,), (n, nq), (n, nv) and (n, nv)."""
 
+SAME = 1e-11
+"""Largest relative difference between accelerations of many states at once and those of one: Pinocchio's recursion for
+many works in the world's axes; far from the origin, or where links differ much in length, it loses digits that the one
+in the links' own axes keeps."""
+
 Settle = Callable[[float, Array, Array], tuple[Array, Array]]
 """``(t, q, v) -> q, v``: the nearest state that meets the constraints."""
 

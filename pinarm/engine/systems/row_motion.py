@@ -74,7 +74,7 @@ class RowMotion:
                 f"at t = {t:.9g} s the position is singular but for rounding, which would choose among the motions "
                 f"that meet there: {spelled(self.dynamics.model, q)}",
                 expected="a motion that passes singular positions at some speed",
-                hint="lengths that differ, masses for light links, or a wider tolerance",
+                hint="lengths that differ by more than rounding, or masses for light links",
                 t=t, q=q,
             )  # fmt: skip
         self.begun, self.close = self.begun or regular, self.begun and not regular
