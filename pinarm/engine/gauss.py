@@ -39,16 +39,21 @@ class Gauss:
 def gauss(s: int) -> Gauss:
     """Return the collocation of s nodes."""
     z, weights = np.polynomial.legendre.leggauss(s)
-    values = np.polynomial.legendre.legvander(z, s)
-    series = 0.5 * (2.0 * np.arange(s) + 1.0)[:, None] * (values[:, :s] * weights[:, None]).T
-    degrees = np.arange(1, s)
-    integrals = np.empty((s, s))  # of P_k from 0 to x: (P_(k+1) - P_(k-1)) / (2 (2k + 1))
-    integrals[:, 0] = 0.5 * (1.0 + z)
-    integrals[:, 1:] = 0.5 * (values[:, degrees + 1] - values[:, degrees - 1]) / (2 * degrees + 1)
+    values, integrals = legendre(0.5 * (1.0 + z), s)
+    series = 0.5 * (2.0 * np.arange(s) + 1.0)[:, None] * (values * weights[:, None]).T
     powers = np.zeros((s, s))
     for k in range(s):
         powers[: k + 1, k] = np.polynomial.legendre.leg2poly([0.0] * k + [1.0])
     return Gauss(0.5 * (1.0 + z), 0.5 * weights, integrals @ series, series, powers, _terms(s))
+
+
+def legendre(x: Array, s: int) -> tuple[Array, Array]:
+    """Return Legendre's polynomials on [0, 1] of degree 0 to s - 1 at x, and their integrals from 0, each (n, s)."""
+    p = [np.ones_like(x), 2.0 * x - 1.0]
+    for k in range(1, s):
+        p.append(((2 * k + 1) * (2.0 * x - 1.0) * p[k] - k * p[k - 1]) / (k + 1))
+    integrals = [x] + [(p[k + 1] - p[k - 1]) / (2 * (2 * k + 1)) for k in range(1, s)]
+    return np.stack(p[:s], axis=-1), np.stack(integrals, axis=-1)
 
 
 def _terms(s: int) -> Array:
@@ -56,8 +61,8 @@ def _terms(s: int) -> Array:
     columns = np.zeros((s, s))
     columns[0, 0] = 1.0
     for k in range(1, s):
-        rest = _legendre(k + 1)
-        for power, x in enumerate(_legendre(k - 1)):
+        rest = _coefficients(k + 1)
+        for power, x in enumerate(_coefficients(k - 1)):
             rest[power] -= x
         rest = rest[1:]  # divided by x
         for row in range(k + 1):
@@ -66,7 +71,7 @@ def _terms(s: int) -> Array:
     return columns
 
 
-def _legendre(k: int) -> list[int]:
+def _coefficients(k: int) -> list[int]:
     """Return the coefficients of powers of x of Legendre's polynomial on [0, 1]."""
     return [(-1) ** (k + power) * math.comb(k, power) * math.comb(k + power, power) for power in range(k + 1)]
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinarm.arrays import Array
+from pinarm.engine.gauss import legendre
 
 Complex = NDArray[np.complex128]
 
@@ -52,13 +53,13 @@ def radau(s: int) -> RadauTableau:
     the stages, whose order is s: Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.8, eq. (8.18).
     """
     c = _nodes(s)
-    basis, integrals = _legendre(c, s)
+    basis, integrals = legendre(c, s)
     a = integrals @ np.linalg.inv(basis)
     inverse = np.linalg.inv(a)
     values, vectors = np.linalg.eig(inverse)
     chosen = np.concatenate([np.flatnonzero(np.abs(values.imag) < 1e-9), np.flatnonzero(values.imag > 1e-9)])
     pairs = np.where(np.arange(len(chosen)), 2.0, 1.0)
-    at_start = _legendre(np.zeros(1), s)[0][0]
+    at_start = legendre(np.zeros(1), s)[0][0]
     weights = -np.linalg.solve(basis.T, at_start) / values[chosen[0]].real
     powers = np.asarray(np.linalg.inv(c[:, None] ** np.arange(1, s + 1)), float)
     return RadauTableau(
@@ -76,15 +77,6 @@ def _nodes(s: int) -> Array:
     nodes = 0.5 * (1.0 + np.linalg.eigvalsh(matrix))
     nodes[-1] = 1.0
     return nodes
-
-
-def _legendre(x: Array, s: int) -> tuple[Array, Array]:
-    """Return Legendre's polynomials on [0, 1] of degree 0 to s - 1 at x, and their integrals from 0, each (n, s)."""
-    p = [np.ones_like(x), 2.0 * x - 1.0]
-    for k in range(1, s):
-        p.append(((2 * k + 1) * (2.0 * x - 1.0) * p[k] - k * p[k - 1]) / (k + 1))
-    integrals = [x] + [(p[k + 1] - p[k - 1]) / (2 * (2 * k + 1)) for k in range(1, s)]
-    return np.stack(p[:s], axis=-1), np.stack(integrals, axis=-1)
 
 
 def _terms(coefficients: Array) -> Array:
