@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 import pinarm
-from pinarm.engine.trajectory import Trajectory
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.forces import Wrench
 from pinarm.mechanics.laws import ConstantSpeed, Harmonic
 from pinarm.problems.common import Accuracy, TimeGrid

@@ -17,8 +17,8 @@ import numpy as np
 import pinocchio as pin
 
 import pinarm
-from pinarm.engine.dynamics import Dynamics
-from pinarm.engine.integrators import Adaptive, Stretch, integrate
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.integration import Adaptive, Stretch, integrate
 
 ROOT = Path(__file__).parents[1]
 END_OF_DOUBLE_PENDULUM = np.array([0.522210808870693, 1.436052080126094])

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
-    from pinarm.engine.trajectory import Series, Trajectory
+    from pinarm.engine.motion.trajectory import Series, Trajectory
     from pinarm.errors import PinarmError
     from pinarm.input.roots import rooted
-    from pinarm.use.batch.motions import Batch, batch
-    from pinarm.use.check import check
-    from pinarm.use.explain import explain
-    from pinarm.use.replay.page import replay
-    from pinarm.use.result import Result
-    from pinarm.use.run import run, validate
-    from pinarm.use.scenario import Scenario, load
-    from pinarm.use.schema import schema
-    from pinarm.use.sweep.study import Sweep, sweep
-    from pinarm.use.tradeoff.study import Tradeoff, tradeoff
+    from pinarm.use.result.result import Result
+    from pinarm.use.scenario.json_schema import schema
+    from pinarm.use.scenario.scenario import Scenario, load
+    from pinarm.use.show.replay.page import replay
+    from pinarm.use.study.accuracy.tradeoff import Tradeoff, tradeoff
+    from pinarm.use.study.answers.check import check
+    from pinarm.use.study.batch.batch import Batch, batch
+    from pinarm.use.study.explain import explain
+    from pinarm.use.study.run import run, validate
+    from pinarm.use.study.sweep.sweep import Sweep, sweep
 
 __version__ = "0.1.0"
 
@@ -33,25 +33,25 @@ if "pinocchio" not in sys.modules and "OMP_WAIT_POLICY" not in os.environ:
 
 _HOMES = {
     "Mechanism": "pinarm.engine.mechanism",
-    "Series": "pinarm.engine.trajectory",
-    "Trajectory": "pinarm.engine.trajectory",
+    "Series": "pinarm.engine.motion.trajectory",
+    "Trajectory": "pinarm.engine.motion.trajectory",
     "PinarmError": "pinarm.errors",
-    "Batch": "pinarm.use.batch.motions",
-    "batch": "pinarm.use.batch.motions",
-    "check": "pinarm.use.check",
-    "explain": "pinarm.use.explain",
-    "Result": "pinarm.use.result",
-    "Scenario": "pinarm.use.scenario",
-    "Sweep": "pinarm.use.sweep.study",
-    "Tradeoff": "pinarm.use.tradeoff.study",
-    "load": "pinarm.use.scenario",
-    "replay": "pinarm.use.replay.page",
+    "Batch": "pinarm.use.study.batch.batch",
+    "batch": "pinarm.use.study.batch.batch",
+    "check": "pinarm.use.study.answers.check",
+    "explain": "pinarm.use.study.explain",
+    "Result": "pinarm.use.result.result",
+    "Scenario": "pinarm.use.scenario.scenario",
+    "Sweep": "pinarm.use.study.sweep.sweep",
+    "Tradeoff": "pinarm.use.study.accuracy.tradeoff",
+    "load": "pinarm.use.scenario.scenario",
+    "replay": "pinarm.use.show.replay.page",
     "rooted": "pinarm.input.roots",
-    "run": "pinarm.use.run",
-    "schema": "pinarm.use.schema",
-    "sweep": "pinarm.use.sweep.study",
-    "tradeoff": "pinarm.use.tradeoff.study",
-    "validate": "pinarm.use.run",
+    "run": "pinarm.use.study.run",
+    "schema": "pinarm.use.scenario.json_schema",
+    "sweep": "pinarm.use.study.sweep.sweep",
+    "tradeoff": "pinarm.use.study.accuracy.tradeoff",
+    "validate": "pinarm.use.study.run",
 }
 
 __all__ = [

@@ -1,6 +1,6 @@
 """``python -m pinarm``."""
 
-from pinarm.cli import main
+from pinarm.cli.main import main
 
 if __name__ == "__main__":
     raise SystemExit(main())

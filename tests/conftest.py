@@ -15,7 +15,7 @@ from typing import NamedTuple
 import pytest
 
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.trajectory import Trajectory
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.inverse import Inverse

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from pinarm.cli import main
+from pinarm.cli.main import main
 
 URDF = """\
 <robot name="pendulum">

@@ -15,7 +15,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import PinarmError
-from pinarm.use.replay.chromium import browser, chromium
+from pinarm.use.show.replay.chromium import browser, chromium
 
 ROOT = Path(pinarm.__file__).parents[1]
 EXAMPLES = sorted(path for path in (ROOT / "examples").iterdir() if path.suffix in (".py", ".ipynb"))

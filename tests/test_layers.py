@@ -11,7 +11,7 @@ import pinarm
 
 PACKAGE = Path(pinarm.__file__).parent
 LAYERS = {
-    "errors": 0, "arrays": 0, "input": 0, "mechanics": 1, "engine": 2, "problems": 3, "use": 4, "options": 4, "cli": 5,
+    "errors": 0, "arrays": 0, "input": 0, "mechanics": 1, "engine": 2, "problems": 3, "use": 4, "cli": 5,
 }  # fmt: skip
 EXEMPT = {"__init__", "__main__"}
 COSTLY = {"matplotlib", "pandas", "meshcat", "scipy"}
@@ -54,14 +54,14 @@ def test_imports_go_downwards_only(file: Path) -> None:
 @pytest.mark.parametrize("file", FILES, ids=str)
 def test_costly_modules_are_imported_where_they_are_used(file: Path) -> None:
     tree = ast.parse((PACKAGE / file).read_text(encoding="utf-8"))
-    allowed = {"matplotlib"} if file.as_posix() in ("use/plot.py", "use/sketch.py") else set()
+    allowed = {"matplotlib"} if file.as_posix() in ("use/show/plot.py", "use/show/sketch.py") else set()
     assert not {name.partition(".")[0] for name in module_level(tree)} & (COSTLY - allowed)
 
 
 def test_a_run_without_plots_imports_nothing_costly(tmp_path: Path) -> None:
     scenario = PACKAGE.parent / "scenarios" / "gen411_arm_static.yaml"
     code = (
-        "import sys; from pinarm.cli import main\n"
+        "import sys; from pinarm.cli.main import main\n"
         f"assert main(['run', {str(scenario)!r}, '-o', {str(tmp_path / 'out')!r}, '--no-plots']) == 0\n"
         "print('loaded:', sorted({m.partition('.')[0] for m in sys.modules}.union(sys.modules)"
         " & {'scipy', 'matplotlib', 'pandas', 'meshcat', 'rich', 'numpy.ma', 'numpy.random'}))"

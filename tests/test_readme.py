@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from pinarm import load
-from pinarm.use.check import check
-from pinarm.use.report import report
+from pinarm.use.show.terminal import report
+from pinarm.use.study.answers.check import check
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"<!-- (?P<name>\w+) -->\n```\w+\n(?P<text>.*?)```", re.DOTALL)

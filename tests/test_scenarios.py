@@ -6,8 +6,8 @@ import msgspec
 import pytest
 
 import pinarm
-from pinarm.input.documents import Document
-from pinarm.use.scenario import ScenarioFile
+from pinarm.input.yaml.document import Document
+from pinarm.use.scenario.scenario import ScenarioFile
 
 FOLDER = Path(pinarm.__file__).parents[1] / "scenarios"
 FILES = sorted(FOLDER.glob("*.yaml"))

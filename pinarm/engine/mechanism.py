@@ -15,29 +15,29 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
-from pinarm.engine.closure import Closure
-from pinarm.engine.constraints import Constraint
-from pinarm.engine.dynamics import Dynamics
-from pinarm.engine.source import Source, read_robot
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.constraint import Constraint
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.model_source import Source, read_robot
 from pinarm.errors import InputError, Key, choices, within
-from pinarm.input.documents import Document
-from pinarm.input.expressions import Expression
-from pinarm.input.schema import Measured, quantity
+from pinarm.input.formulas.expressions import Expression
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.balls import Ball, ball_coordinates, balls_of
+from pinarm.input.yaml.document import Document
+from pinarm.input.yaml.schema import Measured, quantity
+from pinarm.mechanics.ball_joints import Ball, ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, coordinates_of
 from pinarm.mechanics.couplings import mimicry
 from pinarm.mechanics.description import Gravity, MechanismDescription, field_of
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import ForceElement
-from pinarm.mechanics.forces.contract import check_new
+from pinarm.mechanics.forces.force_element import check_new
 from pinarm.mechanics.joints import Joint, joint_of, joints_of
-from pinarm.mechanics.model import Base
-from pinarm.mechanics.payload import Payload, laden
-from pinarm.mechanics.rounding import shaken
+from pinarm.mechanics.loading.pinocchio_model import Base
+from pinarm.mechanics.payloads import Payload, laden
+from pinarm.mechanics.perturbation import shaken
 
 if TYPE_CHECKING:
-    from pinarm.engine.states import States
+    from pinarm.engine.quantities.states import States
 
 Locate = Callable[..., AbstractContextManager[None]]
 """``with locate("forces", "spring"):`` gives errors of the block that place of a file."""
@@ -150,7 +150,7 @@ class Mechanism:
             InputError: The shapes do not fit, a state tears a loop or a coupling, or the drives cannot carry the load.
             DynamicsError: The drives do not determine their efforts.
         """
-        from pinarm.engine import states
+        from pinarm.engine.quantities import states
 
         return states.inverse(self, q, v, a, drives, t)
 
@@ -169,19 +169,19 @@ class Mechanism:
         Raises:
             InputError: The shapes do not fit, or a state tears a loop or a coupling.
         """
-        from pinarm.engine import states
+        from pinarm.engine.quantities import states
 
         return states.forward(self, q, v, tau, t)
 
     def configurations(self, positions: Mapping[str, ArrayLike]) -> Array:
         """Return q, shape (..., nq), from joint coordinates by name; see ``states.configurations``."""
-        from pinarm.engine import states
+        from pinarm.engine.quantities import states
 
         return states.configurations(self, positions)
 
     def rates(self, values: Mapping[str, ArrayLike]) -> Array:
         """Return v, a or tau, shape (..., nv), from those of joints by name; see ``states.rates``."""
-        from pinarm.engine import states
+        from pinarm.engine.quantities import states
 
         return states.rates(self, values)
 
@@ -207,7 +207,7 @@ class Mechanism:
             InputError: Shapes do not fit, or a state tears a loop.
             DynamicsError: The drives do not determine their efforts.
         """
-        from pinarm.engine import states
+        from pinarm.engine.quantities import states
 
         return states.quantities(self, q, v, a, tau, drives, t)
 

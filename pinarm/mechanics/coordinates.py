@@ -15,12 +15,12 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError, Key, within
-from pinarm.input.schema import Model
 from pinarm.input.units import Unit
-from pinarm.mechanics.axes import check_parallel
+from pinarm.input.yaml.schema import Model
+from pinarm.mechanics.geometry.link_placements import Links
+from pinarm.mechanics.geometry.parallel_axes import check_parallel
+from pinarm.mechanics.geometry.vectors import MEETING, crossed, direction
 from pinarm.mechanics.joints import METRE, RADIAN, Direction, Joint, frame_of, frames_of, joint_of, unit_vector
-from pinarm.mechanics.links import Links
-from pinarm.mechanics.vectors import MEETING, crossed, direction
 
 
 class Coordinate(Protocol):

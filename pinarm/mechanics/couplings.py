@@ -10,12 +10,12 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError
-from pinarm.input.schema import AnyQuantity, Lead, Measured, Model
 from pinarm.input.units import Unit
+from pinarm.input.yaml.schema import AnyQuantity, Lead, Measured, Model
 from pinarm.mechanics.coordinates import LinearCoordinate, sum_of
+from pinarm.mechanics.geometry.link_placements import Links
 from pinarm.mechanics.joints import METRE, RADIAN, Joint, joint_of
-from pinarm.mechanics.links import Links
-from pinarm.mechanics.tree import Mimic
+from pinarm.mechanics.loading.model_tree import Mimic
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,16 +7,16 @@ from typing import Literal
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.input.schema import Acceleration, Model, Positive
+from pinarm.input.yaml.schema import Acceleration, Model, Positive
 from pinarm.mechanics.coordinates import CoordinateDefinition
 from pinarm.mechanics.couplings import CouplingDefinition
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import Force
-from pinarm.mechanics.forces.joint import CREEP
+from pinarm.mechanics.forces.joint_definitions import CREEP
 from pinarm.mechanics.joints import AXES, Axis
-from pinarm.mechanics.loops import Loop
-from pinarm.mechanics.model import Base, Defects
-from pinarm.mechanics.payload import Payload
+from pinarm.mechanics.loading.pinocchio_model import Base, Defects
+from pinarm.mechanics.loops.loop_joints import Loop
+from pinarm.mechanics.payloads import Payload
 
 STANDARD_GRAVITY = 9.81
 """Magnitude used where a file gives only a direction [m/s^2]."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
-from pinarm.input.schema import Inertia, Model
+from pinarm.input.yaml.schema import Inertia, Model
 
 
 class Drive(Model, frozen=True):

@@ -11,7 +11,7 @@ from pinarm.errors import InputError, choices
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
-    from pinarm.engine.trajectory import Trajectory
+    from pinarm.engine.motion.trajectory import Trajectory
     from pinarm.problems.common import Accuracy
 
 KINDS = {

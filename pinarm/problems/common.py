@@ -12,19 +12,19 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.closure import Closure
-from pinarm.engine.dynamics import Dynamics
-from pinarm.engine.integrators import SETTING, Method, MethodName
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.integration import SETTING, Method, MethodName
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.trajectory import Trajectory
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Key, within
-from pinarm.input.schema import Duration, Model, Time, check_unit
 from pinarm.input.units import Unit
-from pinarm.mechanics.balls import positions_of, unit_of, velocities_of
+from pinarm.input.yaml.schema import Duration, Model, Time, check_unit
+from pinarm.mechanics.ball_joints import positions_of, unit_of, velocities_of
 from pinarm.mechanics.forces import Force, ForceElement
-from pinarm.mechanics.forces.contract import check_new
+from pinarm.mechanics.forces.force_element import check_new
 from pinarm.mechanics.laws import Constant, Motion, Over
-from pinarm.mechanics.motion import MotionLaw
+from pinarm.mechanics.laws.motion_law import MotionLaw
 
 Place = Callable[..., AbstractContextManager[None]]
 """``with place("motion", "theta"):`` gives errors of the block that place of the problem in its file."""
@@ -99,7 +99,7 @@ class Accuracy(Model, frozen=True):
 
     def integrator(self) -> Method:
         """Return the method of integration."""
-        from pinarm.engine.integrators import METHODS
+        from pinarm.engine.integration import METHODS
 
         return METHODS[self.method](self.setting[1])
 

@@ -11,19 +11,19 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.assembly import start_configuration
-from pinarm.engine.efforts import actuation
-from pinarm.engine.equilibrium import Balance, Equilibrium
+from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.multipliers import Multipliers
-from pinarm.engine.trajectory import Series, Trajectory
+from pinarm.engine.motion.trajectory import Series, Trajectory
+from pinarm.engine.statics.actuation import actuation
+from pinarm.engine.statics.equilibrium import Balance, Equilibrium
 from pinarm.errors import AssemblyError, InputError, Key
-from pinarm.input.schema import Level, Model
 from pinarm.input.units import Unit, unit
+from pinarm.input.yaml.schema import Level, Model
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Constant
-from pinarm.mechanics.motion import Grid
+from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, laws_of, still
 
 

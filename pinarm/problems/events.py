@@ -9,12 +9,12 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.closure import Closure
-from pinarm.engine.contacts import Bound
-from pinarm.engine.integrators import Watch
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.integration import Watch
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.end_stops import Bound
 from pinarm.errors import InputError, Key
-from pinarm.input.schema import AnyQuantity, Model, check_unit
+from pinarm.input.yaml.schema import AnyQuantity, Model, check_unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.joints import joint_of
 from pinarm.problems.common import Place

@@ -11,26 +11,26 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.assembly import start_configuration
-from pinarm.engine.closure import Closure
-from pinarm.engine.course import Course
-from pinarm.engine.dynamics import Dynamics
-from pinarm.engine.efforts import actuation
-from pinarm.engine.imposed import Imposed
-from pinarm.engine.masses import require_masses
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.masses import require_masses
+from pinarm.engine.kinematics.newton import start_configuration
+from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.standstill import undetermined_rest
-from pinarm.engine.systems import Initial
-from pinarm.engine.systems import Motion as Completed
-from pinarm.engine.trajectory import Happening, Series, Trajectory
-from pinarm.engine.travel import Journey, Known
+from pinarm.engine.motion.bifurcation import undetermined_rest
+from pinarm.engine.motion.hybrid_motion import Journey, Known
+from pinarm.engine.motion.segments import Course
+from pinarm.engine.motion.systems import Initial
+from pinarm.engine.motion.systems import Motion as Completed
+from pinarm.engine.motion.trajectory import Happening, Series, Trajectory
+from pinarm.engine.statics.actuation import actuation
 from pinarm.errors import InputError, IntegrationError, Interrupted, Key
-from pinarm.input.schema import Level, Model, Rate
 from pinarm.input.units import unit
-from pinarm.mechanics.balls import coordinate_name, indices_of, velocity
+from pinarm.input.yaml.schema import Level, Model, Rate
+from pinarm.mechanics.ball_joints import coordinate_name, indices_of, velocity
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.laws import Motion
-from pinarm.mechanics.motion import Grid
+from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_rates, laws_of, still
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
 

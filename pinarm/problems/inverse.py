@@ -10,19 +10,19 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.assembly import start_configuration
-from pinarm.engine.dynamics import Dynamics
-from pinarm.engine.efforts import Actuation, actuation
-from pinarm.engine.following import follow, joint_rates
-from pinarm.engine.imposed import Imposed
+from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.kinematics.joint_motion import follow, joint_rates
+from pinarm.engine.kinematics.newton import start_configuration
+from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.multipliers import Multipliers
-from pinarm.engine.trajectory import Trajectory
-from pinarm.input.schema import Level, Model
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.statics.actuation import Actuation, actuation
 from pinarm.input.units import Unit, unit
+from pinarm.input.yaml.schema import Level, Model
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Motion
-from pinarm.mechanics.motion import Grid
+from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, laws_of, still
 
 Rates = tuple[Array, Array]

@@ -7,13 +7,13 @@ from typing import Annotated, ClassVar
 
 import msgspec
 
-from pinarm.engine.imposed import Imposed
+from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.trajectory import Trajectory
-from pinarm.input.schema import Level, Model
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.input.units import unit
+from pinarm.input.yaml.schema import Level, Model
 from pinarm.mechanics.laws import Motion
-from pinarm.mechanics.motion import Grid
+from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.common import Accuracy, Place, TimeGrid, check_levels, laws_of
 from pinarm.problems.inverse import driven
 

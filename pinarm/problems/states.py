@@ -9,16 +9,16 @@ from typing import Annotated, ClassVar
 import msgspec
 import numpy as np
 
-from pinarm.engine.efforts import Actuation, actuation
-from pinarm.engine.imposed import Imposed
+from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.trajectory import Trajectory
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.statics.actuation import Actuation, actuation
 from pinarm.errors import InputError, Key, choices
-from pinarm.input.schema import Level, Model, Rate, SecondRate, check_unit
 from pinarm.input.units import Unit, unit
+from pinarm.input.yaml.schema import Level, Model, Rate, SecondRate, check_unit
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Constant, ConstantSpeed
-from pinarm.mechanics.motion import RENAMED, Grid, MotionLaw
+from pinarm.mechanics.laws.motion_law import RENAMED, Grid, MotionLaw
 from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, laws_of, still
 from pinarm.problems.inverse import Rates, driven
 

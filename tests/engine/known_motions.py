@@ -6,9 +6,9 @@ import numpy as np
 import pinocchio as pin
 from scipy.integrate import solve_ivp
 
-from pinarm.engine.dynamics import Dynamics
-from pinarm.engine.integrators import Flat, Solution
-from pinarm.engine.integrators.contract import Step
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.integration import Flat, Solution
+from pinarm.engine.integration.integrator import Step
 
 PLANE = Flat(2, 2)
 ECCENTRICITY = 0.1

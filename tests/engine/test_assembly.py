@@ -4,13 +4,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.engine.assembly import Solver, start_configuration
-from pinarm.engine.following import follow
-from pinarm.engine.imposed import Imposed
+from pinarm.engine.kinematics.joint_motion import follow
+from pinarm.engine.kinematics.newton import Solver, start_configuration
+from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Cycloidal, Harmonic, Polynomial, Trapezoid
-from pinarm.mechanics.motion import Grid
+from pinarm.mechanics.laws.motion_law import Grid
 
 MODELS = Path(__file__).parents[2] / "models"
 SHIN, THIGH, ANKLE_Y = 0.518, 0.431, -0.15

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pinarm.engine.balance import Account, energy_balance, power_balance
-from pinarm.engine.dynamics import Dynamics
-from pinarm.engine.integrators import Adaptive, Stretch, integrate
+from pinarm.engine.checks.balance import Account, energy_balance, power_balance
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.integration import Adaptive, Stretch, integrate
 from pinarm.engine.mechanism import Mechanism
-from pinarm.mechanics.forces.joint import JointEffort, JointSpring
+from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.laws import Constant, Harmonic, Polynomial, Trapezoid
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.forward import Forward

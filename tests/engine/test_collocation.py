@@ -8,10 +8,10 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 import pinarm
-from pinarm.engine.balance import Account, energy_balance
-from pinarm.engine.gauss import gauss
-from pinarm.engine.integrators import Adaptive, Collocation, Flat, Stretch, integrate
-from pinarm.engine.integrators.contract import Count
+from pinarm.engine.checks.balance import Account, energy_balance
+from pinarm.engine.integration import Adaptive, Collocation, Flat, Stretch, integrate
+from pinarm.engine.integration.integrator import Count
+from pinarm.engine.integration.methods.gauss_legendre import gauss
 from pinarm.errors import IntegrationError, MethodError
 from pinarm.mechanics.forces import JointEffort, JointSpring
 from pinarm.mechanics.laws import Harmonic

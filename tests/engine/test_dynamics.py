@@ -5,16 +5,16 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.engine import parallel
-from pinarm.engine.dynamics import Dynamics
-from pinarm.engine.integrators import Flat
-from pinarm.engine.jointspace import JointSpace
+from pinarm.engine.dynamics import parallel
+from pinarm.engine.dynamics.configuration_space import JointSpace
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.parallel import Parallel
+from pinarm.engine.integration import Flat
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.parallel import Parallel
 from pinarm.errors import InputError
 from pinarm.mechanics.description import Gravity
-from pinarm.mechanics.forces.joint import JointEffort, JointSpring
-from pinarm.mechanics.forces.passive import SpringDamper
+from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
+from pinarm.mechanics.forces.joint_springs import SpringDamper
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.forward import Forward

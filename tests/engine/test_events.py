@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pinarm.engine.integrators import METHODS, Adaptive, Flat, Stretch, Watch, integrate
+from pinarm.engine.integration import METHODS, Adaptive, Flat, Stretch, Watch, integrate
 
 LINE = Flat(1, 1)
 TIGHT = Adaptive(1e-11)

@@ -5,9 +5,9 @@ import pinocchio as pin
 import pytest
 from scipy.special import ellipj, ellipk
 
-from pinarm.engine.integrators import Adaptive, Flat, Radau, Stretch, integrate
-from pinarm.engine.jointspace import JointSpace
-from pinarm.engine.tableaus import DOPRI5
+from pinarm.engine.dynamics.configuration_space import JointSpace
+from pinarm.engine.integration import Adaptive, Flat, Radau, Stretch, integrate
+from pinarm.engine.integration.methods.tableaus import DOPRI5
 from pinarm.errors import IntegrationError, Interrupted
 
 from .known_motions import ATTITUDE, MOMENTS, PLANE, SPIN, attraction, body, orbit, turned

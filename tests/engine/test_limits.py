@@ -3,7 +3,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from pinarm.engine.limits import excesses
+from pinarm.engine.checks.limits import excesses
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.forward import Forward

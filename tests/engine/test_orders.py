@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.integrators import (
+from pinarm.engine.integration import (
     METHODS,
     Adaptive,
     Collocation,
     MethodName,
     Radau,
     Stretch,
-    collocation,
     integrate,
-    stiff,
 )
+from pinarm.engine.integration.methods import collocation, stiff
 from pinarm.engine.mechanism import Mechanism
 from pinarm.problems.common import TimeGrid
 from pinarm.problems.forward import Forward

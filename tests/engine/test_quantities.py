@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.quantities import Quantities
+from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
-from pinarm.input.expressions import Expression
+from pinarm.input.formulas.expressions import Expression
 from pinarm.mechanics.laws import Harmonic, Trapezoid
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.inverse import Inverse

@@ -8,20 +8,20 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from pinarm.engine.closure import Closure
-from pinarm.engine.dynamics import Dynamics
-from pinarm.engine.imposed import Imposed
-from pinarm.engine.integrators import Adaptive, Flat, integrate
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.dynamics.coordinate_partition import Reduction, solved
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.integration import Adaptive, Flat, integrate
+from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.reduction import Reduction, solved
-from pinarm.engine.systems import Initial, system_of
-from pinarm.engine.systems.reduced import FreePart
+from pinarm.engine.motion.systems import Initial, system_of
+from pinarm.engine.motion.systems.partitioned import FreePart
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import coordinates_of
-from pinarm.mechanics.forces.joint import JointEffort, JointSpring
+from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.laws import Constant, Cycloidal, Harmonic, SCurve, Spline, Trapezoid
-from pinarm.mechanics.motion import Grid
+from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.forward import Forward, InitialState
 

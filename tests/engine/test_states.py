@@ -8,7 +8,7 @@ import pytest
 
 import pinarm
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.quantities import Quantities
+from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, PinarmError
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.common import Accuracy, TimeGrid

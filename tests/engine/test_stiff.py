@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pinarm.engine.integrators import Flat, Radau, Stretch, integrate
+from pinarm.engine.integration import Flat, Radau, Stretch, integrate
 
 LINE = Flat(1, 1)
 

@@ -3,7 +3,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from pinarm.engine.trajectory import Series
+from pinarm.engine.motion.trajectory import Series
 from pinarm.input.units import unit
 from pinarm.mechanics.laws import Constant, Harmonic, Trapezoid
 from pinarm.problems.common import Accuracy, TimeGrid

@@ -14,7 +14,7 @@ from linkage import GROUND, Body, Joint, Linkage
 from scipy.special import ellipj, ellipk, ellipkm1
 
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.trajectory import Trajectory
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import PinarmError
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.forward import Forward, InitialState

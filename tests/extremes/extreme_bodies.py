@@ -16,10 +16,10 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipj
 
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.quantities import Quantities
-from pinarm.mechanics.forces.joint import JointSpring
-from pinarm.use.scenario import load
-from pinarm.use.worth import estimated
+from pinarm.engine.quantities.names import Quantities
+from pinarm.mechanics.forces.joint_definitions import JointSpring
+from pinarm.use.scenario.scenario import load
+from pinarm.use.study.accuracy.error_estimate import estimated
 
 EXPLICIT = "the two equations solved for the accelerations by hand, SciPy"
 TOP = "symmetric top: precession about H at H/A, spin at (1 - C/A) w3"

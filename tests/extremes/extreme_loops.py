@@ -17,9 +17,9 @@ from newton_euler import newton_euler
 from random_chains import reference
 from scipy.integrate import solve_ivp
 
-from pinarm.engine.quantities import Quantities
-from pinarm.engine.trajectory import Trajectory
-from pinarm.mechanics.forces.joint import JointSpring
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.names import Quantities
+from pinarm.mechanics.forces.joint_definitions import JointSpring
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic
 
 NEWTON = "Newton-Euler equations of all bodies in extended precision"

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from pinarm.errors import PinarmError
-from pinarm.input import expander
-from pinarm.input.expansion import expand
-from pinarm.input.xmltext import MAX_BYTES, MAX_COMMENTS, MAX_DEPTH, MAX_ELEMENTS, MAX_LINKS, MAX_TEXT
+from pinarm.input.xacro import expander
+from pinarm.input.xacro.expansion import expand
+from pinarm.input.xml_text import MAX_BYTES, MAX_COMMENTS, MAX_DEPTH, MAX_ELEMENTS, MAX_LINKS, MAX_TEXT
 
 SECRET = "canary-in-a-coal-mine"
 SECONDS = 8.0  # MAX_SECONDS and a slow machine

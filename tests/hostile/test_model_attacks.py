@@ -10,7 +10,7 @@ import pytest
 
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import PinarmError
-from pinarm.input.xmltext import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS, MAX_TEXT
+from pinarm.input.xml_text import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS, MAX_TEXT
 
 SECRET = "canary-in-a-coal-mine"
 SECONDS = 8.0

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from pinarm.errors import InputError, Key, Location, within
-from pinarm.input.documents import MAX_BYTES, Document
-from pinarm.input.schema import Model, Time
+from pinarm.input.yaml.document import MAX_BYTES, Document
+from pinarm.input.yaml.schema import Model, Time
 
 
 def parse(text: str) -> Any:

@@ -13,10 +13,11 @@ from xml.dom import minidom
 import pytest
 
 from pinarm.errors import InputError, ModelError, PinarmError
-from pinarm.input import private_xacro, roots
-from pinarm.input.expansion import Expansion, expand
+from pinarm.input import roots
 from pinarm.input.robots import robot
 from pinarm.input.roots import contained, example_robot_data, inside, root_of
+from pinarm.input.xacro import sandboxed_xacro as private_xacro
+from pinarm.input.xacro.expansion import Expansion, expand
 
 HEAD = '<?xml version="1.0"?>\n<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
 

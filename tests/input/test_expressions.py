@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pinarm.errors import ExpressionError, UnitError
-from pinarm.input.expressions import Expression
-from pinarm.input.grammar import CONSTANTS, MAX_LENGTH
+from pinarm.input.formulas.expressions import Expression
+from pinarm.input.formulas.grammar import CONSTANTS, MAX_LENGTH
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 
 X = np.array([0.0, 1.0, 2.0])

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import pinarm
-from pinarm.cli import main
+from pinarm.cli.main import main
 from pinarm.errors import InputError
 from pinarm.input.roots import root_of
 

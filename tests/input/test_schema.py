@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from pinarm.errors import InputError, UnitError
-from pinarm.input.schema import AnyQuantity, Level, Measured, Model, Time, convert, quantity, reading_from
 from pinarm.input.units import unit
+from pinarm.input.yaml.schema import AnyQuantity, Level, Measured, Model, Time, convert, quantity, reading_from
 from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.drives import Drive
-from pinarm.mechanics.forces.joint import JointSpring
+from pinarm.mechanics.forces.joint_definitions import JointSpring
 from pinarm.mechanics.laws import Cycloidal, Polynomial
 from pinarm.problems.common import Accuracy, TimeGrid
 

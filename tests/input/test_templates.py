@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pinarm.errors import PinarmError
-from pinarm.input import templates
-from pinarm.input.expansion import expand
+from pinarm.input.xacro import templates
+from pinarm.input.xacro.expansion import expand
 
 ROOT = Path(__file__).parents[2]
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'

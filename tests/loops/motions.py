@@ -9,8 +9,8 @@ import numpy as np
 from linkage import GROUND, Linkage, Poses
 
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.quantities import Quantities
-from pinarm.engine.trajectory import Trajectory
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.names import Quantities
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.inverse import Inverse

@@ -15,8 +15,8 @@ from catalogue import ABOUT_Y, bar
 from linkage import GROUND, Joint, Linkage, random_body, random_turn
 from scipy.integrate import solve_ivp
 
-from pinarm.engine.trajectory import Trajectory
-from pinarm.use.scenario import Scenario, load
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.use.scenario.scenario import Scenario, load
 
 SAMPLES = 41
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from motions import anywhere, driven, free
 
-from pinarm.engine.quantities import Quantities
+from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError
-from pinarm.mechanics.forces.joint import JointEffort
+from pinarm.mechanics.forces.joint_definitions import JointEffort
 from pinarm.mechanics.laws import Constant, ConstantAcceleration, Harmonic
 from pinarm.problems.common import Accuracy
 from pinarm.problems.states import Statics

@@ -5,7 +5,7 @@ import pytest
 from catalogue import five_bar, four_bar, manipulator, rssr, slider_crank
 from motions import driven, free, poses, power, states, wrench
 
-from pinarm.engine.quantities import Quantities
+from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.laws import Harmonic, Trapezoid
 
 CRANK = {"crank_angle": {"kind": "rotation", "body": "crank_com", "about": "y"}}

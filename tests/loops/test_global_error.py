@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from random_chains import closed_chain, open_chain, reference, scenario
 
-from pinarm.use.worth import estimated, scales
+from pinarm.use.study.accuracy.error_estimate import estimated, scales
 
 RESOLVED = 1e-13
 """True error that the reference can tell from rounding."""

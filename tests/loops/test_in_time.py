@@ -5,9 +5,9 @@ import pytest
 from catalogue import MODELS, bennett, four_bar, rssr
 from motions import energy, free, poses
 
-from pinarm.engine import native
+from pinarm.engine.constraints.nullspace import Split
+from pinarm.engine.dynamics import pinocchio_constraints as native
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.split import Split
 from pinarm.errors import DynamicsError
 
 TOLERANCE = 1e-9

@@ -13,11 +13,11 @@ from linkage import GROUND, SIMPLE, Linkage, random_body, random_joint
 from motions import driven, free, poses, power, states, wrench
 from newton_euler import newton_euler
 
-from pinarm.engine.measures import Measures
-from pinarm.engine.quantities import Quantities
+from pinarm.engine.constraints.batch_jacobians import Measures
+from pinarm.engine.quantities.names import Quantities
+from pinarm.mechanics.geometry.link_placements import moving
 from pinarm.mechanics.laws import Harmonic
-from pinarm.mechanics.links import moving
-from pinarm.mechanics.loops import Loop
+from pinarm.mechanics.loops.loop_joints import Loop
 
 KINDS = sorted(str(kind.__struct_config__.tag) for kind in get_args(Loop))
 ENDS = {"A-B": ("A", "B"), "B-A": ("B", "A"), "ground-B": (GROUND, "B"), "B-ground": ("B", GROUND)}

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from motions import driven, free
 
-from pinarm.engine import closure
-from pinarm.engine.freedom import free_motions
-from pinarm.engine.measures import BLOCK, Measures
+from pinarm.engine.constraints import closure
+from pinarm.engine.constraints.batch_jacobians import BLOCK, Measures
+from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.constraints.nullspace import Split
+from pinarm.engine.constraints.nullspace_batch import free_motions
+from pinarm.engine.kinematics.continuation_batch import Sweep
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.multipliers import Multipliers
-from pinarm.engine.split import Split
-from pinarm.engine.sweeps import Sweep
-from pinarm.engine.systems.together import Together
+from pinarm.engine.motion.systems.batch_rows import Together
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import Harmonic
 

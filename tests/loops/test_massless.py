@@ -8,10 +8,10 @@ from catalogue import ABOUT_Y, axes_along, bar, rssr, slider_crank
 from linkage import GROUND, Body, Joint, Linkage
 from motions import driven, free, poses, wrench
 
-from pinarm.engine.quantities import Quantities
-from pinarm.engine.stamp import table_figures
+from pinarm.engine.checks.residuals import table_figures
+from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.forces.joint import JointEffort
+from pinarm.mechanics.forces.joint_definitions import JointEffort
 from pinarm.mechanics.forces.point import PointSpring
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic
 

@@ -11,9 +11,9 @@ from linkage import GROUND, Joint, Linkage
 from motions import anywhere, driven, free, poses, wrench
 from newton_euler import newton_euler, self_stresses
 
-from pinarm.engine.mobility import mobility_of
-from pinarm.engine.quantities import Quantities
-from pinarm.engine.stamp import table_figures
+from pinarm.engine.checks.residuals import table_figures
+from pinarm.engine.kinematics.mobility import mobility_of
+from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DynamicsError, InputError
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.common import Accuracy

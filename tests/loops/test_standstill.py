@@ -6,7 +6,7 @@ from catalogue import TWO_CRANKS, two_cranks
 from motions import free
 from scipy.integrate import solve_ivp
 
-from pinarm.engine.stamp import table_figures
+from pinarm.engine.checks.residuals import table_figures
 from pinarm.errors import IntegrationError
 
 CUTS = pytest.mark.parametrize("cut", "ABC")

@@ -4,7 +4,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pinarm.errors import InputError
-from pinarm.mechanics.balls import (
+from pinarm.mechanics.ball_joints import (
     BallCoordinate,
     balls_of,
     configuration,
@@ -13,9 +13,9 @@ from pinarm.mechanics.balls import (
     roll_pitch_yaw,
     velocity,
 )
-from pinarm.mechanics.forces.passive import BallSpring
+from pinarm.mechanics.forces.joint_springs import BallSpring
 from pinarm.mechanics.joints import joints_of
-from pinarm.mechanics.model import build_model
+from pinarm.mechanics.loading.pinocchio_model import build_model
 
 ARM = ({"name": "swing", "at": "0.1 0.2 0.3", "axis": "1 2 3"}, {"name": "body", "kind": "floating", "at": "1 0 0"})
 

@@ -10,7 +10,7 @@ from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.coordinates import AngleSum, Distance, PointCoordinate, Rotation, coordinates_of
 from pinarm.mechanics.joints import AXES, frame_of, joints_of, unit_vector
-from pinarm.mechanics.model import build_model
+from pinarm.mechanics.loading.pinocchio_model import build_model
 
 ARM = (
     {"name": "turn", "axis": "0 0 1"},

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pinarm.engine.quantities import Quantities
+from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.drives import Drive
 

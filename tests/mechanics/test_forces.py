@@ -6,14 +6,14 @@ import pinocchio as pin
 import pytest
 
 from pinarm.errors import DynamicsError, InputError, UnitError
-from pinarm.input.schema import Measured
 from pinarm.input.units import unit
+from pinarm.input.yaml.schema import Measured
 from pinarm.mechanics.forces import Force
-from pinarm.mechanics.forces.joint import CREEP, JointEffort, JointFriction, JointSpring, TorqueSpeed
+from pinarm.mechanics.forces.joint_definitions import CREEP, JointEffort, JointFriction, JointSpring, TorqueSpeed
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 from pinarm.mechanics.joints import frame_of, joints_of
 from pinarm.mechanics.laws import Constant, Harmonic, SpeedPoints, Spline, Trapezoid
-from pinarm.mechanics.model import build_model
+from pinarm.mechanics.loading.pinocchio_model import build_model
 
 MEMBERS = typing.get_args(Force)
 SAMPLES = {

@@ -9,8 +9,8 @@ import pytest
 
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import ModelError
-from pinarm.mechanics.model import build_model
-from pinarm.mechanics.tree import Mimic
+from pinarm.mechanics.loading.model_tree import Mimic
+from pinarm.mechanics.loading.pinocchio_model import build_model
 
 HERE = Path(__file__).parent / "mujoco"
 MUJOCO = json.loads((HERE / "chain.json").read_text())

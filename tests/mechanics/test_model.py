@@ -3,7 +3,7 @@ import pinocchio as pin
 import pytest
 
 from pinarm.errors import ModelError
-from pinarm.mechanics.model import build_model
+from pinarm.mechanics.loading.pinocchio_model import build_model
 
 PENDULUM = {"name": "arm", "axis": "0 1 0", "mass": 2.0, "com": "0.5 0 0", "inertia": (0.1, 0.2, 0.2)}
 

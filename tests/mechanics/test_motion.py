@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pinarm.errors import InputError, UnitError
-from pinarm.input.documents import Document
-from pinarm.input.schema import Measured, measured_fields, reading_from
 from pinarm.input.units import unit
+from pinarm.input.yaml.document import Document
+from pinarm.input.yaml.schema import Measured, measured_fields, reading_from
 from pinarm.mechanics.laws import (
     Constant,
     ConstantAcceleration,
@@ -28,8 +28,8 @@ from pinarm.mechanics.laws import (
     Table,
     Trapezoid,
 )
-from pinarm.mechanics.laws.points import read_once
-from pinarm.mechanics.motion import Grid
+from pinarm.mechanics.laws.interpolated import read_once
+from pinarm.mechanics.laws.motion_law import Grid
 
 MEMBERS = typing.get_args(Law)
 HERE = Path(__file__).parent

@@ -19,7 +19,7 @@ from pinarm.mechanics.laws import (
     Succession,
     Trapezoid,
 )
-from pinarm.mechanics.motion import Grid
+from pinarm.mechanics.laws.motion_law import Grid
 
 CAM = Succession(segments=[
     Segment(duration=1.0, motion=Cycloidal(start=0.0, end=0.02, duration=1.0)),

@@ -5,9 +5,9 @@ import pinocchio as pin
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.input.documents import Document
-from pinarm.mechanics.model import build_model
-from pinarm.mechanics.payload import Payload, laden
+from pinarm.input.yaml.document import Document
+from pinarm.mechanics.loading.pinocchio_model import build_model
+from pinarm.mechanics.payloads import Payload, laden
 
 PLACE = 'xyz="0.21 -0.13 0.34" rpy="0.4 -0.9 1.3"'
 MOMENTS = (0.013, 0.021, 0.028)

@@ -6,8 +6,8 @@ import pytest
 
 from pinarm.errors import ModelError
 from pinarm.input.roots import example_robot_data
-from pinarm.mechanics.model import build_model
-from pinarm.mechanics.tree import Mimic
+from pinarm.mechanics.loading.model_tree import Mimic
+from pinarm.mechanics.loading.pinocchio_model import build_model
 
 ROBOTS = sorted((example_robot_data() / "robots").glob("*/*/*.urdf"))
 JOINTLESS = {"ur3", "quadrotor_base", "iris_simple"}

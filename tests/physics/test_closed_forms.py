@@ -5,10 +5,10 @@ import pinocchio as pin
 import pytest
 from scipy.special import ellipj, ellipk
 
-from pinarm.engine.dynamics import Dynamics
-from pinarm.engine.integrators import Adaptive, Stretch, integrate
-from pinarm.engine.quantities import Quantities
-from pinarm.mechanics.forces.joint import JointEffort, JointSpring
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.integration import Adaptive, Stretch, integrate
+from pinarm.engine.quantities.names import Quantities
+from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Trapezoid
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.forward import Forward

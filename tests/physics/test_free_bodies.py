@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipk
 
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.quantities import Quantities
+from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import Constant, ConstantAcceleration, ConstantSpeed, Harmonic
 from pinarm.problems.common import Accuracy, TimeGrid

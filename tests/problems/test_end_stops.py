@@ -5,7 +5,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from pinarm.mechanics.forces.joint import JointEffort
+from pinarm.mechanics.forces.joint_definitions import JointEffort
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.events import EndStop

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.equilibrium import Balance
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.stiffness import slope
+from pinarm.engine.statics.equilibrium import Balance
+from pinarm.engine.statics.stiffness import slope
 from pinarm.errors import AssemblyError, InputError
-from pinarm.mechanics.forces.joint import JointEffort, JointSpring
+from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 from pinarm.mechanics.laws import Constant, Harmonic
 from pinarm.problems.common import Accuracy

@@ -8,7 +8,7 @@ import pytest
 
 import pinarm
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.quantities import Quantities
+from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError, UnitError
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Trapezoid
 from pinarm.problems import problem_class

@@ -5,10 +5,10 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from pinarm.engine.quantities import Quantities
+from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, IntegrationError, Interrupted
-from pinarm.mechanics.forces.driving import AppliedEffort
-from pinarm.mechanics.forces.joint import JointEffort
+from pinarm.mechanics.forces.joint_definitions import JointEffort
+from pinarm.mechanics.forces.joint_efforts import AppliedEffort
 from pinarm.mechanics.forces.point import Wrench
 from pinarm.mechanics.laws import (
     Constant,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.mechanics.forces.joint import JointEffort, TorqueSpeed
-from pinarm.mechanics.forces.pieces import Pieces
+from pinarm.mechanics.forces.breakpoints import Pieces
+from pinarm.mechanics.forces.joint_definitions import JointEffort, TorqueSpeed
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Over, Polynomial, Succession, Trapezoid
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.forward import Forward

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.integrators import Adaptive, Flat, Stretch, advance, integrate
+from pinarm.engine.integration import Adaptive, Flat, Stretch, advance, integrate
 from pinarm.errors import InputError, Interrupted, NumericsError
-from pinarm.mechanics.forces.pieces import Pieces
+from pinarm.mechanics.forces.breakpoints import Pieces
 from pinarm.problems.forward import Forward
-from pinarm.use.batch import motions, remote
-from pinarm.use.batch.block import Block
-from pinarm.use.sweep.pool import Death
+from pinarm.use.study.batch import batch as motions
+from pinarm.use.study.batch import worker_blocks as remote
+from pinarm.use.study.batch.block import Block
+from pinarm.use.study.sweep.process_pool import Death
 
 ROOT = Path(__file__).parents[2]
 SWING = """\

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.reactions import Reactions
+from pinarm.engine.quantities.reactions import Reactions
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 TWO_POINT = """\

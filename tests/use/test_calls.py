@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.cli import _parser, main
+from pinarm.cli.main import _parser, main
 from pinarm.errors import InputError
 
 

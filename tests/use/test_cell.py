@@ -10,7 +10,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.replay import page
+from pinarm.use.show.replay import page
 
 PICTURE = re.compile(r'src="data:image/png;base64,([^"]+)"')
 

@@ -10,7 +10,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.check import Finding, misses
+from pinarm.use.study.answers.check import Finding, misses
 
 
 @pytest.fixture

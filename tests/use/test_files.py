@@ -2,8 +2,8 @@ import pytest
 import yaml
 from ruamel.yaml import YAML
 
-from pinarm.input.yamltext import Builder
-from pinarm.use.files import yaml_text
+from pinarm.input.yaml.parser import Builder
+from pinarm.use.store.files import yaml_text
 
 TEXTS = [
     "a", "", " ", "x ", " x", "- a", "-", "--", "---", "...", ".", "-y", "-60 deg", "9.81 m/s^2", "g*(m_A + m_BA/2)",

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.use.instants import at
+from pinarm.use.result.row_lookup import at
 
 ROUNDING = 1e-13
 """Relative: a few operations on numbers of double precision."""

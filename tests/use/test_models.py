@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.cli import main
+from pinarm.cli.main import main
 from pinarm.errors import InputError
 
 FALL = """\

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 import pinarm
 from pinarm.errors import PinarmError
-from pinarm.input.documents import Document
+from pinarm.input.yaml.document import Document
 
 EXPECT = """
 expect:

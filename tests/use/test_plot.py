@@ -10,7 +10,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.plot import plain, symbol
+from pinarm.use.show.plot import plain, symbol
 
 ROOT = Path(pinarm.__file__).parents[1]
 

@@ -9,8 +9,8 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.mechanics.motion import Grid
-from pinarm.use.restore import restore
+from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.use.store.restore import restore
 
 ROOT = Path(__file__).parents[2]
 

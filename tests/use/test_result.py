@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pinarm.errors import DynamicsError, ExpressionError, InputError, UnitError
-from pinarm.use.report import report
-from pinarm.use.restore import restore
+from pinarm.use.show.terminal import report
+from pinarm.use.store.restore import restore
 
 
 @pytest.mark.parametrize(

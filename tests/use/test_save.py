@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.trajectory import Series
+from pinarm.engine.motion.trajectory import Series
 from pinarm.errors import InputError
-from pinarm.use.save import csv
+from pinarm.use.store.save import csv
 
 
 def text_of(columns: list[Series]) -> str:
@@ -95,7 +95,7 @@ def test_csv_keeps_numbers_of_every_size_to_the_last_bit(monkeypatch: pytest.Mon
     hard = [0.1, 1 / 3, 5e-324, 2.2250738585072014e-308, 1.7976931348623157e308, 1e16, 9007199254740993.0, -0.0]
     values = np.concatenate([bits.view(float), hard])
     for chunk in (7, 50_000):
-        monkeypatch.setattr("pinarm.use.save.CHUNK", chunk)
+        monkeypatch.setattr("pinarm.use.store.save.CHUNK", chunk)
         for part in (values, values[np.isfinite(values)]):
             head, *lines = text_of([Series("x", None, part), Series("y", None, -part)]).splitlines()
             read = np.array([line.split(",") for line in lines], float)
@@ -195,7 +195,7 @@ def test_a_result_whose_writing_was_interrupted_is_replaced(
         file.write_text(text)
 
     with monkeypatch.context() as during, pytest.raises(KeyboardInterrupt):
-        during.setattr("pinarm.use.save.write", interrupt)
+        during.setattr("pinarm.use.store.save.write", interrupt)
         scenario("statics").run().save(folder / "out", plots=False)
     assert "trajectory.csv" in contents(scenario("statics").run().save(folder / "out", plots=False))
 

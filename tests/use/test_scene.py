@@ -12,15 +12,15 @@ import pinocchio as pin
 import pytest
 
 import pinarm
-from pinarm.engine.part import Part, Removed
-from pinarm.engine.quantities import Quantities
+from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
-from pinarm.problems.scene import Scene
-from pinarm.use.explain import explain
-from pinarm.use.report import report
-from pinarm.use.restore import restore
-from pinarm.use.scenario import Scenario
-from pinarm.use.worth import scales
+from pinarm.problems.simplify.model_reduction import Part, Removed
+from pinarm.problems.simplify.simplified import Scene
+from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.show.terminal import report
+from pinarm.use.store.restore import restore
+from pinarm.use.study.accuracy.error_estimate import scales
+from pinarm.use.study.explain import explain
 
 ROOT = Path(pinarm.__file__).parents[1]
 FILES = sorted((ROOT / "scenarios").glob("*.yaml"))

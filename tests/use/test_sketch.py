@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.use.plot import COLOURS
-from pinarm.use.result import Result
+from pinarm.use.result.result import Result
+from pinarm.use.show.plot import COLOURS
 
 ROOT = Path(pinarm.__file__).parents[1]
 EXACT = 1e-12  # metres; sums of a few rounded numbers of size one

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.special import ellipj, ellipk
 
-from pinarm.cli import main
+from pinarm.cli.main import main
 from pinarm.errors import InputError
-from pinarm.use.tradeoff.settings import Point, recommended
-from pinarm.use.tradeoff.study import tradeoff
-from pinarm.use.tradeoff.variants import variants
+from pinarm.use.study.accuracy.setting_errors import Point, recommended
+from pinarm.use.study.accuracy.tradeoff import tradeoff
+from pinarm.use.study.accuracy.variant_errors import variants
 
 SMALL = """\
 variants:

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.cli import main
+from pinarm.cli.main import main
 from pinarm.errors import NumericsError
-from pinarm.use import target as target_search
-from pinarm.use.settings import varied
-from pinarm.use.target import _ordered
-from pinarm.use.worth import differences, estimated, scales
+from pinarm.use.result.integration_settings import varied
+from pinarm.use.study.accuracy import tolerance_search as target_search
+from pinarm.use.study.accuracy.error_estimate import differences, estimated, scales
+from pinarm.use.study.accuracy.tolerance_search import _ordered
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted((ROOT / "scenarios").glob("*.yaml"))
@@ -175,7 +175,8 @@ def test_an_output_that_is_zero_is_measured_by_the_size_of_its_unit(chaos):
 
 def test_all_rows_are_checked_when_asked_to(chaos):
     """The fixed sample of a large table stays below 200 rows, and passes over what happens between them."""
-    from pinarm.engine import balance, stamp
+    from pinarm.engine.checks import balance
+    from pinarm.engine.checks import residuals as stamp
 
     assert max(balance.SAMPLE, stamp.SAMPLE) <= 200
     short = chaos.varied({"problem.time": {"end": "1 s", "samples": 1001}})

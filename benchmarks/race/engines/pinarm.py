@@ -15,7 +15,7 @@ import pinarm
 from benchmarks.race.engines import Run, Setting, decades
 from benchmarks.race.mechanisms import ORIGIN, Body, Linkage, Vector, Z
 from benchmarks.race.problems import Batch, Inverse, Motion, Problem
-from pinarm.engine.integrators import METHODS, SETTING
+from pinarm.engine.integration import METHODS, SETTING
 
 PASSED_OVER = frozenset({"rk4", "dopri5", "conserving"})
 """Methods for other purposes: never the fastest of a single motion here."""

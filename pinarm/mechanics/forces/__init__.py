@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from pinarm.mechanics.forces.contract import ForceElement
-from pinarm.mechanics.forces.joint import JointEffort, JointFriction, JointSpring, TorqueSpeed
+from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.forces.joint_definitions import JointEffort, JointFriction, JointSpring, TorqueSpeed
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 
 Force = JointSpring | JointEffort | JointFriction | TorqueSpeed | PointSpring | Wrench
@@ -18,7 +18,7 @@ def summed(forces: Iterable[ForceElement]) -> tuple[ForceElement, ...]:
     """Return elements with the same load in all, the springs and dampers at joints as one."""
     if not (known := tuple(forces)):
         return ()
-    from pinarm.mechanics.forces.passive import SpringDamper
+    from pinarm.mechanics.forces.joint_springs import SpringDamper
 
     springs = [one for one in known if isinstance(one, SpringDamper)]
     others = tuple(one for one in known if not isinstance(one, SpringDamper))

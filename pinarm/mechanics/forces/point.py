@@ -13,16 +13,16 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import DynamicsError, within
-from pinarm.input.schema import Damping, Force, Length, Model, Moment, Stiffness
 from pinarm.input.units import DIMENSIONLESS
-from pinarm.mechanics.forces.contract import ForceElement
+from pinarm.input.yaml.schema import Damping, Force, Length, Model, Moment, Stiffness
+from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.geometry.vectors import combined, cross, dot
 from pinarm.mechanics.joints import Joint, frame_of, frames_of, spelled
 from pinarm.mechanics.laws import Constant, Law
-from pinarm.mechanics.motion import MotionLaw, Values
-from pinarm.mechanics.vectors import combined, cross, dot
+from pinarm.mechanics.laws.motion_law import MotionLaw, Values
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.chains import Chain
+    from pinarm.mechanics.geometry.chains import Chain
 
 Number = TypeVar("Number", float, Array)
 
@@ -73,7 +73,7 @@ class AppliedWrench(ForceElement):
     @cached_property
     def chains(self) -> tuple[Chain, Chain] | None:
         """From the world to the point and to the axes; ``None`` where other than simple joints are between."""
-        from pinarm.mechanics.chains import Chain  # for many states only
+        from pinarm.mechanics.geometry.chains import Chain  # for many states only
 
         point, axes = (Chain.between(self.model, UNIVERSE, frame) for frame in (self.frame, self.axes))
         return (point, axes) if point and axes else None
@@ -191,7 +191,7 @@ class TwoPointSpring(ForceElement):
     @cached_property
     def chain(self) -> Chain | None:
         """From the first point to the second; ``None`` where other than simple joints are between."""
-        from pinarm.mechanics.chains import Chain
+        from pinarm.mechanics.geometry.chains import Chain
 
         return Chain.between(self.model, *self.frames)
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from pinarm.mechanics.laws.composed import Law, Segment, Succession
-from pinarm.mechanics.laws.over import Motion, Over
-from pinarm.mechanics.laws.points import SpeedPoints, Spline, Steps, Table
+from pinarm.mechanics.laws.interpolated import SpeedPoints, Spline, Steps, Table
+from pinarm.mechanics.laws.over_coordinate import Motion, Over
 from pinarm.mechanics.laws.rest_to_rest import Cycloidal, Polynomial, SCurve, Trapezoid
 from pinarm.mechanics.laws.steady import Constant, ConstantAcceleration, ConstantSpeed, Harmonic
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError
-from pinarm.input.schema import Abscissa, Extent, Level, Rate, SecondRate, ThirdRate
-from pinarm.mechanics.motion import RENAMED, ROUNDING, MotionLaw, Piece, Values, polynomial
+from pinarm.input.yaml.schema import Abscissa, Extent, Level, Rate, SecondRate, ThirdRate
+from pinarm.mechanics.laws.motion_law import RENAMED, ROUNDING, MotionLaw, Piece, Values, polynomial
 
 
 def _rest_move_rest(begin: float, end: float, first: float, last: float, *moving: Piece) -> list[Piece]:

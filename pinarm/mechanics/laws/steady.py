@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.input.schema import Abscissa, Angle, Level, Pulsation, Rate, SecondRate
-from pinarm.mechanics.motion import RENAMED, MotionLaw, Piece, Values, polynomial
+from pinarm.input.yaml.schema import Abscissa, Angle, Level, Pulsation, Rate, SecondRate
+from pinarm.mechanics.laws.motion_law import RENAMED, MotionLaw, Piece, Values, polynomial
 
 
 class Constant(MotionLaw, frozen=True, tag_field="law", tag="constant", rename=RENAMED):

@@ -9,7 +9,7 @@ import pytest
 
 import pinarm
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.quantities import Quantities
+from pinarm.engine.quantities.names import Quantities
 from pinarm.problems import problem_class
 from pinarm.problems.common import Accuracy, TimeGrid
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pinarm.engine.stamp import table_figures
+from pinarm.engine.checks.residuals import table_figures
 from pinarm.errors import NumericsError
 from pinarm.mechanics.forces.point import Wrench
 from pinarm.mechanics.laws import ConstantSpeed, Harmonic
-from pinarm.mechanics.motion import Grid
+from pinarm.mechanics.laws.motion_law import Grid
 
 from .energy_integral import EnergyIntegral
 from .slider_crank_closed_form import SliderCrank

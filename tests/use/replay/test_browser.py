@@ -11,8 +11,8 @@ import pinocchio as pin
 import pytest
 from PIL import Image
 
-from pinarm.use.replay.chromium import Page, browser
-from pinarm.use.result import Result
+from pinarm.use.result.result import Result
+from pinarm.use.show.replay.chromium import Page, browser
 
 EXACT = 1e-6
 """Metres and radians: what the task asks for. The page computes in doubles, so that 1e-12 is usual."""

@@ -12,7 +12,7 @@ import pytest
 import pinarm
 from pinarm.errors import InputError
 from pinarm.input.roots import example_robot_data
-from pinarm.use.replay.meshes import Mesh, read_mesh, thinned
+from pinarm.use.show.replay.meshes import Mesh, read_mesh, thinned
 
 VISUAL = '<visual>{origin}<geometry>{shape}</geometry><material name="m"><color rgba="{rgba}"/></material></visual>'
 

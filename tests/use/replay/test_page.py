@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.use.replay.page import replay
-from pinarm.use.restore import restore
+from pinarm.use.show.replay.page import replay
+from pinarm.use.store.restore import restore
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from matplotlib.image import imread
 
-from pinarm.cli import main
+from pinarm.cli.main import main
 from pinarm.errors import InputError, PinarmError
-from pinarm.use.replay import chromium, pictures
-from pinarm.use.replay.chromium import Page
+from pinarm.use.show.replay import chromium, pictures
+from pinarm.use.show.replay.chromium import Page
 
 PNG = b"\x89PNG\r\n\x1a\n"
 

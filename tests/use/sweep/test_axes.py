@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from pinarm import PinarmError
-from pinarm.use.sweep.axes import Axis, Cases, Column, Distribution, draw
-from pinarm.use.sweep.reading import read_axis, read_cases
+from pinarm.use.study.sweep.axes import Axis, Cases, Column, Distribution, draw
+from pinarm.use.study.sweep.value_syntax import read_axis, read_cases
 
 
 def bare(path: str) -> str:

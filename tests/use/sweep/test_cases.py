@@ -8,7 +8,7 @@ import pytest
 
 import pinarm
 from pinarm import PinarmError
-from pinarm.use.sweep.cases import WORTH, Row, Task, Wanted, solve_case
+from pinarm.use.study.sweep.cases import WORTH, Row, Task, Wanted, solve_case
 
 
 def solved(scenario: pinarm.Scenario, results: list[str], **values: object) -> Row:

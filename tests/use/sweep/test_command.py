@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pinarm.cli import main
-from pinarm.use.sweep.report import progress_bar
+from pinarm.cli.main import main
+from pinarm.use.study.sweep.sweep_text import progress_bar
 
 MASSES = "arguments.m=1:3:3 kg"
 

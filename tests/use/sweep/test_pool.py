@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from pinarm import PinarmError
-from pinarm.use.sweep.pool import HOPELESS, Death, spread
+from pinarm.use.study.sweep.process_pool import HOPELESS, Death, spread
 
 SQUARE = "def job(n):\n    return n * n\n"
 KILLED = """

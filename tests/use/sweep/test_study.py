@@ -17,8 +17,8 @@ import pytest
 
 import pinarm
 from pinarm import PinarmError
-from pinarm.use.sweep import solving
-from pinarm.use.sweep.cases import Row
+from pinarm.use.study.sweep import case_solver as solving
+from pinarm.use.study.sweep.cases import Row
 
 MASSES = {"arguments.m": "1:3:5 kg", "arguments.l": "0.5, 1"}
 
@@ -120,7 +120,7 @@ def test_a_fault_of_the_program_is_not_kept(
     scenario: pinarm.Scenario, tmp_path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     faulty = module(
-        "from pinarm.use.sweep.cases import Row\n"
+        "from pinarm.use.study.sweep.cases import Row\n"
         "def solve(task, job):\n    return Row((), 'a fault', (), final=False)\n"
     )
     with monkeypatch.context() as patched:
@@ -158,7 +158,7 @@ def test_failures_are_told_by_reason(scenario: pinarm.Scenario) -> None:
         0: "the mass is negative (-2 kg)", 1: "the mass is negative (-1 kg)"
     }  # fmt: skip
     assert np.isnan(sweep["M @ end"].values).tolist() == [True, True, False, False, False]
-    from pinarm.use.sweep.table import csv, summary
+    from pinarm.use.study.sweep.sweep_files import csv, summary
 
     (failure,) = summary(sweep)["failures"]
     assert (failure["cases"], failure["first"]) == (2, [0, 1])
@@ -211,7 +211,7 @@ def test_a_killed_worker_loses_its_case_and_the_next_run_solves_it(
     scenario: pinarm.Scenario, tmp_path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hostile = module(
-        "import os, signal\nfrom pinarm.use.sweep.cases import solve_case\n"
+        "import os, signal\nfrom pinarm.use.study.sweep.cases import solve_case\n"
         "def solve(task, job):\n"
         "    if job[2]['arguments.m'] == '2.0 kg':\n"
         "        os.kill(os.getpid(), signal.SIGSEGV)\n"
@@ -229,7 +229,7 @@ def test_a_killed_worker_loses_its_case_and_the_next_run_solves_it(
 def test_the_task_of_a_case_is_one_function_of_what_can_be_pickled(scenario: pinarm.Scenario) -> None:
     import pickle
 
-    from pinarm.use.sweep.cases import Task, Wanted, solve_case
+    from pinarm.use.study.sweep.cases import Task, Wanted, solve_case
 
     task = Task(scenario.document, scenario.folder, (Wanted.read("M @ end"),))
     function, given = pickle.loads(pickle.dumps((solve_case, task)))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.input.documents import Document
+from pinarm.input.yaml.document import Document
 
 OVER = {"arguments.m": "-1, 0.1, 0.3 kg", "symbols.s": "alpha, 2*alpha"}
 

@@ -1,0 +1,276 @@
+"""The command line: ``run``, ``check``, ``validate``, ``explain``, ``sweep``, ``tradeoff``, ``replay``, ``schema``.
+
+Exit codes: 0 all is well, 1 an expectation or the wanted accuracy is missed, 2 the input has a mistake, 3 the numerics
+failed (what was computed until then is kept) or a case of a sweep did, 130 interrupted. Results go to stdout; progress
+to stderr, where that is a terminal.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import io
+import os
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pinarm.cli.options import add
+from pinarm.errors import InputError, NumericsError, PinarmError, printable
+from pinarm.input.roots import rooted
+
+if TYPE_CHECKING:
+    from pinarm.use.study.answers.check import Finding
+
+OK, MISSED, BAD_INPUT, NUMERICS_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code."""
+    gc.set_threshold(100_000, 20, 20)  # importing makes much that stays: looking through it for garbage costs 10 %
+    given = sys.argv[1:] if arguments is None else arguments
+    options = _parser(given).parse_args(given)
+    for stream in (sys.stdout, sys.stderr):  # a terminal without Unicode shows question marks instead of failing
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    try:
+        with rooted(options.root):
+            return int(options.command(options))
+    except PinarmError as error:
+        if options.traceback:
+            raise
+        _tell(error)
+        return _keep_partial(error, options)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of our output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return OK
+
+
+def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
+    """Return the parser; of the commands only those among the arguments know their options: these take time."""
+    parser = argparse.ArgumentParser(prog="pinarm", description="Rigid-multibody simulation of mechanisms.")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", prog="pinarm")
+    for name, (call, explained) in COMMANDS.items():
+        command = commands.add_parser(name, help=explained)
+        command.set_defaults(command=call)
+        if name in arguments:
+            add(name, command)
+    return parser
+
+
+def _run(options: argparse.Namespace) -> int:
+    from pinarm.use.scenario.scenario import load
+    from pinarm.use.show.terminal import report
+    from pinarm.use.store.save import save
+
+    begin = time.perf_counter()
+    scenario = load(options.scenario, options.overrides)
+    folder = options.output or Path("results") / scenario.name
+    options.output = folder
+    result = scenario.verified() if options.verify else scenario.run()
+    solved = time.perf_counter()
+    save(result, folder, plots=not options.no_plots, timing={"solve [s]": solved - begin})
+    if options.json:
+        _print_json({**result.summary(), "folder": str(folder)})
+    else:
+        print(report(result))
+        print(f"written to {folder}")
+    return MISSED if result.missed else OK
+
+
+def _check(options: argparse.Namespace) -> int:
+    from pinarm.use.scenario.scenario import load
+    from pinarm.use.study.answers.check import check, misses
+    from pinarm.use.study.answers.verdict_table import plain, verdicts
+    from pinarm.use.study.run import scenario_files
+
+    findings: list[Finding] = []
+    failures: list[PinarmError] = []
+    for path in [file for given in options.paths for file in scenario_files(given)]:
+        _progress(f"check {path}")
+        try:
+            findings += check(load(path, options.overrides))
+        except PinarmError as error:
+            if options.traceback:
+                raise
+            failures.append(error)
+    _progress("")
+    if options.json:
+        _print_json({"findings": [plain(finding) for finding in findings], "errors": [str(e) for e in failures]})
+    else:
+        print(verdicts(findings, coloured=sys.stdout.isatty()))
+    for failure in failures:
+        _tell(failure)
+    if failures:
+        return max(failure.exit_code for failure in failures)
+    return MISSED if misses(findings) else OK
+
+
+def _validate(options: argparse.Namespace) -> int:
+    from pinarm.use.scenario.scenario import load
+    from pinarm.use.study.run import scenario_files
+
+    mistakes = []
+    for path in [file for given in options.paths for file in scenario_files(given)]:
+        try:
+            load(path, options.overrides).validate()
+        except PinarmError as error:
+            if options.traceback:
+                raise
+            mistakes.append((path, error))
+        else:
+            if not options.json:
+                print(f"{path}: valid")
+    if options.json:
+        _print_json({"mistakes": [{"file": str(path), "error": str(error)} for path, error in mistakes]})
+    for _, mistake in mistakes:
+        _tell(mistake)
+    return BAD_INPUT if mistakes else OK
+
+
+def _explain(options: argparse.Namespace) -> int:
+    from pinarm.use.study.explain import explain
+
+    found = explain(options.path, options.overrides)
+    if options.json:
+        import msgspec
+
+        mobility, removals = msgspec.to_builtins((found.mobility, found.removals))
+        _print_json({"mechanism": found.mechanism.title, **mobility, "not solved for": removals})
+    else:
+        print(printable(str(found)))
+    return OK
+
+
+def _sweep(options: argparse.Namespace) -> int:
+    from pinarm.use.scenario.scenario import load
+    from pinarm.use.study.sweep.sweep import sweep
+    from pinarm.use.study.sweep.sweep_files import summary
+    from pinarm.use.study.sweep.sweep_text import progress_bar, report
+
+    scenario = load(options.scenario, options.overrides)
+    folder = options.output or Path("results") / f"{scenario.name}-sweep"
+    with progress_bar(sys.stderr) as progress:
+        swept = sweep(
+            scenario, _assignments(options.over), cases=options.cases, samples=options.sample, seed=options.seed,
+            sampling=options.sampling, results=options.results, workers=options.workers, folder=folder,
+            progress=progress,
+        )  # fmt: skip
+    swept.save(folder, plots=not options.no_plots)
+    if options.json:
+        _print_json({**summary(swept), "folder": str(folder)})
+    else:
+        print(printable(report(swept)))
+        print(f"written to {folder}")
+    return NUMERICS_FAILED if swept.errors else OK
+
+
+def _tradeoff(options: argparse.Namespace) -> int:
+    from pinarm.use.scenario.scenario import load
+    from pinarm.use.study.accuracy.tradeoff import tradeoff
+    from pinarm.use.study.accuracy.tradeoff_text import report
+
+    scenario = load(options.scenario, options.overrides)
+    folder = options.output or Path("results") / f"{scenario.name}-tradeoff"
+    trade = tradeoff(scenario)
+    trade.save(folder, plots=not options.no_plots)
+    if options.json:
+        _print_json({**trade.summary(), "folder": str(folder)})
+    else:
+        print(printable(report(trade)))
+        print(f"written to {folder}")
+    return OK
+
+
+def _assignments(texts: Sequence[str]) -> dict[str, str]:
+    """Return what stands left and right of the first equals sign of each text.
+
+    Raises:
+        InputError: There is none, or the same stands left twice.
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        path, equals, values = (part.strip() for part in text.partition("="))
+        if not path or not equals or path in found:
+            said = f"'{path}' is varied twice" if path in found else f"'--over {text}' says no values"
+            raise InputError(said, expected="--over path.to.number='1, 2, 3 kg'")
+        found[path] = values
+    return found
+
+
+def _replay(options: argparse.Namespace) -> int:
+    from pinarm.use.show.replay.page import replay
+    from pinarm.use.store.restore import restore
+
+    result = restore(options.result)
+    shown = replay(result, traces=options.trace, arrows=options.arrows, plots=options.plot)
+    target = options.output or options.result / ("replay.png" if options.png else "replay.html")
+    if options.png or options.video:
+        from pinarm.use.show.replay import pictures
+
+        if options.png:
+            pictures.picture(shown, pictures.place(result.trajectory, options.png), target)
+        else:
+            target = pictures.video(shown, options.video, fps=options.fps, speed=options.speed, progress=_progress)
+    else:
+        shown.save(target)
+    if options.json:
+        _print_json({"file": str(target), "bytes": target.stat().st_size, "notes": shown.notes})
+    else:
+        print("\n".join([*(printable(f"note: {note}") for note in shown.notes), f"written to {target}"]))
+    return OK
+
+
+def _schema(options: argparse.Namespace) -> int:
+    from pinarm.use.scenario.json_schema import schema
+
+    _print_json(schema(options.of))
+    return OK
+
+
+def _keep_partial(error: PinarmError, options: argparse.Namespace) -> int:
+    """Write what was computed before the numerics failed; return the exit code."""
+    from pinarm.use.result.result import Result
+
+    partial = error.partial if isinstance(error, NumericsError) else None
+    folder = getattr(options, "output", None)
+    if isinstance(partial, Result) and folder is not None:
+        try:
+            partial.save(folder / "partial", plots=False)
+            print(f"  kept: {len(partial)} rows in {folder / 'partial'}", file=sys.stderr)
+        except PinarmError as second:
+            print(f"  not kept: {second}", file=sys.stderr)
+    return error.exit_code
+
+
+def _tell(error: PinarmError) -> None:
+    print(printable(f"error: {error}"), file=sys.stderr)
+
+
+def _progress(text: str) -> None:
+    if sys.stderr.isatty():
+        print(f"\r\x1b[K{printable(text)}", end="", file=sys.stderr, flush=True)
+
+
+def _print_json(value: object) -> None:
+    from pinarm.use.store.files import json_text
+
+    print(json_text(value))
+
+
+COMMANDS = {
+    "run": (_run, "solve a scenario and write a result folder"),
+    "check": (_check, "compare scenarios with their answer keys"),
+    "validate": (_validate, "read and check input only"),
+    "explain": (_explain, "coordinates, mobility, loops, redundancy"),
+    "sweep": (_sweep, "solve a scenario for many values"),
+    "tradeoff": (_tradeoff, "error against cost of settings, of models"),
+    "replay": (_replay, "show the motion of a result in a web page"),
+    "schema": (_schema, "print the JSON Schema for editors"),
+}
+"""Name -> what does it, and what it does."""

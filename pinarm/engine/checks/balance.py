@@ -1,0 +1,198 @@
+"""What a run is worth, measured in the run itself: balances by routes that the solver did not use."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.integration import Solution
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.mechanics.geometry.link_placements import Links, moving, supports
+from pinarm.mechanics.geometry.vectors import crossed
+
+Whole = Callable[[Array, Array, Array], tuple[Array, Array]]
+"""Rows of integrated states to rows of those of the mechanism: ``t, q, v -> q, v``."""
+
+SAMPLE = 64
+"""Number of rows that are checked where not all are: a fixed, even choice, so that the cost of tables stays bounded."""
+
+ROUNDING = 1e-15
+"""Of an energy, relative to it: a motion so short that it exchanges no more has not lost any."""
+
+STEPS, GAUSS_NODES = 8, 4
+"""Steps within which the energy is looked at, evenly, besides those that have been looked into, as for rows of the
+table: there the dense output errs more than at their ends. Nodes of the quadrature of dissipated power over a part of a
+step: degree 7, the order of the dense output."""
+
+
+def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, float]:
+    """Return the largest violation of d'Alembert's principle, and of the balance of power, relative to their terms.
+
+    For every unit velocity e_k the virtual power of the efforts and loads must equal that of the bodies' momentum
+    rates less their weights: ``sum_i J_i^T (I_i A_i + V_i x* I_i V_i)``, with the Jacobians J_i of the bodies and
+    their twists from forward kinematics. Neither appears in the recursions that solved the motion.
+
+    Args:
+        trajectory: The motion.
+        most: Largest number of rows that are checked.
+
+    Returns:
+        ``equilibrium``: largest residual, and ``power``: largest residual of power along the motion, each relative to
+        the largest sum of the absolute terms over the rows; weights count with the full length of their path, so that
+        a position in which every moment vanishes has terms to compare with. Nothing where no efforts were asked for.
+    """
+    if trajectory.unasked:
+        return {}
+    rows = np.linspace(0, len(trajectory) - 1, min(len(trajectory), most)).astype(int)
+    loads = trajectory.gather(lambda dynamics, part: dynamics.loads(
+        trajectory.grid.t[part], trajectory.q[part], trajectory.v[part]))  # fmt: skip
+    parts = [_virtual_powers(trajectory, loads, rows[k : k + SAMPLE]) for k in range(0, len(rows), SAMPLE)]
+    residuals, terms = (np.concatenate(each) for each in zip(*parts, strict=True))
+    v = trajectory.v[rows]
+    powers, scale = (residuals * v).sum(axis=1), (terms * np.abs(v)).sum(axis=1)
+    return {"equilibrium": _relative(residuals, terms), "power": _relative(powers, scale)}
+
+
+def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array, Array]:
+    """Return the residual of virtual power for every unit velocity, and the sum of its absolute terms.
+
+    Args:
+        run: The motion.
+        loads: Generalised loads of all its rows [N*m or N], shape (n, nv).
+        rows: Those that are looked at.
+
+    Returns:
+        Both of shape (rows, nv) [W per rad/s or m/s].
+    """
+    model, lam = run.mechanism.model, run.lam.at(rows)
+    links, twists, rates, columns = moving(model, run.q[rows], run.v[rows], run.a[rows])
+    moved, held = supports(model), run.closure.load(links, columns, run.q[rows], lam)
+    demanded = links.at_world(demands(model, links, twists, rates))
+    asked = np.where(moved, demanded @ columns, 0.0)  # part by part and link by link
+    supplied = run.tau[rows] + loads[rows] + held - model.armature * run.a[rows]
+    terms = np.abs(supplied) + np.abs(held) + np.abs(asked).sum(axis=(0, 2)) + _weights(links, columns, moved)
+    return supplied - asked.sum(axis=(0, 2)), terms
+
+
+def _weights(links: Links, columns: Array, moved: Flags) -> Array:
+    """Return the most that weights can do: m g times the paths of mass centres when one joint moves, shape (n, nv)."""
+    inertias = links.model.inertias.tolist()
+    masses, levers = np.array([one.mass for one in inertias]), np.array([one.lever for one in inertias])
+    centres = links.places + np.matvec(links.turns, levers)
+    linear, angular = columns[:, None, :3].swapaxes(2, 3), columns[:, None, 3:].swapaxes(2, 3)
+    paths = linear + crossed(angular, centres[:, :, None])
+    lengths = np.where(moved, np.sqrt((paths * paths).sum(axis=3)), 0.0)
+    return np.asarray(masses @ lengths * np.linalg.norm(links.model.gravity.linear))
+
+
+def demands(model: pin.Model, links: Links, twists: Array, rates: Array) -> Array:
+    """Return what the motion of every link demands, by Newton's and Euler's equations, in the link's own frame.
+
+    Args:
+        model: Pinocchio's model.
+        links: Where they are.
+        twists: V, in their own frames, shape (n, njoints, 6).
+        rates: V', likewise.
+
+    Returns:
+        ``I V'``, ``V x* I V`` and the wrench against its weight, shape (3, n, njoints, 6).
+    """
+    mass = np.array([inertia.matrix() for inertia in model.inertias.tolist()])
+    mass[0] = 0.0  # of the world
+    found = np.empty((3, *twists.shape))
+    momenta, upwards = np.matvec(mass, twists), np.zeros_like(twists)
+    v, omega, p, h = twists[..., :3], twists[..., 3:], momenta[..., :3], momenta[..., 3:]
+    upwards[..., :3] = np.vecmat(-model.gravity.linear, links.turns)
+    found[0], found[2] = np.matvec(mass, rates), np.matvec(mass, upwards)
+    found[1, ..., :3], found[1, ..., 3:] = crossed(omega, p), crossed(omega, h) + crossed(v, p)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Account:
+    """What the energy of an integrated motion is balanced from.
+
+    Attributes:
+        solution: The motion.
+        dynamics: The equation of motion on each of its stretches.
+        whole: Integrated states to those of the mechanism, where they are not the same.
+    """
+
+    solution: Solution
+    dynamics: list[Dynamics]
+    whole: Whole = lambda t, q, v: (q, v)
+
+    def columns(self) -> tuple[Array, Array, Array]:
+        """Return kinetic, potential and so far dissipated energy [J] at the ends of all parts, each of shape (n,)."""
+        varying = [dynamics.exchanging for dynamics in self.dynamics]
+        index, start, h = self._parts(sorted({*self.solution.looked_into, *self._even(any(varying))}))
+        ends, last = np.append(start, self.solution.end), index[-1:]
+        q, v = self.whole(ends, *self.solution.states_in(np.concatenate([index, last]), ends))
+        kinetic, potential = self.dynamics[0].energy(q, v)
+        lost = np.zeros(len(h))
+        for number, (dynamics, changing) in enumerate(zip(self.dynamics, varying, strict=True)):
+            rows = np.flatnonzero(self._stretches[index] == number)
+            if dynamics.steady.any() and q.shape == v.shape:
+                lost[rows] -= np.diff(q, axis=0)[rows] @ dynamics.steady
+            if changing and len(rows):  # an event may have ended the motion before this stretch
+                lost[rows] += self._losses(changing, index[rows], start[rows], h[rows])
+        return kinetic, potential, np.concatenate([[0.0], np.cumsum(lost)])
+
+    @cached_property
+    def _stretches(self) -> Indices:
+        return np.array([step.stretch for step in self.solution.steps])
+
+    def _even(self, every: bool) -> list[int]:
+        """Return steps that are looked into in any case: all of them, or an even choice."""
+        n = len(self.solution.steps)
+        return list(range(n)) if every else np.linspace(0, n - 1, min(n, STEPS)).astype(int).tolist()
+
+    def _parts(self, divided: list[int]) -> tuple[Indices, Array, Array]:
+        """Return the step of every part, its start and its length [s], each of shape (n,)."""
+        steps = self.solution.steps
+        counts = np.ones(len(steps), dtype=np.intp)
+        counts[divided] = self.solution.method.parts
+        index = np.repeat(np.arange(len(steps)), counts)
+        part = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
+        start, end = np.array([(step.t, step.until) for step in steps]).T
+        h = ((end - start) / counts)[index]
+        return index, start[index] + part * h, h
+
+    def _losses(self, dynamics: Dynamics, index: Indices, start: Array, h: Array) -> Array:
+        """Return the energy that elements take out in parts of steps [J], shape (n,)."""
+        nodes, weights = np.polynomial.legendre.leggauss(GAUSS_NODES)
+        t = (start[:, None] + 0.5 * h[:, None] * (nodes + 1.0)).ravel()
+        q, v = self.whole(t, *self.solution.states_in(np.repeat(index, GAUSS_NODES), t))
+        powers = dynamics.dissipated_power(t, q, v)
+        return np.asarray(0.5 * h * (powers.reshape(-1, GAUSS_NODES) @ weights))
+
+
+def energy_balance(*accounts: Account) -> dict[str, float]:
+    """Return the largest change of energy that nothing accounts for, at the ends of all steps and within some.
+
+    ``E(t) - E(0) + integral of the dissipated power``, less the rounding of its terms, relative to the largest energy
+    exchanged: between kinetic and potential, and through dampers and drives. For a motion without loads it is the drift
+    of the energy. Where a motion has several parts, what impacts between them take is none of its errors.
+    """
+    found = [account.columns() for account in accounts if account.solution.steps]
+    if not found:
+        return {}
+    drift, largest = 0.0, 0.0
+    for parts in found:
+        here = drift + np.sum([part - part[0] for part in parts], axis=0)
+        largest, drift = max(largest, float(np.abs(here).max())), float(here[-1])
+    columns = [np.concatenate(column) for column in zip(*found, strict=True)]
+    exchanged = max(*(float(np.ptp(column)) for column in columns), float(np.abs(columns[0]).max()))
+    rounding = ROUNDING * max(float(np.abs(column).max()) for column in columns)
+    return {"energy": max(largest - rounding, 0.0) / exchanged if exchanged else 0.0}
+
+
+def _relative(residuals: Array, terms: Array) -> float:
+    largest = float(terms.max(initial=0.0))
+    return float(np.abs(residuals).max(initial=0.0) / largest) if largest else 0.0

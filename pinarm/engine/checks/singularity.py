@@ -1,0 +1,97 @@
+"""How close a motion comes to a singular position of its loops, between the rows of its table too."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.nullspace import RANK
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.errors import PinarmError
+
+NEAR = 0.1
+"""Regularity at the rows from which on it is looked for between them."""
+
+ROUNDS, EVENLY = 10, 4
+"""How often instants between rows are looked at; at first so many on either side, evenly, as rows may be far apart."""
+
+FLAT = 0.05
+"""Part of the regularity by which it changes from one instant to the next where it is not looked for any closer."""
+
+
+def least_regular(run: Trajectory, rows: Indices, values: Array) -> tuple[float, float]:
+    """Return the least regularity that was found, and the parameter at which it is.
+
+    Args:
+        run: The motion.
+        rows: Those of its rows that have been looked at, shape (n,).
+        values: Singular values of the constraints there, descending, shape (n, s).
+    """
+    rank = int((values > RANK * values[:, :1]).sum(axis=1).max())
+    if not rank:  # a second bearing in line with the first holds nothing that could be lost
+        return 1.0, float(run.grid.t[rows[0]])
+    regular = values[:, rank - 1] / values[:, 0]
+    least = int(np.argmin(regular))
+    best = float(regular[least]), float(run.grid.t[rows[least]])
+    if run.separate or not 0 < least < len(rows) - 1 or not RANK < best[0] < NEAR:
+        return best
+    t, here = run.grid.t[rows[least - 1 : least + 2]], regular[least - 1 : least + 2]
+    if t[0] > t[2]:
+        t, here = t[::-1], here[::-1]
+    for round_ in range(ROUNDS):
+        between = _lowest(t, here) if round_ else _evenly(t)
+        if not len(between):
+            break
+        try:
+            found = _at(run, between, rank)
+        except PinarmError:  # singular: nothing closer can be looked at
+            break
+        best = min(best, *zip(found.tolist(), between.tolist(), strict=True))
+        order = np.argsort(t := np.concatenate([t, between]))
+        t, here = t[order], np.concatenate([here, found])[order]
+        k = int(here.argmin())
+        if not 0 < k < len(t) - 1:
+            break
+        t, here = t[k - 1 : k + 2], here[k - 1 : k + 2]
+        if best[0] <= RANK or np.ptp(here) < FLAT * best[0]:
+            break
+    return best
+
+
+def _evenly(t: Array) -> Array:
+    """Return instants between three, as many before the middle one as behind it."""
+    return np.concatenate([np.linspace(*ends, EVENLY + 2)[1:-1] for ends in pairwise(t.tolist())])
+
+
+def _lowest(t: Array, values: Array) -> Array:
+    """Return instants at which a size may be smallest, between three of which the middle one is the smallest so far.
+
+    Where the signed quantity goes through 0 on the one side or on the other, and where a parabola through the squares,
+    which are smooth in any case, is lowest.
+    """
+    crossing = (t[:-1] * values[1:] + t[1:] * values[:-1]) / (values[:-1] + values[1:])
+    (left, right), (falling, rising) = np.diff(t), np.diff(values**2) / np.diff(t)
+    vertex = t[1] - 0.5 * (falling * right + rising * left) / (rising - falling) if rising > falling else t[1]
+    inside = np.array([*crossing, vertex])
+    apart = 1e-9 * (t[2] - t[0])
+    return np.unique(inside[np.abs(inside[:, None] - t).min(axis=1) > apart])
+
+
+def _at(run: Trajectory, t: Array, rank: int) -> Array:
+    """Return the regularity at instants, shape (n,)."""
+    closure = run.mechanism.closure
+    values = closure.values_of(closure.at(run.positions(t) if run.positions else _positions(run, t))[1])
+    return np.asarray(values[:, rank - 1] / values[:, 0])
+
+
+def _positions(run: Trajectory, t: Array) -> Array:
+    """Return configurations at instants, shape (n, nq), solved anew."""
+    cuts = np.array(run.grid.cuts)
+    ways = cuts if cuts[0] <= cuts[-1] else -cuts
+    owners = np.searchsorted(ways[1:-1], t if ways is cuts else -t)
+    q = np.empty((len(t), run.q.shape[1]))
+    for stretch in np.unique(owners):
+        q[owners == stretch] = run.within(int(stretch), t[owners == stretch]).q
+    return q

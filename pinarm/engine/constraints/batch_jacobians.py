@@ -1,0 +1,286 @@
+"""What constraints and coordinates measure, at many configurations at once: values, rows of J and drifts.
+
+The same numbers as those of ``Constraint`` and ``Coordinate``, for mechanisms whose joints turn or slide. Arrays have
+the n configurations along their last axis, or 1 where a number is the same in all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.constraint import Constraint, Guide
+from pinarm.engine.constraints.elimination import Row
+from pinarm.mechanics.coordinates import Coordinate, DistanceCoordinate, FrameCoordinate, LinearCoordinate
+from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.geometry.chains import Chain, Placed
+from pinarm.mechanics.geometry.vectors import dot
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.loops.pairs import NOTHING, LowerPair, Pair, Tie
+
+BLOCK = 2048
+"""Number of configurations that are worked on at once: arrays of more would not stay in the processor's cache."""
+
+UNIVERSE = 0
+"""Index of the world's frame."""
+
+
+class Measured(Protocol):
+    """The rows of one constraint or coordinate, at many configurations."""
+
+    def gap(self) -> list[Array]:
+        """Return the value of every row [m or rad], shape (n,) or (1,)."""
+        ...
+
+    def rows(self, wanted: Container[int]) -> Mapping[int, Row]:
+        """Return the wanted rows of J."""
+        ...
+
+    def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
+        """Return J' v of the wanted rows, shape (n,) or (1,), for velocities v, shape (nv, n)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Between:
+    """What a pair measures between two frames.
+
+    Attributes:
+        pair: The pair.
+        chain: The joints between the frames.
+    """
+
+    pair: Pair
+    chain: Chain
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return self.pair.size
+
+    def at(self, q: Array, cosine: Array, sine: Array) -> PairRows:
+        """Return its rows at configurations q; cos(q) and sin(q) serve all measures. Each of shape (nv, n)."""
+        return PairRows(self.pair, self.chain.placed(q, cosine, sine))
+
+
+@dataclass(frozen=True, eq=False)
+class PairRows:
+    """The rows of a pair at many configurations.
+
+    Attributes:
+        pair: The pair.
+        placed: The chain between its frames.
+    """
+
+    pair: Pair
+    placed: Placed
+
+    def gap(self) -> list[Array]:
+        """Return the lengths, then the angles."""
+        lengths, angles = self.pair.gap(self.placed.p, self.placed.axes)
+        return [*lengths, *angles]
+
+    def rows(self, wanted: Container[int]) -> Mapping[int, Row]:
+        """Return ``e . p'`` of the lengths and ``w . omega`` of the angles."""
+        e, w = self._directions(wanted)
+        found = {k: self.placed.along(one) for k, one in e.items()}
+        return found | {k: self.placed.about(one) for k, one in w.items()}
+
+    def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
+        """Return ``e . p'' + e' . p'`` of the lengths and ``w . omega' + w' . omega`` of the angles, for a = 0."""
+        dp, omega, ddp, domega = self.placed.rates(v)
+        e, w = self._directions(wanted)
+        lengths, angles = self.pair.bend(self.placed.p, self.placed.axes, dp, omega)
+        bend = [*lengths, *angles]
+        found = {k: dot(one, ddp) + bend[k] for k, one in e.items()}
+        return found | {k: dot(one, domega) + bend[k] for k, one in w.items()}
+
+    def _directions(self, wanted: Container[int]) -> tuple[dict[int, Array], dict[int, Array]]:
+        """Return e and w of the wanted rows, shape (3, n) or (3, 1)."""
+        e, w = self.pair.directions(self.placed.p, self.placed.axes)
+        k = self.pair.lengths
+        lengths = {i: one.reshape(3, -1) for i, one in enumerate(e) if i in wanted}
+        return lengths, {k + i: one.reshape(3, -1) for i, one in enumerate(w) if k + i in wanted}
+
+
+@dataclass(frozen=True, eq=False)
+class Sum:
+    """A weighted sum of joint coordinates less a constant.
+
+    Attributes:
+        weights: Place in q and v -> weight, shape (1,).
+        constant: The constant [m or rad].
+        size: One row.
+    """
+
+    weights: Row
+    constant: float = 0.0
+    size: int = 1
+
+    @classmethod
+    def of(cls, coordinate: LinearCoordinate, constant: float = 0.0) -> Sum:
+        """Return the sum that a coordinate is."""
+        return cls({int(i): coordinate.weights[i : i + 1] for i in np.flatnonzero(coordinate.weights)}, constant)
+
+    def at(self, q: Array, cosine: Array, sine: Array) -> SumRow:
+        """Return its row at configurations q, shape (nv, n)."""
+        return SumRow(self, q)
+
+
+@dataclass(frozen=True, eq=False)
+class SumRow:
+    """The row of a sum at many configurations.
+
+    Attributes:
+        measure: The sum.
+        q: Configurations, shape (nv, n).
+    """
+
+    measure: Sum
+    q: Array
+
+    def gap(self) -> list[Array]:
+        """Return the sum less its constant."""
+        total = sum((weight * self.q[i] for i, weight in self.measure.weights.items()), np.zeros(1))
+        return [total - self.measure.constant]
+
+    def rows(self, wanted: Container[int]) -> dict[int, Row]:
+        """Return the weights."""
+        return {0: self.measure.weights} if 0 in wanted else {}
+
+    def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
+        """Return nothing: the row is constant."""
+        return {}
+
+
+Measure = Between | Sum
+
+
+def measure_of(model: pin.Model, one: Constraint | Coordinate) -> Measure | None:
+    """Return what a constraint or coordinate measures; ``None`` where it cannot be had at many configurations."""
+    if isinstance(one, Guide):
+        return measure_of(model, one.coordinate)
+    if isinstance(one, LinearCoordinate):
+        return Sum.of(one)
+    if isinstance(one, Coupling):
+        return Sum.of(one.coordinate, one.constant)
+    if isinstance(one, LoopJoint):
+        first, second, pair = one.first, one.second, one.pair
+    elif isinstance(one, FrameCoordinate):
+        first, second, pair = UNIVERSE, one.frame, LowerPair(one.axis[None], NOTHING, one.axis)
+    elif isinstance(one, DistanceCoordinate):
+        first, second, pair = one.first, one.second, Tie(0.0)
+    else:
+        return None
+    chain = Chain.between(model, first, second)
+    return None if chain is None else Between(pair, chain)
+
+
+@dataclass(frozen=True, eq=False)
+class Measures:
+    """What several constraints and coordinates measure, their rows numbered through.
+
+    Attributes:
+        parts: First row of each measure, and the measure.
+        size: Number of rows.
+    """
+
+    parts: tuple[tuple[int, Measure], ...]
+    size: int
+
+    @classmethod
+    def of(cls, model: pin.Model, ones: Sequence[Constraint | Coordinate]) -> Measures | None:
+        """Return the measures of a model; ``None`` where one of them cannot be had at many configurations."""
+        parts, size = [], 0
+        for one in ones:
+            measure = measure_of(model, one) if model.nq == model.nv else None
+            if measure is None:
+                return None
+            parts.append((size, measure))
+            size += measure.size
+        return cls(tuple(parts), size)
+
+    def at(self, q: Array) -> MeasuredAll:
+        """Return the rows at configurations, shape (nv, n)."""
+        cosine, sine = np.cos(q), np.sin(q)
+        return MeasuredAll([(start, measure.at(q, cosine, sine)) for start, measure in self.parts])
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredAll:
+    """The rows of several measures at many configurations.
+
+    Attributes:
+        parts: First row of each measure, and its rows.
+    """
+
+    parts: list[tuple[int, Measured]]
+
+    def gap(self) -> list[Array]:
+        """Return the value of every row [m or rad], shape (n,) or (1,)."""
+        return [value for _, part in self.parts for value in part.gap()]
+
+    def rows(self, wanted: Sequence[int]) -> dict[int, Row]:
+        """Return the wanted rows of J."""
+        found = {}
+        for start, part in self.parts:
+            found.update({start + i: row for i, row in part.rows([k - start for k in wanted]).items()})
+        return found
+
+    def drift(self, wanted: Sequence[int], v: Array) -> dict[int, Array]:
+        """Return J' v of the wanted rows, shape (n,) or (1,), for velocities v, shape (nv, n); absent where it is 0."""
+        found = {}
+        for start, part in self.parts:
+            found.update({start + i: x for i, x in part.drift([k - start for k in wanted], v).items()})
+        return found
+
+    def gaps(self, n: int) -> Array:
+        """Return the values of all rows at n configurations [m or rad], shape (n, m)."""
+        gap = self.gap()
+        found = np.empty((n, len(gap)))
+        for row, x in enumerate(gap):
+            found[:, row] = x
+        return found
+
+    def matrices(self, shape: tuple[int, ...]) -> Array:
+        """Return J with all rows, of the shape (n, m, nv)."""
+        found = np.zeros(shape)
+        for row, coefficients in self.rows(range(shape[1])).items():
+            for column, x in coefficients.items():
+                found[:, row, column] = x
+        return found
+
+    def drifts(self, v: Array, m: int) -> Array:
+        """Return J' v of all m rows, shape (n, m), for velocities v, shape (nv, n)."""
+        found = np.zeros((v.shape[1], m))
+        for row, x in self.drift(range(m), v).items():
+            found[:, row] = x
+        return found
+
+
+def rows_of(model: pin.Model, coordinates: Sequence[Coordinate], q: Array) -> Array:
+    """Return the rows J of coordinates at configurations q, shape (n, nq), as an array of shape (n, d, nv)."""
+    found = np.zeros((len(q), len(coordinates), model.nv))
+    for d, one in enumerate(coordinates):
+        measures = Measures.of(model, [one])
+        if isinstance(one, LinearCoordinate):
+            found[:, d] = one.weights
+        elif measures is not None:
+            for j, x in measures.at(q.T).rows([0])[0].items():
+                found[:, d, j] = x
+        else:
+            found[:, d] = list(_rows_one_by_one(model, one, q))
+    return found
+
+
+def _rows_one_by_one(model: pin.Model, coordinate: Coordinate, q: Array) -> Iterator[Array]:
+    data = model.createData()
+    for one in q:
+        pin.computeJointJacobians(model, data, one)
+        pin.updateFramePlacements(model, data)
+        yield coordinate.row(model, data)

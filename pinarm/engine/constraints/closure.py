@@ -1,0 +1,220 @@
+"""What ties the coordinates of one mechanism: loop joints, couplings and guided coordinates, as rows ``G v = 0``.
+
+An open chain has no rows; nothing else distinguishes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.batch_jacobians import Measures
+from pinarm.engine.constraints.constraint import Constraint, Guide
+from pinarm.engine.constraints.nullspace import Splits
+from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.geometry.link_placements import Links, supports
+
+MANY, KEPT = 8, 64
+"""Number of configurations from which on it pays to look at them together, and up to which this is kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class Closure:
+    """Constraints of one mechanism, stacked.
+
+    Attributes:
+        model: Pinocchio's model.
+        constraints: In the order of their rows.
+        data: Pinocchio's buffers; every call overwrites them.
+    """
+
+    model: pin.Model
+    constraints: tuple[Constraint, ...]
+    data: pin.Data = field(repr=False)
+
+    @classmethod
+    def of(cls, model: pin.Model, constraints: Sequence[Constraint] = ()) -> Closure:
+        """Return the closure of a model."""
+        return cls(model, tuple(constraints), model.createData())
+
+    @cached_property
+    def extent(self) -> float:
+        """Length of all links from end to end, from the origin of the world on [m]: places are rounded relative to it.
+
+        It is at least that of a frame that lies beyond the last joint, and 1 m for a model without lengths.
+        """
+        joints = sum(float(np.linalg.norm(place.translation)) for place in self.model.jointPlacements)
+        return joints + max(float(np.linalg.norm(one.placement.translation)) for one in self.model.frames) or 1.0
+
+    @cached_property
+    def length(self) -> float:
+        """Unit of length that suits the mechanism [m]: 1e-6, 1e-3, 1, 1e3, 1e6, ...
+
+        Measured in it, translations compare with angles, and what is small or singular is so at any size.
+        """
+        return float(10.0 ** (3.0 * np.round(np.log10(self.extent) / 3.0)))
+
+    @property
+    def coarseness(self) -> float:
+        """Factor by which rounding of places exceeds that of numbers of about 1, in the unit of length."""
+        return max(1.0, self.extent / self.length)
+
+    @cached_property
+    def scale(self) -> Array:
+        """Return the unit of every coordinate's velocity, shape (nv,): that of length, or 1 for angles."""
+        slides = [one.shortname().startswith("JointModelP") for one in self.model.joints[1:] for _ in range(one.nv)]
+        return np.where(slides, self.length, 1.0)
+
+    @cached_property
+    def measure(self) -> Array:
+        """Return the unit of the gap in every row, shape (m,): that of length, or 1 for angles."""
+        return np.array([self.length ** float(one.unit(row).dimension[0]) for one, row in self.owners()])
+
+    def apart(self) -> Closure:
+        """Return the same with buffers of its own."""
+        other = replace(self, data=self.model.createData())
+        for name in ("measures", "_kept", "_split") if self.measures else ():
+            vars(other)[name] = getattr(self, name)  # they have no buffers
+        return other
+
+    def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> Closure:
+        """Return the closure with the rows of guided coordinates after its own."""
+        if not names:
+            return self
+        guides = [Guide(name, coordinate) for name, coordinate in zip(names, coordinates, strict=True)]
+        return Closure.of(self.model, (*self.constraints, *guides))
+
+    @property
+    def size(self) -> int:
+        """Number m of rows."""
+        return sum(constraint.size for constraint in self.constraints)
+
+    def slices(self) -> dict[str, slice]:
+        """Return the rows of every constraint, by its name."""
+        found, start = {}, 0
+        for constraint in self.constraints:
+            found[constraint.name] = slice(start, start + constraint.size)
+            start += constraint.size
+        return found
+
+    def owners(self) -> list[tuple[Constraint, int]]:
+        """Return the constraint of every row, and the row's place in it."""
+        return [(constraint, row) for constraint in self.constraints for row in range(constraint.size)]
+
+    def place(self, q: Array) -> None:
+        """Fill the buffers for ``gap`` and ``rows`` at a configuration, shape (nq,)."""
+        pin.computeJointJacobians(self.model, self.data, q)
+        pin.updateFramePlacements(self.model, self.data)
+
+    def gap(self, q: Array) -> Array:
+        """Return what is not closed at the configuration last placed [m or rad], shape (m,)."""
+        return np.concatenate([np.zeros(0), *(one.gap(self.data, q) for one in self.constraints)])
+
+    def rows(self) -> Array:
+        """Return G at the configuration last placed, shape (m, nv)."""
+        return np.concatenate(
+            [np.zeros((0, self.model.nv)), *(c.rows(self.model, self.data) for c in self.constraints)]
+        )
+
+    @cached_property
+    def measures(self) -> Measures | None:
+        """What the constraints measure, at many configurations; none where something cannot be had so."""
+        return Measures.of(self.model, self.constraints)
+
+    def at(self, q: Array) -> tuple[Array, Array]:
+        """Return the gaps, shape (n, m), and G, shape (n, m, nv), at configurations, shape (n, nq).
+
+        Those of few configurations are kept, to be read only: all that looks at a table asks for them.
+        """
+        if len(q) >= MANY and self.measures:
+            return self._kept(q.tobytes(), len(q)) if len(q) <= KEPT else self._together(q)
+        gaps, rows = np.empty((len(q), self.size)), np.empty((len(q), self.size, self.model.nv))
+        for k, one in enumerate(q if self.size else ()):
+            self.place(one)
+            gaps[k], rows[k] = self.gap(one), self.rows()
+        return gaps, rows
+
+    def _together(self, q: Array) -> tuple[Array, Array]:
+        assert self.measures is not None
+        measured = self.measures.at(q.T)
+        found = measured.gaps(len(q)), measured.matrices((len(q), self.size, self.model.nv))
+        for x in found:
+            x.flags.writeable = False
+        return found
+
+    @cached_property
+    def _kept(self) -> Callable[[bytes, int], tuple[Array, Array]]:
+        return lru_cache(maxsize=4)(lambda content, n: self._together(np.frombuffer(content).reshape(n, -1)))
+
+    @cached_property
+    def _split(self) -> Callable[[bytes, int], Splits]:
+        return lru_cache(maxsize=4)(lambda content, n: Splits.of(self._kept(content, n)[1]))
+
+    def splits(self, q: Array, rows: Array) -> Splits:
+        """Return G taken apart at configurations, shape (n, nq); ``rows`` are what ``at`` says of them."""
+        kept = MANY <= len(q) <= KEPT and self.measures
+        return self._split(q.tobytes(), len(q)) if kept else Splits.of(rows)
+
+    def drifts(self, q: Array, v: Array) -> Array:
+        """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
+        if len(q) >= MANY and self.measures:
+            return self.measures.at(q.T).drifts(v.T, self.size)
+        found = np.empty((len(q), self.size))
+        for k, one in enumerate(q if self.size else ()):
+            self.place(one)
+            found[k] = self.drift(one, v[k])
+        return found
+
+    def singular_values(self, q: Array) -> Array:
+        """Return the singular values of G at a configuration, descending, lengths in the unit of the mechanism.
+
+        Rows are not brought to the length 1: where bars are in line a row itself may vanish.
+        """
+        self.place(q)
+        return self.values_of(self.rows())
+
+    def values_of(self, rows: Array) -> Array:
+        """Return the singular values of given rows G, shape (.., m, nv), as ``singular_values`` does."""
+        return np.asarray(np.linalg.svd(rows * self.scale / self.measure[:, None], compute_uv=False))
+
+    def drift(self, q: Array, v: Array) -> Array:
+        """Return G' v, shape (m,); the configuration is the one last placed."""
+        pin.forwardKinematics(self.model, self.data, q, v, np.zeros(self.model.nv))
+        return np.concatenate([np.zeros(0), *(one.drift(self.model, self.data) for one in self.constraints)])
+
+    def wrenches(self, links: Links, lam: Array) -> Array:
+        """Return what multipliers, shape (n, m), do to the links, shape (n, njoints, 6).
+
+        [f; m] at the world's origin, world axes [N, N*m]. Couplings, which act within joints, do nothing to them.
+        """
+        total = np.zeros((len(lam), self.model.njoints, 6))
+        for constraint, rows in zip(self.constraints, self.slices().values(), strict=True):
+            for joint, wrench in constraint.wrenches(links, lam[:, rows]).items():
+                total[:, joint] += wrench
+        return total
+
+    def load(self, links: Links, columns: Array, q: Array, lam: Array) -> Array:
+        """Return G^T lam, through the links' Jacobians, shape (n, nv).
+
+        Couplings, which act within joints, have no wrenches and contribute by their rows.
+
+        Args:
+            links: Where the links are.
+            columns: Twists that unit velocities of the joints give to what lies beyond, in the world's frame, shape
+                (n, 6, nv).
+            q: Configurations, shape (n, nq).
+            lam: Multipliers, shape (n, m).
+        """
+        total, moved = np.zeros((len(lam), self.model.nv)), supports(self.model)
+        for constraint, part in zip(self.constraints, self.slices().values(), strict=True):
+            wrenches = constraint.wrenches(links, lam[:, part])
+            for joint, wrench in wrenches.items():
+                total += moved[joint] * np.vecmat(wrench, columns)
+            if not wrenches:
+                total += np.vecmat(lam[:, part], Closure.of(self.model, [constraint]).at(q)[1])
+        return total

@@ -1,0 +1,97 @@
+"""Multipliers at the rows of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+
+import numpy as np
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.nullspace import Splits
+
+BLOCK = 512
+"""Number of rows whose G is held at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Multipliers:
+    """Multipliers of the constraints, and the efforts of drives along task coordinates, at the n rows of a run.
+
+    Like an array of shape (n, m + g): ``lam[row]`` is that of one row, those of the mechanism's constraints first, and
+    ``np.asarray(lam)`` that of all.
+
+    Attributes:
+        own: Indices of k rows -> multipliers of the constraints there [N or N*m], shape (k, m).
+        along: Efforts of the drives along task coordinates [N or N*m], shape (n, g).
+    """
+
+    own: Callable[[Indices], Array] = field(repr=False)
+    along: Array = field(repr=False)
+
+    @classmethod
+    def known(cls, lam: Array, m: int) -> Multipliers:
+        """Return multipliers that have been computed, shape (n, m + g)."""
+        return cls(lam[:, :m].__getitem__, lam[:, m:])
+
+    @classmethod
+    def zero(cls, n: int, m: int) -> Multipliers:
+        """Return n rows of zeros for m constraints: nothing acts, or nobody asks."""
+        return cls.known(np.zeros((n, m)), m)
+
+    @classmethod
+    def least(cls, closure: Closure, q: Array, held: Array, along: Array) -> Multipliers:
+        """Return the least multipliers that hold what the drives do not; each row is computed when it is asked for.
+
+        Args:
+            closure: The constraints, then the coordinates that drives act along.
+            q: Configurations, shape (n, nq).
+            held: ``M a + nle - loads - tau``, shape (n, nv).
+            along: Efforts of the drives along the coordinates, shape (n, g).
+        """
+        m, own_buffers = closure.size - along.shape[1], cache(closure.apart)
+
+        def own(rows: Indices) -> Array:
+            found = np.empty((len(rows), m))
+            for start in range(0, len(rows), BLOCK):
+                some = rows[start : start + BLOCK]
+                g = own_buffers().at(q[some])[1]
+                force = held[some] - np.vecmat(along[some], g[:, m:])
+                splits = Splits.of(g[:, :m]) if along.size else own_buffers().splits(q[some], g)
+                found[start : start + BLOCK] = splits.multipliers(force)
+            return found
+
+        return cls(own, along)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Multipliers]) -> Multipliers:
+        """Return the rows of several runs, one after the other."""
+        starts = np.cumsum([0, *(len(part) for part in parts)])
+
+        def own(rows: Indices) -> Array:
+            owner = np.searchsorted(starts, rows, side="right") - 1
+            found = np.empty((len(rows), parts[0].own(rows[:0]).shape[1]))
+            for k in set(owner.tolist()):
+                found[owner == k] = parts[k].own(rows[owner == k] - starts[k])
+            return found
+
+        return cls(own, np.concatenate([part.along for part in parts]))
+
+    def __len__(self) -> int:
+        return len(self.along)
+
+    def __getitem__(self, row: int) -> Array:
+        return np.asarray(self.at(np.array([row]))[0])
+
+    def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> Array:
+        return self.at(np.arange(len(self))).astype(dtype or np.float64, copy=False)
+
+    def at(self, rows: Indices) -> Array:
+        """Return the multipliers at k of the rows, shape (k, m + g)."""
+        return np.hstack([self.own(rows), self.along[rows]])
+
+    def some(self, rows: Indices) -> Multipliers:
+        """Return the multipliers at some of the rows."""
+        return Multipliers(lambda wanted: self.own(rows[wanted]), self.along[rows])

@@ -1,0 +1,140 @@
+"""Linear constraints on the coordinates, ``W q = w(t)``, removed instead of enforced.
+
+Prescribed joint coordinates, sums of them, and joints that mimic others are of this kind. With T a basis of the null
+space of W the motion is ``v = T u + P w'``, ``W P = 1``: positions and velocities are those of the laws
+themselves, and the equation of motion becomes ``T^T M T u' = T^T (loads - nle - M P w'')``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.integration import Acceleration, Accelerations
+from pinarm.errors import InputError
+
+Targets = Callable[[float], tuple[Array, Array, Array]]
+"""``t -> w, w', w''``, each of shape (k,)."""
+
+ManyTargets = Callable[[Array], tuple[Array, Array, Array]]
+"""The same at many instants, shape (n,) to (n, k)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """The independent part of the coordinates of one mechanism.
+
+    Attributes:
+        model: Pinocchio's model.
+        rows: W, shape (k, nv).
+        basis: T, shape (nv, nu).
+        particular: P, shape (nv, k).
+        free_v: Indices in v of the independent velocities u, shape (nu,).
+        free_q: Indices in q of the independent coordinates, shape (mu,).
+        bound_v: Indices in v of the others, shape (k,).
+        bound_q: Indices in q of the others, shape (k,).
+        scalar_q: Index in q of every index in v, as far as its joint has one coordinate; shape (nv,).
+    """
+
+    model: pin.Model
+    rows: Array
+    basis: Array
+    particular: Array
+    free_v: Indices
+    free_q: Indices
+    bound_v: Indices
+    bound_q: Indices
+    scalar_q: Indices
+
+    @classmethod
+    def of(cls, model: pin.Model, rows: Array, names: Sequence[str], given: Sequence[int] = ()) -> Reduction:
+        """Return the reduction by the rows W, shape (k, nv); the indices ``given`` stay free if they can.
+
+        Raises:
+            InputError: The rows contradict or repeat each other.
+        """
+        bound_v = _pivots(rows, names, given)
+        free_v = np.setdiff1d(np.arange(model.nv), bound_v)
+        scalar_q = np.zeros(model.nv, dtype=np.intp)
+        for joint in model.joints[1:]:
+            scalar_q[joint.idx_v : joint.idx_v + joint.nv] = joint.idx_q
+        solve = np.linalg.inv(rows[:, bound_v])
+        basis, particular = np.zeros((model.nv, len(free_v))), np.zeros((model.nv, len(rows)))
+        basis[free_v] = np.eye(len(free_v))
+        basis[bound_v] = -solve @ rows[:, free_v]
+        particular[bound_v] = solve
+        bound_q = scalar_q[bound_v]
+        free_q = np.setdiff1d(np.arange(model.nq), bound_q)
+        return cls(model, rows, basis, particular, free_v, free_q, bound_v, bound_q, scalar_q)
+
+    def configuration(self, free: Array, w: Array) -> Array:
+        """Return q from the independent coordinates, shape (..., mu), and the targets, shape (..., k)."""
+        q = np.zeros((*free.shape[:-1], self.model.nq))
+        q[..., self.free_q] = free
+        scalars = q[..., self.scalar_q[self.free_v]]
+        q[..., self.bound_q] = scalars @ self.basis[self.bound_v].T + w @ self.particular[self.bound_v].T
+        return q
+
+    def velocity(self, u: Array, dw: Array) -> Array:
+        """Return v from the independent velocities, shape (..., nu), and the targets' rates, shape (..., k)."""
+        return np.asarray(u @ self.basis.T + dw @ self.particular.T)
+
+    def acceleration(self, dynamics: Dynamics, targets: Targets) -> Acceleration:
+        """Return ``(t, free q, u) -> u'`` under the forces of ``dynamics``."""
+        model, data, basis = self.model, dynamics.data, self.basis
+
+        def reduced(t: float, free: Array, u: Array) -> Array:
+            w, dw, ddw = targets(t)
+            q, v = self.configuration(free, w), self.velocity(u, dw)
+            upper = np.triu(pin.crba(model, data, q))
+            mass = upper + np.triu(upper, 1).T
+            demand = dynamics.loads(t, q, v) - pin.nonLinearEffects(model, data, q, v)
+            right = basis.T @ (demand - mass @ (self.particular @ ddw))
+            return np.asarray(np.linalg.solve(basis.T @ mass @ basis, right))
+
+        return reduced
+
+    def accelerations(self, dynamics: Dynamics, targets: ManyTargets) -> Accelerations:
+        """Return the same of many states at once: shapes (n,), (n, mu) and (n, nu) to (n, nu)."""
+
+        def reduced(t: Array, free: Array, u: Array) -> Array:
+            w, dw, ddw = targets(t)
+            q, v = self.configuration(free, w), self.velocity(u, dw)
+            demand = dynamics.inverse(t, q, v, ddw @ self.particular.T)
+            return solved(self.basis.T @ dynamics.mass_matrices(q) @ self.basis, -demand @ self.basis)
+
+        return reduced
+
+
+def solved(matrices: Array, right: Array) -> Array:
+    """Return the solutions x of ``A x = b``, shape (n, f); not numbers where a matrix is singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrices, right[:, :, None])[:, :, 0])
+    except np.linalg.LinAlgError:
+        if len(right) == 1:
+            return np.full_like(right, np.nan)
+        return np.concatenate([solved(matrices[k : k + 1], right[k : k + 1]) for k in range(len(right))])
+
+
+def _pivots(rows: Array, names: Sequence[str], given: Sequence[int]) -> Indices:
+    """Choose a coordinate for each row that the others determine: the last of the largest weights left in it."""
+    left, chosen = rows.astype(float).copy(), []
+    for k in range(len(rows)):
+        size = np.abs(left[k])
+        others = size.copy()
+        others[list(given)] = 0.0
+        preferred = others if others.max() > 1e-9 * np.abs(rows[k]).max() else size
+        pivot = len(size) - 1 - int(preferred[::-1].argmax())
+        if size[pivot] < 1e-9 * np.abs(rows[k]).max():
+            raise InputError(
+                f"the coordinate '{names[k]}' is already determined by {', '.join(names[:k])}",
+                expected="coordinates that can be prescribed independently",
+            )
+        chosen.append(pivot)
+        left[k + 1 :] -= np.outer(left[k + 1 :, pivot] / left[k, pivot], left[k])
+    return np.array(chosen, dtype=np.intp)

@@ -1,0 +1,89 @@
+"""Whether masses determine every acceleration: Pinocchio's recursions divide by zero where they do not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.nullspace import Split
+from pinarm.engine.dynamics.equation import mass_matrices
+from pinarm.errors import DynamicsError
+from pinarm.mechanics.ball_joints import coordinate_name
+from pinarm.mechanics.loading.model_tree import listed
+
+MASSLESS = 1e-12
+"""Eigenvalue of the mass matrix, scaled to a diagonal of ones, below which a direction has no mass."""
+
+UNSEEN = 1e-14
+"""Such an eigenvalue that is rounding of 0."""
+
+NOTHING = 1e-24
+"""Diagonal entry of M, relative to the largest, that is rounding of 0."""
+
+
+def require_masses(closure: Closure, q: Array, t: float) -> None:
+    """Raise where a motion that constraints and laws leave free moves no mass.
+
+    With T a basis of the free motions, ``T^T M T`` must be positive definite; it is scaled to a diagonal of ones, so
+    that large ratios of masses do no harm.
+
+    Args:
+        closure: Constraints of the mechanism, and the coordinates that follow laws.
+        q: Configurations, shape (n, nq).
+        t: Instant, for the message.
+
+    Raises:
+        DynamicsError: Names the joints that move without mass, and the links beyond them.
+    """
+    mass = mass_matrices(closure.model, closure.data, q)
+    if not closure.size and _all_definite(mass):
+        return
+    for one, matrix in zip(q, mass, strict=True):
+        closure.place(one)
+        _require(closure.model, Split.of(closure.rows()).free, matrix, one, t)
+
+
+def _all_definite(mass: Array) -> bool:
+    """Return whether matrices, shape (n, nv, nv), are as definite as masses must be, by Cholesky's decomposition."""
+    with np.errstate(all="ignore"):
+        scale = 1.0 / np.sqrt(np.diagonal(mass, axis1=1, axis2=2))
+        scaled = scale[:, :, None] * mass * scale[:, None] - MASSLESS * np.eye(mass.shape[1])
+        try:
+            return bool(np.isfinite(np.linalg.cholesky(scaled)).all())
+        except np.linalg.LinAlgError:
+            return False
+
+
+def _require(model: pin.Model, free: Array, mass: Array, q: Array, t: float) -> None:
+    """Raise where a motion moves no mass, of those whose basis is ``free``, shape (nv, nu)."""
+    mass = free.T @ mass @ free
+    size = np.abs(np.diag(mass))
+    if not len(size):
+        return
+    idle = size <= NOTHING * size.max()
+    scale = np.where(idle, 1.0, 1.0 / np.sqrt(np.where(idle, 1.0, size)))
+    values, vectors = np.linalg.eigh(scale[:, None] * mass * scale)
+    if values[0] > MASSLESS:
+        return
+    ways = np.linalg.norm(free @ (scale[:, None] * vectors[:, values <= MASSLESS]), axis=1)
+    moved = [int(index) for index in np.flatnonzero(ways > 0.1 * ways.max())]
+    joints = listed("joint", [coordinate_name(model, index) for index in moved])
+    how = "without mass" if abs(values[0]) <= UNSEEN else f"with {values[0]:.1g} of the mass that they carry"
+    how = how if values[0] > -MASSLESS else "against a negative mass"
+    raise DynamicsError(
+        f"at t = {t:.9g} s {joints} can move {how}, carrying {_carried(model, moved)}: accelerations are undetermined",
+        expected="inertias of these links that bodies can have",
+        hint="an <inertial> in the model, a drive with a rotor, or a law for the joint; kind: inverse needs no masses",
+        t=t, q=q,
+    )  # fmt: skip
+
+
+def _carried(model: pin.Model, indices: list[int]) -> str:
+    """Return the links that move with the joints at some indices in v, in words."""
+    owners = [one.id for one in model.joints if one.nv and any(one.idx_v <= k < one.idx_v + one.nv for k in indices)]
+    beyond = {int(joint) for owner in owners for joint in model.subtrees[owner]}
+    links = [frame.name for frame in model.frames
+             if frame.type == pin.FrameType.BODY and frame.parentJoint in beyond]  # fmt: skip
+    return listed("link", links) if links else "nothing"

@@ -1,0 +1,289 @@
+"""Pinocchio's own route for loops that are closed by points: proximal constraint dynamics, 2 to 5 us an evaluation.
+
+A loop joint whose frames are tied by points that coincide (a ball joint one, a revolute two on its axis, a rigid
+connection three) has the same acceleration as its rows. Points that add nothing to the rank at any configuration, such
+as the second one of a revolute in a planar loop, are left out; the joint's own gap tells whether it is closed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.constraint import Constraint
+from pinarm.engine.constraints.nullspace import RANK
+from pinarm.engine.dynamics.coordinate_partition import Targets
+from pinarm.engine.dynamics.equation import Dynamics, mass_matrix
+from pinarm.engine.integration import Acceleration
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+
+PROXIMAL, ITERATIONS = 1e-10, 3
+"""Proximal term of accelerations, relative to the smallest Delassus diagonal, and iterations."""
+
+TOLERANT, REPEATS = 1e-3, 8
+"""The same where redundant points are not quite closed, relative to the least eigenvalue of the Delassus matrix that
+is not 0: what contradicts itself by the gap is not magnified, and the iterations find what the rest determines."""
+
+PROJECTION = 1e-8
+"""Proximal term of projections; their Newton iteration removes what it leaves."""
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Pairs of coinciding points that say the same as the loops of one mechanism.
+
+    Attributes:
+        model: Pinocchio's model, with an armature at the joints whose acceleration is prescribed.
+        needed: Pinocchio's constraints.
+        driven: Indices in v of these joints.
+        inertia: The armature that holds each of them to it, shape (k,).
+        rank: Rank of the rows at a configuration of no special kind.
+        regularity: Smallest singular value of the rows there, relative to the largest.
+    """
+
+    model: pin.Model
+    needed: pin.StdVec_RigidConstraintModel = field(repr=False)
+    driven: Indices
+    inertia: Array
+    rank: int
+    regularity: float
+
+    @staticmethod
+    @lru_cache(maxsize=16)  # the same for all runs of a mechanism
+    def of(closure: Closure, driven: tuple[int, ...]) -> Points | None:
+        """Return the points of a closure; see ``PointClosure.of``."""
+        model, data, held = pin.Model(closure.model), closure.model.createData(), np.array(driven, dtype=np.intp)
+        inertia = np.full(len(held), HEAVY * np.diag(mass_matrix(model, data, pin.neutral(model))).max())
+        model.armature[held] += inertia
+        tied = [_points_of(model, constraint) for constraint in closure.constraints]
+        if not tied or any(points is None for points in tied):
+            return None
+        needed, rank, regularity = _independent(model, data, [point for points in tied for point in points or ()])
+        if _unevenness(model, data, needed, rank) > UNEVEN:
+            return None
+        points = pin.StdVec_RigidConstraintModel()
+        points.extend(needed)
+        return Points(model, points, held, inertia, rank, regularity)
+
+
+@dataclass(frozen=True, eq=False)
+class PointClosure:
+    """Loops of one mechanism as pairs of coinciding points, ready for evaluation.
+
+    Attributes:
+        tied: The points.
+        data: Pinocchio's buffers.
+        states: Those of the constraints.
+        cholesky: Decomposition of the mass matrix and the rows together.
+        scale: Smallest Delassus diagonal that is not 0 [1/kg].
+    """
+
+    tied: Points
+    data: pin.Data = field(repr=False)
+    states: pin.StdVec_RigidConstraintData = field(repr=False)
+    cholesky: pin.ConstraintCholeskyDecomposition = field(repr=False)
+    scale: float
+
+    @classmethod
+    def of(cls, closure: Closure, q: Array, driven: Sequence[int] = ()) -> PointClosure | None:
+        """Return the loops as points near a configuration; ``None`` where a constraint is not one of points.
+
+        Also where the mass matrix of the tree is singular, or where the loops feel some bodies so much less than
+        others (``UNEVEN``) that this route is not exact. The joints at the indices ``driven`` in v get an armature of
+        1e12 times the inertia of the tree, so that a load of armature times acceleration prescribes their acceleration
+        to 1e-12 of it.
+        """
+        tied = Points.of(closure, tuple(driven))
+        if tied is None:
+            return None
+        model, data, states = tied.model, tied.model.createData(), pin.StdVec_RigidConstraintData()
+        for point in tied.needed:
+            states.append(point.createData())
+        pin.initConstraintDynamics(model, data, tied.needed, states)
+        inverse = _inverse_mass(model, data, q)
+        if inverse is None:
+            return None
+        rows = _rows(model, data, list(tied.needed), q)
+        rows[:, tied.driven] = 0.0
+        diagonal = np.einsum("ij,jk,ik->i", rows, inverse, rows)
+        scale = float(diagonal[diagonal > RANK**2 * diagonal.max()].min())
+        return cls(tied, data, states, pin.ConstraintCholeskyDecomposition(model, data, tied.needed, states), scale)
+
+    def acceleration(self, dynamics: Dynamics, targets: Targets) -> Acceleration:
+        """Return the constrained motion's ``(t, q, v) -> a`` under the forces of ``dynamics`` and the given laws."""
+        return self._solved(dynamics, targets, pin.ProximalSettings(1e-12, PROXIMAL * self.scale, ITERATIONS))
+
+    def tolerant(self, dynamics: Dynamics, targets: Targets, q: Array, rank: int) -> Acceleration:
+        """Return the same for states whose redundant points are not quite closed, as they are within steps.
+
+        Args:
+            dynamics: The forces.
+            targets: The laws.
+            q: A closed configuration that is not close to a singular one, shape (nq,).
+            rank: Rank of the rows there.
+        """
+        model, data = self.tied.model, self.data
+        rows, mass = _rows(model, data, list(self.tied.needed), q), mass_matrix(model, data, q)
+        least = float(np.linalg.eigvalsh(rows @ np.linalg.solve(mass, rows.T))[-rank])
+        return self._solved(dynamics, targets, pin.ProximalSettings(1e-12, TOLERANT * least, REPEATS))
+
+    def _solved(self, dynamics: Dynamics, targets: Targets, settings: pin.ProximalSettings) -> Acceleration:
+        model, data, points, states = self.tied.model, self.data, self.tied.needed, self.states
+        solve, load, driven, inertia = pin.constraintDynamics, dynamics.load(), self.tied.driven, self.tied.inertia
+
+        def constrained(t: float, q: Array, v: Array) -> Array:
+            tau = load(t, q, v)
+            if len(driven):
+                tau = tau.copy()
+                tau[driven] += inertia * targets(t)[2]
+            return solve(model, data, q, v, tau, points, states, settings)  # type: ignore[no-any-return]
+
+        return constrained
+
+    @cached_property
+    def pairs(self) -> list[tuple[pin.RigidConstraintModel, pin.RigidConstraintData]]:
+        """Return references to the points and their buffers: walking Pinocchio's vectors costs more than they do."""
+        return [(self.tied.needed[k], self.states[k]) for k in range(len(self.states))]
+
+    def joint_at(self, index: int) -> int:
+        """Return the joint whose velocity stands at an index in v."""
+        return next(int(joint.id) for joint in self.tied.model.joints if joint.idx_v == index)
+
+    def factorise(self, q: Array) -> None:
+        """Decompose mass matrix and rows at a configuration."""
+        pin.crba(self.tied.model, self.data, q, pin.Convention.WORLD)
+        for point, state in self.pairs:
+            point.calc(self.tied.model, self.data, state)
+        self.cholesky.compute(self.tied.model, self.data, self.tied.needed, self.states, PROJECTION * self.scale)
+
+    def gap(self) -> Array:
+        """Return how far the points are apart at the configuration last factorised [m], shape (m,)."""
+        return np.concatenate([state.c1Mc2.translation for _, state in self.pairs])
+
+    def rows(self) -> Array:
+        """Return the rows at the configuration last factorised; their product with v is minus the gap's rate."""
+        model = self.tied.model
+        rows = pin.getConstraintsJacobian(model, self.data, self.tied.needed, self.states)
+        return np.asarray(rows).reshape(-1, model.nv)
+
+    def right(self) -> Array:
+        """Return what the rows ask of the acceleration last computed, ``-G' v``, shape (m,)."""
+        return np.asarray(self.data.primal_rhs_contact).ravel()
+
+    def step(self, right: Array) -> Array:
+        """Return the least change x, measured by the masses, with ``rows x = right``, shape (nv,)."""
+        m, both = len(right), self._right
+        both[:m] = right
+        return np.asarray(self.cholesky.solve(both)[m:])
+
+    @cached_property
+    def _right(self) -> Array:
+        return np.zeros(3 * len(self.states) + self.tied.model.nv)
+
+
+def _points_of(model: pin.Model, constraint: Constraint) -> list[pin.RigidConstraintModel] | None:
+    if not isinstance(constraint, LoopJoint) or constraint.pair.points is None:
+        return None
+    one, two = model.frames[constraint.first], model.frames[constraint.second]
+    found = []
+    for point in constraint.pair.points:
+        shift = pin.SE3(np.eye(3), np.asarray(point, float))
+        found.append(
+            pin.RigidConstraintModel(
+                pin.ContactType.CONTACT_3D, model, one.parentJoint, one.placement * shift, two.parentJoint,
+                two.placement * shift, pin.LOCAL,
+            )
+        )  # fmt: skip
+    return found
+
+
+def _rows(model: pin.Model, data: pin.Data, points: Sequence[pin.RigidConstraintModel], q: Array) -> Array:
+    pin.computeJointJacobians(model, data, q)
+    rows = []
+    for point in points:
+        state = point.createData()
+        point.calc(model, data, state)
+        rows.append(np.asarray(pin.getConstraintJacobian(model, data, point, state)).reshape(-1, model.nv))
+    return np.vstack(rows)
+
+
+def _independent(
+    model: pin.Model, data: pin.Data, points: Sequence[pin.RigidConstraintModel]
+) -> tuple[list[pin.RigidConstraintModel], int, float]:
+    """Leave out points that add nothing to the rank, at two configurations of no special kind.
+
+    Returns:
+        What is left, the rank, and the better regularity of the two.
+    """
+    places = _places(model)
+    rows = [_rows(model, data, points, q).reshape(len(points), 3, -1) for q in places]
+    bases = [np.zeros((0, model.nv)) for _ in places]
+    kept: list[pin.RigidConstraintModel] = []
+    for k, point in enumerate(points):
+        grown = [_grown(basis, part[k]) for basis, part in zip(bases, rows, strict=True)]
+        if any(len(new) > len(old) for new, old in zip(grown, bases, strict=True)):
+            kept.append(point)
+            bases = grown
+    values = [np.linalg.svd(_rows(model, data, kept, q), compute_uv=False) for q in places]
+    return kept, len(bases[0]), max(float(value[len(bases[0]) - 1] / value[0]) for value in values)
+
+
+def _places(model: pin.Model) -> list[Array]:
+    """Return two configurations of no special kind."""
+    generator = np.random.default_rng(0)
+    return [pin.integrate(model, pin.neutral(model), generator.uniform(-1.0, 1.0, model.nv)) for _ in range(2)]
+
+
+def _unevenness(model: pin.Model, data: pin.Data, points: Sequence[pin.RigidConstraintModel], rank: int) -> float:
+    """Return the condition number of ``G M^-1 G^T``, scaled to a diagonal of ones and cut at the rank of G.
+
+    The larger one of two configurations of no special kind, so that it tells of masses and not of singular positions.
+    """
+    found = 1.0
+    for q in _places(model):
+        rows, inverse = _rows(model, data, points, q), _inverse_mass(model, data, q)
+        if inverse is None:
+            continue
+        delassus = rows @ inverse @ rows.T
+        size = np.sqrt(np.diag(delassus))
+        scale = 1.0 / np.where(size > RANK * size.max(), size, np.inf)
+        values = np.linalg.eigvalsh(scale[:, None] * delassus * scale)[-rank:]
+        found = max(found, float(values[-1] / max(values[0], TINY)))
+    return found
+
+
+def _grown(basis: Array, rows: Array) -> Array:
+    """Return orthonormal rows, shape (r, nv), that span those of a basis and further ones."""
+    left = rows - rows @ basis.T @ basis
+    left -= left @ basis.T @ basis  # once more: what is left may be small
+    _, s, vt = np.linalg.svd(left, full_matrices=False)
+    return np.vstack([basis, vt[s > RANK * np.linalg.norm(rows)]])
+
+
+def _inverse_mass(model: pin.Model, data: pin.Data, q: Array) -> Array | None:
+    """Return the inverse of M, shape (nv, nv); ``None`` where M is singular."""
+    mass = mass_matrix(model, data, q)
+    size = np.sqrt(np.diag(mass))
+    if (size == 0.0).any() or np.linalg.eigvalsh(mass / np.outer(size, size))[0] < MASSLESS:
+        return None
+    return np.asarray(np.linalg.inv(mass))
+
+
+HEAVY = 1e12
+"""Armature that prescribes an acceleration, relative to the largest inertia of the tree."""
+
+MASSLESS = 1e-10
+"""Smallest eigenvalue of M, scaled to a diagonal of ones, for which the tree's own inverse is trusted."""
+
+UNEVEN = 1e6
+"""Condition number of the Delassus matrix, but for singular positions, from which on this route is not trusted: it
+magnifies rounding. Bodies of one linkage reach 1e4; one that is 1e8 times lighter than its neighbours, 1e9."""
+
+TINY = 1e-300
+"""Keeps a quotient finite."""

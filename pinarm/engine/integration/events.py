@@ -1,0 +1,121 @@
+"""Instants at which a watched value crosses zero, found on the dense output."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.integration.integrator import Crossing, Solution
+
+PARTS, ROUNDS = 16, 14
+"""A bracket is cut in 16 parts 14 times: 16^14 is beyond the digits of a double, so it ends at rounding."""
+
+NEGLIGIBLE = 1e-14
+"""Last coefficients of a series that are rounding, relative to the largest; they would spoil its roots."""
+
+
+@dataclass(frozen=True)
+class Watch:
+    """A value that is watched along a motion.
+
+    Attributes:
+        value: ``(t, q, v) -> g`` of many states at once, shape (n,).
+        direction: 1 for crossings to above zero, -1 to below, 0 for both.
+        stops: Whether the integration ends there.
+    """
+
+    value: Callable[[Array, Array, Array], Array]
+    direction: int
+    stops: bool
+
+
+def find(solution: Solution, watches: Sequence[Watch], y: Array) -> bool:
+    """Look for crossings in the last step of a solution, and cut it where one stops the integration.
+
+    A value is replaced by the Chebyshev polynomial through it at points of the step, two to each of the method's parts,
+    whose roots are all known: a coordinate that is linear in q is such a polynomial, and none of its crossings is
+    missed, however short. Each root is then refined on the value itself. A state that is exactly at zero counts as
+    above it.
+
+    Args:
+        solution: Its crossings are completed.
+        watches: What to look for.
+        y: State after the step, settled onto the constraints.
+
+    Returns:
+        Whether the integration is to stop.
+    """
+    index = len(solution.steps) - 1
+    step, nq = solution.steps[index], solution.manifold.nq
+    t = step.t + step.h * nodes(solution.method.parts)
+    t[-1] = step.until
+    states = solution.states_in(np.full(len(t), index), t)
+    states[0][0], states[1][0], states[0][-1], states[1][-1] = step.y[:nq], step.y[nq:], y[:nq], y[nq:]
+    found = []
+    for number, watch in enumerate(watches):
+        for low, high in _brackets(watch.value(t, *states), watch.direction):
+            found.append((_refined(solution, index, watch, step.t + step.h * low, step.t + step.h * high), number))
+    for instant, number in sorted(found):
+        q, v = solution.states_in(np.array([index]), np.array([instant]))
+        solution.crossings.append(Crossing(number, instant, q[0], v[0]))
+        if watches[number].stops:
+            solution.steps[index] = step._replace(until=instant)
+            return True
+    return False
+
+
+@cache
+def nodes(parts: int) -> Array:
+    """Return the Chebyshev points of [0, 1], ends included, shape (2 parts + 1,)."""
+    return 0.5 - 0.5 * np.cos(np.pi * np.arange(2 * parts + 1) / (2 * parts))
+
+
+@cache
+def _to_series(parts: int) -> Array:
+    """Return the matrix from values at the nodes to Chebyshev coefficients on [-1, 1]."""
+    return np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(2.0 * nodes(parts) - 1.0, 2 * parts)))
+
+
+def quiet(values: Array) -> Flags:
+    """Return which rows of values, given at the nodes, keep their sign for sure, shape (m,)."""
+    series = values @ _to_series(values.shape[1] // 2).T
+    return np.asarray(np.abs(series[:, 0]) > np.abs(series[:, 1:]).sum(axis=1))
+
+
+def _brackets(values: Array, direction: int) -> list[tuple[float, float]]:
+    """Return parts of [0, 1] in which values, given at the nodes, cross zero once in the given direction."""
+    series = _to_series(len(values) // 2) @ values
+    one_sided = abs(series[0]) > np.abs(series[1:]).sum()
+    if one_sided or not np.isfinite(series).all():
+        return []
+    held = np.flatnonzero(np.abs(series) > NEGLIGIBLE * np.abs(series).max())
+    roots = np.polynomial.chebyshev.chebroots(series[: held[-1] + 1]) if len(held) else np.zeros(0)
+    real = np.sort(0.5 + 0.5 * roots.real[np.abs(roots.imag) < 1e-4])
+    inner = real[(real > 0.0) & (real < 1.0)]
+    bounds = np.concatenate([[0.0], 0.5 * (inner[1:] + inner[:-1]), [1.0]])
+    above = np.polynomial.chebyshev.chebval(2.0 * bounds - 1.0, series) >= 0.0
+    above[0], above[-1] = values[0] >= 0.0, values[-1] >= 0.0
+    return [
+        (float(bounds[k]), float(bounds[k + 1]))
+        for k in range(len(bounds) - 1)
+        if above[k] != above[k + 1] and direction in (0, 1 if above[k + 1] else -1)
+    ]
+
+
+def _refined(solution: Solution, index: int, watch: Watch, low: float, high: float) -> float:
+    """Return the first instant to rounding after the crossing within a bracket."""
+
+    def value(t: Array) -> Array:
+        return watch.value(t, *solution.states_in(np.full(len(t), index), t))
+
+    before = value(np.array([low]))[0] >= 0.0
+    for _ in range(ROUNDS):
+        t = np.linspace(low, high, PARTS + 1)
+        beyond = np.flatnonzero((value(t[1:-1]) >= 0.0) != before)
+        first = int(beyond[0]) + 1 if len(beyond) else PARTS
+        low, high = float(t[first - 1]), float(t[first])
+    return high

@@ -1,0 +1,232 @@
+"""An implicit method for stiff problems."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.integration.first_step import first_step
+from pinarm.engine.integration.integrator import Count, Manifold, Solution, Step, Stretch
+from pinarm.engine.integration.methods.radau_coefficients import Complex, radau
+
+STAGES = ((3e-5, 3), (1e-7, 5), (0.0, 7))
+"""Tolerances above which so many stages are used. Many stages take long steps: at tight tolerances they save most of
+the work, at wide ones Newton's method then meets more than its linear model can follow, as where dry friction sticks.
+"""
+
+ITERATIONS = 10
+CONVERGED = 1e-4
+"""Error of Newton's method relative to the tolerance: a velocity may be off by less than the creep of dry friction."""
+
+CONTRACTION = 1e-2
+"""Convergence rate of Newton's method below which a Jacobian serves the next step too."""
+
+SAFETY, SLOWEST, FASTEST, KEPT = 0.9, 0.2, 8.0, 1.2
+"""Step control of RADAU5; a step that would grow by less than the last is kept, and its matrices with it."""
+
+
+@dataclass(frozen=True)
+class Radau:
+    """Radau IIA with 3, 5 or 7 stages: order 5, 9 or 13, L-stable, steps by an embedded estimate of order s.
+
+    ``Z_i = h sum_j a_ij f(y + Z_j)``, ``y_new = y + Z_s``, by simplified Newton iterations with a Jacobian by
+    differences; dense output of order s + 1, the collocation polynomial. For springs of 1e6 to 1e9 N*m/rad with
+    damping, in open chains and in loops, and for dry friction with little creep: steps follow the slow motion, whatever
+    decays quickly. A fast oscillation without damping is not followed but damped. Of no use for smooth motion, where
+    ``Adaptive`` is cheaper, nor for long runs without loss, whose energy it eats. It breaks where the acceleration is
+    not smooth: Newton's method then forces tiny steps. Sources: Hairer, Wanner, Solving Ordinary Differential Equations
+    II, section IV.8 (RADAU5); Hairer, Wanner, Stiff differential equations solved by Radau methods, J. Comput. Appl.
+    Math. 111 (1999), for more stages.
+
+    Attributes:
+        tolerance: Local error per step, relative to ``1 + |y|`` in SI; good values 1e-5 to 1e-10.
+        stages: Number s, odd.
+    """
+
+    tolerance: float
+    stages: int
+    parts = 4
+    remedy = "a wider tolerance"
+
+    @classmethod
+    def of(cls, tolerance: float) -> Radau:
+        """Return the method with the stages that suit a tolerance."""
+        return cls(tolerance, next(stages for above, stages in STAGES if tolerance > above))
+
+    @property
+    def name(self) -> str:
+        """Name with the order."""
+        return f"Radau IIA {self.order}"
+
+    @property
+    def order(self) -> int:
+        """Order of the step."""
+        return 2 * self.stages - 1
+
+    def prepare(self, stretches: Sequence[Stretch], q: Array, v: Array) -> Sequence[Stretch]:
+        """Return the stretches as they are."""
+        return stretches
+
+    def stepper(self, manifold: Manifold, count: Count) -> RadauStepper:
+        """Return the method at work."""
+        return RadauStepper(self, manifold, count)
+
+    def interpolants(self, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
+        """Return the terms of the collocation polynomial, from its values at the stages less that at the start."""
+        return np.asarray(radau(self.stages).terms @ np.array([step.slopes for step in steps]))
+
+    def doubts(self, solution: Solution) -> list[str]:
+        """Return nothing: it may cost more than needed, but it does not break."""
+        return []
+
+
+class RadauStepper:
+    """The method at work; ``z`` holds the stages less the state."""
+
+    def __init__(self, method: Radau, manifold: Manifold, count: Count) -> None:
+        n, s = manifold.nq + manifold.nv, method.stages
+        self.method, self.tolerance, self.manifold, self.count = radau(s), method.tolerance, manifold, count
+        self.y, self.slope, self.new = np.zeros(n), np.zeros(n), np.zeros(n)
+        self.z, self.last_z, self.last_h = np.zeros((s, n)), np.zeros((s, n)), 0.0
+        self.jacobian: Array | None = None
+        self.fresh, self.h = False, 0.0
+        self.systems: Complex = np.zeros((len(self.method.eigenvalues), n, n), complex)
+        self.enough = max(10 * np.finfo(float).eps / self.tolerance, CONVERGED)
+        self.iterations, self.rate, self.promise, self.ceiling = 0, 0.0, 1.0, FASTEST
+        self.exponent = -1.0 / (s + 1)
+        self.before = (0.0, 1.0)
+
+    @property
+    def finite(self) -> bool:
+        """Whether the slope at the present state is finite."""
+        return bool(np.isfinite(self.slope).all())
+
+    def begin(self, stretch: Stretch, y: Array) -> None:
+        """Stand at the first instant of a stretch."""
+        self.stretch, self.t, self.jacobian, self.last_h = stretch, stretch.start, None, 0.0
+        self.y[:] = y
+        self.slope = self.rates(self.t, self.y)
+
+    def rates(self, t: float, y: Array) -> Array:
+        """Return f(t, y)."""
+        nq = self.manifold.nq
+        q, v = self.manifold.project(y[:nq]), y[nq:]
+        self.count.evaluations += 1
+        return np.concatenate([self.manifold.velocity(q, v), self.stretch.acceleration(t, q, v)])
+
+    def all_rates(self, t: Array, y: Array) -> Array:
+        """Return f of many states, both of shape (k, nq + nv), at times t, shape (k,)."""
+        slopes, nq, acceleration = np.empty_like(y), self.manifold.nq, self.stretch.acceleration
+        q, v = self.manifold.project(y[:, :nq]), y[:, nq:]
+        self.count.evaluations += len(y)
+        slopes[:, :nq] = self.manifold.velocity(q, v)
+        for k, instant in enumerate(t.tolist()):
+            slopes[k, nq:] = acceleration(instant, q[k], v[k])
+        return slopes
+
+    def first(self, h: float) -> float:
+        """Return the step of the stretch before, or one from two slopes."""
+        stretch = self.stretch
+        order = len(self.method.c)
+        return h or float(first_step(stretch.start, stretch.end, self.y, self.slope, self.rates, self.tolerance, order))
+
+    def attempt(self, t: float, h: float) -> float:
+        """Compute a step from the present state; return its error, not a number where Newton's method fails."""
+        if self.jacobian is None:
+            self.jacobian, self.fresh, self.h = self.differences(t), True, 0.0
+        if h != self.h:
+            scaled = self.method.eigenvalues[:, None, None] / h * np.eye(len(self.y))
+            try:
+                self.systems = np.asarray(np.linalg.inv(scaled - self.jacobian))
+            except np.linalg.LinAlgError:
+                return np.nan
+            self.h = h
+        return self.estimate(t, h) if self.solve(t, h) else np.nan
+
+    def differences(self, t: float) -> Array:
+        """Return the Jacobian of f at the present state, by forward differences."""
+        moved = np.tile(self.y, (len(self.y), 1))
+        moved.flat[:: len(self.y) + 1] += (np.finfo(float).eps * np.maximum(1e-5, np.abs(self.y))) ** 0.5
+        apart = moved.diagonal() - self.y
+        return ((self.all_rates(np.full(len(self.y), t), moved) - self.slope) / apart[:, None]).T
+
+    def solve(self, t: float, h: float) -> bool:
+        """Find the stages by Newton's method; return whether it converged."""
+        method, scale = self.method, self.tolerance * (1.0 + np.abs(self.y))
+        x = 1.0 + method.c * h / self.last_h if self.last_h else method.c
+        self.z = (x[:, None] ** np.arange(1, len(x) + 1)) @ (method.powers @ self.last_z) - self.last_z[-1]
+        before, self.promise = 0.0, max(self.promise, 1e-16) ** 0.8
+        times, inverse = t + method.c * h, method.inverse / h
+        for k in range(ITERATIONS):
+            left = self.all_rates(times, self.y + self.z) - inverse @ self.z
+            change = (method.back @ np.matmul(self.systems, (method.forth @ left)[:, :, None])[:, :, 0]).real
+            self.z += change
+            size = _size(change / scale)
+            self.rate = size / before if before else 0.0
+            if not self.rate < 1.0 or not np.isfinite(size):
+                return False
+            if k:
+                self.promise = self.rate / (1.0 - self.rate)
+            if self.promise * size <= self.enough:
+                self.iterations = k + 1
+                return True
+            if k and self.promise * self.rate ** (ITERATIONS - 2 - k) * size > self.enough:
+                return False
+            before = size
+        return False
+
+    def estimate(self, t: float, h: float) -> float:
+        """Return the error relative to the tolerance: the difference to an embedded method, filtered."""
+        nq, method = self.manifold.nq, self.method
+        self.new = self.y + self.z[-1]
+        self.new[:nq] = self.manifold.project(self.new[:nq])
+        scale = self.tolerance * (1.0 + np.maximum(np.abs(self.y), np.abs(self.new)))
+        filtered, inner = self.systems[0].real, method.eigenvalues[0].real / h * (method.error @ self.z)
+        error = filtered @ (inner + self.slope)
+        size = _size(error / scale)
+        if size > 1.0 and (self.ceiling == 1.0 or not self.last_h):  # a fast transient: filtered once more
+            error = filtered @ (inner + self.rates(t, self.y + error))
+            size = _size(error / scale)
+        return max(size, 1e-10)
+
+    def along(self, t: float, h: float) -> tuple[Array, Array]:
+        """Return the start and the stages of the step, the last of which is its end."""
+        return t + h * np.array([0.0, *self.method.c]), np.vstack([self.y, self.y + self.z])
+
+    def retry(self, h: float, error: float) -> float:
+        """Return a shorter step, with a new Jacobian."""
+        self.ceiling = 1.0
+        if not self.fresh:
+            self.jacobian = None
+        return h * (max(SLOWEST, self.careful() * error**self.exponent) if np.isfinite(error) else 0.5)
+
+    def careful(self) -> float:
+        """Return a safety factor that is smaller where Newton's method had to work."""
+        return SAFETY * (2 * ITERATIONS + 1) / (2 * ITERATIONS + self.iterations)
+
+    def accept(self, t: float, h: float, error: float) -> tuple[Array, float]:
+        """Move on to the end of the step; return its stages and the step to go on with."""
+        nq, z = self.manifold.nq, self.z.copy()
+        factor = self.careful() * error**self.exponent
+        if self.before[0]:  # Gustafsson's predictive controller
+            factor = min(factor, factor * h / self.before[0] * (self.before[1] / error) ** -self.exponent)
+        factor = min(self.ceiling, FASTEST, max(SLOWEST, factor))
+        self.before, self.ceiling = (h, max(error, 1e-2)), FASTEST
+        self.last_z, self.last_h = z, h
+        self.y[:] = self.new
+        if self.stretch.settle is not None:
+            self.y[:] = np.concatenate(self.stretch.settle(t, self.y[:nq].copy(), self.y[nq:].copy()))
+        self.t, self.slope = t, self.rates(t, self.y)
+        self.fresh = False
+        if self.rate > CONTRACTION:
+            self.jacobian = None
+        return z, h if 1.0 <= factor <= KEPT else h * factor
+
+
+def _size(x: Array) -> float:
+    """Return the root of the mean of squares."""
+    return math.sqrt(float(np.vdot(x, x)) / x.size)

@@ -1,0 +1,1 @@
+"""Positions, velocities and accelerations under prescribed coordinates: Newton, continuation, mobility."""

@@ -1,0 +1,50 @@
+"""A branch of solutions through the rows of a table: many at once where that is sure, or one after the other.
+
+The equations are those of ``engine.following``; ``engine.sweeps`` solves many rows, ``engine.assembly`` single ones.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.kinematics.continuation_batch import NOTHING, Sweep
+from pinarm.engine.kinematics.newton import Solver
+from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.mechanism import Mechanism
+from pinarm.mechanics.laws.motion_law import Grid
+
+
+def follow_branch(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Array) -> tuple[Array, Array, Array]:
+    """Continue the branch that begins near a configuration, shape (nq,): in sweeps, row by row where these cannot."""
+    solver, sweep = Solver(mechanism.closure, imposed), Sweep.of(mechanism.closure, imposed)
+    t, w = grid.t, np.zeros((3, len(grid.t), len(imposed.laws)))
+    for k, law in enumerate(imposed.laws):
+        w[:, :, k] = grid.evaluate(law)
+    q, (v, a) = np.empty((len(t), len(start))), np.empty((2, len(t), solver.model.nv))
+    q[0] = solver.assemble(start, w[0, 0], t[0])
+    imposed.check_mobility(mechanism, q[0])
+    v[0], a[0] = solver.rates(q[0], w[1, 0], w[2, 0], t[0])
+    for begin, end, part in grid.stretches():
+        target, row = imposed.on(begin, end), max(part.start, 1)
+        while row < part.stop:
+            last, ahead = (q[row - 1], v[row - 1], a[row - 1]), slice(row - 1, part.stop)
+            found = sweep.ahead(t[ahead], w[:, ahead], *last) if sweep and row > part.start else NOTHING
+            if not len(found[0]):
+                found = tuple(x[None] for x in solver.advance(*last, t[row - 1], t[row], target))
+            rows = slice(row, row + len(found[0]))
+            (q[rows], v[rows], a[rows]), row = found, rows.stop
+    return q, v, a
+
+
+def branch_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
+    """Return velocities and accelerations at closed configurations; see ``following.joint_rates``."""
+    solver, sweep = Solver(mechanism.closure, imposed), Sweep.of(mechanism.closure, imposed)
+    (v, a), row = np.empty((2, len(q), mechanism.model.nv)), 0
+    while row < len(q):
+        dq, ddq = sweep.rates(q[row:], dw, ddw) if sweep else NOTHING[1:]
+        if not len(dq):
+            dq, ddq = (x[None] for x in solver.rates(q[row], dw, ddw, float(row)))
+        rows = slice(row, row + len(dq))
+        v[rows], a[rows], row = dq, ddq, rows.stop
+    return v, a

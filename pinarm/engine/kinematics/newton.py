@@ -1,0 +1,284 @@
+"""Newton's method on the constraints of a mechanism and the coordinates imposed on it, one configuration at a time.
+
+With phi the constraints of loops and couplings, w the imposed coordinates and J the rows of both: ``phi(q) = 0`` and
+``w(q) = w_d``, then ``J v = (0, w_d')`` and ``J a = (0, w_d'') - J' v``, exact to rounding. There may be more rows than
+unknowns where a loop is overconstrained. Nothing is differentiated numerically. Lengths are in the unit that suits the
+mechanism (``Closure.length``), so that it is solved alike at any size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch, part_of_leap
+from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import AssemblyError
+from pinarm.mechanics.ball_joints import configuration
+from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.joints import spelled
+
+CLOSED = 1e-12
+"""Largest gap of a solved position, relative to ``1 + |w|``; Newton's method ends near 1e-16."""
+
+CONTRACTION = 0.25
+"""Largest ratio of a correction to the one before: Newton's method on its way to the only solution nearby."""
+
+REACH = 0.3
+"""Largest correction of a predicted position: beyond it the step in time is halved."""
+
+SINGULAR = 1e-6
+"""Smallest ratio of singular values of J that still determines velocities. Near a stretched position Newton's method
+leaves an angle of the square root of ``CLOSED``, so a smaller ratio is not told from 0."""
+
+AGREED, SHORT = 1e-7, 1e-3
+"""Largest disagreement of redundant rows, relative to their terms: loops closed to rounding leave 1e-12. And the length
+with which centripetal terms are compared that have vanished but for rounding."""
+
+ITERATIONS = 60
+
+SMALLEST = 1e-9
+"""Smallest part of a sample interval that the continuation takes at once: what lies beyond is out of reach."""
+
+
+def assembled(closure: Closure, imposed: Imposed, q: Array, w: Array, t: float) -> Array:
+    """Return the configuration near q in which the loops are closed and the coordinates have the values w, shape (k,).
+
+    Raises:
+        AssemblyError: There is none that damped steps reach; ``data`` holds the closest configuration and its gap.
+    """
+    solver = Solver(closure, imposed)
+    return solver.assemble(q, w, t) if solver.names else q
+
+
+def start_configuration(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
+    """Return the configuration with the given joint coordinates, the others 0, shape (nq,); see ``configuration``.
+
+    Raises:
+        InputError: A joint does not exist.
+    """
+    return configuration(mechanism.model, mechanism.joints, mechanism.balls, start)
+
+
+class Solver:
+    """Newton's method on the constraints and the imposed coordinates of one mechanism."""
+
+    def __init__(self, closure: Closure, imposed: Imposed) -> None:
+        self.closure, self.model, self.data = closure, closure.model, closure.data
+        self.coordinates = imposed.coordinates
+        owners = self.closure.owners()
+        self.names = (*(constraint.name for constraint, _ in owners), *imposed.names)
+        straight = [isinstance(one, Coupling) for one, _ in owners]
+        straight += [isinstance(one, LinearCoordinate) for one in imposed.coordinates]
+        self.curved = ~np.array(straight, dtype=bool)
+        self.units = [*(one.unit(row) for one, row in owners), *(c.unit for c in imposed.coordinates)]
+        self.measure = closure.length ** np.array([float(one.dimension[0]) for one in self.units])
+        self.scale = closure.scale
+
+    def gap(self, q: Array, w: Array) -> Array:
+        """Return ``(-phi(q), w - w(q))`` in SI, shape (m + k,); leaves Jacobians and frames of q in the buffers."""
+        self.closure.place(q)
+        reached = np.array([coordinate.value(self.data, q) for coordinate in self.coordinates])
+        return np.concatenate([-self.closure.gap(q), w - reached])
+
+    def rows(self) -> Array:
+        """Return J at the configuration last given to ``gap``, in the mechanism's units, shape (m + k, nv)."""
+        own = [coordinate.row(self.model, self.data) for coordinate in self.coordinates]
+        return np.asarray(np.vstack([self.closure.rows(), *own]) * self.scale / self.measure[:, None])
+
+    def moved(self, q: Array, step: Array) -> Array:
+        """Return the configuration a step away, which is in the mechanism's units."""
+        return np.asarray(pin.integrate(self.model, q, self.scale * step))
+
+    def assemble(self, q: Array, w: Array, t: float) -> Array:
+        """Return the configuration with ``w(q) = w`` that damped least-squares steps reach from q.
+
+        Raises:
+            AssemblyError: They end where the gap can shrink no more.
+        """
+        closest, gap = self._closest(q, w)
+        if self._closed(gap, w):
+            return self._polish(closest, w)
+        raise self._unreachable(closest, gap, t)
+
+    def _closest(self, q: Array, w: Array) -> tuple[Array, Array]:
+        """Return the configuration with the smallest gap that damped steps from q reach, and that gap."""
+        gap = self.gap(q, w)
+        damping = 0.0
+        for _ in range(ITERATIONS):
+            if self._closed(gap, w):
+                break
+            rows = self.rows()
+            still = np.zeros(self.model.nv)
+            step = np.linalg.lstsq(
+                np.vstack([rows, damping * np.eye(len(still))]),
+                np.concatenate([gap / self.measure, still]),
+                rcond=1e-12,
+            )[0]
+            turning = rows[self.curved].any(axis=0)  # the turns of a screw are many and need no caution
+            step *= min(1.0, 0.5 / np.abs(step[turning]).max(initial=1e-300))
+            trial = self.moved(q, step)
+            trial_gap = self.gap(trial, w)
+            if np.linalg.norm(trial_gap / self.measure) < np.linalg.norm(gap / self.measure):
+                q, gap, damping = trial, trial_gap, damping / 10
+            else:
+                damping = max(1e-3, damping * 10)
+                self.gap(q, w)
+        return q, gap
+
+    def _polish(self, q: Array, w: Array) -> Array:
+        """Take two more Newton steps: from 1e-12 they end at rounding."""
+        for _ in range(2):
+            gap = self.gap(q, w)
+            if np.linalg.cond(rows := self.rows()) < 1 / SINGULAR:
+                q = self.moved(q, _solve(rows, gap / self.measure))
+        return q
+
+    def advance(
+        self, q: Array, v: Array, a: Array, t: float, to: float, target: Callable[[float], tuple[Array, Array, Array]]
+    ) -> tuple[Array, Array, Array]:
+        """Return q, v, a at the instant ``to``, from those at t; the step is cut where the prediction is poor.
+
+        It is cut as well where it would change sides of a singular position without coming close to it: branches that
+        all but meet, as of a crank and a rod of nearly the same length, are as smooth across as along.
+
+        Raises:
+            AssemblyError: The branch cannot be continued.
+        """
+        pending, smallest = [to], SMALLEST * abs(to - t)
+        self.closure.place(q)
+        rows = self.rows()
+        while pending:
+            h = pending[-1] - t
+            w, dw, ddw = target(pending[-1])
+            predicted = pin.integrate(self.model, q, h * v + 0.5 * h * h * a)
+            found = self._newton(predicted, w)
+            rates = None if found is None else self.rates(found, dw, ddw, pending[-1])
+            part = 0.5
+            if found is not None and rates and self._on_branch(h * (rates[0] - v - h * a), predicted, found):
+                there = self.rows()
+                part = part_of_leap(rows, there)
+                if part == 1.0:
+                    q, (v, a), t, rows = found, rates, pending.pop(), there
+                    continue
+            if abs(h) > smallest:
+                pending.append(t + part * h)
+            else:
+                raise self._unreachable(*self._closest(q, target(to)[0]), to)
+        return q, v, a
+
+    def _on_branch(self, turned: Array, predicted: Array, found: Array) -> bool:
+        correction = np.asarray(np.abs(pin.difference(self.model, predicted, found) / self.scale).max())
+        return bool(on_branch(turned / self.scale, correction))
+
+    def _newton(self, q: Array, w: Array) -> Array | None:
+        """Return the solution near a prediction, ``None`` where it is not near or does not come."""
+        size, moved = np.inf, 0.0
+        while size > ENOUGH:
+            gap = self.gap(q, w)
+            try:
+                step = _solve(self.rows(), gap / self.measure)
+            except np.linalg.LinAlgError:
+                return None
+            size, before = float(np.abs(step).max()), size
+            moved += size
+            if not moved < REACH or not (size < CONTRACTION * before or size < ENOUGH):
+                return None
+            q = self.moved(q, step)
+        return q if self._closed(self.gap(q, w), w) else None
+
+    def rates(self, q: Array, dw: Array, ddw: Array, t: float) -> tuple[Any, Any]:
+        """Return v and a, each of shape (nv,).
+
+        Raises:
+            AssemblyError: The position is singular: the coordinates do not determine the velocities, or the mechanism
+                moves that way for an instant only.
+        """
+        self.gap(q, np.zeros(len(dw)))
+        rows, still = self.rows(), np.zeros(self.closure.size)
+        check_rank(rows, self.names, t)
+        x = self._agreed(rows, np.concatenate([still, dw]) / self.measure, 0.0, t)
+        v = self.scale * x
+        drift = self.closure.drift(q, v)
+        own = np.array([coordinate.drift(self.model, self.data) for coordinate in self.coordinates])
+        right = np.concatenate([-drift, ddw - own]) / self.measure
+        return v, self.scale * self._agreed(rows, right, float(np.abs(x).max()) ** 2, t)
+
+    def _agreed(self, rows: Array, right: Array, square: float, t: float) -> Array:
+        """Return x with ``rows x = right``, on which redundant rows agree, unless the loops move for an instant only.
+
+        Terms in the ``square`` of a velocity [1/s^2] may have vanished in the right-hand side but for their rounding.
+
+        Raises:
+            AssemblyError: They do not agree.
+        """
+        x = _solve(rows, right)
+        left, terms = np.abs(rows @ x - right), np.abs(rows) @ np.abs(x) + np.abs(right)
+        if left.max(initial=0.0) > AGREED * (terms.max(initial=0.0) + SHORT * square):
+            torn = dict.fromkeys(name for name, part in zip(self.names, left, strict=True) if part > 0.1 * left.max())
+            raise AssemblyError(
+                f"the position at {t:.9g} is singular: {', '.join(torn)} can move that way for an instant only",
+                expected="a motion on which the loops stay closed",
+                hint="a position beside it, or no velocity there",
+                t=t, q=None,
+            )  # fmt: skip
+        return x
+
+    def _closed(self, gap: Array, w: Array) -> bool:
+        wanted = np.concatenate([np.zeros(self.closure.size), np.abs(w)])
+        return bool((np.abs(gap) <= CLOSED * (self.measure * self.closure.coarseness + wanted)).all())
+
+    def _unreachable(self, q: Array, gap: Array, t: float) -> AssemblyError:
+        owners = list(zip(self.names, self.units, strict=True))
+        sizes = {owner: float(np.linalg.norm(gap[[one == owner for one in owners]])) for owner in owners}
+        worst = max(sizes, key=sizes.__getitem__)
+        missed = "misses its value" if worst in owners[self.closure.size :] else "stays open"
+        torn = dict.fromkeys(name for (name, _), size in sizes.items() if size > 0.1 * sizes[worst])
+        others = ", ".join(name for name in torn if name != worst[0])
+        beside = f", and with it {others}" if others else ""
+        what = f"the motion is out of reach at {t:.9g}" if self.coordinates else "the loops do not close"
+        wanted = "a motion that the mechanism can follow" if self.coordinates else "loops that close"
+        return AssemblyError(
+            f"{what}: {worst[0]} {missed} by {sizes[worst]:.3g} {worst[1]}{beside}",
+            expected=f"{wanted}; the closest it comes is {spelled(self.model, q)}",
+            hint="other values of the law, or another start that chooses the branch",
+            t=t, q=q, gap=gap,
+        )  # fmt: skip
+
+
+def _solve(rows: Array, right: Array) -> Array:
+    """Return x with ``rows x = right``; where there are more rows than unknowns they agree, to rounding."""
+    if rows.shape[0] == rows.shape[1]:
+        return np.asarray(np.linalg.solve(rows, right))
+    return np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0])
+
+
+def check_rank(rows: Array, names: Sequence[str], t: float) -> None:
+    """Raise where rows do not determine the velocity of every joint.
+
+    Args:
+        rows: Those of constraints and coordinates, shape (m, nv).
+        names: What they belong to.
+        t: The instant, for the message.
+
+    Raises:
+        AssemblyError: The position is singular.
+    """
+    nv = rows.shape[1]
+    singular = np.linalg.svd(rows, compute_uv=False)
+    if len(rows) < nv or not singular[nv - 1] > SINGULAR * singular[0]:
+        weak = np.linalg.svd(rows)[0][:, min(len(rows), nv) - 1]
+        tied = [name for name, weight in zip(names, weak, strict=True) if abs(weight) > 0.1]
+        raise AssemblyError(
+            f"the position is singular at {t:.9g}: the coordinates {', '.join(tied)} do not move independently there",
+            expected="imposed coordinates that determine the velocity of every joint",
+            hint="a motion that keeps clear of the straight or folded position, or other coordinates",
+            t=t,
+        )

@@ -1,0 +1,123 @@
+"""Coordinates that follow laws, and whether they are as many as a mechanism needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.nullspace import Split
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError
+from pinarm.mechanics.ball_joints import ball_coordinates
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.laws.motion_law import MotionLaw
+
+
+@dataclass(frozen=True)
+class Imposed:
+    """Coordinates with the laws that they follow.
+
+    Attributes:
+        names: Names of the coordinates.
+        coordinates: The coordinates, in the same order.
+        laws: Their laws, in the same order.
+    """
+
+    names: tuple[str, ...]
+    coordinates: tuple[Coordinate, ...]
+    laws: tuple[MotionLaw, ...]
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> Imposed:
+        """Return the imposed coordinates of a mechanism all of whose joints are to follow.
+
+        Raises:
+            InputError: A coordinate does not exist, or there are too few or too many.
+        """
+        coordinates = tuple(mechanism.coordinate(name) for name in motion)
+        imposed = cls(tuple(motion), coordinates, tuple(motion.values()))
+        imposed._check_count(mechanism)
+        return imposed
+
+    @classmethod
+    def some(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> Imposed:
+        """Return imposed coordinates that leave others free.
+
+        Raises:
+            InputError: A coordinate does not exist, or nothing is left free.
+        """
+        coordinates = tuple(mechanism.coordinate(name) for name in motion)
+        if len(coordinates) >= mechanism.model.nv:
+            raise InputError("every coordinate follows a law: nothing is left to integrate", hint="kind: inverse")
+        return cls(tuple(motion), coordinates, tuple(motion.values()))
+
+    def _check_count(self, mechanism: Mechanism) -> None:
+        model = mechanism.model
+        rows = mechanism.closure.size  # redundant ones among them leave more freedom than this says
+        if len(self.names) < model.nv - rows:
+            raise self._miscounted(mechanism, model.nv - rows)
+        if len(self.names) > model.nv - min(rows, 1):
+            raise self._miscounted(mechanism, model.nv - min(rows, 1))
+
+    def check_mobility(self, mechanism: Mechanism, q: Array) -> None:
+        """Raise where there are more or fewer coordinates than the assembled mechanism has degrees of freedom.
+
+        Raises:
+            InputError: Says which could be added, or how many are too many.
+        """
+        mechanism.closure.place(q)
+        mobility = Split.of(mechanism.closure.rows()).free.shape[1]
+        if len(self.names) != mobility:
+            raise self._miscounted(mechanism, mobility)
+
+    def _miscounted(self, mechanism: Mechanism, mobility: int) -> InputError:
+        missing = mobility - len(self.names)
+        if missing > 0:
+            own = [*mechanism.joints, *ball_coordinates(mechanism.model, mechanism.balls)]
+            free = [name for name in own if name not in self.names]
+            return InputError(
+                f"{mobility} coordinates have to follow a law and {len(self.names)} do",
+                expected=f"laws for {missing} more, such as of the joints {', '.join(free)}",
+                hint="base: fixed in the mechanism file, to hold the base" if mechanism.balls else "",
+            )
+        return InputError(
+            f"{len(self.names)} coordinates follow a law, but the mechanism has only {mobility} degrees of freedom",
+            expected=f"{mobility} of {', '.join(self.names)}" if mobility else "a mechanism that can move",
+        )
+
+    def linear_last(self) -> tuple[Imposed, int]:
+        """Return the same coordinates with those of joints, and sums of them, last; and how many others there are."""
+        is_linear = [isinstance(one, LinearCoordinate) for one in self.coordinates]
+        places = sorted(range(len(is_linear)), key=is_linear.__getitem__)
+        ordered = Imposed(
+            tuple(self.names[k] for k in places),
+            tuple(self.coordinates[k] for k in places),
+            tuple(self.laws[k] for k in places),
+        )
+        return ordered, is_linear.count(False)
+
+    def on(self, start: float, end: float) -> Callable[[float], tuple[Array, Array, Array]]:
+        """Return ``t -> w, w', w''`` of all coordinates on a stretch without jumps, each of shape (k,)."""
+        functions = [law.on(start, end) for law in self.laws]
+
+        def target(t: float) -> tuple[Array, Array, Array]:
+            instant = np.array([t])
+            values = [function(instant) for function in functions]
+            w, dw, ddw = (np.array([value[k][0] for value in values]) for k in range(3))
+            return w, dw, ddw
+
+        return target
+
+    def along(self, start: float, end: float) -> Callable[[Array], tuple[Array, Array, Array]]:
+        """Return the same at many instants: ``t -> w, w', w''``, shape (n,) to (n, k)."""
+        functions = [law.on(start, end) for law in self.laws]
+
+        def targets(t: Array) -> tuple[Array, Array, Array]:
+            values = [function(t) for function in functions]
+            w, dw, ddw = (np.array([value[k] for value in values]).T for k in range(3))
+            return w, dw, ddw
+
+        return targets

@@ -1,0 +1,97 @@
+"""From the description of a mechanism to the model that it names: which file, which text, which arguments."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from pinarm.errors import Location, ModelError
+from pinarm.input.mjcf_includes import included
+from pinarm.input.robots import floats
+from pinarm.input.robots import robot as robot_file
+from pinarm.input.roots import inside, root_of
+from pinarm.input.xacro.expansion import expand
+from pinarm.input.xml_text import MAX_BYTES, location, read
+from pinarm.mechanics.description import MechanismDescription
+from pinarm.mechanics.loading.pinocchio_model import Base, Defects, RobotModel, build_model
+
+FILES = (".urdf", ".xacro", ".xml", ".mjcf")
+"""Endings of model files; what has none of them is the name of a robot."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a mechanism was read from.
+
+    Attributes:
+        data: Content of its file, as plain data.
+        folder: Folder that paths in it are relative to.
+        robot: The model's file; paths of meshes are relative to its folder.
+        base: Whether the model's root was held or floats; ``None`` where the model says it.
+        defects: What was done about inertias that no body can have.
+    """
+
+    data: Mapping[str, Any]
+    folder: Path
+    robot: Path
+    base: Base | None
+    defects: Defects
+
+
+def read_robot(
+    description: MechanismDescription, data: Mapping[str, Any], folder: Path, arguments: Mapping[str, float]
+) -> tuple[RobotModel, dict[str, float], Source]:
+    """Return the model of a mechanism, the values of its arguments, and where it was read from.
+
+    Args:
+        description: The mechanism file.
+        data: Its content as plain data.
+        folder: Folder that paths in it are relative to.
+        arguments: Values given to the model's arguments [SI].
+
+    Raises:
+        InputError: There is no such file, or it may not be read.
+        ModelError: The model has a mistake.
+    """
+    defects: Defects
+    if description.robot.endswith(FILES):
+        root, base, defects = root_of(folder / "mechanism.yaml"), description.base, description.defects or "refused"
+        path = inside((folder / description.robot).absolute(), root, {})
+    else:
+        path, defects = robot_file(description.robot), description.defects or "noted"
+        root, base = path.parent, description.base or ("floating" if floats(path) else None)
+    expansion = expand(path, arguments, root=root)
+    xml, creep = included(expansion.xml, path, root), float(description.creep)
+    try:
+        robot = build_model(xml, base=base, defects=defects, creep=creep)
+    except ModelError as error:
+        raise error.at(_place(error.message, path)) from None
+    notes = (*robot.notes, *(f"xacro: {warning}" for warning in expansion.warnings))
+    resolved = dict(_numbers(expansion.arguments))
+    return replace(robot, notes=notes), resolved, Source(data, folder, path, base, defects)
+
+
+_NAMED = re.compile(r"(link|joint|body) '([^']+)'")
+
+
+def _place(message: str, path: Path) -> Location:
+    """Return the line of a model's file that names the link or joint which a message begins with; else the file."""
+    source, named = str(path), _NAMED.match(message)
+    if named:
+        text = read(path, source, MAX_BYTES)
+        element = rf"<{named[1]}\s[^<>]*?\bname\s*=\s*([\"']){re.escape(named[2])}\1"
+        starts = [match.start() for match in re.finditer(element, text)]
+        if len(starts) == 1:
+            return location(source, text, text.count("\n", 0, starts[0]) + 1)
+    return Location(source)
+
+
+def _numbers(arguments: Mapping[str, str]) -> Iterator[tuple[str, float]]:
+    """Yield the arguments of a model that are numbers; those that are words choose parts of it."""
+    for name, text in arguments.items():
+        with suppress(ValueError):
+            yield name, float(text)

@@ -1,0 +1,1 @@
+"""Motion over time: what is integrated, its segments between impacts, and the trajectory that comes out."""

@@ -1,0 +1,171 @@
+"""Loops that all but stop next to a singular position, from which several motions go on: rounding would choose one.
+
+At a singular position motions of several kinds meet, such as those of a parallelogram and of the crossed one. Passed at
+some speed it is left on the branch on which it was reached, because velocities tell the branches apart. At rest they
+do not, and the least gap of a loop decides: what comes then may be far from the truth and keep its energy nevertheless.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.nullspace import RANK
+from pinarm.engine.motion.segments import Course, Leg
+
+REGULAR, SLOW = 1e-3, 0.07
+"""Smallest singular value of the rows, relative to its largest in the run, and speed, relative to the largest, below
+which both a motion is not determined. A parallelogram that turns back just beyond its singular position has errors of
+order 1 where it passes this at 0.03 of its largest speed, and none at 0.1."""
+
+WITHIN, BLOCK, USUAL = 16, 500, 8
+"""Instants within a step that are looked at, steps that are looked at together, and states that tell what is usual."""
+
+MARGIN = 1.5
+"""How much larger than it is the least speed within a step is estimated at most."""
+
+AHEAD = 0.25
+"""How far a mechanism moves before it may have become singular, over its regularity [rad]: four-bars take 1."""
+
+
+@dataclass(frozen=True)
+class Standstill:
+    """Where a motion is not determined.
+
+    Attributes:
+        t: The instant [s].
+        regularity: Smallest singular value of the rows there, relative to its largest in the run.
+    """
+
+    t: float
+    regularity: float
+
+
+def undetermined_rest(closure: Closure, course: Course) -> Standstill | None:
+    """Return the first instant at which a motion is slow next to a singular position.
+
+    It may begin at rest beside one, as long as it is not there to rounding: the start itself tells the branch.
+
+    Args:
+        closure: The constraints, and the coordinates that follow laws.
+        course: The motion.
+    """
+    legs = [leg for leg in course.legs if leg.solution.steps]
+    if not closure.size or not legs:
+        return None
+    scale = closure.scale
+    paces = [_Pace.of(leg, scale) for leg in legs]
+    fastest = max(float(pace.speed.max()) for pace in paces)
+    usual, looked = None, -np.inf
+    for t, q, least in _slow(paces, SLOW * fastest):
+        if t < looked:
+            continue
+        usual = usual or _Usual.of(closure, legs)
+        regularity = usual.regularity(q)
+        if regularity < least:
+            return Standstill(t, regularity)
+        looked = t + AHEAD * regularity / fastest
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class _Pace:
+    """How fast a leg is at the ends of its steps.
+
+    Attributes:
+        leg: The leg.
+        scale: Unit of every velocity, shape (nv,).
+        t: Starts of its steps, shape (n,).
+        q: Configuration at its start, shape (nq,).
+        speed: Speeds at the starts, shape (n,).
+        least: About the least speed within each step, shape (n,).
+    """
+
+    leg: Leg
+    scale: Array
+    t: Array
+    q: Array
+    speed: Array
+    least: Array
+
+    @classmethod
+    def of(cls, leg: Leg, scale: Array) -> _Pace:
+        """Return that of a leg."""
+        steps, nq = leg.solution.steps, leg.solution.manifold.nq
+        t = np.array([*(step.t for step in steps), steps[-1].until])
+        last = np.hstack(leg.solution.states(t[-1:]))
+        y = np.concatenate([[step.y for step in steps], last])  # only the last step is interpolated
+        q, v = leg.system.whole(t, y[:, :nq], y[:, nq:])
+        v = v / scale
+        speed = np.linalg.norm(v, axis=1)
+        if q.shape == v.shape:
+            mean = np.diff(q, axis=0) / (np.diff(t)[:, None] * scale)
+            least = _least(v[:-1], mean, v[1:])
+        else:  # half of the smaller one at its ends; 0 where the direction changes much
+            along = (v[:-1] * v[1:]).sum(axis=1) > 0.5 * speed[:-1] * speed[1:]
+            least = np.where(along, 0.5 * np.minimum(speed[:-1], speed[1:]), 0.0)
+        return cls(leg, scale, t[:-1], q[0], speed[:-1], least)
+
+    def within(self, steps: Indices) -> tuple[Array, Array, Array]:
+        """Return instants within the steps of given indices, configurations and speeds there."""
+        h = np.array([self.leg.solution.steps[k].until for k in steps]) - self.t[steps]
+        t = (self.t[steps][:, None] + h[:, None] * np.linspace(0.0, 1.0, WITHIN)).ravel()
+        q, v = self.leg.system.whole(t, *self.leg.solution.states_in(np.repeat(steps, WITHIN), t))
+        return t, q, np.linalg.norm(v / self.scale, axis=1)
+
+
+def _least(first: Array, mean: Array, last: Array) -> Array:
+    """Return the least speed of parabolas through velocities at both ends, with given means, each of shape (n, nv)."""
+    x = np.linspace(0.0, 1.0, WITHIN)[:, None, None]
+    v = first * (1.0 - x) + last * x + (6.0 * mean - 3.0 * (first + last)) * (x * (1.0 - x))
+    return np.asarray(np.linalg.norm(v, axis=2).min(axis=0))
+
+
+def _slow(paces: Sequence[_Pace], limit: float) -> Iterator[tuple[float, Array, float]]:
+    """Yield instants at which a motion is slow, the configurations, and how regular they have to be at least."""
+    first, since = paces[0], -np.inf
+    if limit and not first.speed[0]:
+        yield float(first.t[0]), first.q, RANK
+        since = float(min(first.t[first.speed >= limit], default=np.inf))
+    for pace in paces:
+        steps = np.flatnonzero((pace.least < MARGIN * limit) & (np.append(pace.t[1:], np.inf) > since))
+        for start in range(0, len(steps), BLOCK):
+            t, q, speed = pace.within(steps[start : start + BLOCK])
+            for k in np.flatnonzero((speed < limit) & (t >= since)):
+                yield float(t[k]), q[k], REGULAR
+
+
+@dataclass(frozen=True, eq=False)
+class _Usual:
+    """How regular a mechanism usually is.
+
+    Attributes:
+        closure: Its constraints.
+        rank: Rank of their rows.
+        value: Largest value that the smallest singular value of so many rows has in a run.
+    """
+
+    closure: Closure
+    rank: int
+    value: float
+
+    @classmethod
+    def of(cls, closure: Closure, legs: Sequence[Leg]) -> _Usual:
+        """Return what starts of steps tell: within steps redundant rows tear, and seem independent."""
+        found = []
+        for leg in legs:
+            steps, nq = leg.solution.steps, leg.solution.manifold.nq
+            some = [steps[k] for k in np.unique(np.linspace(0, len(steps) - 1, USUAL).astype(int))]
+            t, y = np.array([step.t for step in some]), np.array([step.y for step in some])
+            found.append(leg.system.whole(t, y[:, :nq], y[:, nq:])[0])
+        values = closure.values_of(closure.at(np.concatenate(found))[1])
+        rank = int((values > RANK * values[:, :1]).sum(axis=1).max())
+        return cls(closure, rank, float(values[:, rank - 1].max()) if rank else 1.0)
+
+    def regularity(self, q: Array) -> float:
+        """Return the smallest singular value at a configuration, relative to the usual one."""
+        return float(self.closure.singular_values(q)[self.rank - 1] / self.value) if self.rank else 1.0

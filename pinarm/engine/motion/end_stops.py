@@ -1,0 +1,112 @@
+"""End stops of joints: impacts with restitution, and what rests on a stop afterwards.
+
+An impact changes velocities by the impulses of the stop and of the constraints: v+ is the velocity nearest to v-,
+measured by the masses, with ``n v+ = -e n v-`` at the stop that is hit and ``G v+ = w'`` at loops and prescribed
+coordinates (Newton's law of restitution with Gauss's principle; Moreau, Unilateral contact and dry friction in finite
+freedom dynamics, 1988). A restitution of 1 keeps the energy. Stops push only: those that would have to pull let go.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.nullspace import Split
+from pinarm.engine.dynamics.equation import mass_matrix
+from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.mechanics.coordinates import LinearCoordinate
+
+RESTING = 1e-6
+"""Velocity after an impact that is taken for rest [rad/s or m/s]: what is left to rise is 1e-13 m under gravity."""
+
+SLACK = 1e-13
+"""Gap that counts as contact, relative to ``1 + |limit|``: where loops are closed, positions are right to 1e-14."""
+
+
+@dataclass(frozen=True)
+class Bound:
+    """One side of a joint's range.
+
+    Attributes:
+        name: For messages: the joint and the side.
+        coordinate: The joint's coordinate.
+        joint: Index of its velocity in v.
+        limit: The coordinate's value at the stop [rad or m].
+        side: 1 for a lower limit, -1 for an upper one: the way in which the stop pushes.
+        restitution: e, velocity after an impact relative to that before, from 0 to 1.
+    """
+
+    name: str
+    coordinate: LinearCoordinate
+    joint: int
+    limit: float
+    side: float
+    restitution: float
+
+    @property
+    def place(self) -> int:
+        """Return the index of the coordinate in q."""
+        return int(self.coordinate.places[self.joint])
+
+    def gap(self, q: Array) -> Array:
+        """Return the distance to the stop, negative beyond it, shape (...,)."""
+        return np.asarray(self.side * (q[..., self.place] - self.limit))
+
+    @property
+    def slack(self) -> float:
+        """Return the gap that counts as contact [rad or m]."""
+        return SLACK * (1.0 + abs(self.limit))
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """The stops of a mechanism.
+
+    Attributes:
+        closure: Constraints of the mechanism, without the imposed coordinates.
+        imposed: Coordinates that follow laws.
+        bounds: The stops.
+    """
+
+    closure: Closure
+    imposed: Imposed
+    bounds: Sequence[Bound]
+
+    def near(self, q: Array) -> list[int]:
+        """Return the indices of the stops that a configuration touches."""
+        return [k for k, one in enumerate(self.bounds) if abs(one.gap(q)) <= one.slack]
+
+    def impact(self, t: float, q: Array, v: Array, hit: Iterable[int]) -> Array:
+        """Return the velocity after the stops ``hit`` were met with the velocity v, shape (nv,).
+
+        What is slower afterwards than ``RESTING`` rests; other stops that are touched hold as long as they push.
+        """
+        touched, bounds = self.near(q), self.bounds
+        back = {k: 0.0 for k in touched if abs(v[bounds[k].joint]) <= RESTING}
+        for k in hit:
+            rebound = -bounds[k].restitution * v[bounds[k].joint]
+            back[k] = rebound if abs(rebound) > RESTING else 0.0
+        return self._nearest(t, q, v, back)
+
+    def _nearest(self, t: float, q: Array, v: Array, back: dict[int, float]) -> Array:
+        """Return the velocity nearest to v with the given ones at stops, without those that would pull."""
+        rows = self.closure.with_guides(self.imposed.names, self.imposed.coordinates)
+        model = rows.model
+        mass = mass_matrix(model, rows.data, q)
+        rows.place(q)
+        own = rows.rows()
+        target = np.concatenate([np.zeros(self.closure.size), self.imposed.on(t, t)(t)[1]])
+        while True:
+            normals = np.eye(model.nv)[[self.bounds[k].joint for k in back]]
+            split = Split.of(np.vstack([own, normals]))
+            after = split.solve(mass, mass @ v, np.concatenate([target, list(back.values())]))
+            impulses = split.multipliers(mass @ (after - v))[len(own) :]
+            pushes = {k: self.bounds[k].side * impulse for k, impulse in zip(back, impulses, strict=True)}
+            pulling = [k for k, push in pushes.items() if push < 0.0 and back[k] == 0.0]
+            if not pulling:
+                return after
+            del back[min(pulling, key=pushes.__getitem__)]

@@ -1,0 +1,296 @@
+"""Forward motion over impacts and contacts: each is found, the velocity or the constraints change, and it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.integration import FixedStep, Method, Passes, Solution, Stretch, Watch, integrate
+from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.motion.end_stops import RESTING, Bound, Contacts
+from pinarm.engine.motion.segments import Course, Leg
+from pinarm.engine.motion.systems import Initial, System, system_of
+from pinarm.engine.motion.systems.constrained import ConstrainedSystem
+from pinarm.engine.motion.trajectory import Happening
+from pinarm.errors import InputError, IntegrationError, Interrupted, NumericsError
+from pinarm.mechanics.joints import spelled
+from pinarm.mechanics.laws import Constant
+from pinarm.mechanics.laws.motion_law import ROUNDING, Grid
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration import Ensemble
+    from pinarm.engine.integration.integrator import Crossing
+
+Known = Callable[[], Solution]
+"""Returns a leg that is known, or raises the error that ended it."""
+
+Held = frozenset[int]
+"""Indices of the stops on which joints rest."""
+
+
+@dataclass(frozen=True, eq=False)
+class Journey:
+    """A forward motion that is to be integrated.
+
+    Attributes:
+        closure: Constraints of the mechanism.
+        dynamics: Its equation of motion with all the forces of the run.
+        imposed: Coordinates with laws.
+        initial: The initial state.
+        time: First and last instant [s].
+        bounds: End stops.
+        watches: Events by name; their values are of states of the mechanism.
+        method: The integrator.
+        max_steps: Number of steps after which to give up.
+    """
+
+    closure: Closure
+    dynamics: Dynamics
+    imposed: Imposed
+    initial: Initial
+    time: tuple[float, float]
+    bounds: tuple[Bound, ...]
+    watches: Mapping[str, Watch]
+    method: Method
+    max_steps: int
+    _systems: dict[Held, System] = field(default_factory=dict, repr=False)
+
+    def system(self, held: Held = frozenset()) -> System:
+        """Return what is integrated while joints rest on the given stops.
+
+        Raises:
+            InputError: The imposed coordinates cannot be prescribed independently.
+        """
+        if held not in self._systems:
+            self._systems[held] = self._resting(held) if held else system_of(
+                self.closure, self.dynamics, self.imposed, self.initial)  # fmt: skip
+        return self._systems[held]
+
+    def _resting(self, held: Held) -> System:
+        bounds = [self.bounds[k] for k in sorted(held)]
+        imposed = Imposed(
+            (*self.imposed.names, *(one.name for one in bounds)),
+            (*self.imposed.coordinates, *(one.coordinate for one in bounds)),
+            (*self.imposed.laws, *(Constant(value=one.limit) for one in bounds)),
+        )
+        return ConstrainedSystem.of(self.closure, self.dynamics, imposed)
+
+    def grid(self, t: Array, seams: Iterable[float] = ()) -> Grid:
+        """Return the grid of given instants, cut where a law or the motion jumps."""
+        laws = [*self.imposed.laws, *(law for force in self.dynamics.forces.values() for law in force.laws())]
+        return Grid.cover(t, laws, seams)
+
+    def once(self, t: Array) -> Grid:
+        """Return the grid of given instants, each once: where a law jumps it stands for what comes after."""
+        cuts, slack = np.array(self.cuts), ROUNDING * (t[-1] - t[0])
+        return Grid(t, self.cuts, (0, *map(int, np.searchsorted(t, cuts[1:-1] - slack)), len(t)))
+
+    @cached_property
+    def cuts(self) -> tuple[float, ...]:
+        """Return the bounds of the stretches on which all laws are smooth [s]."""
+        return self.grid(np.array(self.time)).cuts
+
+    @cached_property
+    def contacts(self) -> Contacts:
+        """Return the stops at work."""
+        return Contacts(self.closure, self.imposed, self.bounds)
+
+    def begin(self, initial: Initial) -> tuple[Array, Array]:
+        """Return an initial state of the mechanism, assembled.
+
+        Raises:
+            InputError: It contradicts itself, the laws, or a stop.
+        """
+        system = self.system()
+        q, v = (x[None] for x in system.begin(initial, *self.cuts[:2]))
+        whole_q, whole_v = system.whole(np.array(self.cuts[:1]), q, v)
+        for one in self.bounds:
+            if one.gap(whole_q[0]) < -one.slack:
+                raise InputError(
+                    f"the motion begins at {whole_q[0, one.place]:.6g} {one.coordinate.unit}, beyond the end stop "
+                    f"'{one.name}' at {one.limit:.6g} {one.coordinate.unit}"
+                )
+        return whole_q[0], whole_v[0]
+
+    @cached_property
+    def _stretches(self) -> list[Stretch]:
+        return [self.system().stretch(self.dynamics, *span) for span in pairwise(self.cuts)]
+
+    @property
+    def together(self) -> bool:
+        """Whether motions from several initial states can be integrated together."""
+        from pinarm.engine.integration import Adaptive
+
+        free = self.system().manifold.nv > 0  # what laws determine altogether takes no steps
+        return free and isinstance(self.method, Adaptive) and all(stretch.together for stretch in self._stretches)
+
+    def abreast(self, q: Array, v: Array) -> Ensemble | None:
+        """Return the first legs from many initial states that touch no stop; ``None`` where each has to be taken alone.
+
+        Args:
+            q: Configurations, shape (b, nq), assembled.
+            v: Velocities, shape (b, nv).
+        """
+        from pinarm.engine.integration import Adaptive, advance
+
+        system, stretches = self.system(), self._stretches
+        if not isinstance(self.method, Adaptive) or not self.together:
+            return None
+        watches = [_of_mechanism(one, system) for _, one in self._watched(frozenset(), q[0], v[0])]
+        return advance(
+            stretches,
+            system.manifold,
+            *system.part(q, v),
+            self.method,
+            max_steps=self.max_steps,
+            watches=watches,
+            passes=self._passes(system),
+        )
+
+    def events(self, crossings: Sequence[Crossing]) -> list[Happening]:
+        """Return the events of a leg that no stop has ended, in order of time."""
+        system, names = self.system(), list(self.watches)
+        found = [(one, *system.whole(np.array([one.t]), one.q[None], one.v[None])) for one in crossings]
+        return [Happening(names[one.watch], one.t, q[0], v[0]) for one, q, v in found]
+
+    def travel(self, q: Array, v: Array, ahead: Known | None = None) -> Course:
+        """Return the motion from an initial state; its first leg may be known.
+
+        Raises:
+            IntegrationError: It could not be followed to its end; ``partial`` is the course until then.
+            Interrupted: The user interrupted it; likewise.
+        """
+        course, t = Course(self.dynamics), self.cuts[0]
+        approached = [k for k in self.contacts.near(q) if self.bounds[k].side * v[self.bounds[k].joint] < -RESTING]
+        if approached:
+            v = self.contacts.impact(t, q, v, approached)
+        held = self.pressed(t, q, v)
+        while (met := self.leg(course, held, t, q, v, ahead)) is not None:
+            t, q, v, ahead = met.t, met.q, met.v, None
+            if met.released is not None:
+                held = held - {met.released}
+                continue
+            if met.hit is None:
+                break
+            bound = self.bounds[met.hit]
+            q[bound.place] = bound.limit
+            v = self.contacts.impact(t, q, v, [met.hit])
+            course.happenings.append(Happening(bound.name, t, q, v))
+            held = self.pressed(t, q, v)
+        return course
+
+    def leg(
+        self, course: Course, held: Held, t: float, q: Array, v: Array, ahead: Known | None = None
+    ) -> _Meeting | None:
+        """Add a leg to the course, which may be known; return what ended it before its time."""
+        system, watched = self.system(held), self._watched(held, q, v)
+        spans = [(max(low, t), high) for low, high in pairwise(self.cuts) if high > t]
+        stretches = [system.stretch(self.dynamics, *span) for span in spans]
+        watches = [_of_mechanism(one, system) for _, one in watched]
+        steps = self.max_steps - int(sum(course.cost()[name] for name in ("steps", "rejected steps")))
+        method = self.method if system.manifold.nv else FixedStep(self.time[1] - self.time[0])
+        given, passes = (stretches, system.manifold, *system.part(q, v), method), self._passes(system)
+        try:
+            solution = ahead() if ahead else integrate(*given, max_steps=steps, watches=watches, passes=passes)
+        except (IntegrationError, Interrupted) as error:
+            if error.partial.steps:
+                course.legs.append(Leg(system, error.partial))
+            error.partial = course if course.legs else None
+            self._locate(error, system)
+            raise
+        course.legs.append(Leg(system, solution))
+        return self._met(course, solution, system, [key for key, _ in watched])
+
+    def _met(self, course: Course, solution: Solution, system: System, keys: list[str | int]) -> _Meeting | None:
+        """Note the events of the last leg; return what it ended with, if with one."""
+        meeting = None
+        for crossing in solution.crossings:
+            key, t = keys[crossing.watch], crossing.t
+            q, v = (rows[0] for rows in system.whole(np.array([t]), crossing.q[None], crossing.v[None]))
+            if isinstance(key, str):
+                course.happenings.append(Happening(key, t, q, v))
+                meeting = _Meeting(t, q, v) if self.watches[key].stops else None
+            elif key >= 0:
+                meeting = _Meeting(t, q, v, hit=key)
+            else:
+                meeting = _Meeting(t, q, v, released=~key)
+        return meeting
+
+    def _locate(self, error: NumericsError, system: System) -> None:
+        """Say in an error where the integration ended, joint by joint."""
+        if "q" in error.data:
+            state = (np.asarray(error.data[name])[None] for name in ("t", "q", "v"))
+            error.data["q"], error.data["v"] = (x[0] for x in system.whole(*state))
+            error.message += f", with {spelled(self.dynamics.model, error.data['q'])}"
+
+    def _passes(self, system: System) -> Passes | None:
+        """Return whether a step in the integrated states may have gone past a piece of a load."""
+        forces = [one for one in self.dynamics.forces.values() if one.in_pieces]
+
+        def passes(t: Array, q: Array, v: Array) -> bool:
+            whole = system.whole(t, q, v)
+            return any(one.passed(*whole) for one in forces)
+
+        return passes if forces else None
+
+    def _watched(self, held: Held, q: Array, v: Array) -> list[tuple[str | int, Watch]]:
+        """Return the events, free stops by their index, and those rested on by its complement.
+
+        A joint that leaves its stop from rest does so slower than rounding at first: it is given some slack.
+        """
+        leaving = self.at_rest(q, v)
+        found: list[tuple[str | int, Watch]] = list(self.watches.items())
+        for k, bound in enumerate(self.bounds):
+            slack = 2.0 * bound.slack if k in leaving else 0.0
+            key, value = (~k, partial(self.push, held, k)) if k in held else (k, partial(_gap, bound, slack))
+            found.append((key, Watch(value, -1, stops=True)))
+        return found
+
+    def push(self, held: Held, k: int, t: Array, q: Array, v: Array) -> Array:
+        """Return the push of a stop that is rested on, at many states [N*m or N], shape (n,)."""
+        span = (float(t[0]), max(float(t[-1]), float(np.nextafter(t[0], np.inf))))
+        motion = self.system(held).complete(self.dynamics, Grid(t, span, (0, len(t))), q, v)
+        return np.asarray(self.bounds[k].side * motion.tau[:, self.bounds[k].joint])
+
+    def at_rest(self, q: Array, v: Array) -> Held:
+        """Return the stops that are touched without moving against or away from them."""
+        return frozenset(k for k in self.contacts.near(q) if abs(v[self.bounds[k].joint]) <= RESTING)
+
+    def pressed(self, t: float, q: Array, v: Array) -> Held:
+        """Return the stops that a state at rest on them presses against."""
+        held = self.at_rest(q, v)
+        while held:
+            pushes = {k: self.push(held, k, np.array([t]), q[None], v[None])[0] for k in held}
+            least = min(pushes, key=pushes.__getitem__)
+            if pushes[least] > 0.0:
+                break
+            held = held - {least}
+        return held
+
+
+@dataclass(frozen=True, eq=False)
+class _Meeting:
+    """What ended a leg: an event that stops the run, a stop that is hit, or one that lets go."""
+
+    t: float
+    q: Array
+    v: Array
+    hit: int | None = None
+    released: int | None = None
+
+
+def _gap(bound: Bound, slack: float, t: Array, q: Array, v: Array) -> Array:
+    return bound.gap(q) + slack
+
+
+def _of_mechanism(watch: Watch, system: System) -> Watch:
+    """Return the watch of integrated states."""
+    return Watch(lambda t, q, v: watch.value(t, *system.whole(t, q, v)), watch.direction, watch.stops)

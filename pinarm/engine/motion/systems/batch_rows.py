@@ -1,0 +1,113 @@
+"""The rows of a motion under constraints, many at a time, where one order of elimination serves them.
+
+The equations are those of ``systems.constrained``. Arrays have the rows of the table first, those of ``Measures`` last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.constraints.batch_jacobians import MeasuredAll, Measures
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.elimination import dense
+from pinarm.engine.constraints.nullspace_batch import Freedom, regular_order
+from pinarm.engine.dynamics.equation import Dynamics
+
+CLOSED = 1e-13
+"""Gap at which a state counts as closed [m or rad]; one step more ends at rounding."""
+
+ROUNDED = 1e-15
+"""The same that is rounding."""
+
+TURNED = 1e-15
+"""What rounding of an angle of many turns leaves open, over the angle."""
+
+ITERATIONS = 12
+
+FEWEST = 400
+"""Number of constraint rows in all instants from which on it pays to solve these together."""
+
+Solved = tuple[Flags, Sequence[Array]]
+"""Which rows have been solved, shape (n,), and of these q, v, a and the efforts, shapes (s, nq), (s, nv) and (s, k)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Rows under the constraints of a mechanism, some of whose coordinates follow laws.
+
+    Attributes:
+        measures: What the constraints measure, then what the imposed coordinates do.
+        own: Number of rows of the constraints.
+    """
+
+    measures: Measures
+    own: int
+
+    @classmethod
+    def of(cls, rows: Closure, own: int) -> Together | None:
+        """Return the rows of a closure; ``None`` where something cannot be had at many configurations."""
+        return cls(rows.measures, own) if rows.measures else None
+
+    def solve(self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array) -> Solved | None:
+        """Return the closed states nearest to given ones, with accelerations and the efforts of imposed coordinates.
+
+        Args:
+            dynamics: The equation of motion.
+            t: Instants [s], shape (n,); of few, each alone costs less.
+            w: Imposed coordinates and their two derivatives, shape (3, k, n).
+            q: Configurations, shape (n, nv).
+            v: Velocities, shape (n, nv).
+
+        Returns:
+            The rows that the order of elimination serves that suits the first one; ``None`` where it has none.
+        """
+        if len(q) * self.measures.size < FEWEST:
+            return None
+        every, measured, still = range(self.measures.size), self.measures.at(q.T), np.zeros_like(v)
+        rows = measured.rows(every)
+        order = regular_order(dense(rows, (len(every), q.shape[1])))
+        if order is None:
+            return None
+        q, solved = self._closed(measured, Freedom.of(rows, order, q.T.shape), dynamics.mass_matrices(q), w[0], q)
+        measured, mass = self.measures.at(q.T), dynamics.mass_matrices(q)
+        freedom = Freedom.of(measured.rows(every), order, q.T.shape)
+        v = freedom.solve(mass, np.einsum("nij,nj->ni", mass, v), dict(enumerate(w[1], self.own)))
+        right = {row: -x for row, x in measured.drift(every, v.T).items()}
+        right |= {row: x + right.get(row, 0.0) for row, x in enumerate(w[2], self.own)}
+        a = freedom.solve(mass, -dynamics.inverse(t, q, v, still), right)
+        demand = dynamics.inverse(t, q, v, a)
+        # the virtual power of all efforts in a motion in which one of the imposed coordinates has velocity 1
+        efforts = [
+            sum(x * demand[:, j] for j, x in freedom.elimination.solve({row: np.ones(1)}).items())
+            for row in range(self.own, len(every))
+        ]
+        solved &= freedom.served
+        found = q, v, a, np.array(efforts).reshape(len(efforts), len(q)).T
+        return (solved, [x[solved] for x in found]) if solved[0] else None
+
+    def _closed(self, measured: MeasuredAll, freedom: Freedom, mass: Array, w: Array, q: Array) -> tuple[Array, Flags]:
+        """Return the closed configurations nearest to given ones, and which of them are closed.
+
+        The distance is measured by the masses. Newton's method with the rows and the masses of the given
+        configurations, which are nearly closed.
+        """
+        still = np.zeros_like(q)
+        for _ in range(ITERATIONS):
+            gap = self._gap(measured, w)
+            limit = CLOSED * (1.0 + np.abs(w).max(axis=0, initial=0.0)) + TURNED * np.abs(q).max(axis=1)
+            closed = np.abs(gap).max(axis=0) <= limit
+            q = q + freedom.solve(mass, still, dict(enumerate(gap)))
+            if closed[freedom.served].all():
+                break
+            measured = self.measures.at(q.T)
+        return q, closed & freedom.served
+
+    def _gap(self, measured: MeasuredAll, w: Array) -> Array:
+        """Return what is missing in every row [m or rad], shape (m, n)."""
+        gap = -np.array([np.broadcast_to(x, w.shape[1]) for x in measured.gap()])
+        gap[self.own :] += w
+        return gap

@@ -1,0 +1,239 @@
+"""Mechanisms with loops, or with task coordinates that follow laws: all coordinates are integrated and kept closed.
+
+The acceleration is that of Gauss's principle, ``min (a - a0)^T M (a - a0)`` with ``G a = -G' v``, a0 being that of the
+tree without its constraints. After every accepted step the state is brought back onto the constraints by the least
+change, measured by the masses: positions by Newton's method, velocities in one step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.batch_jacobians import BLOCK
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.constraints.nullspace import RANK, Split, Splits
+from pinarm.engine.dynamics.equation import Dynamics, mass_matrices, mass_matrix, parts
+from pinarm.engine.dynamics.masses import require_masses
+from pinarm.engine.integration import Energy, Manifold, Stretch
+from pinarm.engine.kinematics.newton import assembled
+from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.motion.systems.batch_rows import CLOSED, ITERATIONS, ROUNDED, TURNED, Solved, Together
+from pinarm.engine.motion.systems.row_motion import RowMotion
+from pinarm.engine.motion.systems.system import Initial, Motion
+from pinarm.errors import AssemblyError, InputError
+from pinarm.mechanics.ball_joints import coordinate_at, coordinate_name
+from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.laws import Constant
+from pinarm.mechanics.laws.motion_law import Grid
+
+LASTING, ROUNDING = 1e-6, 1e-10
+"""Part of the centripetal terms that redundant loops may leave: closed to rounding, they leave 1e-12; and what rounding
+leaves where these terms vanish, relative to the square of the velocity [m]."""
+
+FEW = 64
+"""Number of rows whose G is taken apart at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConstrainedSystem:
+    """The whole state of a mechanism under its constraints.
+
+    Attributes:
+        imposed: Coordinates that follow laws.
+        manifold: Space of its configurations.
+        own: Constraints of the mechanism.
+        rows: The same, then one row for each imposed coordinate.
+        closure: The same without joint coordinates that follow laws, whose multipliers are efforts at joints.
+    """
+
+    imposed: Imposed
+    manifold: Manifold
+    own: Closure
+    rows: Closure
+    closure: Closure
+
+    @classmethod
+    def of(cls, own: Closure, dynamics: Dynamics, imposed: Imposed) -> ConstrainedSystem:
+        """Return the system of a mechanism with its own constraints, some of whose coordinates follow laws."""
+        imposed, others = imposed.linear_last()
+        return cls(
+            imposed, dynamics.manifold, own, own.with_guides(imposed.names, imposed.coordinates),
+            own.with_guides(imposed.names[:others], imposed.coordinates[:others]),
+        )  # fmt: skip
+
+    def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
+        """Return the closed state nearest to the initial one that has what is given of it.
+
+        Raises:
+            AssemblyError: The loops cannot be closed with the given coordinates.
+            InputError: A law contradicts the loops, or velocities do an instant later.
+            DynamicsError: Something without mass is left free.
+        """
+        w, dw, ddw = self.imposed.on(start, end)(start)
+        given = [coordinate_at(self.rows.model, index) for index in initial.positions]
+        values = [one.value(self.rows.data, initial.q) for one in given]
+        everything = Imposed(
+            (*self.imposed.names, *(coordinate_name(self.rows.model, index) for index in initial.positions)),
+            (*self.imposed.coordinates, *given),
+            (*self.imposed.laws, *(Constant(value=value) for value in values)),
+        )
+        q = assembled(self.own, everything, initial.q, np.array([*w, *values]), start)
+        self.rows.place(q)
+        self._check_independent()
+        require_masses(self.rows, q[None], start)
+        v = self._velocity(q, initial, dw)
+        self._check_lasting(q, v, ddw)
+        return q, v
+
+    def _check_lasting(self, q: Array, v: Array, ddw: Array) -> None:
+        """Raise where the loops allow velocities for an instant only, as of two bars in one line between fixed ends."""
+        self.rows.place(q)
+        rows, right = self.rows.rows(), self.rates(ddw) - self.rows.drift(q, v)
+        left = np.abs(rows @ Split.of(rows).particular(right) - right)
+        rounding = ROUNDING * float(np.abs(v).max(initial=0.0)) ** 2
+        if left.max(initial=0.0) > LASTING * np.abs(right).max(initial=0.0) + rounding:
+            worst = left.max()
+            torn = dict.fromkeys(
+                one.name for (one, _), x in zip(self.rows.owners(), left, strict=True) if x > 0.1 * worst
+            )
+            raise InputError(
+                f"the position is singular: {', '.join(torn)} can move with these velocities for an instant only",
+                expected="velocities along one of the motions that meet here",
+                hint="start beside the position, or at rest",
+            )
+
+    def _check_independent(self) -> None:
+        k, rows = len(self.imposed.names), self.rows.rows()
+        if k and len(Split.of(rows).values) < len(Split.of(rows[: self.own.size]).values) + k:
+            raise InputError(
+                f"the laws of {', '.join(self.imposed.names)} and the loops determine the same motion twice",
+                expected="laws that leave the loops their freedom",
+            )
+
+    def _velocity(self, q: Array, initial: Initial, dw: Array) -> Array:
+        """Return the velocity of least kinetic energy that the constraints allow and that has what is given.
+
+        Where it cannot have that, it has what comes closest.
+        """
+        model = self.rows.model
+        nv, mass = model.nv, mass_matrix(model, self.rows.data, q)
+        self.rows.place(q)
+        rows, right = self.rows.rows(), self.rates(dw)
+        given = np.eye(nv)[list(initial.velocities)]
+        split = Split.of(rows)
+        x, scale = split.particular(right), 1.0 / self.rows.scale[list(initial.velocities)]
+        left = initial.v[list(initial.velocities)] - given @ x
+        ways = np.linalg.lstsq(scale[:, None] * (given @ split.free), scale * left, rcond=RANK)[0]
+        values = given @ (x + split.free @ ways)
+        return Split.of(np.vstack([rows, given])).solve(mass, np.zeros(nv), np.concatenate([right, values]))
+
+    def rates(self, targets: Array) -> Array:
+        """Return the right-hand side of the rows: 0 for the constraints, then what the laws ask for, shape (.., k)."""
+        nothing = np.zeros((*targets.shape[:-1], self.rows.size - targets.shape[-1]))
+        return np.concatenate([nothing, targets], axis=-1)
+
+    def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
+        """Return the motion on an interval without jumps."""
+        motion = RowMotion(self.rows, self.settled, dynamics.on(start, end), self.imposed.on(start, end))
+        return Stretch(start, end, motion.acceleration, motion.settle, energy=self.energy(dynamics))
+
+    def energy(self, dynamics: Dynamics) -> Energy | None:
+        """Return the energy of a state, as far as it is conserved."""
+        return dynamics.conserved if all(isinstance(law, Constant) for law in self.imposed.laws) else None
+
+    def settled(self, q: Array, v: Array, w: Array, dw: Array, t: Array) -> tuple[Array, Array, Splits]:
+        """Return the closed states nearest to given ones, the distance measured by the masses, and their rows apart.
+
+        Args:
+            q: Configurations, shape (n, nq).
+            v: Velocities, shape (n, nv).
+            w: Imposed coordinates, shape (n, k).
+            dw: Their rates, shape (n, k).
+            t: Instants [s], shape (n,).
+
+        Raises:
+            AssemblyError: Newton's method does not close one.
+        """
+        model, rows, values, polished = self.rows.model, self.rows, self.rates(w), False
+        mass, still, size = mass_matrices(model, rows.data, q), np.zeros_like(v), max(1.0, rows.extent)
+        whole = size + np.abs(values).max(axis=1)
+        for _ in range(ITERATIONS):
+            gaps, matrices = rows.at(q)
+            gaps, splits = values - gaps, rows.splits(q, matrices)
+            torn = np.abs(gaps).max(axis=1)
+            if polished or (torn <= ROUNDED * whole).all():
+                return q, splits.solve(mass, np.matvec(mass, v), self.rates(dw)), splits
+            q = _moved(model, q, splits.solve(mass, still, gaps))
+            excess = torn - CLOSED * whole - TURNED * size * np.abs(q).max(axis=1)
+            polished = bool((excess <= 0.0).all())
+        worst = int(excess.argmax())
+        raise self._open(float(t[worst]), q[worst], gaps[worst])
+
+    def _open(self, t: float, q: Array, gap: Array) -> AssemblyError:
+        owners = [(one.name, one.unit(row)) for one, row in self.rows.owners()]
+        sizes = {owner: float(np.linalg.norm(gap[[one == owner for one in owners]])) for owner in owners}
+        (name, measured), size = max(sizes.items(), key=lambda item: item[1])
+        return AssemblyError(
+            f"at t = {t:.9g} s {name} stays open by {size:.3g} {measured}",
+            expected="a motion on which the loops stay closed", t=t, q=q, gap=gap,
+        )  # fmt: skip
+
+    def part(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the state itself."""
+        return q, v
+
+    def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the states themselves."""
+        return q, v
+
+    @cached_property
+    def _together(self) -> Together | None:
+        return Together.of(self.rows, self.own.size)
+
+    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
+        """Return the motion, closed at every row, with accelerations, efforts and multipliers."""
+        k, together = len(self.imposed.names), self._together
+        w = np.array([grid.evaluate(law) for law in self.imposed.laws]).reshape(k, 3, len(q)).swapaxes(0, 1)
+        found = q.copy(), v.copy(), np.empty_like(v), np.empty((len(q), k))
+        for part, local in parts(dynamics, grid):
+            for begin in range(part.start, part.stop, BLOCK):
+                left = np.arange(begin, min(begin + BLOCK, part.stop))
+                while len(left):
+                    state = grid.t[left], w[:, :, left], q[left], v[left]
+                    served, solved = (together and together.solve(local, *state)) or self._few(local, *state)
+                    for whole, some in zip(found, solved, strict=True):
+                        whole[left[served]] = some
+                    left = left[~served]
+        return self._with_efforts(dynamics, grid, *found)
+
+    def _few(self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array) -> Solved:
+        """Return the first rows, each taken apart by itself: few, close to singular positions, or with ball joints."""
+        some = np.arange(len(t)) < FEW
+        w, t = w[:, :, some].transpose(0, 2, 1), t[some]
+        q, v, splits = self.settled(q[some], v[some], w[0], w[1], t)
+        mass, force = dynamics.mass_matrices(q), -dynamics.inverse(t, q, v, np.zeros_like(v))
+        a = splits.solve(mass, force, self.rates(w[2]) - self.rows.drifts(q, v))
+        efforts = splits.multipliers(np.matvec(mass, a) - force)[:, self.own.size :] if w.size else w[0]
+        return some, (q, v, a, efforts)
+
+    def _with_efforts(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array, efforts: Array) -> Motion:
+        """Return a motion with the efforts of the imposed coordinates, shape (n, k): at joints and along others."""
+        demand = np.concatenate([local.inverse(grid.t[rows], q[rows], v[rows], a[rows])
+                                 for rows, local in parts(dynamics, grid)])  # fmt: skip
+        others = self.closure.size - self.own.size
+        weights = [one.weights for one in self.imposed.coordinates if isinstance(one, LinearCoordinate)]
+        tau = efforts[:, others:] @ np.reshape(weights, (-1, v.shape[1]))
+        return Motion(q, v, a, tau, Multipliers.least(self.closure, q, demand - tau, efforts[:, :others]))
+
+
+def _moved(model: pin.Model, q: Array, x: Array) -> Array:
+    """Return configurations, shape (n, nq), after motions x, shape (n, nv)."""
+    if model.nq == model.nv:
+        return q + x
+    return np.array([pin.integrate(model, *one) for one in zip(q, x, strict=True)])

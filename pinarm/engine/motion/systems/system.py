@@ -1,0 +1,83 @@
+"""What is integrated, and how it belongs to the state of the mechanism."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.integration import Manifold, Stretch
+from pinarm.mechanics.laws.motion_law import Grid
+
+
+@dataclass(frozen=True, eq=False)
+class Initial:
+    """The state that a motion begins with, as far as it is given.
+
+    Attributes:
+        q: The given coordinates, and rough values of the others, shape (nq,).
+        v: The given velocities, and 0, shape (nv,).
+        positions: Indices in v of the joints whose coordinates are given.
+        velocities: Indices in v of the joints whose velocities are given.
+    """
+
+    q: Array
+    v: Array
+    positions: tuple[int, ...] = ()
+    velocities: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The motion of a mechanism at the rows of a grid.
+
+    Attributes:
+        q: Configurations, shape (n, nq).
+        v: Velocities, shape (n, nv).
+        a: Accelerations, shape (n, nv).
+        tau: Efforts of the drives at joints [N*m or N], shape (n, nv).
+        lam: Multipliers of the constraints [N or N*m].
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    lam: Multipliers
+
+
+class System(Protocol):
+    """The state of an integration and how it belongs to that of the mechanism."""
+
+    @property
+    def manifold(self) -> Manifold:
+        """Space of the integrated configurations."""
+        ...
+
+    @property
+    def closure(self) -> Closure:
+        """Constraints with multipliers: those of the mechanism, then task coordinates that follow laws."""
+        ...
+
+    def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
+        """Return the integrated state that belongs to the initial state of the mechanism."""
+        ...
+
+    def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
+        """Return the motion of the integrated state on an interval without jumps."""
+        ...
+
+    def part(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the integrated part of states of the mechanism, shapes (..., nq) and (..., nv)."""
+        ...
+
+    def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the mechanism's states, shapes (..., n, nq) and (..., n, nv), from integrated ones at n times t."""
+        ...
+
+    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
+        """Return the motion of the mechanism at the rows of a grid, from the integrated states there."""
+        ...

@@ -1,0 +1,1 @@
+"""Named quantities of states and motions: coordinates, bodies, joints, reactions, energies."""

@@ -1,0 +1,59 @@
+"""Quantities of ball joints: orientation, angular velocity and moment, in the axes of the link that they carry."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.motion.trajectory import Series, Trajectory
+from pinarm.errors import InputError
+from pinarm.input.units import unit
+from pinarm.mechanics.ball_joints import ANGLES, Ball, BallCoordinate, roll_pitch_yaw
+
+VECTORS = {
+    "angular_velocity": unit("rad/s"), "angular_acceleration": unit("rad/s^2"), "effort": unit("N*m"),
+}  # fmt: skip
+COMPONENTS = ("x", "y", "z", "norm")
+PARTS = (*(f"quaternion.{axis}" for axis in "xyzw"), *ANGLES,
+         *(f"{vector}.{axis}" for vector in VECTORS for axis in COMPONENTS), "power")  # fmt: skip
+"""What can be asked of a ball joint, beside the wrench that every joint transmits."""
+
+
+def turning(run: Trajectory, ball: Ball, name: str, part: str) -> Series | None:
+    """Return a quantity of a ball joint by its name, ``None`` where there is none of this name.
+
+    Args:
+        run: The motion.
+        ball: The joint.
+        name: Name of the series.
+        part: One of ``PARTS``: the quaternion of the link in the joint's placement; roll, pitch and yaw [rad];
+            ``angular_velocity``, ``angular_acceleration`` and ``effort`` [rad/s, rad/s^2, N*m], the moment of its
+            drive, without the rotor's own share; ``power`` of that moment [W].
+
+    Raises:
+        InputError: The effort is asked of a joint that is moved along the components of its rotation vector.
+    """
+    word, _, axis = part.partition(".")
+    if part not in PARTS:
+        return None
+    if word == "quaternion":
+        return Series(name, unit("1"), ball.quaternion(run.q)[:, "xyzw".index(axis)])
+    if word in ANGLES:
+        return Series(name, unit("rad"), roll_pitch_yaw(ball.quaternion(run.q))[:, ANGLES.index(word)])
+    if word == "power":
+        return Series(name, unit("W"), (_effort(run, ball, name) * ball.vectors(run.v)).sum(axis=1))
+    values = {"angular_velocity": run.v, "angular_acceleration": run.a}
+    vectors = ball.vectors(values[word]) if word in values else _effort(run, ball, name)
+    component = np.linalg.norm(vectors, axis=1) if axis == "norm" else vectors[:, "xyz".index(axis)]
+    return Series(name, VECTORS[word], np.asarray(component))
+
+
+def _effort(run: Trajectory, ball: Ball, name: str) -> Array:
+    if run.unasked:
+        raise InputError(f"'{name}': {run.unasked}", hint="kind: inverse")
+    coordinates = run.mechanism.coordinates
+    guided = [one for one in run.closure.slices() if isinstance(coordinates.get(one), BallCoordinate)]
+    if any(one.startswith(f"{ball.name}.rotation.") for one in guided):
+        raise InputError(f"'{name}': the drive acts along {', '.join(guided)}",
+                         hint=f"joint.{ball.name}.moment.x, or coordinate.{guided[0]}.effort")  # fmt: skip
+    return ball.vectors(run.tau) - ball.vectors(run.mechanism.model.armature) * ball.vectors(run.a)

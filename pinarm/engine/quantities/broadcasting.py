@@ -1,0 +1,54 @@
+"""Arrays of states with any leading axes: folded into rows where they come in, unfolded where results go out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pinarm.arrays import Array
+from pinarm.engine.dynamics.equation import real
+from pinarm.errors import InputError
+
+
+@dataclass(frozen=True)
+class Leading:
+    """The leading axes of the arrays of one call.
+
+    Attributes:
+        shape: Their lengths; none where a single state was given.
+    """
+
+    shape: tuple[int, ...]
+
+    @classmethod
+    def fold(cls, **given: tuple[ArrayLike, int]) -> tuple[Leading, list[Array]]:
+        """Return the leading axes that arrays share, and the arrays as rows, each of shape (n, width).
+
+        Args:
+            given: Name -> array of shape (..., width), and its width.
+
+        Raises:
+            InputError: A last axis has another length, the leading axes differ, or something is no real number.
+        """
+        arrays = {name: real(x, name) for name, (x, _) in given.items()}
+        for name, x in arrays.items():
+            width = given[name][1]
+            if x.ndim == 0 or x.shape[-1] != width:
+                raise InputError(f"{name} has the shape {x.shape}", expected=f"(..., {width}), such as ({width},)")
+        if len({x.shape[:-1] for x in arrays.values()}) > 1:
+            shapes = ", ".join(f"{name}: {x.shape}" for name, x in arrays.items())
+            raise InputError(f"the arrays have the shapes {shapes}", expected="the same axes before the last one")
+        shape = next(iter(arrays.values())).shape[:-1]
+        return cls(shape), [x.reshape(-1 if x.size else 0, given[name][1]) for name, x in arrays.items()]
+
+    def unfold(self, rows: Array) -> Array:
+        """Return what was computed row by row, shape (n, ...), with the leading axes in place of the first."""
+        return rows.reshape((*self.shape, *rows.shape[1:]))
+
+    def place(self, row: int) -> str:
+        """Return how messages call a row."""
+        if len(self.shape) == 1:
+            return f"row {row}"
+        return f"state {tuple(map(int, np.unravel_index(row, self.shape)))}" if self.shape else "the state"

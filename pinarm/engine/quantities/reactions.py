@@ -1,0 +1,187 @@
+"""Reactions: the wrenches that joints transmit, those of the tree and those that close loops.
+
+The multipliers act on the tree as outside wrenches; one recursion then gives what every joint of the tree transmits.
+Where constraints are redundant some multipliers do nothing: these self-stresses are added freely to any solution, so
+that a component on which one of them acts is not determined by rigid bodies at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.checks.balance import demands
+from pinarm.engine.constraints.nullspace import Split
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.mechanics.geometry.link_placements import Links, moving
+from pinarm.mechanics.geometry.vectors import crossed
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+
+SAMPLE = 64
+"""Largest number of rows at which self-stresses are looked for: they belong to the structure, not to an instant."""
+
+BLOCK = 1024
+"""Number of rows that are worked on at once."""
+
+
+class Reactions:
+    """Wrenches over the rows of one trajectory, kept once computed.
+
+    Args:
+        run: The trajectory.
+    """
+
+    def __init__(self, run: Trajectory) -> None:
+        self.run, self.model, self.closure = run, run.mechanism.model, run.closure
+        self.loops = {one.name: one for one in self.closure.constraints if isinstance(one, LoopJoint)}
+
+    @cached_property
+    def _links(self) -> Links:
+        return Links.at(self.model, self.run.q)
+
+    def links(self, rows: Indices) -> Links:
+        """Return where the links are at some rows; only those of short runs are kept."""
+        return self._links.some(rows) if len(self.run) <= BLOCK else Links.at(self.model, self.run.q[rows])
+
+    @cached_property
+    def origins(self) -> Array:
+        """Places of the joints' origins [m], world axes, shape (n, njoints, 3)."""
+        return np.concatenate([self.links(rows).places for rows in _blocks(0, len(self.run))])
+
+    @cached_property
+    def multipliers(self) -> Array:
+        """Multipliers of the constraints, and efforts of drives along task coordinates [N or N*m], shape (n, m)."""
+        return np.asarray(self.run.lam)
+
+    @cached_property
+    def joints(self) -> Array:
+        """Wrench of the parent on the child at every joint's origin, world axes [N, N*m], shape (n, njoints, 6)."""
+        return self.run.gather(self._joints)
+
+    def _joints(self, dynamics: Dynamics, part: slice) -> Array:
+        return np.concatenate([self._transmitted(dynamics, rows) for rows in _blocks(part.start, part.stop)])
+
+    def _transmitted(self, dynamics: Dynamics, rows: Indices) -> Array:
+        run, model, data = self.run, self.model, self.model.createData()
+        links, acting = self.links(rows), self._acting(dynamics, rows)
+        outside, inner = pin.StdVec_Force(), np.empty_like(acting)
+        outside.extend([pin.Force.Zero() for _ in range(model.njoints)])
+        loaded, acting = np.flatnonzero(acting.any(axis=(0, 2))).tolist(), links.inwards(acting)
+        for k, i in enumerate(rows.tolist()):
+            for joint in loaded:
+                outside[joint] = pin.Force(acting[k, joint])
+            pin.rnea(model, data, run.q[i], run.v[i], run.a[i], outside)
+            inner[k] = [wrench.vector for wrench in data.f.tolist()]
+        inner[:, 0] = 0.0  # of the world, not of a joint
+        return links.outwards(inner)
+
+    def _acting(self, dynamics: Dynamics, rows: Indices) -> Array:
+        """Return what loads and constraints do to the links at k rows, shape (k, njoints, 6).
+
+        [f; m] at the world's origin, world axes [N, N*m].
+        """
+        run, found = self.run, np.zeros((len(rows), self.model.njoints, 6))
+        for force in dynamics.forces.values():
+            for k, i in enumerate(rows.tolist()):
+                for joint, wrench in force.wrenches(run.grid.t[i], run.q[i], run.v[i]).items():
+                    found[k, joint] += wrench
+        if self.closure.size:
+            found += self.closure.wrenches(self.links(rows), self.multipliers[rows])
+        return found
+
+    def figures(self) -> dict[str, float]:
+        """Return how well the wrenches of the tree's joints keep every body in balance; nothing where none was asked.
+
+        ``bodies``: what Newton's and Euler's equations of a body miss at most, at a sample of the rows, relative to the
+        largest sum of the terms of one body: the wrenches of its joints, loads, weight, and the rate of its momentum,
+        by forward kinematics, about the origin of its joint. Forces and moments each on their own.
+        """
+        if "joints" not in vars(self) or not len(self.run):
+            return {}
+        missed, terms = np.moveaxis(self.run.gather(self._balances), 1, 0)
+        parts = [slice(0, 3), slice(3, 6)]
+        sizes = [(np.linalg.norm(missed[..., k], axis=-1).max(), terms[..., k].max()) for k in parts]
+        return {"bodies": max(float(left / size) if size else 0.0 for left, size in sizes)}
+
+    def _balances(self, dynamics: Dynamics, part: slice) -> Array:
+        """Return what is missed and the sums of absolute terms, body by body, shape (k, 2, njoints - 1, 6)."""
+        run, model = self.run, self.model
+        sampled = np.linspace(0, len(run) - 1, min(len(run), SAMPLE)).astype(int)
+        rows = sampled[(sampled >= part.start) & (sampled < part.stop)]
+        links, twists, rates, _ = moving(model, run.q[rows], run.v[rows], run.a[rows])
+        asked, wrenches = links.outwards(demands(model, links, twists, rates).sum(axis=0)), self.joints[rows]
+        parents = np.array(model.parents)
+        carries = (parents == np.arange(model.njoints)[:, None]).astype(float)
+        carried = _moved(wrenches, links.places - links.places[:, parents])
+        outside = _moved(self._acting(dynamics, rows), -links.places)
+        missed = wrenches + outside - asked - carries @ carried
+        terms = np.abs(wrenches) + np.abs(outside) + np.abs(asked) + carries @ np.abs(carried)
+        return np.asarray(np.stack([missed, terms], axis=1)[:, :, 1:])
+
+    def loop(self, name: str) -> Array:
+        """Return the wrench of a loop joint's first link on its second, at frame 2, world axes, shape (n, 6)."""
+        return self._loop(name, self.multipliers)
+
+    def loop_origins(self, name: str) -> Array:
+        """Return the places of a loop joint's second frame [m], world axes, shape (n, 3)."""
+        frame = self.loops[name].second
+        return np.concatenate([self.links(rows).frame(frame)[1] for rows in _blocks(0, len(self.run))])
+
+    def _loop(self, name: str, lam: Array) -> Array:
+        rows, part = np.zeros((len(lam), 6)), self.closure.slices()[name]
+        held = np.flatnonzero(lam[:, part].any(axis=1))
+        for block in _blocks(0, len(held)):
+            some = held[block]
+            rows[some] = self.loops[name].wrench(self.links(some), lam[some, part])
+        return rows
+
+    @cached_property
+    def stresses(self) -> list[Array]:
+        """Multipliers of length 1 that do nothing, each of shape (n, m), at a sample of the rows; 0 at the others."""
+        run, closure, m = self.run, self.closure, self.run.mechanism.closure.size
+        found: list[Array] = []
+        sampled = np.linspace(0, len(run) - 1, min(len(run), SAMPLE if m else 0)).astype(int)
+        for i in sampled:
+            closure.place(run.q[i])
+            split = Split.of(closure.rows()[:m])
+            free = split.scale[:, None] * split.redundant
+            free /= np.linalg.norm(free, axis=0)
+            while len(found) < free.shape[1]:
+                found.append(np.zeros((len(run), closure.size)))
+            for k in range(free.shape[1]):
+                found[k][i, :m] = free[:, k]
+        return found
+
+    @cached_property
+    def stressed_joints(self) -> list[Array]:
+        """What each self-stress adds to the wrenches of the tree's joints, each of shape (n, njoints, 6)."""
+        return [self._stressed(stress) for stress in self.stresses]
+
+    def stressed_loop(self, name: str) -> list[Array]:
+        """Return what each self-stress adds to the wrench of a loop joint, each of shape (n, 6)."""
+        return [self._loop(name, stress) for stress in self.stresses]
+
+    def _stressed(self, stress: Array) -> Array:
+        rows, some = np.zeros((len(stress), self.model.njoints, 6)), np.flatnonzero(stress.any(axis=1))
+        acting = self.closure.wrenches(self.links(some), stress[some])
+        for joint in range(1, self.model.njoints):
+            rows[some, joint] = _moved(
+                -acting[:, list(self.model.subtrees[joint])].sum(axis=1), -self.origins[some, joint]
+            )
+        return rows
+
+
+def _blocks(start: int, stop: int) -> Iterator[Indices]:
+    """Yield rows, so many at a time that what is computed of them does not fill the memory."""
+    for begin in range(start, stop, BLOCK):
+        yield np.arange(begin, min(begin + BLOCK, stop))
+
+
+def _moved(wrenches: Array, arms: Array) -> Array:
+    """Return wrenches, shape (.., 6), about points from which arms, shape (.., 3), lead to where they were taken."""
+    return np.concatenate([wrenches[..., :3], wrenches[..., 3:] + crossed(arms, wrenches[..., :3])], axis=-1)

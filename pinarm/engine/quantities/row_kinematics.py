@@ -1,0 +1,121 @@
+"""Passes over the rows of a trajectory: what needs the kinematics or dynamics of every row, computed once."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.joints import frame_of
+
+
+class Passes:
+    """Arrays over the rows of one trajectory, kept once computed.
+
+    Args:
+        run: The trajectory.
+    """
+
+    def __init__(self, run: Trajectory) -> None:
+        self.run = run
+        self.model = run.mechanism.model
+        self.data = run.mechanism.model.createData()
+        self._frames: dict[str, Array] = {}
+        self._turns: dict[str, Array] = {}
+        self._coordinates: dict[str, Array] = {}
+
+    def coordinate(self, name: str, coordinate: Coordinate) -> Array:
+        """Return a coordinate with its two derivatives, shape (n, 3)."""
+        if name not in self._coordinates:
+            self._coordinates[name] = self._coordinate(coordinate)
+        return self._coordinates[name]
+
+    def _coordinate(self, coordinate: Coordinate) -> Array:
+        run, model, data = self.run, self.model, self.data
+        if isinstance(coordinate, LinearCoordinate):
+            weights = coordinate.weights
+            return np.array([run.q[:, coordinate.places] @ weights, run.v @ weights, run.a @ weights]).T
+        rows, still = np.empty((len(run), 3)), np.zeros(model.nv)
+        for i in range(len(run)):
+            pin.computeJointJacobians(model, data, run.q[i])
+            pin.forwardKinematics(model, data, run.q[i], run.v[i], still)
+            pin.updateFramePlacements(model, data)
+            row, drift = coordinate.row(model, data), coordinate.drift(model, data)
+            rows[i] = coordinate.value(data, run.q[i]), row @ run.v[i], row @ run.a[i] + drift
+        return rows
+
+    def frame(self, name: str) -> Array:
+        """Return a link's position, velocity, acceleration, angular velocity and acceleration, shape (n, 5, 3).
+
+        Of its origin, in world axes [m, m/s, m/s^2, rad/s, rad/s^2].
+        """
+        self._frame(name)
+        return self._frames[name]
+
+    def turn(self, name: str) -> Array:
+        """Return a link's rotation matrices, columns its axes in the world's, shape (n, 3, 3)."""
+        self._frame(name)
+        return self._turns[name]
+
+    def _frame(self, name: str) -> None:
+        if name in self._frames:
+            return
+        run, model, data, world = self.run, self.model, self.data, pin.LOCAL_WORLD_ALIGNED
+        frame, rows, turns = frame_of(model, name), np.empty((len(run), 5, 3)), np.empty((len(run), 3, 3))
+        for i in range(len(run)):
+            pin.forwardKinematics(model, data, run.q[i], run.v[i], run.a[i])
+            placement = pin.updateFramePlacement(model, data, frame)
+            velocity = pin.getFrameVelocity(model, data, frame, world)
+            acceleration = pin.getFrameClassicalAcceleration(model, data, frame, world)
+            rows[i] = (placement.translation, velocity.linear, acceleration.linear, velocity.angular,
+                       acceleration.angular)  # fmt: skip
+            turns[i] = placement.rotation
+        self._frames[name], self._turns[name] = rows, turns
+
+    @cached_property
+    def energies(self) -> Array:
+        """Kinetic energy, potential energy and their sum [J], springs and rotors included, shape (3, n)."""
+        kinetic, potential = self.run.dynamics.energy(self.run.q, self.run.v)
+        return np.array([kinetic, potential, kinetic + potential])
+
+    @cached_property
+    def momenta(self) -> Array:
+        """Momentum and its rate of what each joint moves by itself, shape (n, njoints, 2, 6).
+
+        [linear; angular] about the world's origin, world axes [kg*m/s, kg*m^2/s] and [N, N*m].
+        """
+        run, model, data = self.run, self.model, self.data
+        rows = np.zeros((len(run), model.njoints, 2, 6))
+        for i in range(len(run)):
+            pin.forwardKinematics(model, data, run.q[i], run.v[i], run.a[i])
+            for joint in range(1, model.njoints):
+                inertia, twist, place = model.inertias[joint], data.v[joint], data.oMi[joint]
+                momentum = inertia * twist
+                rows[i, joint, 0] = place.act(momentum).vector
+                rows[i, joint, 1] = place.act(inertia * data.a[joint] + twist.cross(momentum)).vector
+        return rows
+
+    @cached_property
+    def body_energies(self) -> Array:
+        """Kinetic and potential energy [J] of what each joint moves by itself, shape (n, njoints, 2)."""
+        run, model, data = self.run, self.model, self.data
+        rows, gravity = np.zeros((len(run), model.njoints, 2)), model.gravity.linear
+        for i in range(len(run)):
+            pin.forwardKinematics(model, data, run.q[i], run.v[i])
+            for joint in range(1, model.njoints):
+                inertia = model.inertias[joint]
+                rows[i, joint, 0] = inertia.vtiv(data.v[joint]) / 2
+                rows[i, joint, 1] = -inertia.mass * gravity @ data.oMi[joint].act(inertia.lever)
+        return rows
+
+    @cached_property
+    def gravity_power(self) -> Array:
+        """Power of the weights [W], shape (n,)."""
+        run, model, data = self.run, self.model, self.data
+        still = np.zeros(model.nv)
+        weights = np.array([pin.computeGeneralizedGravity(model, data, q) for q in run.q]).reshape(len(run), len(still))
+        return np.asarray(-(weights * run.v).sum(axis=1))

@@ -1,0 +1,265 @@
+"""States of their own, asked for by a library's user: arrays of q, v and a in, every named quantity out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.constraints.batch_jacobians import BLOCK, Measures
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.constraints.nullspace import Split
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.trajectory import Series, Trajectory
+from pinarm.engine.quantities.broadcasting import Leading
+from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.statics.actuation import actuation, everywhere
+from pinarm.errors import InputError
+from pinarm.input.units import unit
+from pinarm.mechanics.ball_joints import configuration, places_of, unit_of, velocities_of
+from pinarm.mechanics.laws.motion_law import Grid
+
+CLOSED = 1e-8
+"""How far a given state may tear a loop, relative to ``1 +`` the terms of the row: typed digits explain as much."""
+
+UNIT = 1e-8
+"""How far the length of a given quaternion may be from 1: typed digits explain as much."""
+
+NO_DRIVES = "the mechanism has loops, and no drives are named that carry the load: drives=[...]"
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """The quantities of states by name.
+
+    Attributes:
+        rows: The same, one row for every state.
+        leading: The leading axes that the states were given in.
+    """
+
+    rows: Quantities
+    leading: Leading
+
+    def __getitem__(self, name: str) -> Series:
+        """Return a quantity by its name, a symbol, or a formula, its values with the leading axes of the states.
+
+        Raises:
+            InputError: There is no such quantity; the message lists what there is.
+        """
+        series = self.rows[name]
+        return replace(series, values=self.leading.unfold(series.values))
+
+    def names(self) -> list[str]:
+        """Return the names of all quantities."""
+        return self.rows.names()
+
+
+def configurations(mechanism: Mechanism, positions: Mapping[str, ArrayLike]) -> Array:
+    """Return configurations from joint coordinates by name.
+
+    Args:
+        mechanism: The mechanism.
+        positions: Joint -> values [rad or m], arrays of one shape (...) or single numbers; what is not named is 0. Ball
+            joints by their components, as in ``mechanics.balls.configuration``.
+
+    Returns:
+        q, shape (..., nq).
+
+    Raises:
+        InputError: A joint does not exist, or the shapes differ.
+    """
+    model, joints, balls = mechanism.model, mechanism.joints, mechanism.balls
+    shape, columns = columns_of(positions)
+    if all(name in joints for name in positions):
+        rows = np.tile(np.asarray(pin.neutral(model)), (*shape, 1))
+        for name, column in columns.items():
+            rows[..., joints[name].q] = column
+        return rows
+    named = [dict(zip(columns, row, strict=True)) for row in zip(*map(np.ravel, columns.values()), strict=True)]
+    found = np.array([configuration(model, joints, balls, values) for values in named])
+    return found.reshape(*shape, model.nq)
+
+
+def rates(mechanism: Mechanism, values: Mapping[str, ArrayLike]) -> Array:
+    """Return velocities, accelerations or efforts of joints by name, shape (..., nv); see ``configurations``.
+
+    Those of a ball joint J are ``J.angular_velocity.x`` and so on, in the axes of the link, whatever they are.
+    """
+    known, places = velocities_of(mechanism.joints, mechanism.balls), places_of(mechanism.joints, mechanism.balls)
+    for name in values:
+        unit_of(name, known)
+    shape, columns = columns_of(values)
+    rows = np.zeros((*shape, mechanism.model.nv))
+    for name, column in columns.items():
+        rows[..., places[name]] = column
+    return rows
+
+
+def columns_of(values: Mapping[str, ArrayLike]) -> tuple[tuple[int, ...], dict[str, Array]]:
+    """Return the shape that values share, and each of them in it.
+
+    Raises:
+        InputError: Their shapes do not go together.
+    """
+    try:
+        columns = np.broadcast_arrays(*(np.asarray(value, float) for value in values.values()))
+    except ValueError:
+        shapes = ", ".join(f"{name}: {np.shape(value)}" for name, value in values.items())
+        raise InputError(f"the arrays have the shapes {shapes}", expected="one shape, or single numbers") from None
+    return columns[0].shape if columns else (), dict(zip(values, columns, strict=True))
+
+
+def quantities(
+    mechanism: Mechanism, q: Array, v: Array | None, a: Array | None, tau: Array | None, drives: Sequence[str], t: float
+) -> States:
+    """Return the quantities of states; see ``Mechanism.at``."""
+    nq, nv = mechanism.model.nq, mechanism.model.nv
+    if a is not None and tau is not None:
+        raise InputError("accelerations and efforts are given", expected="one of them: the other one follows")
+    rates = {name: (x, nv) for name, x in (("v", v), ("a", a), ("tau", tau)) if x is not None}
+    leading, rows = Leading.fold(q=(q, nq), **rates)
+    _check_unit(mechanism, leading, rows[0])
+    named = dict(zip(("q", *rates), rows, strict=True))
+    found = _quantities(mechanism, leading, named, drives, t)
+    return States(found, leading)
+
+
+def _quantities(
+    mechanism: Mechanism, leading: Leading, given: Mapping[str, Array], drives: Sequence[str], t: float
+) -> Quantities:
+    """Return the quantities of rows of states: q, and what is given of v, a and tau."""
+    q, still = given["q"], np.zeros((len(given["q"]), mechanism.model.nv))
+    v, tau, after = given.get("v", still), given.get("tau"), float(np.nextafter(t, np.inf))
+    dynamics, closure = mechanism.dynamics.on(t, after), mechanism.closure
+    a = given.get("a", still) if tau is None else _accelerations(dynamics, closure, t, q, v, tau)
+    _check_closed(closure, leading, q, v, a)
+    grid = Grid(np.full(len(q), float(t)), (float(t), after), (0, len(q)))
+    run = Trajectory(
+        mechanism, "t", unit("s"), grid, q, v, a, still, Multipliers.zero(len(q), closure.size), closure,
+        mechanism.dynamics, _nothing_between, separate=True,
+    )  # fmt: skip
+    demand = dynamics.inverse(t, q, v, a)
+    if tau is not None:
+        lam = Multipliers.least(closure, q, demand - tau, np.zeros((len(q), 0)))
+        return Quantities(replace(run, tau=tau, lam=lam))
+    acting = actuation(mechanism, drives, drives) if drives else everywhere(mechanism)
+    if acting is None:
+        return Quantities(replace(run, unasked=NO_DRIVES))
+    tau, lam = acting.efforts(grid.t, q, demand)
+    return Quantities(replace(run, tau=tau, lam=lam, closure=acting.closure))
+
+
+def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence[str], t: float) -> Array:
+    """Return the efforts of the drives; see ``Mechanism.inverse``."""
+    acting = actuation(mechanism, drives, drives) if drives else everywhere(mechanism)
+    if acting is None:
+        names = ", ".join(constraint.name for constraint in mechanism.constraints)
+        raise InputError(f"the joints of this mechanism are tied by {names}", expected="drives that carry the load",
+                         hint="inverse(q, v, a, drives=[...])")  # fmt: skip
+    nv = mechanism.model.nv
+    leading, (q, v, a) = Leading.fold(q=(q, mechanism.model.nq), v=(v, nv), a=(a, nv))
+    _check_unit(mechanism, leading, q)
+    demand = mechanism.dynamics.on(t, np.nextafter(t, np.inf)).inverse(t, q, v, a)
+    _check_closed(mechanism.closure, leading, q, v, a)
+    return leading.unfold(acting.efforts(np.full(len(q), float(t)), q, demand)[0])
+
+
+def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: float) -> Array:
+    """Return the accelerations under efforts; see ``Mechanism.forward``."""
+    dynamics, nv = mechanism.dynamics.on(t, np.nextafter(t, np.inf)), mechanism.model.nv
+    given = {} if tau is None else {"tau": (tau, nv)}
+    leading, (q, v, *efforts) = Leading.fold(q=(q, mechanism.model.nq), v=(v, nv), **given)
+    _check_unit(mechanism, leading, q)
+    a = _accelerations(dynamics, mechanism.closure, t, q, v, efforts[0] if efforts else np.zeros_like(v))
+    _check_closed(mechanism.closure, leading, q, v, a)
+    return leading.unfold(a)
+
+
+def _check_unit(mechanism: Mechanism, leading: Leading, q: Array) -> None:
+    """Raise where a quaternion has not the length 1.
+
+    Raises:
+        InputError: Says which.
+    """
+    for ball in mechanism.balls.values():
+        lengths = np.linalg.norm(ball.quaternion(q), axis=1)
+        for row in np.flatnonzero(np.abs(lengths - 1.0) > UNIT)[:1]:
+            said = f"{leading.place(int(row))}: the quaternion of '{ball.name}' has the length {lengths[row]:.6g}"
+            raise InputError(said, expected="(x, y, z, w) of length 1", hint="configurations({...}) makes them")
+
+
+def _nothing_between(_: Grid) -> Trajectory:
+    raise InputError("these states are no motion: there is nothing between them", expected="kind: inverse or forward")
+
+
+def _accelerations(dynamics: Dynamics, closure: Closure, t: float, q: Array, v: Array, tau: Array) -> Array:
+    """Return the accelerations under efforts, shape (n, nv); those of loops by Gauss's principle."""
+    if not closure.size:
+        return dynamics.forward(t, q, v, tau)
+    model, data, found = dynamics.model, dynamics.data, np.empty_like(v)
+    force = tau - dynamics.inverse(t, q, v, np.zeros_like(v))
+    for i in range(len(q)):
+        upper = np.triu(pin.crba(model, data, q[i]))
+        closure.place(q[i])
+        rows, drift = closure.rows(), closure.drift(q[i], v[i])
+        found[i] = Split.of(rows).solve(upper + np.triu(upper, 1).T, force[i], -drift)
+    return found
+
+
+def _check_closed(closure: Closure, leading: Leading, q: Array, v: Array, a: Array) -> None:
+    """Raise where a state tears a loop or a coupling.
+
+    Raises:
+        InputError: Says which, in which row, and by how much.
+    """
+    for i in _suspects(closure, q, v, a):
+        closure.place(q[i])
+        rows, gap = closure.rows(), closure.gap(q[i])
+        drift = closure.drift(q[i], v[i])
+        sizes = np.abs(rows)
+        for what, left, terms in (
+            ("positions", gap, np.zeros_like(gap)), ("velocities", rows @ v[i], sizes @ np.abs(v[i])),
+            ("accelerations", rows @ a[i] + drift, sizes @ np.abs(a[i]) + np.abs(drift)),
+        ):  # fmt: skip
+            excess = np.abs(left) - CLOSED * (1.0 + terms)
+            worst = int(excess.argmax())
+            if excess[worst] > 0.0:
+                constraint, row = closure.owners()[worst]
+                torn = f"tear '{constraint.name}' by {abs(left[worst]):.3g} {constraint.unit(row)}"
+                said = f"{leading.place(i)}: the {what} {torn}"
+                raise InputError(said + {"positions": "", "velocities": "/s", "accelerations": "/s^2"}[what],
+                                 expected="states that the loops and couplings allow")  # fmt: skip
+
+
+def _suspects(closure: Closure, q: Array, v: Array, a: Array) -> Iterator[int]:
+    """Yield the rows that may tear a loop or a coupling: those beyond half of what typed digits explain."""
+    measures = closure.measures
+    if measures is None:
+        yield from range(len(q))
+        return
+    for start in range(0, len(q) if closure.size else 0, BLOCK):
+        part = slice(start, start + BLOCK)
+        yield from (
+            start + int(i)
+            for i in np.flatnonzero(_torn(measures, *(np.ascontiguousarray(x[part].T) for x in (q, v, a))))
+        )
+
+
+def _torn(measures: Measures, q: Array, v: Array, a: Array) -> Flags:
+    """Return which configurations, velocities and accelerations, each of shape (nv, n), are suspect, shape (n,)."""
+    measured, torn = measures.at(q), np.zeros(q.shape[1], dtype=bool)
+    for x in measured.gap():
+        torn |= np.abs(x) > 0.5 * CLOSED
+    drift = measured.drift(range(measures.size), v)
+    for i, row in measured.rows(range(measures.size)).items():
+        for rates, left in ((v, np.zeros(1)), (a, drift.get(i, np.zeros(1)))):
+            parts = [x * rates[j] for j, x in row.items()]
+            terms = sum((np.abs(part) for part in parts), np.abs(left))
+            torn |= np.abs(sum(parts, left)) > 0.5 * CLOSED * (1.0 + terms)
+    return torn

@@ -1,0 +1,124 @@
+"""What the drives and the constraints must give so that a mechanism moves as it does: ``tau`` and ``lam``.
+
+The equation of motion asks for ``S^T tau + G^T lam = M a + nle - loads``, with a row of S for every coordinate that a
+drive acts along. With T a basis of the motions that the constraints allow, ``G T = 0``, the drives' part is
+``(S T)^T tau = T^T (M a + nle - loads)``, whatever is redundant among the constraints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.constraint import Constraint
+from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.couplings import Coupling
+
+
+class Actuation(Protocol):
+    """The drives of a mechanism and the constraints that they work against."""
+
+    @property
+    def closure(self) -> Closure:
+        """Constraints with multipliers: those of the mechanism, then drives along task coordinates."""
+        ...
+
+    def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
+        """Return tau at the joints, shape (n, nv), and the multipliers.
+
+        Args:
+            t: Instants, for messages, shape (n,).
+            q: Configurations, shape (n, nq).
+            demand: ``M a + nle - loads``, shape (n, nv).
+        """
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class EveryJoint:
+    """A drive at every joint of an open chain: each joint's demand is its effort.
+
+    Attributes:
+        closure: No constraints.
+    """
+
+    closure: Closure
+
+    def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
+        """Return the demand itself."""
+        return demand, Multipliers.zero(len(demand), 0)
+
+
+@dataclass(frozen=True, eq=False)
+class EveryLeader:
+    """A drive at every joint that mimics no other: it carries what those that mimic it demand, too.
+
+    With f the followers, l the leaders, and W = (W_f W_l) the rows of the couplings,
+    ``tau_l = demand_l - (W_f^-1 W_l)^T demand_f`` and ``lam = W_f^-T demand_f``.
+
+    Attributes:
+        closure: The couplings.
+        followers: Indices in v of the joints that mimic others, one of each row, shape (m,).
+    """
+
+    closure: Closure
+    followers: Indices
+
+    def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
+        """Return the efforts of the leaders, 0 for the followers, and the multipliers."""
+        rows = self.closure.rows()
+        lam = np.asarray(np.linalg.solve(rows[:, self.followers].T, demand[:, self.followers].T).T, dtype=np.float64)
+        tau = demand - lam @ rows
+        tau[:, self.followers] = 0.0
+        return tau, Multipliers.known(lam, self.closure.size)
+
+
+def actuation(mechanism: Mechanism, drives: Sequence[str], imposed: Sequence[str]) -> Actuation:
+    """Return the drives of a run.
+
+    Args:
+        mechanism: The mechanism.
+        drives: Names of the coordinates that drives act along. Where none is named every joint of an open chain has
+            a drive, but for those that mimic others, and a mechanism with loops one along every imposed coordinate.
+        imposed: Names of the coordinates that follow laws.
+
+    Raises:
+        InputError: A coordinate does not exist, or is named twice.
+    """
+    if not drives and (every := everywhere(mechanism)) is not None:
+        return every
+    names = list(drives) or list(imposed)
+    if len(set(names)) < len(names):
+        raise InputError(f"a drive is named twice in {', '.join(names)}", expected="one drive along each coordinate")
+    found: dict[str, Coordinate] = {name: mechanism.coordinate(name) for name in names}
+    linear = {name: one for name, one in found.items() if isinstance(one, LinearCoordinate)}
+    others = {name: one for name, one in found.items() if name not in linear}
+    closure = mechanism.closure.with_guides(list(others), list(others.values()))
+    from pinarm.engine.statics.selected_drives import (
+        NamedDrives,  # with all that loops need: open chains do not pay for it
+    )
+
+    return NamedDrives(linear, others, mechanism.closure, closure)
+
+
+def everywhere(mechanism: Mechanism) -> Actuation | None:
+    """Return drives at every joint that mimics no other; ``None`` where loops or gears leave fewer joints to drive."""
+    constraints, closure = mechanism.constraints, mechanism.closure
+    if not constraints:
+        return EveryJoint(closure)
+    followers = followers_of(constraints)
+    return None if followers is None else EveryLeader(closure, followers)
+
+
+def followers_of(constraints: Sequence[Constraint]) -> Indices | None:
+    """Return the joints that mimic others, one of each constraint; ``None`` where there are other constraints."""
+    found = {one.follower for one in constraints if isinstance(one, Coupling) and one.follower is not None}
+    return np.array(sorted(found), dtype=np.intp) if len(found) == len(constraints) else None

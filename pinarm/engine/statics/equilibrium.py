@@ -1,0 +1,248 @@
+"""Equilibria: where the forces of a mechanism at rest balance, found from rough starts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.nullspace import Split
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.kinematics.newton import assembled
+from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.statics.stiffness import ZERO, Modes, force, slope, stiffness
+from pinarm.errors import AssemblyError, InputError, Key, within
+from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.forces.joint_definitions import effort_unit
+from pinarm.mechanics.joints import METRE, spelled
+from pinarm.mechanics.laws import Constant
+
+BALANCED = 1e-13
+"""Largest generalised force left, relative to the terms that make it up; Newton's method ends near 1e-16."""
+
+SAME, SAME_FLAT = 1e-8, 1e-4
+"""Distance below which two configurations are one, relative to ``1 + |q|`` [rad or m]: usually, and where a stiffness
+of 0 leaves Newton's method with the cube root of ``BALANCED``."""
+
+STRIDE, PUSH, ITERATIONS = 0.5, 0.1, 100
+"""Largest turn of a joint in one step [rad]; how far a stationary start is moved [rad or m]; steps at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A configuration at which the forces balance.
+
+    Attributes:
+        q: Configuration [rad or m], shape (nq,).
+        modes: Small motions about it.
+        starts: How many starts led to it.
+    """
+
+    q: Array
+    modes: Modes
+    starts: int = 1
+
+    def is_at(self, q: Array, turns: Array) -> bool:
+        """Tell whether a configuration is this one, full turns of joints apart.
+
+        Args:
+            q: Configuration, shape (nq,).
+            turns: 1 for joints that turn, 0 for those that slide, shape (nv,).
+        """
+        apart = q - self.q
+        apart -= turns * 2 * np.pi * np.round(apart / (2 * np.pi))
+        tolerance = SAME if self.modes.stability else SAME_FLAT
+        return bool((np.abs(apart) <= tolerance * (1.0 + np.abs(q))).all())
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """The generalised force of one mechanism at rest, along the motions that loops and held coordinates leave free.
+
+    Attributes:
+        mechanism: The mechanism; every joint has one coordinate.
+        dynamics: Its equation of motion with the loads of the run.
+        held: Coordinates that are held, with their values: task coordinates first, then joints and sums of them.
+        rows: Constraints of the mechanism, then one row for each held coordinate.
+        closure: The same without joints and sums of them, whose multipliers are efforts at joints.
+        turns: 1 for joints that turn, 0 for those that slide, shape (nv,).
+    """
+
+    mechanism: Mechanism
+    dynamics: Dynamics
+    held: Imposed
+    rows: Closure
+    closure: Closure
+    turns: Array
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, forces: Mapping[str, ForceElement], held: Mapping[str, float]) -> Balance:
+        """Return the balance of a mechanism under constant loads, some coordinates held.
+
+        Raises:
+            InputError: A held coordinate does not exist, or nothing is free.
+        """
+        model, coordinates = mechanism.model, []
+        for name in held:
+            with within(Key(name)):
+                coordinates.append(mechanism.coordinate(name))
+        if len(held) + min(mechanism.closure.size, 1) >= model.nv:
+            raise InputError("every coordinate is held: nothing is left to balance", hint="kind: statics")
+        laws = tuple(Constant(value=float(value)) for value in held.values())
+        imposed, others = Imposed(tuple(held), tuple(coordinates), laws).linear_last()
+        own = mechanism.closure
+        return cls(
+            mechanism, Dynamics.of(model, forces).on(0.0, 1.0), imposed,
+            own.with_guides(imposed.names, imposed.coordinates),
+            own.with_guides(imposed.names[:others], imposed.coordinates[:others]),
+            np.array([float(joint.unit != METRE) for joint in mechanism.joints.values()]),
+        )  # fmt: skip
+
+    def nearest(self, q: Array) -> Array:
+        """Return the configuration near q with closed loops that takes the values held.
+
+        Raises:
+            AssemblyError: There is none that Newton's method reaches.
+        """
+        values = np.array([float(law.value) for law in self.held.laws if isinstance(law, Constant)])
+        return assembled(self.mechanism.closure, self.held, q, values, 0.0)
+
+    def split(self, q: Array) -> Split:
+        """Return the rows of what is held, taken apart at a configuration."""
+        self.rows.place(q)
+        return Split.of(self.rows.rows())
+
+    def basis(self, q: Array, like: Array | None = None) -> Array:
+        """Return the free motions at q, shape (nv, nu): orthonormal, and turned to those of another configuration.
+
+        Raises:
+            InputError: There are none.
+        """
+        free = self.split(q).free
+        if not free.shape[1]:
+            raise InputError("loops and held coordinates leave nothing free to balance", hint="kind: statics")
+        if like is None or like.shape != free.shape:
+            return free
+        u, _, vt = np.linalg.svd(free.T @ like)
+        return np.asarray(free @ u @ vt)
+
+    def force(self, q: Array) -> Array:
+        """Return f = loads - weights on all coordinates [N*m or N], shape (nv,)."""
+        return force(self.dynamics, q)
+
+    def terms(self, q: Array) -> tuple[Array, Array, Array]:
+        """Return K and what it and f are made of; see ``stiffness``.
+
+        What holds the mechanism adds to K where its rows turn with q: ``-d(G^T lam)/dq`` with ``f + G^T lam = 0``.
+        """
+        slopes, sizes, size = stiffness(self.dynamics, q, self.turns)
+        if self.rows.size:
+            lam = self.split(q).multipliers(-self.force(q))
+            own = slope(lambda states: np.array([self._held_load(state, lam) for state in states]), q)
+            slopes, sizes = slopes - own, sizes + np.abs(own)
+        return slopes, sizes, size
+
+    def _held_load(self, q: Array, lam: Array) -> Array:
+        self.rows.place(q)
+        return np.asarray(self.rows.rows().T @ lam)
+
+    def efforts(self, q: Array) -> tuple[Array, Array]:
+        """Return what holds the mechanism: tau at joints, shape (nv,), and the multipliers, shape (m,)."""
+        lam, m = self.split(q).multipliers(-self.force(q)), self.closure.size
+        weights = [one.weights for one in self.held.coordinates if isinstance(one, LinearCoordinate)]
+        return lam[m:] @ np.array(weights).reshape(-1, len(self.turns)), lam[:m]
+
+    def equilibrium(self, q: Array, start: str) -> Equilibrium:
+        """Return the equilibrium that damped Newton steps from q reach.
+
+        Raises:
+            AssemblyError: They reach none.
+        """
+        reach = np.maximum(np.abs(q), self.turns)
+        closest = self._descend(q, reach)
+        if not self._balanced(closest, reach):
+            closest = self._descend(self._pushed(closest, reach), reach)
+        if not self._balanced(closest, reach):
+            raise self._unbalanced(closest, reach, start)
+        return self._judged(self._descend(closest, reach, polish=True))
+
+    def _descend(self, q: Array, reach: Array, *, polish: bool = False) -> Array:
+        """Return where the scaled force can shrink no more: by damped steps, or to polish by a few undamped ones.
+
+        With S the diagonal scaling that gives the terms of K the size 1, a step solves ``S K S y = S f`` in the sense
+        of least squares, damped by Levenberg's term, which changes the step's direction only where it has to.
+        """
+        basis, damping = self.basis(q), 0.0
+        for _ in range(5 if polish else ITERATIONS):
+            if not polish and self._balanced(q, reach):
+                break
+            slopes, sizes, _ = self.terms(q)
+            diagonal = np.diag(np.abs(basis).T @ sizes @ np.abs(basis))
+            scale = np.divide(1.0, np.sqrt(diagonal), out=np.zeros_like(diagonal), where=diagonal > 0.0)
+            force = scale * (basis.T @ self.force(q))
+            u, s, vt = np.linalg.svd(scale[:, None] * (basis.T @ slopes @ basis) * scale)
+            while damping < 1e6:
+                gain = np.divide(s, s * s + damping, out=np.zeros_like(s), where=s > ZERO)
+                trial = self._moved(q, basis @ (scale * (vt.T @ (gain * (u.T @ force)))))
+                turned = self.basis(trial, basis)
+                if np.linalg.norm(scale * (turned.T @ self.force(trial))) < np.linalg.norm(force):
+                    q, basis, damping = trial, turned, damping / 10 if damping > 1e-6 else 0.0
+                    break
+                if polish:
+                    return q
+                damping = max(1e-3, 10 * damping)
+            else:
+                break
+        return q
+
+    def _moved(self, q: Array, step: Array) -> Array:
+        """Return q after a step, cut where a joint would turn too far, and closed again."""
+        return self.nearest(q + step * min(1.0, STRIDE / max(np.abs(self.turns * step).max(), 1e-300)))
+
+    def _shares(self, q: Array, reach: Array) -> Array:
+        """Return the free forces relative to the terms that make them up, shape (nu,).
+
+        Rounding of the coordinates takes part with K times their size, at least ``reach``: that of the start, or 1 rad.
+        """
+        basis = self.basis(q)
+        _, sizes, size = self.terms(q)
+        whole = np.abs(basis).T @ (size + sizes @ np.maximum(np.abs(q), reach))
+        return np.asarray((basis.T @ self.force(q)) / np.maximum(whole, 1e-300))
+
+    def _balanced(self, q: Array, reach: Array) -> bool:
+        return bool((np.abs(self._shares(q, reach)) <= BALANCED).all())
+
+    def _pushed(self, q: Array, reach: Array) -> Array:
+        """Return q moved the way it would fall: where no small step changes the force, such as an arm held level."""
+        share = self._shares(q, reach)
+        return self.nearest(q + PUSH * self.basis(q) @ share / np.abs(share).max())
+
+    def _judged(self, q: Array) -> Equilibrium:
+        """Return the equilibrium at q with its small motions."""
+        basis, model = self.basis(q), self.dynamics.model
+        slopes, sizes, _ = self.terms(q)
+        upper = np.triu(pin.crba(model, self.dynamics.data, q).reshape(model.nv, model.nv))
+        mass = basis.T @ (upper + np.triu(upper, 1).T) @ basis
+        doubt = ZERO * (np.abs(basis).T @ sizes @ np.abs(basis))
+        return Equilibrium(q, Modes.of(basis.T @ slopes @ basis, mass, doubt))
+
+    def _unbalanced(self, q: Array, reach: Array, start: str) -> AssemblyError:
+        joints = list(self.mechanism.joints.values())
+        basis = self.basis(q)
+        free = basis @ (basis.T @ self.force(q))
+        worst = int(np.abs(basis @ self._shares(q, reach)).argmax())
+        joint = joints[worst]
+        return AssemblyError(
+            f"{start} leads to no equilibrium: a force of {free[worst]:.3g} {effort_unit(joint)} is left on "
+            f"{joint.name}",
+            expected="a start near a configuration that balances; the closest one reached is "
+            f"{spelled(self.mechanism.model, q)}",
+            hint="another start, or loads that can be balanced",
+            start=start, q=q, residual=free,
+        )  # fmt: skip

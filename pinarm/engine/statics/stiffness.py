@@ -1,0 +1,154 @@
+"""How a mechanism at rest resists: the stiffness of weights and loads, and the small motions about an equilibrium."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.mechanics.forces import ForceElement
+
+ZERO = 1e-9
+"""Stiffness, relative to the terms that make it up, below which it is 0: differences of loads leave up to 1e-12."""
+
+MASSLESS = 1e-12
+"""Smallest eigenvalue of M, scaled to a diagonal of ones, that is told from 0."""
+
+STEP, LEVELS, ORDERS = 0.1237, 14, 5
+"""Differences of loads: largest step [rad or m], no round number so that it hits no special position; how often it is
+halved; columns of the extrapolation, up to order 10."""
+
+
+def force(dynamics: Dynamics, q: Array) -> Array:
+    """Return f = loads - weights at rest [N*m or N], shape (nv,)."""
+    model, data = dynamics.model, dynamics.data
+    weights = np.asarray(pin.computeGeneralizedGravity(model, data, q))
+    return np.asarray(dynamics.loads(0.0, q, np.zeros(model.nv)) - weights)
+
+
+def stiffness(dynamics: Dynamics, q: Array, turns: Array) -> tuple[Array, Array, Array]:
+    """Return K = -df/dq and what it and f are made of, for telling 0 from rounding.
+
+    Args:
+        dynamics: The equation of motion with constant loads; every joint has one coordinate.
+        q: Configuration [rad or m], shape (nv,).
+        turns: 1 for joints that turn, 0 for those that slide, shape (nv,).
+
+    Returns:
+        K, shape (nv, nv); sizes of its terms, shape (nv, nv); sizes of the terms of f at q, shape (nv,).
+    """
+    model, data = dynamics.model, dynamics.data
+    slopes = np.array(pin.computeGeneralizedGravityDerivatives(model, data, q)).reshape(model.nv, model.nv)
+    size = _weight_terms(model, data, q)
+    sizes = np.triu(np.outer(turns, size))  # a turn of the joint before moves what the one after lifts
+    sizes += np.triu(sizes, 1).T
+    for element in dynamics.forces.values():
+        load = partial(_load, element)
+        own = slope(load, q)
+        slopes -= own
+        sizes += np.abs(own)
+        size = size + np.abs(load(q[None])[0])
+    return slopes, sizes, size
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Small motions about an equilibrium, those of ``M x'' + K x = 0``.
+
+    Attributes:
+        squares: ``w^2`` of ``K x = w^2 M x`` [rad^2/s^2], ascending, shape (n,); NaN where a direction has no mass.
+        stiffnesses: Eigenvalues of K, ascending, shape (n,).
+        stability: 1 stable, 0 indifferent, -1 unstable; that of K alone where a direction has no mass.
+    """
+
+    squares: Array
+    stiffnesses: Array
+    stability: int
+
+    @classmethod
+    def of(cls, stiffness: Array, mass: Array, doubt: Array) -> Modes:
+        """Return the small motions.
+
+        Args:
+            stiffness: K, shape (n, n); not symmetric under loads without a potential.
+            mass: M, shape (n, n).
+            doubt: How large an entry of K may be and still be 0, shape (n, n).
+        """
+        one = np.eye(len(mass))
+        massless = _massless(mass)
+        springs, _ = modes_of(stiffness, one, doubt)
+        squares, modes = modes_of(stiffness, one if massless else mass, doubt)
+        unsure = np.einsum("ik,ij,jk->k", np.abs(modes), doubt, np.abs(modes))
+        falls = (squares.real < -unsure) | (np.abs(squares.imag) > unsure)
+        stability = -1 if falls.any() else int((squares.real > unsure).all())
+        found = np.full(len(mass), np.nan) if massless else np.sort(squares.real)
+        return cls(found, np.sort(springs.real), stability)
+
+
+def slope(load: Callable[[Array], Array], q: Array) -> Array:
+    """Return the Jacobian of a load at q, by central differences extrapolated to step 0 (Ridders), shape (nv, nv).
+
+    Of all steps and orders each entry takes the one with the smallest estimate of its error, truncation and rounding
+    together: near 1e-13 of the load's terms where the load is smooth over about 1e-4 rad or m and more.
+
+    Args:
+        load: Configurations, shape (m, nv), to loads, shape (m, nv).
+        q: Configuration, shape (nv,).
+    """
+    n = len(q)
+    steps = STEP * 0.5 ** np.arange(LEVELS)[:, None, None]
+    shifts = steps * np.eye(n)
+    ahead, behind = (load((q + side * shifts).reshape(-1, n)).reshape(LEVELS, n, n) for side in (1.0, -1.0))
+    column = (ahead - behind) / (2.0 * steps)
+    rounding = np.finfo(float).eps * np.maximum(np.abs(ahead), np.abs(behind)) / steps
+    best, least = column[-1], np.full((n, n), np.inf)
+    for order in range(1, ORDERS):
+        finer = column[1:] + (column[1:] - column[:-1]) / (4.0**order - 1.0)
+        doubt = np.maximum(np.abs(finer - column[1:]), np.abs(finer - column[:-1])) + rounding[order:]
+        chosen = doubt.argmin(axis=0)[None]
+        value, error = (np.take_along_axis(x, chosen, axis=0)[0] for x in (finer, doubt))
+        best, least = np.where(error < least, value, best), np.minimum(error, least)
+        column = finer
+    return np.asarray(best.T)
+
+
+def modes_of(stiffness: Array, mass: Array, doubt: Array) -> tuple[Array, Array]:
+    """Return the eigenvalues of ``K x = w^2 M x``, shape (n,), and x with ``x^H M x = 1`` as columns, shape (n, n).
+
+    Where K is symmetric within ``doubt`` they are real; under loads without a potential they may be complex.
+    """
+    lower = np.linalg.cholesky(mass)
+    inner = np.linalg.solve(lower, np.linalg.solve(lower, stiffness).T).T
+    if (np.abs(stiffness - stiffness.T) <= doubt).all():
+        squares, modes = np.linalg.eigh(0.5 * (inner + inner.T))
+    else:
+        squares, modes = np.linalg.eig(inner)
+    return squares, np.linalg.solve(lower.T, modes)
+
+
+def _massless(mass: Array) -> bool:
+    size = np.sqrt(np.diag(mass))
+    return bool((size == 0.0).any() or np.linalg.eigvalsh(mass / np.outer(size, size))[0] < MASSLESS)
+
+
+def _load(element: ForceElement, q: Array) -> Array:
+    tau = np.zeros_like(q)
+    element.add_load(0.0, q, np.zeros_like(q), tau)
+    return tau
+
+
+def _weight_terms(model: pin.Model, data: pin.Data, q: Array) -> Array:
+    """Return ``sum_b m_b |g| |dc_b/dq_i|`` over the centres of mass c_b [N*m or N], shape (nv,)."""
+    pin.computeJointJacobians(model, data, q)
+    total, gravity = np.zeros(model.nv), float(np.linalg.norm(model.gravity.linear))
+    for joint in range(1, model.njoints):
+        jacobian = pin.getJointJacobian(model, data, joint, pin.LOCAL).reshape(6, -1)
+        inertia = model.inertias[joint]
+        moved = jacobian[:3] - np.cross(inertia.lever, jacobian[3:].T).T
+        total += inertia.mass * gravity * np.linalg.norm(moved, axis=0)
+    return total

@@ -1,0 +1,1 @@
+"""Formulas of named quantities: grammar, dimensions, evaluation."""

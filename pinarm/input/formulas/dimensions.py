@@ -1,0 +1,156 @@
+"""The algebra of dimensions: what unit the value of a formula has."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from pinarm.errors import UnitError
+from pinarm.input.formulas.grammar import CONSTANTS, interpret, look_up
+from pinarm.input.units import DIMENSIONLESS, Unit
+
+Measures = Sequence["Measure"]
+
+
+@dataclass(frozen=True)
+class Measure:
+    """What dimensional analysis knows of a value.
+
+    Attributes:
+        unit: SI unit; ``None`` where unknown.
+        value: The number itself where only literals made it: exponents need it, and 0 fits every dimension.
+    """
+
+    unit: Unit | None
+    value: Fraction | None = None
+
+
+Rule = Callable[[Measures], Measure]
+"""What a function makes of the measures of its arguments."""
+
+_PURE = Measure(DIMENSIONLESS)
+_UNKNOWN = Measure(None)
+_CONSTANTS = dict.fromkeys(CONSTANTS, DIMENSIONLESS)
+
+
+def unit_of(tree: ast.expr, names: Mapping[str, Unit | None], rules: Mapping[str, Rule], text: str) -> Unit | None:
+    """Return the SI unit of a formula's value; ``None`` where it cannot be known, and for 0.
+
+    Args:
+        tree: The formula.
+        names: Units of the names in it; ``None`` is unknown and fits everything.
+        rules: Those of the functions.
+        text: The formula as it was written, for messages.
+
+    Raises:
+        UnitError: Quantities of different dimensions are added or compared, or one goes into a function of numbers.
+        ExpressionError: A name is unknown.
+    """
+    measure = interpret(tree, _Units(names, rules), text)
+    return None if measure.value == 0 else measure.unit
+
+
+@dataclass(frozen=True)
+class _Units:
+    """The algebra of units."""
+
+    names: Mapping[str, Unit | None]
+    rules: Mapping[str, Rule]
+
+    def constant(self, value: Any) -> Measure:
+        return Measure(DIMENSIONLESS, Fraction(repr(value)))
+
+    def name(self, name: str) -> Measure:
+        unit = look_up(name, self.names, _CONSTANTS)
+        return Measure(None if unit is None else Unit(1.0, unit.dimension))
+
+    def unary(self, symbol: str, operand: Measure) -> Measure:
+        if symbol == "-" and operand.value is not None:
+            return Measure(operand.unit, -operand.value)
+        return _PURE if symbol == "not" else operand
+
+    def binary(self, symbol: str, left: Measure, right: Measure) -> Measure:
+        if left.value is not None and right.value is not None and (folded := _folded(symbol, left.value, right.value)):
+            return Measure(DIMENSIONLESS, folded[0])
+        if symbol in "+-%":
+            return same([left, right])
+        if symbol == "//":
+            return ratio([left, right])
+        if symbol == "**":
+            return power(left, right)
+        if left.unit is None or right.unit is None:
+            return _UNKNOWN
+        return Measure(left.unit * right.unit if symbol == "*" else left.unit / right.unit)
+
+    def compare(self, symbols: Sequence[str], operands: Measures) -> Measure:
+        return ratio(operands)
+
+    def logic(self, symbol: str, operands: Sequence[Callable[[], Measure]]) -> Measure:
+        for operand in operands:
+            operand()
+        return _PURE
+
+    def choose(self, test: Measure, then: Callable[[], Measure], otherwise: Callable[[], Measure]) -> Measure:
+        return same([then(), otherwise()])
+
+    def call(self, function: str, arguments: Measures) -> Measure:
+        return self.rules[function](arguments)
+
+
+def _folded(symbol: str, left: Fraction, right: Fraction) -> tuple[Fraction] | None:
+    """Return the value of an operation on literals in a tuple, for 0 is a value too."""
+    if symbol == "/" and right != 0:
+        return (left / right,)
+    folds = {"+": left + right, "-": left - right, "*": left * right}
+    return (folds[symbol],) if symbol in folds else None
+
+
+def same(measures: Measures) -> Measure:
+    """Return the measure that all share: of sums, minima, ..."""
+    known = [measure.unit for measure in measures if measure.unit is not None and measure.value != 0]
+    for unit in known[1:]:
+        if unit.dimension != known[0].dimension:
+            raise UnitError(f"[{known[0]}] and [{unit}] do not go together", expected="quantities of one dimension")
+    unknown = any(measure.unit is None for measure in measures)
+    return Measure(known[0]) if known else _UNKNOWN if unknown else Measure(DIMENSIONLESS, Fraction(0))
+
+
+def ratio(measures: Measures) -> Measure:
+    """Return a number, from quantities of one dimension: of quotients, comparisons, angles of two lengths."""
+    same(measures)
+    return _PURE
+
+
+def pure(measures: Measures) -> Measure:
+    """Return a number, from numbers: of sines, logarithms, ..."""
+    for measure in measures:
+        if measure.unit is not None and measure.value != 0 and measure.unit.dimension != DIMENSIONLESS.dimension:
+            raise UnitError(
+                f"a quantity in [{measure.unit}] where a number is wanted", hint="a ratio of two quantities"
+            )
+    return _PURE
+
+
+def power(base: Measure, exponent: Measure) -> Measure:
+    """Return the measure of a power, whose exponent must be known where the base has a dimension."""
+    pure([exponent])
+    if base.unit is None:
+        return _UNKNOWN
+    if exponent.value is not None:
+        return Measure(base.unit**exponent.value)
+    if base.unit.dimension != DIMENSIONLESS.dimension:
+        raise UnitError(f"the unit of [{base.unit}] to a power that varies is not determined", expected="x**2, x**0.5")
+    return _PURE
+
+
+def root(measures: Measures) -> Measure:
+    """Return the measure of a square root."""
+    return power(measures[0], Measure(DIMENSIONLESS, Fraction(1, 2)))
+
+
+def sign(measures: Measures) -> Measure:
+    """Return a number, from anything."""
+    return _PURE

@@ -1,0 +1,161 @@
+"""Formulas: arithmetic over named quantities, for values and for units; ``grammar`` says what may stand in them."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from pinarm.errors import ExpressionError
+from pinarm.input.formulas.dimensions import Rule, pure, ratio, root, same, sign, unit_of
+from pinarm.input.formulas.grammar import CONSTANTS, MANY, Grammar, interpret, look_up, names_in, read_tree
+from pinarm.input.units import Unit
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A formula that has been read and found harmless.
+
+    Attributes:
+        text: As it was written.
+        tree: Its syntax tree.
+        names: The names in it, constants such as ``pi`` included because a name that is given wins over them.
+    """
+
+    text: str
+    tree: ast.expr = field(repr=False, compare=False)
+    names: frozenset[str] = field(repr=False, compare=False)
+
+    @classmethod
+    def parse(cls, text: str) -> Expression:
+        """Read a formula.
+
+        Raises:
+            ExpressionError: The text is no formula, or one that is too long.
+        """
+        tree = read_tree(text, FORMULA)
+        return cls(text.strip(), tree, frozenset(names_in(tree, FORMULA)))
+
+    def evaluate(self, names: Mapping[str, Any]) -> Any:
+        """Return the value: a float or bool where all the names are numbers, else an array.
+
+        Args:
+            names: Numbers and arrays whose shapes broadcast.
+
+        Raises:
+            ExpressionError: A name is unknown, the shapes do not fit, or a number is divided by zero, overflows or is
+                otherwise not finite. Arrays take ``inf`` and ``nan`` instead.
+        """
+        with np.errstate(all="ignore"):
+            result = interpret(self.tree, _Values(names), self.text)
+        return result.item() if np.ndim(result) == 0 else result
+
+    def dimension(self, names: Mapping[str, Unit | None]) -> Unit | None:
+        """Return the SI unit of the value; ``None`` where it cannot be known.
+
+        Args:
+            names: Units of the names; ``None`` is unknown and fits everything, as a literal 0 does.
+
+        Raises:
+            UnitError: Quantities of different dimensions are added or compared, or one goes into a function of numbers.
+            ExpressionError: A name is unknown.
+        """
+        return unit_of(self.tree, names, _RULES, self.text)
+
+
+@dataclass(frozen=True)
+class _Values:
+    """The algebra of numbers and arrays, elementwise, in double precision."""
+
+    names: Mapping[str, Any]
+
+    def constant(self, value: Any) -> Any:
+        return np.float64(value)
+
+    def name(self, name: str) -> Any:
+        value = np.asarray(look_up(name, self.names, CONSTANTS))
+        if value.dtype.kind not in "biuf":
+            raise ExpressionError(f"'{name}' is not a number")
+        return value[()] if value.dtype.kind in "bf" else value.astype(float)[()]
+
+    def unary(self, symbol: str, operand: Any) -> Any:
+        return _applied({"+": np.positive, "-": np.negative, "not": np.logical_not}[symbol], operand)
+
+    def binary(self, symbol: str, left: Any, right: Any) -> Any:
+        return _applied(_OPERATIONS[symbol], left, right)
+
+    def compare(self, symbols: Sequence[str], operands: Sequence[Any]) -> Any:
+        pairs = zip(symbols, operands, operands[1:], strict=False)
+        return reduce(np.logical_and, [_applied(_OPERATIONS[symbol], left, right) for symbol, left, right in pairs])
+
+    def logic(self, symbol: str, operands: Sequence[Callable[[], Any]]) -> Any:
+        result = operands[0]()
+        for operand in operands[1:]:
+            if np.ndim(result) == 0 and bool(result) == (symbol == "or"):
+                break
+            result = _applied(np.logical_and if symbol == "and" else np.logical_or, result, operand())
+        return np.asarray(result, dtype=bool)[()]
+
+    def choose(self, test: Any, then: Callable[[], Any], otherwise: Callable[[], Any]) -> Any:
+        if np.ndim(test) == 0:
+            return then() if test else otherwise()
+        return _applied(np.where, test, then(), otherwise())
+
+    def call(self, function: str, arguments: Sequence[Any]) -> Any:
+        return _applied(_FUNCTIONS[function].apply, *arguments)
+
+
+def _applied(function: Callable[..., Any], *operands: Any) -> Any:
+    try:
+        result = function(*operands)
+    except (TypeError, ValueError) as error:
+        raise ExpressionError(f"these cannot be combined ({error})") from None
+    if np.ndim(result) == 0 and not np.isfinite(result) and all(np.isfinite(operand) for operand in operands):
+        raise ExpressionError("the value is not finite: a division by zero, an overflow, or outside the domain")
+    return result
+
+
+@dataclass(frozen=True)
+class _Function:
+    """A function of formulas: how it is computed, the rule for its unit, the number of its arguments."""
+
+    apply: Callable[..., Any]
+    rule: Rule = pure
+    least: int = 1
+    most: int = 1
+
+
+_OPERATIONS: Mapping[str, Callable[..., Any]] = {
+    "+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "//": np.floor_divide, "%": np.mod,
+    "**": np.power, "==": np.equal, "!=": np.not_equal, "<": np.less, "<=": np.less_equal, ">": np.greater,
+    ">=": np.greater_equal,
+}  # fmt: skip
+
+
+def _least(*arguments: Any) -> Any:
+    return reduce(np.minimum, arguments)
+
+
+def _greatest(*arguments: Any) -> Any:
+    return reduce(np.maximum, arguments)
+
+
+_FUNCTIONS: Mapping[str, _Function] = {
+    "sin": _Function(np.sin), "cos": _Function(np.cos), "tan": _Function(np.tan),
+    "asin": _Function(np.arcsin), "acos": _Function(np.arccos), "atan": _Function(np.arctan),
+    "atan2": _Function(np.arctan2, ratio, 2, 2), "hypot": _Function(np.hypot, same, 2, 2),
+    "sinh": _Function(np.sinh), "cosh": _Function(np.cosh), "tanh": _Function(np.tanh),
+    "sqrt": _Function(np.sqrt, root), "exp": _Function(np.exp), "log": _Function(np.log), "log10": _Function(np.log10),
+    "abs": _Function(np.abs, same), "sign": _Function(np.sign, sign),
+    "min": _Function(_least, same, 2, MANY), "max": _Function(_greatest, same, 2, MANY),
+    "floor": _Function(np.floor), "ceil": _Function(np.ceil),
+    "radians": _Function(np.radians), "degrees": _Function(np.degrees),
+}  # fmt: skip
+_RULES = {name: entry.rule for name, entry in _FUNCTIONS.items()}
+
+FORMULA = Grammar((int, float), {name: (entry.least, entry.most) for name, entry in _FUNCTIONS.items()})
+"""The language of scenario files."""

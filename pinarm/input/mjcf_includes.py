@@ -1,0 +1,53 @@
+"""MJCF files that include others, as one text; what is included lies under the root and counts against the bounds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+from pinarm.errors import Location, ModelError
+from pinarm.input.roots import inside
+from pinarm.input.xml_text import MAX_BYTES, Survey, read
+
+
+def included(text: str, path: Path, root: Path) -> str:
+    """Return MJCF text with the content of the files that it includes; any other model comes back as it is.
+
+    Args:
+        text: Text that a survey has found within the bounds.
+        path: The file that it stands in; included files are named from its folder.
+        root: Folder under which they must lie.
+
+    Raises:
+        ModelError: A file is malformed, too large, or included twice, as it would be by including itself.
+        InputError: A file is missing or lies elsewhere.
+    """
+    if "<include" not in text:
+        return text
+    model = ElementTree.fromstring(text)
+    if model.tag != "mujoco":
+        return text
+    known, size, waiting = {path.resolve()}, len(text), [model]
+    while waiting:
+        parent = waiting.pop()
+        for element in list(parent):
+            if element.tag != "include":
+                waiting.append(element)
+                continue
+            name = element.get("file", "")
+            file = inside(path.parent.absolute() / name, root)
+            if file in known:
+                raise ModelError(f"the file '{name}' is included twice", expected="each file once").at(
+                    Location(str(path))
+                )
+            known.add(file)
+            content = read(file, name, MAX_BYTES - size)
+            size += len(content)
+            Survey.of(content, name)
+            place = list(parent).index(element)
+            parent[place : place + 1] = list(ElementTree.fromstring(content))
+            waiting.append(parent)
+            break  # the parent's children are others now: it is looked through again
+    flat = ElementTree.tostring(model, encoding="unicode")
+    Survey.of(flat, f"{path} with what it includes")
+    return flat

@@ -1,0 +1,294 @@
+"""One expansion by a copy of xacro whose functions that evaluate, read or recurse are ours."""
+
+from __future__ import annotations
+
+import keyword
+import re
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pinarm.errors import Location, ModelError, PinarmError, choices
+from pinarm.input.formulas.grammar import MANY
+from pinarm.input.roots import contained, inside
+from pinarm.input.xacro.arithmetic import Names, Scalars, evaluate
+from pinarm.input.xacro.expression_tape import OPEN, Tape
+from pinarm.input.xacro.sandboxed_xacro import OURS, private_xacro
+from pinarm.input.xml_text import MAX_BYTES, MAX_DEPTH, MAX_TEXT, Survey, Writer, bound, location, read
+
+if TYPE_CHECKING:
+    from xml.dom.minidom import Document, Element, Node
+
+MAX_STEPS = 200_000
+"""Evaluations and nodes copied."""
+MAX_SECONDS = 5.0
+"""A backstop: the tree takes time quadratic in the number of siblings."""
+
+_LOCK = threading.Lock()
+_TOKEN = re.compile(r"\$(\$+[{(])|\$\{([^}]*)\}|\$\(([^)]*)\)|([^$]+|\$[^{($]+|\$$)")
+"""As in xacro: an escaped brace, an expression, a substitution, other text."""
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """A model as plain URDF.
+
+    Attributes:
+        xml: The text.
+        arguments: Every ``xacro:arg`` with its value, given or default.
+        warnings: What xacro found odd, such as attributes it does not know.
+    """
+
+    xml: str
+    arguments: dict[str, str]
+    warnings: tuple[str, ...] = ()
+
+
+class Expander:
+    """One expansion: the functions that stand in for xacro's own, and what they count and remember.
+
+    Args:
+        root: Folder of the files that may be read.
+        packages: Packages whose files may be read too.
+        arguments: Values of arguments; xacro adds the defaults.
+        sources: Path of a file -> its name in messages.
+        tape: Where to record what is computed; arguments that are on it are given as its marks.
+    """
+
+    def __init__(
+        self, root: Path, packages: Mapping[str, Path], arguments: dict[str, str], sources: dict[str, str],
+        tape: Tape | None = None,
+    ) -> None:  # fmt: skip
+        self.root, self.packages, self.arguments, self.sources, self.tape = root, packages, arguments, sources, tape
+        with _LOCK:  # loading it is not for two at once either
+            self.xacro, self.plain = private_xacro()
+        self.declared: dict[str, None] = {}
+        self.warnings: list[str] = []
+        self.texts: dict[str, str] = {}
+        self.includes: dict[str, str] = {}
+        self.element: Element | None = None
+        self.snippet = ""
+        self.depth = self.steps = self.size = 0
+        self.deadline = time.monotonic() + MAX_SECONDS
+
+    def run(self, path: Path) -> Expansion:
+        """Return the expansion; whatever goes wrong is a located ``PinarmError``."""
+        xacro = self.xacro
+        with _LOCK:
+            vars(xacro).update({name: getattr(self, name) for name in OURS})
+            literal = xacro.Table._eval_literal
+            if self.tape is not None:
+                xacro.Table._eval_literal = staticmethod(partial(self.tape.literal, literal))
+            try:
+                xacro.init_stacks(str(path))
+                document = self.parse(None, str(path))
+                xacro.process_doc(document, mappings=self.arguments)
+                arguments = {name: self.arguments[name] for name in self.declared}
+                return Expansion(Writer().document(document), arguments, tuple(self.warnings))
+            except PinarmError as error:
+                raise error.at(self._here()) from None
+            except Exception as error:  # xacro raises whatever Python does where a file surprises it
+                raise ModelError(_one_line(error) + self._macros()).at(self._here()) from None
+            finally:
+                xacro.Table._eval_literal = staticmethod(literal)
+                vars(xacro).update(self.plain, filestack=None, macrostack=None, all_includes=[])
+                xacro.substitution_args_context.clear()
+
+    def _here(self) -> Location:
+        """Return where the evaluation stands: the text that failed, else the element."""
+        path, line = (self.element and self.element.getUserData("place")) or (self.xacro.filestack[-1], 0)
+        places = [
+            (name, number, row.index(self.snippet) + 1)
+            for name, text in self.texts.items()
+            for number, row in enumerate(text.splitlines(), 1)
+            if self.snippet and self.snippet in row
+        ]
+        exact = [place for place in places if place[:2] == (path, line)] or places
+        if len(exact) == 1:
+            path, line, column = exact[0]
+            return location(self.sources.get(path, path), self.texts[path], line, column, len(self.snippet))
+        return location(self.sources.get(path, path), self.texts.get(path, ""), line)
+
+    def _macros(self) -> str:
+        names = [macro.body.getAttribute("name") for macro in self.xacro.macrostack[-5:]]
+        return f" (in macro {' > '.join(names)})" if names else ""
+
+    def _spend(self, steps: int = 1) -> None:
+        self.steps += steps
+        if self.steps > MAX_STEPS or time.monotonic() > self.deadline:
+            raise ModelError("the expansion does not come to an end", hint="fewer macros, properties and elements")
+
+    def _descend(self, levels: int = 1) -> None:
+        self.depth += levels
+        if self.depth > MAX_DEPTH:
+            hint = "a macro, an include or a property that does not use itself"
+            raise ModelError(f"the model is nested more than {MAX_DEPTH} levels deep{self._macros()}", hint=hint)
+
+    # What follows stands in for functions of xacro and bears their names.
+
+    def parse(self, _: None, filename: str) -> Document:
+        """Read a file into a tree whose elements know their places and whose copies are counted."""
+        from xml.dom import minidom
+
+        path, source = Path(filename), self.sources.setdefault(filename, filename)
+        if not path.exists():
+            self.xacro.filestack.pop()  # as xacro does: where an include is optional, it goes on from here
+            raise self.xacro.XacroException(f"there is no file {filename}", exc=FileNotFoundError())
+        text = read(inside(path, self.root, self.packages), source, MAX_BYTES - self.size)
+        self.size += len(text)
+        self.texts[filename] = text
+        lines = Survey.of(text, source).lines
+        document = minidom.parseString(text)
+        for element, line in zip(document.getElementsByTagName("*"), lines, strict=True):
+            element.setUserData("place", (filename, line), _KEEP)
+        self._count_copies(document)
+        return document
+
+    def _count_copies(self, document: Document) -> None:
+        def counted(create: Callable[..., Any]) -> Callable[..., Any]:
+            def created(*arguments: Any) -> Any:
+                self._spend()
+                return create(*arguments)
+
+            return created
+
+        for name in ("createElementNS", "createTextNode", "createComment"):
+            setattr(document, name, counted(getattr(document, name)))
+
+    def eval_all(self, node: Element, macros: Any, symbols: Any) -> None:
+        """Expand an element, counting it."""
+        self._spend()
+        self._descend()
+        outer, self.element = self.element, node
+        try:
+            self.plain["eval_all"](node, macros, symbols)
+        finally:
+            self.depth -= 1
+        self.element = outer  # only now: where it fails, the place is that of the failure
+
+    def handle_macro_call(self, node: Element, macros: Any, symbols: Any) -> bool:
+        """Expand an element if it is a macro's, and tell whether it is."""
+        if not node.tagName.startswith("xacro:"):
+            return False
+        self.element = node
+        return bool(self.plain["handle_macro_call"](node, macros, symbols))
+
+    def replace_node(self, node: Element, by: Any, content_only: bool = False) -> None:
+        """Put trees, or what is in them, in the place of an element; it takes xacro time quadratic in their number."""
+        parent: Any = node.parentNode
+        for tree in by if isinstance(by, list) else [by] if by is not None else []:
+            for child in list(tree.childNodes) if content_only else [tree]:
+                self._spend()
+                parent.insertBefore(child, node)
+        parent.removeChild(node)
+
+    def check_attrs(self, tag: Element, required: list[str], optional: list[str]) -> list[Any]:
+        """Fetch attributes; this is where xacro begins with each element of its own."""
+        self._spend()
+        self.element = tag
+        values: list[Any] = self.plain["check_attrs"](tag, required, optional)
+        if tag.tagName == "xacro:arg":
+            self.declared[values[0]] = None
+        return values
+
+    def reqd_attrs(self, tag: Element, attrs: list[str]) -> list[Any]:
+        """Fetch attributes that must be there."""
+        self.element = tag
+        return list(self.plain["reqd_attrs"](tag, attrs))
+
+    def eval_text(self, text: str, symbols: Any) -> Any:
+        """Evaluate text; one that is a single expression gives its value, all others text."""
+        if "$" not in text:
+            return text
+        self._descend(2)  # a property in a property takes the frames of two macros
+        try:
+            parts = list(self._evaluated(text, symbols))
+        except Exception as error:
+            self.snippet = self.snippet or text.strip()
+            if isinstance(error, PinarmError):
+                error.at(self._here())  # at once: what uses this text is not where the mistake is
+            raise
+        finally:
+            self.depth -= 2
+        result = parts[0] if len(parts) == 1 else "".join(map(str, parts))
+        if isinstance(result, str):
+            bound("characters in one evaluated text", len(result), MAX_TEXT)
+            self._spend(len(result) // 100)
+        return result
+
+    def _evaluated(self, text: str, symbols: Any) -> Iterator[Any]:
+        position = 0
+        while position < len(text):
+            self._spend()
+            match = _TOKEN.match(text, position)
+            if match is None:
+                raise ModelError(f"a brace is not closed: '{text[position : position + 40]}'")
+            escaped, expression, substitution, other = match.groups()
+            if expression is not None:
+                names = Names(symbols, self.xacro.NameSpace)
+                inner = self.eval_text(expression, symbols)
+                yield evaluate(inner, Scalars(names)) if self.tape is None else self.tape.evaluate(inner, names)
+            elif substitution is not None:
+                yield self._substitute(str(self.eval_text(substitution, symbols)))
+            else:
+                yield escaped or other
+            position = match.end()
+
+    def _substitute(self, text: str) -> str:
+        """Return what ``$(arg NAME)`` and ``$(find PACKAGE)`` stand for; there are no others."""
+        command, _, name = text.strip().partition(" ")
+        tables = {"arg": self.arguments, "find": {package: str(path) for package, path in self.packages.items()}}
+        if command not in tables:
+            raise ModelError(f"'$({text[:60]})' is not allowed", expected="$(arg NAME) or $(find PACKAGE)")
+        name = name.strip()
+        if name not in tables[command]:
+            expected, hint = choices(name, tables[command], most=40)
+            what = "argument" if command == "arg" else "package"
+            raise ModelError(f"unknown {what} '{name[:60]}'", expected=expected, hint=hint)
+        if command == "arg":
+            self.declared[name] = None
+        return tables[command][name]
+
+    def get_include_files(self, filename_spec: str, symbols: Any) -> Iterator[str]:
+        """Yield the file to include, once it is known to lie where it may."""
+        name = str(self.eval_text(filename_spec, symbols))
+        if any(character in name for character in ("*?[" + OPEN)):
+            raise ModelError(f"'{name[:60]}' has wildcards", expected="the name of one file")
+        base = "" if "://" in name else Path(self.xacro.filestack[-1]).parent
+        wanted = str(base / Path(name)) if base else name
+        path = self.includes[wanted] = str(contained(wanted, self.root, self.packages))
+        if path in self.xacro.filestack:
+            raise ModelError(f"the file '{name}' includes itself")
+        yield path
+
+    def is_valid_name(self, name: str) -> bool:
+        """Tell whether a property may have this name, without parsing it."""
+        return name.isidentifier() and not keyword.iskeyword(name)
+
+    def warning(self, *texts: Any, **_: Any) -> None:
+        """Keep a warning for the result, not for the terminal."""
+        if len(self.warnings) < MANY:
+            self.warnings.append(" ".join(str(text) for text in texts)[:200])
+
+    def print_location(self) -> None:
+        """Say nothing: errors carry their place."""
+
+
+class _Keep:
+    """Hands the place of an element on to its copies."""
+
+    def handle(self, operation: int, key: str, data: Any, src: Node, dst: Node) -> None:
+        """Be called by the DOM for each copy."""
+        dst.setUserData(key, data, self)
+
+
+_KEEP = _Keep()
+
+
+def _one_line(error: Exception) -> str:
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text[:300]

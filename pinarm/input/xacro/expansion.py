@@ -1,0 +1,62 @@
+"""From a URDF or xacro file to plain URDF text, for files from strangers.
+
+xacro evaluates Python, reads any file and can be made to run for ever. So a private copy of it is loaded, beside the
+one a user may import, and while a file is expanded the functions of that copy that evaluate, read or recurse are ours:
+expressions are the checked arithmetic of ``scalars``, only ``$(arg NAME)`` and ``$(find PACKAGE)`` are substituted,
+included files lie under the root, and every step counts against a budget. Honest files come out as xacro gives them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from pinarm.errors import InputError, Location, ModelError, choices
+from pinarm.input.roots import NO_PACKAGES, inside
+from pinarm.input.xacro.expander import Expansion
+from pinarm.input.xacro.expression_tape import CLOSE, OPEN, Number
+from pinarm.input.xacro.templates import Request, expanded
+from pinarm.input.xml_text import MAX_BYTES, MAX_TEXT, Survey, read
+
+
+def expand(
+    path: Path, arguments: Mapping[str, float | str], *, root: Path, packages: Mapping[str, Path] = NO_PACKAGES
+) -> Expansion:
+    """Expand a xacro file; a plain URDF file is checked and comes back as it is.
+
+    Args:
+        path: The file.
+        arguments: Values of its ``xacro:arg``, in place of the defaults.
+        root: Folder under which the file and what it includes must lie.
+        packages: Names of packages -> folders, under which included files may lie too.
+
+    Raises:
+        ModelError: The model is malformed, does something that is not allowed, or is too large.
+        InputError: A file is missing or lies elsewhere, or an expression is wrong.
+    """
+    source = str(path)
+    path = inside(path.absolute(), root, packages)
+    given = {name: _argument(name, value) for name, value in arguments.items()}
+    if path.suffix != ".xacro":
+        text = read(path, source, MAX_BYTES)
+        if not Survey.of(text, source).is_xacro:
+            _check_declared(given, {}, source)
+            return Expansion(text, {})
+    expansion = expanded(Request(path, source, root, packages, given))
+    _check_declared(given, expansion.arguments, source)
+    return expansion
+
+
+def _argument(name: str, value: float | str) -> Number | str:
+    plain = value if isinstance(value, str) else int(value) if isinstance(value, int) else float(value)
+    text = str(plain)
+    if text in ("nan", "inf", "-inf") or len(text) > MAX_TEXT or OPEN in text or CLOSE in text:
+        raise InputError(f"the argument '{name}' is {text[:20]!r}", expected="a finite number or a short text")
+    return plain
+
+
+def _check_declared(given: Mapping[str, object], declared: Mapping[str, object], source: str) -> None:
+    for name in sorted(given.keys() - declared.keys()):
+        expected, hint = choices(name, declared, most=40)
+        problem = ModelError(f"the model has no argument '{name}'", expected=expected, hint=hint)
+        raise problem.at(Location(source))

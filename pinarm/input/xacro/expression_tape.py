@@ -1,0 +1,202 @@
+"""An expansion recorded as a straight-line program over its numeric arguments, to be run again for other numbers.
+
+While a model is expanded, an argument is not its number but a place on a tape, and arithmetic with it adds a step.
+In text such a place is a mark of control characters, which no XML file can hold. Whatever is decided by a number (a
+branch, a comparison, whether a text is a number) is kept as a guard: for other numbers the program holds only where all
+the guards come out the same. What cannot be followed so is an error, and the model is expanded without a tape.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+from pinarm.errors import ExpressionError, ModelError
+from pinarm.input.xacro.arithmetic import Scalars, evaluate
+
+OPEN, CLOSE = "\x01", "\x02"
+_MARK = re.compile(f"{OPEN}([0-9]+){CLOSE}")
+_NAMED = re.compile("__register_([0-9]+)__")
+"""How a mark is called within an expression; xacro refuses properties whose names begin so."""
+
+UNRECORDABLE = "what the model is depends on a number in a way that is not followed"
+
+Number = int | float
+Literal = Callable[[Any], Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Traced:
+    """A value that follows from the arguments.
+
+    Attributes:
+        tape: Where it is computed.
+        register: Its place there.
+    """
+
+    tape: Tape
+    register: int
+
+    @property
+    def value(self) -> Any:
+        """What it is for the arguments of the recording."""
+        return self.tape.values[self.register]
+
+    def __str__(self) -> str:
+        return f"{OPEN}{self.register}{CLOSE}"
+
+    def __bool__(self) -> bool:
+        outcome = bool(self.value)
+        self.tape.guards.append((self.register, outcome))
+        return outcome
+
+
+@dataclass
+class Tape:
+    """A program: registers hold the arguments first, then what each step computes of earlier ones.
+
+    Attributes:
+        values: The registers, for the arguments of the recording.
+        steps: Functions and the registers that they take.
+        guards: Registers and their truth values for which the program holds.
+    """
+
+    values: list[Any]
+    steps: list[tuple[Callable[..., Any], tuple[int, ...]]] = field(default_factory=list)
+    guards: list[tuple[int, bool]] = field(default_factory=list)
+
+    def record(self, function: Callable[..., Any], *operands: Any) -> Any:
+        """Apply a function of plain values, and record that where an operand follows from the arguments.
+
+        Returns:
+            A value, a place on the tape, or, where that holds a text, its mark.
+        """
+        places = [self.lifted(operand) for operand in operands]
+        if not any(isinstance(place, Traced) for place in places):
+            return function(*operands)
+        value = function(*(place.value if isinstance(place, Traced) else place for place in places))
+        return self._returned(self._step(function, tuple(map(self._register, places)), value))
+
+    def lifted(self, operand: Any) -> Any:
+        """Return a place on the tape for text with marks; any other value as it is."""
+        if not isinstance(operand, str) or OPEN not in operand:
+            return operand
+        texts = _MARK.split(operand)
+        registers = tuple(map(int, texts[1::2]))
+        if texts[::2] == ["", ""] and isinstance(self.values[registers[0]], str):
+            return Traced(self, registers[0])
+        function = partial(joined, tuple(texts[::2]))
+        return self._step(function, registers, function(*(self.values[register] for register in registers)))
+
+    def _step(self, function: Callable[..., Any], registers: tuple[int, ...], value: Any) -> Traced:
+        self.steps.append((function, registers))
+        self.values.append(value)
+        return Traced(self, len(self.values) - 1)
+
+    def _register(self, place: Any) -> int:
+        return place.register if isinstance(place, Traced) else self._step(partial(_same, place), (), place).register
+
+    def _returned(self, traced: Traced) -> Any:
+        return str(traced) if isinstance(traced.value, str) else traced
+
+    def evaluate(self, text: str, names: Mapping[str, Any]) -> Any:
+        """Evaluate an expression of xacro, in whose text marks may stand."""
+        if _NAMED.search(text):
+            raise ModelError(UNRECORDABLE)
+        return evaluate(_MARK.sub(self._name_of, text), _Recorder(self, Scalars(names)))
+
+    def _name_of(self, mark: re.Match[str]) -> str:
+        """Return a name that stands for a number as its digits would; a sign would bind otherwise."""
+        place = Traced(self, int(mark[1]))
+        if isinstance(place.value, str | bool) or not self.record(_is_unsigned, place):
+            raise ModelError(UNRECORDABLE)
+        return f"__register_{mark[1]}__"
+
+    def literal(self, plain: Literal, value: Any) -> Any:
+        """Turn text into the number that it is, as xacro does with properties."""
+        if not isinstance(value, str) or OPEN not in value:
+            return plain(value)
+        found = self.record(plain, value)
+        bool(self.record(_is_text, found))
+        return found
+
+    def run(self, numbers: Sequence[Number]) -> list[Any] | None:
+        """Return all registers for other numbers; ``None`` where the program does not hold for them."""
+        values: list[Any] = list(numbers)
+        try:
+            for function, registers in self.steps:
+                values.append(function(*[values[register] for register in registers]))
+        except ExpressionError:
+            return None
+        return values if all(bool(values[register]) == outcome for register, outcome in self.guards) else None
+
+
+@dataclass(frozen=True)
+class _Recorder:
+    """The algebra of xacro, recorded."""
+
+    tape: Tape
+    plain: Scalars
+
+    def constant(self, value: Any) -> Any:
+        if isinstance(value, str) and (OPEN in value or "__register_" in value):
+            raise ModelError(UNRECORDABLE)
+        return value
+
+    def name(self, name: str) -> Any:
+        if register := _NAMED.fullmatch(name):
+            return Traced(self.tape, int(register[1]))
+        found = self.plain.names.get(name)
+        return found if isinstance(found, Traced) else self.plain.name(name)
+
+    def unary(self, symbol: str, operand: Any) -> Any:
+        return self.tape.record(partial(self.plain.unary, symbol), operand)
+
+    def binary(self, symbol: str, left: Any, right: Any) -> Any:
+        return self.tape.record(partial(self.plain.binary, symbol), left, right)
+
+    def compare(self, symbols: Sequence[str], operands: Sequence[Any]) -> Any:
+        return self.tape.record(lambda *values: self.plain.compare(symbols, values), *operands)
+
+    def logic(self, symbol: str, operands: Sequence[Callable[[], Any]]) -> Any:
+        result = operands[0]()
+        for operand in operands[1:]:
+            if bool(self.tape.lifted(result)) == (symbol == "or"):
+                break
+            result = operand()
+        return result
+
+    def choose(self, test: Any, then: Callable[[], Any], otherwise: Callable[[], Any]) -> Any:
+        return then() if self.tape.lifted(test) else otherwise()
+
+    def call(self, function: str, arguments: Sequence[Any]) -> Any:
+        return self.tape.record(lambda *values: self.plain.call(function, values), *arguments)
+
+
+def joined(texts: Sequence[str], *values: Any) -> str:
+    """Return texts with a value between each and the next."""
+    parts = [texts[0]]
+    for value, text in zip(values, texts[1:], strict=True):
+        parts += (str(value), text)
+    return "".join(parts)
+
+
+def marks(text: str) -> tuple[tuple[str, ...], tuple[int, ...]]:
+    """Return the texts between the marks of a text, and the registers of the marks."""
+    texts = _MARK.split(text)
+    return tuple(texts[::2]), tuple(map(int, texts[1::2]))
+
+
+def _same(value: Any) -> Any:
+    return value
+
+
+def _is_unsigned(value: Number) -> bool:
+    return not str(value).startswith("-")
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)

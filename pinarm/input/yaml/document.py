@@ -1,0 +1,219 @@
+"""YAML documents whose every value knows its line, and validation whose every error says where.
+
+Loading builds numbers, text, booleans, lists and maps only. Tags, anchors and aliases are refused, and size, depth and
+digits are bounded, so that a file from a stranger can neither run anything nor keep the reader busy.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+
+from pinarm.errors import InputError, Key, Location, PinarmError
+from pinarm.input.roots import similar_file
+from pinarm.input.yaml.parser import Builder, Path_
+from pinarm.input.yaml.schema import Model, convert, reading_from
+from pinarm.input.yaml.validation_messages import explain, failing_path, unknown_key
+
+MAX_BYTES = 1_000_000
+"""Longer tables belong in CSV files; a reader in Python needs about a minute per ten megabytes."""
+
+
+ModelT = TypeVar("ModelT", bound=Model)
+
+
+@dataclass(frozen=True)
+class Document:
+    """A YAML file as plain data, with the place of every key and value. A list or map stands where its key does.
+
+    Attributes:
+        source: File name as the user gave it, for messages.
+        path: The file; ``None`` for text.
+        data: Its content: maps, lists, text, numbers, booleans, ``None``.
+        places: Path of keys and indices -> location of the value.
+        keys: The same -> location of the key.
+    """
+
+    source: str
+    path: Path | None
+    data: Any
+    places: Mapping[Path_, Location] = field(repr=False)
+    keys: Mapping[Path_, Location] = field(repr=False)
+
+    @classmethod
+    def read(cls, path: Path, *, source: str | None = None) -> Document:
+        """Read a file.
+
+        Raises:
+            InputError: The file is missing, too large, not UTF-8, or not YAML of the kind described above.
+        """
+        name = source or str(path)
+        try:
+            if path.exists() and not path.is_file():  # a pipe would keep the reader waiting
+                raise OSError(0, "it is not a regular file")
+            with open(path, "rb") as stream:
+                raw = stream.read(MAX_BYTES + 1)
+        except (OSError, ValueError) as error:
+            raise _unreadable(path, error).at(Location(name)) from None
+        if len(raw) > MAX_BYTES:
+            raise InputError("the file is too large", expected=f"at most {MAX_BYTES} bytes").at(Location(name))
+        try:
+            return cls.parse(raw.decode("utf-8-sig"), source=name, path=path)
+        except UnicodeDecodeError as error:
+            raise InputError(f"the file is not UTF-8 text ({error.reason})").at(Location(name)) from None
+
+    @classmethod
+    def parse(cls, text: str, *, source: str = "<text>", path: Path | None = None) -> Document:
+        """Read YAML text; see ``read``."""
+        data, places, keys = _built(text, source)
+        return cls(source, path, _copy(data), places, keys)
+
+    def locate(self, path: Path_) -> Location:
+        """Return the place of a path, or of its nearest ancestor that has one; a ``Key`` at its end is itself meant."""
+        if path and isinstance(path[-1], Key) and path in self.keys:
+            return self.keys[path]
+        for length in range(len(path), -1, -1):
+            if path[:length] in self.places:
+                return self.places[path[:length]]
+        return Location(self.source)
+
+    @contextmanager
+    def locating(self, *path: str | int) -> Iterator[None]:
+        """Give errors that come out of the block the place of ``path``, unless they have a more exact one."""
+        try:
+            yield
+        except PinarmError as error:
+            raise error.at(self.locate((*path, *error.path))) from error.__cause__
+
+    def override(self, assignment: str) -> Document:
+        """Return the document with one value replaced, as ``--set problem.time.end='3 s'`` asks.
+
+        Raises:
+            InputError: The text is no assignment, or its path does not lead into the document.
+        """
+        name, equals, text = assignment.partition("=")
+        option = Location(f"--set {assignment}")
+        if not equals or not name.strip():
+            raise InputError("this is no assignment", expected="path.to.key=value").at(option)
+        value, _, _ = _built(text, option.source)
+        return self.assigned(name.strip(), value, option)
+
+    def assigned(self, name: str, value: Any, option: Location) -> Document:
+        """Return the document with the value at a path such as ``problem.time.end`` replaced.
+
+        Args:
+            name: The path; keys that are missing on the way are made.
+            value: Plain data.
+            option: The place of the value, for messages.
+
+        Raises:
+            InputError: The path does not lead into the document.
+        """
+        data, node = (copied := _copy(self.data)), None
+        path: Path_ = ()
+        *parents, last = name.split(".")
+        for key in parents:
+            node = _step(data, key, option, create=True)
+            data, path = data[node], (*path, node)
+        node = _step(data, last, option, create=True)
+        data[node] = value
+        path = (*path, node)
+        made = {path[:k]: option for k in range(1, len(path))}
+        places, keys = (
+            made | {at: place for at, place in known.items() if at[: len(path)] != path} | {path: option}
+            for known in (self.places, self.keys)
+        )
+        return replace(self, data=copied, places=places, keys=keys)
+
+    def varied(self, values: Mapping[str, Any]) -> Document:
+        """Return the document with other values: path -> value as a file would have it; see ``assigned``."""
+        document = self
+        for path, value in values.items():
+            document = document.assigned(path, value, Location(f"{path}={value}"))
+        return document
+
+    def part(self, key: str) -> Document:
+        """Return what stands below a key, as a document of its own."""
+        places, keys = (
+            {path[1:]: place for path, place in known.items() if path[:1] == (key,)}
+            for known in (self.places, self.keys)
+        )
+        return replace(self, data=self.data[key], places=places, keys=keys)
+
+    def merged(self, changes: Document) -> Document:
+        """Return the document with values replaced by those that another has at the same paths.
+
+        Raises:
+            InputError: An index of a list does not exist.
+        """
+        data = _merged(self.data, changes.data, Location(changes.source))
+        places, keys = {**self.places, **changes.places}, {**self.keys, **changes.keys}
+        return replace(self, data=data, places=places, keys=keys)
+
+    def validate(self, model: type[ModelT], *at: str | int) -> ModelT:
+        """Validate the document, or the part of it at a path, as an input model.
+
+        Raises:
+            InputError: The first mistake, located, with what was expected.
+        """
+        data = self.data
+        for key in at:
+            data = data[key]
+        with reading_from(self.path.parent if self.path else Path()):
+            try:
+                return msgspec.convert(data, model, dec_hook=convert)
+            except msgspec.ValidationError as error:
+                path = failing_path(error, data, model)
+                mistake = explain(error, data, path, model)
+                place = self.locate((*at, *path, *map(Key, unknown_key(error)), *mistake.path))
+                raise mistake.at(place) from None
+
+
+@lru_cache(maxsize=32)
+def _built(text: str, source: str) -> tuple[Any, Mapping[Path_, Location], Mapping[Path_, Location]]:
+    """Read YAML text; kept, because the reader takes longer than many a run."""
+    builder = Builder(text, source)
+    return builder.build(), builder.places, builder.keys
+
+
+def _unreadable(path: Path, error: OSError | ValueError) -> InputError:
+    if isinstance(error, FileNotFoundError):
+        return InputError(f"there is no file {path}", hint=similar_file(path))
+    return InputError(f"the file cannot be read ({getattr(error, 'strerror', None) or error})")
+
+
+def _copy(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: _copy(value) for key, value in data.items()}
+    return [_copy(value) for value in data] if isinstance(data, list) else data
+
+
+def _merged(data: Any, changes: Any, place: Location) -> Any:
+    if not isinstance(changes, dict) or not isinstance(data, dict | list):
+        return changes
+    merged = data.copy()
+    for key, value in changes.items():
+        step: Any = _step(data, key, place, create=False)
+        found = data.get(step) if isinstance(data, dict) else data[step]
+        merged[step] = _merged(found, value, place)
+    return merged
+
+
+def _step(data: Any, key: str, option: Location, *, create: bool) -> str | int:
+    """Return the key or index by which to step into ``data``; with ``create`` a missing key becomes an empty map."""
+    if isinstance(data, list):
+        if re.fullmatch(r"-?[0-9]{1,9}", key) and -len(data) <= int(key) < len(data):
+            return int(key) % len(data)
+        raise InputError(f"'{key}' is no index of this list", expected=f"0 to {len(data) - 1}").at(option)
+    if not isinstance(data, dict):
+        raise InputError(f"there is nothing below '{key}': a plain value stands there").at(option)
+    if create:
+        data.setdefault(key, {})
+    return key

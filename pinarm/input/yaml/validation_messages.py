@@ -1,0 +1,168 @@
+"""Turning a validation error into the words of a user of scenario files, with the exact place and a suggestion."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from types import UnionType
+from typing import Any, Literal, Union, get_args, get_origin
+
+import msgspec
+
+from pinarm.errors import InputError, PinarmError, choices
+from pinarm.input.yaml.schema import Model, convert
+
+Keys = tuple[str | int, ...]
+_STEP = re.compile(r"\.(?P<key>[^.\[\]]+)|\[(?P<index>\d+)\]|\[(?P<any>\.\.\.)\]")
+_WORDS = {
+    "int": "a whole number",
+    "float": "a number",
+    "str": "text",
+    "bool": "true or false",
+    "object": "a map of keys",
+    "array": "a list",
+}
+
+
+def failing_path(error: msgspec.ValidationError, data: Any, model: type[Model]) -> Keys:
+    """Return the keys and indices that lead to a mistake.
+
+    The error names fields and indices, but not the keys of maps: those are found by trying the map with one key a time.
+    """
+    _, _, text = str(error).rpartition(" - at `$")
+    path: list[str | int] = []
+    for step in _STEP.finditer(text.rstrip("`")):
+        if step["any"]:
+            path.append(_failing_key(str(error), data, path, model))
+        else:
+            path.append(int(step["index"]) if step["index"] else step["key"])
+    return tuple(path)
+
+
+def _failing_key(message: str, data: Any, path: list[str | int], model: type[Model]) -> str:
+    node = _at(data, path)
+    for key, value in node.items():
+        try:
+            msgspec.convert(_replaced(data, path, {key: value}), model, dec_hook=convert)
+        except msgspec.ValidationError as error:
+            if str(error) == message:
+                return str(key)
+    return str(next(iter(node)))
+
+
+def explain(error: msgspec.ValidationError, data: Any, path: Keys, model: type[Model]) -> PinarmError:
+    """Return the error to raise for a mistake at a path of the data."""
+    cause, (message, _, _) = error.__cause__, str(error).partition(" - at `$")
+    if isinstance(cause, PinarmError):
+        mistake = type(cause)(cause.message, expected=cause.expected, hint=cause.hint, location=cause.location)
+        mistake.path = cause.path
+        return mistake
+    if found := re.fullmatch(r"Object contains unknown field `(.*)`", message, re.DOTALL):
+        expected, hint = choices(found[1], _keys(model, data, path), most=40)
+        return InputError(f"unknown key '{found[1]}'", expected=expected, hint=hint)
+    if found := re.fullmatch(r"Object missing required field `(.*)`", message):
+        what = ": it says which kind this is" if found[1] in _tags(model, data, path) else ""
+        return InputError(f"the key '{found[1]}' is missing{what}")
+    if found := re.fullmatch(r"Invalid (?:enum )?value (.*)", message, re.DOTALL):
+        names = _values(model, data, path)
+        expected, hint = choices(found[1].strip("'"), names, most=40)
+        return InputError(f"unknown {path[-1] if path else 'value'} {found[1]}", expected=expected, hint=hint)
+    wanted, _, found_kind = message.removeprefix("Expected ").partition(", got ")
+    shown = _at(data, list(path))
+    expected, what = _in_words(wanted), _in_words(found_kind) or repr(shown)[:40]
+    quoted = f"'{shown}'" if expected == "text" and isinstance(shown, int | float) else ""
+    return InputError(f"this is {what}", expected=expected, hint=quoted)
+
+
+def _in_words(kinds: str) -> str:
+    """Return the kinds that an error names in the words of a file's author."""
+    return re.sub(
+        r"`([^`]*)`", lambda m: " or ".join(_WORDS.get(k, k) for k in m[1].split(" | ") if k != "null"), kinds
+    )
+
+
+def unknown_key(error: msgspec.ValidationError) -> tuple[str, ...]:
+    """Return the key that an error is about, as a path of one step; empty where it is about a value."""
+    found = re.match(r"Object contains unknown field `(.*?)`( - at|$)", str(error), re.DOTALL)
+    return (found[1],) if found else ()
+
+
+def _kinds(annotation: Any, data: Any, path: Keys) -> Iterator[Any]:
+    """Yield the annotations that may hold at a path."""
+    if hasattr(annotation, "__metadata__"):
+        annotation = annotation.__origin__
+    if get_origin(annotation) in (Union, UnionType):
+        for member in get_args(annotation):
+            if not _is_other(member, data):
+                yield from _kinds(member, data, path)
+        return
+    if not path:
+        yield annotation
+        return
+    first, rest = path[0], path[1:]
+    inner = _at(data, [first])
+    if isinstance(annotation, type) and issubclass(annotation, Model):
+        for field in msgspec.structs.fields(annotation):
+            if field.encode_name == first:
+                yield from _kinds(field.type, inner, rest)
+    elif get_args(annotation):
+        yield from _kinds(get_args(annotation)[-1], inner, rest)
+
+
+def _is_other(member: Any, data: Any) -> bool:
+    """Tell whether a union's member is excluded by the tag in the data."""
+    if not (isinstance(member, type) and issubclass(member, Model) and isinstance(data, dict)):
+        return False
+    config = member.__struct_config__
+    return config.tag_field in data and data[config.tag_field] != config.tag
+
+
+def _structs(model: type[Model], data: Any, path: Keys) -> list[type[Model]]:
+    return [kind for kind in _kinds(model, data, path) if isinstance(kind, type) and issubclass(kind, Model)]
+
+
+def _keys(model: type[Model], data: Any, path: Keys) -> list[str]:
+    names: list[str] = []
+    for struct in _structs(model, data, path):
+        names += [field.encode_name for field in msgspec.structs.fields(struct)]
+        names += [struct.__struct_config__.tag_field] if struct.__struct_config__.tag_field else []
+    return names
+
+
+def _tags(model: type[Model], data: Any, path: Keys) -> list[str]:
+    return [str(struct.__struct_config__.tag_field) for struct in _structs(model, data, path)]
+
+
+def _values(model: type[Model], data: Any, path: Keys) -> list[str]:
+    """Return what may stand at a path: the tags of a union, or literals."""
+    kinds = [kind for kind in _kinds(model, data, path) if get_origin(kind) is Literal]
+    names = [str(literal) for kind in kinds for literal in get_args(kind)]
+    if path:
+        without = {key: value for key, value in _at(data, list(path[:-1])).items() if key != path[-1]}
+        replaced = _replaced(data, list(path[:-1]), without)
+        for struct in _structs(model, replaced, path[:-1]):
+            if struct.__struct_config__.tag_field == path[-1]:
+                names.append(str(struct.__struct_config__.tag))
+    return names
+
+
+def _has(data: Any, key: str | int) -> bool:
+    if isinstance(data, list):
+        return isinstance(key, int) and key < len(data)
+    return isinstance(data, dict) and key in data
+
+
+def _at(data: Any, path: list[str | int]) -> Any:
+    for key in path:
+        data = data[key] if _has(data, key) else None
+    return data
+
+
+def _replaced(data: Any, path: list[str | int], value: Any) -> Any:
+    """Return data with the value at a path replaced; the rest is shared."""
+    if not path:
+        return value
+    first, *rest = path
+    copied: Any = dict(data) if isinstance(data, dict) else list(data)
+    copied[first] = _replaced(data[first], rest, value)
+    return copied

@@ -1,0 +1,231 @@
+"""Ball joints: their orientation as a quaternion, and as three numbers that a person can give.
+
+With R the rotation of the child link in the joint's own placement: the rotation vector w, ``R = exp([w])``, or roll,
+pitch and yaw, ``R = Rz(yaw) Ry(pitch) Rx(roll)``. The velocity is the angular velocity in the child's axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError, choices
+from pinarm.input.units import Unit, unit
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, rate_of_b
+from pinarm.mechanics.geometry.link_placements import Links
+from pinarm.mechanics.joints import METRE, RADIAN, Joint
+
+ANGLES = ("roll", "pitch", "yaw")
+SPIN = unit("rad/s")
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A joint that turns about a point.
+
+    Attributes:
+        name: Its name in the model.
+        index: Pinocchio's joint index.
+        q: Index in q of its quaternion (x, y, z, w).
+        v: Index in v of its angular velocity.
+    """
+
+    name: str
+    index: int
+    q: int
+    v: int
+
+    def quaternion(self, q: Array) -> Array:
+        """Return the quaternions (x, y, z, w) of configurations, shape (..., 4)."""
+        return q[..., self.q : self.q + 4]
+
+    def vectors(self, v: Array) -> Array:
+        """Return its part of velocities, accelerations or efforts, child's axes, shape (..., 3)."""
+        return v[..., self.v : self.v + 3]
+
+
+def balls_of(model: pin.Model) -> dict[str, Ball]:
+    """Return the ball joints, by name, in the order of v."""
+    found = {}
+    for index in range(1, model.njoints):
+        joint = model.joints[index]
+        if joint.shortname() == "JointModelSpherical":
+            found[model.names[index]] = Ball(model.names[index], index, joint.idx_q, joint.idx_v)
+    return found
+
+
+def roll_pitch_yaw(quaternion: Array) -> Array:
+    """Return roll, pitch and yaw [rad], shape (..., 3); at a pitch of 90 deg only roll -+ yaw is determined.
+
+    With s = roll + yaw and d = roll - yaw, ``(w - y, x + z)`` has the direction of s / 2 and ``(w + y, x - z)`` that of
+    d / 2; the pitch is in their lengths. Together the three angles give back the orientation to rounding at any pitch,
+    which the elements of the matrix do not: theirs is off by the square root of it near 90 deg. Source: Bernardes and
+    Viollet, Quaternion to Euler angles conversion, PLoS ONE 17 (2022).
+
+    Args:
+        quaternion: (x, y, z, w), of unit length, shape (..., 4).
+    """
+    x, y, z, w = np.moveaxis(quaternion, -1, 0)
+    half_sum, half_difference = np.arctan2(x + z, w - y), np.arctan2(x - z, w + y)
+    pitch = 2.0 * np.arctan2(np.hypot(x - z, w + y), np.hypot(x + z, w - y)) - 0.5 * np.pi
+    turned = np.stack([half_sum + half_difference, pitch, half_sum - half_difference], axis=-1)
+    return turned - 2.0 * np.pi * np.round(turned / (2.0 * np.pi))
+
+
+@dataclass(frozen=True)
+class BallCoordinate:
+    """Component k of a ball joint's rotation vector: ``w' = B(w) omega``, as in ``RotationCoordinate``.
+
+    Attributes:
+        model: Pinocchio's model.
+        ball: The joint.
+        component: k.
+        unit: Radian.
+    """
+
+    model: pin.Model
+    ball: Ball
+    component: int
+    unit: Unit = RADIAN
+
+    def value(self, data: pin.Data, q: Array) -> float:
+        """Return the component."""
+        return float(pin.log3(pin.Quaternion(self.ball.quaternion(q)).matrix())[self.component])
+
+    def row(self, model: pin.Model, data: pin.Data) -> Array:
+        """Return row k of B at the joint's own velocities, 0 elsewhere."""
+        row = np.zeros(model.nv)
+        row[self.ball.v : self.ball.v + 3] = pin.Jlog3(self._turn(data))[self.component]
+        return row
+
+    def drift(self, model: pin.Model, data: pin.Data) -> float:
+        """Return ``B' omega``: the joint's own velocity is constant while a = 0."""
+        index, turn = self.ball.index, self._turn(data)
+        omega = data.v[index].angular - data.liMi[index].rotation.T @ data.v[model.parents[index]].angular
+        w, b = pin.log3(turn), pin.Jlog3(turn)
+        return float((rate_of_b(w, b @ omega) @ omega)[self.component])
+
+    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
+        """Return nothing: the moment acts between the links of the joint."""
+        return {}
+
+    def _turn(self, data: pin.Data) -> Array:
+        index = self.ball.index
+        return np.asarray(self.model.jointPlacements[index].rotation.T @ data.liMi[index].rotation)
+
+
+def ball_coordinates(model: pin.Model, balls: Mapping[str, Ball]) -> dict[str, Coordinate]:
+    """Return the components of the rotation vector of every ball joint, ``J.rotation.x`` and so on."""
+    return {f"{name}.rotation.{axis}": BallCoordinate(model, ball, component)
+            for name, ball in balls.items() for component, axis in enumerate("xyz")}  # fmt: skip
+
+
+def coordinate_at(model: pin.Model, index: int) -> Coordinate:
+    """Return the coordinate that belongs to an index in v: a joint's, or a component of a rotation vector."""
+    joint = next(one for one in model.joints if one.nv and one.idx_v <= index < one.idx_v + one.nv)
+    if joint.nv == 3:
+        ball = Ball(model.names[joint.id], joint.id, joint.idx_q, joint.idx_v)
+        return BallCoordinate(model, ball, index - joint.idx_v)
+    weights, places = np.zeros(model.nv), np.full(model.nv, joint.idx_q, dtype=np.intp)
+    weights[index] = 1.0
+    return LinearCoordinate(METRE if joint.shortname().startswith("JointModelP") else RADIAN, weights, places)
+
+
+def coordinate_name(model: pin.Model, index: int) -> str:
+    """Return the name of the coordinate that belongs to an index in v."""
+    joint = next(one for one in model.joints if one.nv and one.idx_v <= index < one.idx_v + one.nv)
+    name = str(model.names[joint.id])
+    return f"{name}.rotation.{'xyz'[index - joint.idx_v]}" if joint.nv == 3 else name
+
+
+def indices_of(name: str, joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> tuple[int, ...]:
+    """Return the indices in v of what a key of ``configuration`` or ``velocity`` says something of."""
+    if name in joints:
+        return (joints[name].v,)
+    ball = next(ball for key, ball in balls.items() if name.startswith(f"{key}.") and name not in joints)
+    return tuple(range(ball.v, ball.v + 3))
+
+
+def positions_of(joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> dict[str, Unit]:
+    """Return what a configuration can be given by, with units: see ``configuration``."""
+    turns = (f"{name}.{part}" for name in balls for part in (*(f"rotation.{axis}" for axis in "xyz"), *ANGLES))
+    return {**{name: joint.unit for name, joint in joints.items()}, **dict.fromkeys(turns, RADIAN)}
+
+
+def velocities_of(joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> dict[str, Unit]:
+    """Return what velocities can be given by, with units: see ``velocity``."""
+    spins = (f"{name}.angular_velocity.{axis}" for name in balls for axis in "xyz")
+    rates = {name: joint.unit / unit("s") for name, joint in joints.items()}
+    return {**rates, **dict.fromkeys(spins, SPIN)}
+
+
+def places_of(joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> dict[str, int]:
+    """Return the indices in v of what velocities can be given by."""
+    spins = {
+        f"{name}.angular_velocity.{axis}": ball.v + k for name, ball in balls.items() for k, axis in enumerate("xyz")
+    }
+    return {**{name: joint.v for name, joint in joints.items()}, **spins}
+
+
+def unit_of(name: str, known: Mapping[str, Unit]) -> Unit:
+    """Return the unit of a value given by name.
+
+    Raises:
+        InputError: Nothing has this name; the message lists what there is.
+    """
+    if name not in known:
+        expected, hint = choices(name, known)
+        raise InputError(f"the model has no joint '{name}' with one coordinate", expected=expected, hint=hint)
+    return known[name]
+
+
+def configuration(
+    model: pin.Model, joints: Mapping[str, Joint], balls: Mapping[str, Ball], values: Mapping[str, float]
+) -> Array:
+    """Return a configuration from values by name, shape (nq,); what is not given is 0.
+
+    Args:
+        model: Pinocchio's model.
+        joints: Joints with one coordinate, whose names are keys.
+        balls: Ball joints J, with the keys ``J.rotation.x`` and so on, or ``J.roll``, ``J.pitch``, ``J.yaw``.
+        values: Values [rad or m].
+
+    Raises:
+        InputError: A name is unknown, or a ball joint is given by both.
+    """
+    known = positions_of(joints, balls)
+    for name in values:
+        unit_of(name, known)
+    q: Array = pin.neutral(model)
+    for name, joint in joints.items():
+        q[joint.q] = values.get(name, 0.0)
+    for name, ball in balls.items():
+        vector = np.array([values.get(f"{name}.rotation.{axis}", 0.0) for axis in "xyz"])
+        angles = np.array([values.get(f"{name}.{angle}", 0.0) for angle in ANGLES])
+        given = [key for key in values if key.startswith(f"{name}.rotation.")]
+        if given and any(f"{name}.{angle}" in values for angle in ANGLES):
+            raise InputError(f"the orientation of '{name}' is given twice", expected="roll, pitch and yaw, or rotation")
+        turn = pin.exp3(vector) if given else pin.rpy.rpyToMatrix(angles)
+        q[ball.q : ball.q + 4] = pin.Quaternion(turn).coeffs()
+    return q
+
+
+def velocity(
+    model: pin.Model, joints: Mapping[str, Joint], balls: Mapping[str, Ball], values: Mapping[str, float]
+) -> Array:
+    """Return velocities from values by name, shape (nv,); what is not given is 0.
+
+    Args:
+        model: Pinocchio's model.
+        joints: Joints with one coordinate, whose names are keys.
+        balls: Ball joints J, with the keys ``J.angular_velocity.x`` and so on, in the child's axes.
+        values: Values [rad/s or m/s].
+    """
+    v, places = np.zeros(model.nv), places_of(joints, balls)
+    for name, value in values.items():
+        v[places[name]] = value
+    return v

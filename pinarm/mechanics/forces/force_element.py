@@ -1,0 +1,88 @@
+"""What every force element promises."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Container
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError
+from pinarm.mechanics.laws.motion_law import MotionLaw
+
+
+class ForceElement(ABC):
+    """An element of one mechanism, ready for evaluation at one state or at many (leading axes).
+
+    The three abstract methods obey ``load . v = -dU/dt - dissipated`` whatever the motion; one test holds every element
+    to it. A load that drives the mechanism dissipates a negative power: it supplies it.
+    """
+
+    @abstractmethod
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the generalised load [N*m or N] to ``tau``, shape (..., nv)."""
+
+    @abstractmethod
+    def potential_energy(self, q: Array) -> Array:
+        """Return U [J], shape (...)."""
+
+    @abstractmethod
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the power that leaves the mechanism [W], shape (...)."""
+
+    @property
+    def conservative(self) -> bool:
+        """Whether all of the power goes into U and comes from it."""
+        return False
+
+    @property
+    def steady(self) -> bool:
+        """Whether the load is the same in all states and at all times."""
+        return False
+
+    def laws(self) -> list[MotionLaw]:
+        """Return the laws over time that the load follows; it may jump where they do."""
+        return []
+
+    def on(self, start: float, end: float) -> ForceElement:
+        """Return the element as it is on a stretch of time in which no law jumps."""
+        return self
+
+    @property
+    def in_pieces(self) -> bool:
+        """Whether the load is made of pieces along a coordinate or a velocity."""
+        return False
+
+    def passed(self, q: Array, v: Array) -> bool:
+        """Return whether a step may have gone past a piece of the load without having seen it; see ``Pieces``.
+
+        Args:
+            q: Configurations along the step, its ends included, shape (n, nq).
+            v: Velocities, shape (n, nv).
+        """
+        return False
+
+    def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
+        """Return what acts on links from outside: joint index -> [f; m] at the world's origin, world axes, shape (6,).
+
+        Elements that act between the two links of a joint have none: their effort is part of what the joint transmits.
+        """
+        return {}
+
+
+def check_new(name: str, known: Container[str]) -> None:
+    """Raise where the name of a force is that of another one, or of the weights.
+
+    Raises:
+        InputError: It is.
+    """
+    if name in known or name == "gravity":
+        raise InputError(f"the mechanism has a force '{name}' already", expected="a name of its own")
+
+
+def power(element: ForceElement, t: Array | float, q: Array, v: Array) -> Array:
+    """Return the power of an element [W], shape (...); positive into the mechanism."""
+    tau = np.zeros_like(v)
+    element.add_load(t, q, v, tau)
+    return np.asarray((tau * v).sum(axis=-1))

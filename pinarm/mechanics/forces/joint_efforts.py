@@ -1,0 +1,152 @@
+"""What drives a joint: efforts over time or over a coordinate, and motors at full power."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.mechanics.forces.breakpoints import Pieces
+from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.laws import Constant
+from pinarm.mechanics.laws.motion_law import MotionLaw, Values
+from pinarm.mechanics.laws.over_coordinate import Profile
+
+
+@dataclass(frozen=True)
+class AppliedEffort(ForceElement):
+    """A torque or force at a joint that follows a law of time; all of its power is supplied.
+
+    Attributes:
+        v: Index in v.
+        law: The effort [N*m or N] over time.
+        function: The smooth piece of the law on the present stretch.
+        constant: Its value there if it is constant.
+    """
+
+    v: int
+    law: MotionLaw
+    function: Callable[[Array], Values] | None = None
+    constant: float | None = None
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the load to ``tau``."""
+        tau[..., self.v] += self._effort(t)
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return 0."""
+        return np.zeros(q.shape[:-1])
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the power supplied, with a minus."""
+        return np.asarray(-self._effort(t) * v[..., self.v])
+
+    @property
+    def steady(self) -> bool:
+        """Whether the effort is constant."""
+        return self.constant is not None
+
+    def laws(self) -> list[MotionLaw]:
+        """Return the law."""
+        return [self.law]
+
+    def on(self, start: float, end: float) -> AppliedEffort:
+        """Return the element with the piece of its law on the stretch."""
+        constant = float(self.law.value) if isinstance(self.law, Constant) else None
+        return replace(self, function=self.law.on(start, end), constant=constant)
+
+    def _effort(self, t: Array | float) -> Array | float:
+        if self.constant is not None:
+            return self.constant
+        if self.function is None:
+            raise ValueError("a law is evaluated on a stretch of time: take the element's on(start, end)")
+        return self.function(np.asarray(t, float))[0]
+
+
+@dataclass(frozen=True)
+class ProfiledEffort(ForceElement):
+    """A torque or force at a joint that depends on the coordinate of a joint, such as of gas on a crank.
+
+    All of its power is supplied, also where it could be called a spring. Forward problems step over the profile's
+    breakpoints, where their accuracy is that of a kink, but over no whole piece.
+
+    Attributes:
+        v: Index in v of the joint that it acts on.
+        q: Index in q of the joint that it depends on.
+        profile: The effort [N*m or N] over that joint's coordinate.
+    """
+
+    v: int
+    q: int
+    profile: Profile
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the load to ``tau``."""
+        tau[..., self.v] += self.profile(q[..., self.q])[0]
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return 0."""
+        return np.zeros(q.shape[:-1])
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the power supplied, with a minus."""
+        return np.asarray(-self.profile(q[..., self.q])[0] * v[..., self.v])
+
+    @property
+    def in_pieces(self) -> bool:
+        """Whether there are pieces: there are."""
+        return True
+
+    def passed(self, q: Array, v: Array) -> bool:
+        """Return whether the coordinate passes a whole piece of the profile."""
+        return self._pieces.passed(q[..., self.q])
+
+    @cached_property
+    def _pieces(self) -> Pieces:
+        starts = [piece.start for piece in self.profile.pieces if math.isfinite(piece.start)]
+        return Pieces(np.array(starts), self.profile.period)
+
+
+@dataclass(frozen=True)
+class MotorCurve(ForceElement):
+    """A motor at full power: its effort is a function of its velocity, linear between points, constant beyond them.
+
+    Attributes:
+        v: Index in v.
+        speeds: Velocities of the points, ascending [rad/s or m/s], shape (k,).
+        efforts: Efforts there [N*m or N], shape (k,).
+    """
+
+    v: int
+    speeds: Array
+    efforts: Array
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the load to ``tau``."""
+        tau[..., self.v] += np.interp(v[..., self.v], self.speeds, self.efforts)
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return 0."""
+        return np.zeros(q.shape[:-1])
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the power supplied, with a minus."""
+        rate = v[..., self.v]
+        return np.asarray(-np.interp(rate, self.speeds, self.efforts) * rate)
+
+    @property
+    def in_pieces(self) -> bool:
+        """Whether there are pieces: there are."""
+        return True
+
+    def passed(self, q: Array, v: Array) -> bool:
+        """Return whether the velocity passes the whole way between two points of the curve."""
+        return self._pieces.passed(v[..., self.v])
+
+    @cached_property
+    def _pieces(self) -> Pieces:
+        return Pieces(self.speeds)

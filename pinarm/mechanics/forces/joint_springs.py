@@ -1,0 +1,156 @@
+"""What acts between the two links of a joint by itself: springs, dampers and friction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pinarm.arrays import Array, Indices
+from pinarm.mechanics.forces.force_element import ForceElement
+
+
+@dataclass(frozen=True)
+class SpringDamper(ForceElement):
+    """Linear springs and dampers at joints: ``load = -stiffness (q - rest) - damping v``.
+
+    Potential energy ``stiffness (q - rest)^2 / 2``, dissipated power ``damping v^2``, summed over the joints.
+
+    Attributes:
+        q: Indices in q, shape (k,).
+        v: Indices in v, shape (k,).
+        stiffness: [N*m/rad or N/m], shape (k,).
+        damping: [N*m*s/rad or N*s/m], shape (k,).
+        rest: Coordinate at which the spring is free [rad or m], shape (k,).
+    """
+
+    q: Indices
+    v: Indices
+    stiffness: Array
+    damping: Array
+    rest: Array
+
+    @classmethod
+    def sum(cls, elements: Sequence[SpringDamper]) -> SpringDamper:
+        """Return the element whose load is the sum of theirs; its energy differs by a constant."""
+        size = max((int(one.v.max(initial=-1)) for one in elements), default=-1) + 1
+        sums, places = np.zeros((3, size)), np.zeros(size, np.intp)
+        for one in elements:
+            sums[:, one.v] += [one.stiffness, one.damping, one.stiffness * one.rest]
+            places[one.v] = one.q
+        kept = np.flatnonzero(sums[:2].any(axis=0))
+        stiffness, damping, pull = sums[:, kept]
+        rest = np.divide(pull, stiffness, out=np.zeros(len(kept)), where=stiffness > 0.0)
+        return cls(places[kept], kept, stiffness, damping, rest)
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the load to ``tau``."""
+        places, rates = self._places
+        load = self.stiffness * (q[..., places] - self.rest)
+        if self._damped:
+            load += self.damping * v[..., rates]
+        tau[..., rates] -= load
+
+    @cached_property
+    def _damped(self) -> bool:
+        return bool(self.damping.any())
+
+    @cached_property
+    def _places(self) -> tuple[slice | Indices, slice | Indices]:
+        """The indices, as slices where they follow one another: these are read without a copy."""
+        return _following(self.q), _following(self.v)
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return the energy of the springs."""
+        return np.asarray((0.5 * self.stiffness * (q[..., self.q] - self.rest) ** 2).sum(axis=-1))
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the power of the dampers."""
+        return np.asarray((self.damping * v[..., self.v] ** 2).sum(axis=-1))
+
+    @property
+    def conservative(self) -> bool:
+        """Whether there are no dampers."""
+        return not self.damping.any()
+
+
+@dataclass(frozen=True)
+class BallSpring(ForceElement):
+    """Spring of a ball joint to its zero: ``load = -stiffness w``, with the rotation vector w, ``R = exp([w])``.
+
+    Potential energy ``stiffness |w|^2 / 2``. It jumps at half a turn, where the shortest way back changes sides.
+
+    Attributes:
+        q: Index in q of the joint's quaternion (x, y, z, w).
+        v: Index in v of its angular velocity, child's axes.
+        stiffness: [N*m/rad].
+    """
+
+    q: int
+    v: int
+    stiffness: float
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the load to ``tau``."""
+        tau[..., self.v : self.v + 3] -= self.stiffness * self._rotation(q)
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return the energy of the spring."""
+        return np.asarray(0.5 * self.stiffness * (self._rotation(q) ** 2).sum(axis=-1))
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return 0."""
+        return np.zeros(v.shape[:-1])
+
+    @property
+    def conservative(self) -> bool:
+        """Whether it is: a spring alone."""
+        return True
+
+    def _rotation(self, q: Array) -> Array:
+        """Return the rotation vectors, shape (..., 3); ``w = 2 atan(n / c) u`` for the quaternion (n u, c)."""
+        vector, c = q[..., self.q : self.q + 3], q[..., self.q + 3 : self.q + 4]
+        n = np.linalg.norm(vector, axis=-1, keepdims=True)
+        factor = 2.0 * np.arctan2(n * np.where(c < 0.0, -1.0, 1.0), np.abs(c)) / np.maximum(n, np.finfo(float).tiny)
+        return np.asarray(vector * np.where(n > 0.0, factor, 0.0))
+
+
+@dataclass(frozen=True)
+class DryFriction(ForceElement):
+    """Coulomb friction at joints, regularised: ``load = -friction tanh(v / creep)``.
+
+    Right within 1e-4 of its bound where ``|v| > 5 creep``. A joint that ought to stick creeps with
+    ``v = creep atanh(load / friction)`` instead. Small values of creep make forward problems stiff.
+
+    Attributes:
+        v: Indices in v, shape (k,).
+        friction: Largest load [N*m or N], shape (k,).
+        creep: [rad/s or m/s], shape (k,).
+    """
+
+    v: Indices
+    friction: Array
+    creep: Array
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the load to ``tau``."""
+        tau[..., self.v] -= self.friction * np.tanh(v[..., self.v] / self.creep)
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return 0."""
+        return np.zeros(q.shape[:-1])
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the heat."""
+        rates = v[..., self.v]
+        return np.asarray((self.friction * np.tanh(rates / self.creep) * rates).sum(axis=-1))
+
+
+def _following(indices: Indices) -> slice | Indices:
+    """Return the slice of indices that follow one another, otherwise these."""
+    if not len(indices):
+        return indices
+    first, last = int(indices[0]), int(indices[-1]) + 1
+    return slice(first, last) if np.array_equal(indices, np.arange(first, last)) else indices

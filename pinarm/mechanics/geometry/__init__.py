@@ -1,0 +1,1 @@
+"""Vectors, placements of links, and chains between frames, at many configurations at once."""

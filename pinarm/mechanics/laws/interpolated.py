@@ -1,0 +1,188 @@
+"""Laws through points: given in the file, or in a table beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError, UnitError, within
+from pinarm.input.roots import inside, root_of
+from pinarm.input.units import Unit
+from pinarm.input.yaml.schema import Abscissa, Level, Rate, check_each, folder_read
+from pinarm.mechanics.laws.motion_law import RENAMED, SECOND, MotionLaw, Piece, Values, polynomial
+
+
+class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", rename=RENAMED):
+    """Speed linear between given instants, constant before the first and after the last; ``from`` at the first.
+
+    The acceleration jumps at every point.
+    """
+
+    points: list[tuple[Abscissa, Rate]]
+    start: Level = 0.0
+
+    def check(self) -> None:
+        """Refuse instants that do not ascend, and too few of them."""
+        check_ascending([t for t, _ in self.points], 1)
+
+    def check_units(self, of: Unit, along: Unit = SECOND) -> None:
+        """Check the position and every speed; see ``MotionLaw.check_units``."""
+        super().check_units(of, along)
+        check_points(self.points, along, of / along)
+
+    def pieces(self) -> Sequence[Piece]:
+        """Return constant speed, a parabola between each two points, constant speed."""
+        (t, v), s = self.points[0], float(self.start)
+        found = [Piece(-math.inf, t, polynomial(t, s, v))]
+        for (t0, v0), (t1, v1) in pairwise(self.points):
+            found.append(Piece(t0, t1, polynomial(t0, s, v0, (v1 - v0) / (t1 - t0) / 2)))
+            s += (v0 + v1) / 2 * (t1 - t0)
+        t, v = self.points[-1]
+        return [*found, Piece(t, math.inf, polynomial(t, s, v))]
+
+
+class Steps(MotionLaw, frozen=True, tag_field="law", tag="steps"):
+    """Constant from each instant to the next, as of a motor that is switched on and off: for efforts and forces.
+
+    The first value holds before its instant too, and the last for ever.
+
+    Attributes:
+        points: Instants and values.
+    """
+
+    points: list[tuple[Abscissa, Level]]
+
+    def check(self) -> None:
+        """Refuse instants that do not ascend, and none at all."""
+        check_ascending([t for t, _ in self.points], 1)
+
+    def check_units(self, of: Unit, along: Unit = SECOND) -> None:
+        """Check every point; see ``MotionLaw.check_units``."""
+        check_points(self.points, along, of)
+
+    def pieces(self) -> Sequence[Piece]:
+        """Return a constant for each point."""
+        bounds = [-math.inf, *(float(t) for t, _ in self.points[1:]), math.inf]
+        levels = [polynomial(0.0, float(value)) for _, value in self.points]
+        return [Piece(start, end, level) for (start, end), level in zip(pairwise(bounds), levels, strict=True)]
+
+
+class Spline(MotionLaw, frozen=True, tag_field="law", tag="spline", rename=RENAMED):
+    """Cubic spline through points, s'' continuous inside, with given speeds at its ends; constant speed beyond them.
+
+    Attributes:
+        points: Instants and values.
+        speeds: At the first and the last point; at rest where they are left out.
+    """
+
+    points: list[tuple[Abscissa, Level]]
+    speeds: tuple[Rate, Rate] = (0.0, 0.0)
+
+    def check(self) -> None:
+        """Refuse instants that do not ascend, and too few of them."""
+        check_ascending([t for t, _ in self.points], 2)
+
+    def check_units(self, of: Unit, along: Unit = SECOND) -> None:
+        """Check every point and the end speeds; see ``MotionLaw.check_units``."""
+        check_points(self.points, along, of)
+        with within("speeds"):
+            check_each(self.speeds, of / along, of / along)
+
+    def pieces(self) -> Sequence[Piece]:
+        """Return constant speed, one piece for all cubics (only their third derivative jumps), constant speed."""
+        points = np.array(self.points, float)
+        return spline_pieces(points[:, 0], points[:, 1], self.speeds)
+
+
+class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
+    """The spline through the rows of a CSV file: a heading such as ``t [s],theta [deg]``, then two numbers a row.
+
+    Columns after the second are notes.
+
+    Attributes:
+        file: The table, relative to the file that names it.
+        speeds: At the first and the last row, and beyond them; at rest where they are left out, which bends a motion
+            that is not.
+    """
+
+    file: str
+    speeds: tuple[Rate, Rate] = (0.0, 0.0)
+
+    def check(self) -> None:
+        """Read the table, so that its mistakes are found with those of the file that names it."""
+        folder = folder_read() or Path(self.file).absolute().parent
+        with within("file"):
+            path = inside((folder / self.file).absolute(), root_of(folder))
+            msgspec.structs.force_setattr(self, "file", str(path))
+            read_once(self.file)
+
+    def check_units(self, of: Unit, along: Unit = SECOND) -> None:
+        """Check the column's unit and the end speeds; see ``MotionLaw.check_units``."""
+        _, _, *units = read_once(self.file)
+        for column, (found, wanted) in enumerate(zip(units, (along, of), strict=True), 1):
+            if found.dimension != wanted.dimension:
+                with within("file"):
+                    said = f"column {column} of the table {Path(self.file).name} is in {found}"
+                    raise UnitError(said, expected=f"a unit such as {wanted}")
+        with within("speeds"):
+            check_each(self.speeds, of / along, of / along)
+
+    def pieces(self) -> Sequence[Piece]:
+        """Return constant speed, the spline, constant speed."""
+        times, values, _, _ = read_once(self.file)
+        return spline_pieces(np.array(times), np.array(values), self.speeds)
+
+
+def read_once(path: str) -> tuple[tuple[float, ...], tuple[float, ...], Unit, Unit]:
+    """Return the two columns of a table and their units; it is read again only when the file has changed."""
+    from pinarm.input.motion_tables import read_table
+
+    state = Path(path).stat()
+    return read_table(path, (state.st_mtime_ns, state.st_size))
+
+
+def spline_pieces(times: Array, values: Array, speeds: tuple[float, float]) -> list[Piece]:
+    """Return a clamped cubic spline with constant speed before and after it."""
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(times, values, bc_type=((1, float(speeds[0])), (1, float(speeds[1]))))
+
+    def function(t: Array) -> Values:
+        return spline(t), spline(t, 1), spline(t, 2)
+
+    first, last = float(times[0]), float(times[-1])
+    return [
+        Piece(-math.inf, first, polynomial(first, float(values[0]), float(speeds[0]))),
+        Piece(first, last, function),
+        Piece(last, math.inf, polynomial(last, float(values[-1]), float(speeds[1]))),
+    ]
+
+
+def check_points(points: Sequence[tuple[float, float]], along: Unit, of: Unit) -> None:
+    """Check the units of points.
+
+    Raises:
+        UnitError: One has another dimension.
+    """
+    for row, point in enumerate(points):
+        with within("points", row):
+            check_each(point, along, of)
+
+
+def check_ascending(times: Sequence[float], least: int) -> None:
+    """Raise where there are too few points, or they do not ascend.
+
+    Raises:
+        InputError: Names the first that does not.
+    """
+    if len(times) < least:
+        raise InputError(f"{len(times)} points are too few", expected=f"at least {least}")
+    for row, (before, after) in enumerate(pairwise(times)):
+        if not after > before:
+            raise InputError(f"the points do not ascend: {before:g}, then {after:g} (point {row + 2})")

@@ -1,0 +1,217 @@
+"""Laws of motion: a value with its first and second derivative, exact, over time or over a coordinate.
+
+A law is a sequence of smooth pieces. At a jump of any derivative each side has its own piece, valid up to and including
+the instant of the jump, so that "just before" and "just after" are both well-defined numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags
+from pinarm.errors import InputError, within
+from pinarm.input.units import Unit, unit
+from pinarm.input.yaml.schema import Model, check_unit, measured_fields
+
+RENAMED = {"start": "from", "end": "to"}
+"""Keys of files that are words of Python."""
+
+Values = tuple[Array, Array, Array]
+"""s, s' and s'' at the same instants, each of shape (n,)."""
+
+SECOND = unit("s")
+
+ROUNDING = 1e-12
+"""Instants that differ by less, relative to the duration, are one instant."""
+
+JUMP = 1e-9
+"""Two sides that differ by less, relative to the size of s, s' or s'', are one value, computed twice."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A smooth stretch of a law.
+
+    Attributes:
+        start: First instant [s]; ``-inf`` where it has always been so.
+        end: Last instant [s].
+        function: Instants, shape (n,), to s, s', s''.
+    """
+
+    start: float
+    end: float
+    function: Callable[[Array], Values]
+
+    def size(self) -> Array:
+        """Return how large |s|, |s'| and |s''| become, roughly, shape (3,)."""
+        ends = [end for end in (self.start, self.end) if math.isfinite(end)] or [0.0]
+        return np.asarray(np.abs(np.array(self.function(np.linspace(ends[0], ends[-1], 9)))).max(axis=1))
+
+
+def polynomial(origin: float, *coefficients: float) -> Callable[[Array], Values]:
+    """Return ``s(t) = sum_k c_k (t - origin)^k`` with its derivatives."""
+    c = np.array(coefficients)
+    dc = c[1:] * np.arange(1.0, len(c))
+    ddc = dc[1:] * np.arange(1.0, len(dc))
+
+    def function(t: Array) -> Values:
+        x = np.asarray(t, float) - origin
+        return _horner(c, x), _horner(dc, x), _horner(ddc, x)
+
+    return function
+
+
+def _horner(c: Array, x: Array) -> Array:
+    total = np.zeros_like(x)
+    for coefficient in c[::-1]:
+        total = total * x + coefficient
+    return total
+
+
+class MotionLaw(Model, frozen=True, dict=True):
+    """Base of the laws: their fields say which derivative of the coordinate they measure, ``pieces`` what they do."""
+
+    @abstractmethod
+    def pieces(self) -> Sequence[Piece]:
+        """Return the smooth pieces, end to end, from ``-inf`` to ``inf``."""
+
+    @cached_property
+    def settled(self) -> Sequence[Piece]:
+        """The pieces, made once."""
+        return self.pieces()
+
+    def check_units(self, of: Unit, along: Unit = SECOND) -> None:
+        """Check that every field was written in a unit that fits.
+
+        Args:
+            of: Unit of the law's values.
+            along: Unit of what it runs along.
+
+        Raises:
+            UnitError: A field has another dimension.
+        """
+        for name, kind in measured_fields(type(self)).items():
+            with within(RENAMED.get(name, name)):
+                if kind.order is not None:
+                    check_unit(getattr(self, name), of / along**kind.order if kind.order else of)
+                elif kind.along is not None:
+                    check_unit(getattr(self, name), along**kind.along)
+
+    def breakpoints(self) -> list[float]:
+        """Return the instants at which one piece meets the next [s]."""
+        return [piece.start for piece in self.settled[1:]]
+
+    def jumps(self) -> list[float]:
+        """Return the breakpoints at which s, s' or s'' itself jumps, not only a higher derivative."""
+        return [t for t, jumping in self._jumping() if jumping.any()]
+
+    def leaps(self) -> list[float]:
+        """Return the breakpoints at which s itself jumps: a load may, a position never."""
+        return [t for t, jumping in self._jumping() if jumping[0]]
+
+    def _jumping(self) -> Iterator[tuple[float, Flags]]:
+        """Yield the breakpoints, and which of s, s' and s'' jump there."""
+        for before, after in pairwise(self.settled):
+            instant = np.array([after.start])
+            left, right = np.array(before.function(instant)), np.array(after.function(instant))
+            size = np.maximum(before.size(), after.size())
+            yield after.start, np.abs(left - right)[:, 0] > JUMP * size
+
+    def require_continuous(self, along: Unit = SECOND) -> None:
+        """Refuse jumps of s.
+
+        Args:
+            along: Unit of what the law runs along.
+
+        Raises:
+            InputError: Says where the first one is.
+        """
+        for t in self.leaps():
+            raise InputError(
+                f"the value jumps at {t:.6g} {along}",
+                expected="a law without jumps: those are for loads over time",
+            )
+
+    def on(self, start: float, end: float) -> Callable[[Array], Values]:
+        """Return the smooth function that holds between two neighbouring breakpoints, both ends included."""
+        place = bisect_left(self.settled, 0.5 * (start + end), key=lambda piece: piece.end)
+        return self.settled[place].function
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Instants at which a problem is solved, cut into stretches on which every law is one smooth piece.
+
+    An instant at which s, s' or s'' of a law jumps stands twice: as the end of one stretch and as the start of the
+    next. Other cuts, where pieces meet smoothly, need no row of their own; a stretch between them may have no row.
+
+    Attributes:
+        t: Instants [s], or values of the coordinate swept, shape (n,).
+        cuts: Bounds of the stretches, shape (m + 1,).
+        rows: First row of each stretch, and n; shape (m + 1,).
+    """
+
+    t: Array
+    cuts: tuple[float, ...]
+    rows: tuple[int, ...]
+
+    @classmethod
+    def cover(cls, t: Array, laws: Iterable[MotionLaw], jumps: Iterable[float] = ()) -> Grid:
+        """Return the grid of the given instants, with the jumps of the laws between the first and the last added.
+
+        Args:
+            t: Instants, shape (n,).
+            laws: Their breakpoints cut the grid.
+            jumps: Further instants at which something jumps.
+        """
+        first, last = float(t[0]), float(t[-1])
+        laws = list(laws)
+        doubled = {first, last, *jumps, *(x for law in laws for x in law.jumps())}
+        breaks = {*jumps, *(x for law in laws for x in law.breakpoints())}
+        inner = sorted(x for x in breaks if first < x < last)
+        cuts, slack = (first, *inner, last), ROUNDING * (last - first)
+        if not inner:
+            return cls(t, cuts, (0, len(t)))
+        parts = [_rows_between(t, start, end, doubled, slack) for start, end in pairwise(cuts)]
+        rows = np.cumsum([0, *(len(part) for part in parts)])
+        return cls(np.concatenate(parts), cuts, tuple(int(row) for row in rows))
+
+    def stretches(self) -> list[tuple[float, float, slice]]:
+        """Return start, end and rows of every stretch."""
+        return [
+            (start, end, slice(low, high))
+            for (start, end), (low, high) in zip(pairwise(self.cuts), pairwise(self.rows), strict=True)
+        ]
+
+    def evaluate(self, law: MotionLaw) -> Values:
+        """Return s, s', s'' of a law at every row, each side of a jump by its own piece."""
+        parts = [law.on(start, end)(self.t[rows]) for start, end, rows in self.stretches()]
+        s, ds, dds = (np.concatenate([part[k] for part in parts]) for k in range(3))
+        return s, ds, dds
+
+    def part(self, first: int, last: int) -> Grid:
+        """Return the stretches from the first to the last of the given indices."""
+        low, high = self.rows[first], self.rows[last + 1]
+        rows = tuple(row - low for row in self.rows[first : last + 2])
+        return Grid(self.t[low:high], self.cuts[first : last + 2], rows)
+
+    def until(self, end: float) -> Grid:
+        """Return the grid up to an instant, which becomes its last cut."""
+        kept = [(start, min(stop, end), rows) for start, stop, rows in self.stretches() if start < end or start == stop]
+        ends = [rows.start + int((self.t[rows] <= end).sum()) for _, _, rows in kept]
+        return Grid(self.t[: ends[-1]], (self.cuts[0], *(stop for _, stop, _ in kept)), (0, *ends))
+
+
+def _rows_between(t: Array, start: float, end: float, doubled: set[float], slack: float) -> Array:
+    """Return the instants of one stretch: its ends where they stand twice, and what was asked for in between."""
+    below = t < end - slack if end in doubled else t <= end + slack
+    inside = t[(t > start + slack) & below]
+    return np.concatenate([[start] if start in doubled else [], inside, [end] if end in doubled else []])

@@ -1,0 +1,237 @@
+"""Laws over a coordinate instead of over time, as of a cam: profiles, alone or driven by a law over time.
+
+With the profile f and the law w(t) of what drives it: ``s = f(w)``, ``s' = f'(w) w'``, ``s'' = f'' w'^2 + f' w''``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError, within
+from pinarm.input.units import Unit
+from pinarm.input.yaml.schema import Extent, Model, check_unit
+from pinarm.mechanics.laws.composed import CONTINUOUS, Law
+from pinarm.mechanics.laws.motion_law import MotionLaw, Piece, Values
+
+SAMPLES = 2049
+"""Instants at which a smooth piece of the driving law is looked at for where it turns back."""
+
+HALVINGS = 60
+"""Of a bracket around an instant: it ends at the digits of a double."""
+
+SAME = 1e-12
+"""Distance from a breakpoint, relative to the size of the breakpoints, that is still on it."""
+
+MANY = 10_000
+"""Most breakpoints that a driven profile may pass."""
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A law over a coordinate, evaluated wherever the coordinate may be.
+
+    Attributes:
+        pieces: Its smooth pieces, end to end; those of the first period where it repeats.
+        period: After which it repeats [rad or m]; infinite where it does not.
+    """
+
+    pieces: tuple[Piece, ...]
+    period: float = math.inf
+
+    @classmethod
+    def of(cls, law: MotionLaw, period: float | None = None) -> Profile:
+        """Return the profile that a law describes from 0 to its period, or everywhere."""
+        if period is None:
+            return cls(tuple(law.settled))
+        inside = [piece for piece in law.settled if piece.end > 0.0 and piece.start < period]
+        return cls(tuple(Piece(max(p.start, 0.0), min(p.end, period), p.function) for p in inside), period)
+
+    def __call__(self, w: Array) -> Values:
+        """Return f, f' and f'' at values of the coordinate, each of the shape of w."""
+        x = self._folded(w)
+        found = np.empty((3, *x.shape))
+        place = np.searchsorted([piece.end for piece in self.pieces[:-1]], x)
+        for index in np.unique(place):
+            held = place == index
+            found[:, held] = self.pieces[index].function(x[held])
+        return found[0], found[1], found[2]
+
+    def _folded(self, w: Array) -> Array:
+        w = np.asarray(w, float)
+        return w if self.period == math.inf else w - self.period * np.floor(w / self.period)
+
+    def breaks(self, low: float, high: float) -> Array:
+        """Return where pieces meet between two values of the coordinate, ascending.
+
+        Raises:
+            InputError: There are too many.
+        """
+        own = np.array([piece.start for piece in self.pieces if math.isfinite(piece.start)])
+        if self.period < math.inf and math.isfinite(low) and math.isfinite(high):
+            with np.errstate(over="ignore", invalid="ignore"):
+                first, last = np.floor(low / np.float64(self.period)), np.floor(high / np.float64(self.period))
+                if not (last - first + 1) * len(own) <= MANY:
+                    raise InputError(f"the profile is passed {last - first:.3g} times", expected="a shorter motion")
+            own = (self.period * np.arange(first, last + 1)[:, None] + own).ravel()
+        return own[(own > low) & (own < high)]
+
+    def beside(self, middle: float, w: Array) -> Values:
+        """Return f, f' and f'' by the piece that holds at ``middle`` where w is on it or at its ends, else by value."""
+        turn = middle - float(self._folded(np.array(middle)))
+        piece = self.pieces[int(np.searchsorted([piece.end for piece in self.pieces[:-1]], middle - turn))]
+        x = np.asarray(w, float) - turn
+        slack = SAME * max(1.0, *(abs(end) for end in (piece.start, piece.end, turn) if math.isfinite(end)))
+        held = (x >= piece.start - slack) & (x <= piece.end + slack)
+        if held.all():
+            return piece.function(x)
+        found = np.array(self(w))
+        found[:, held] = piece.function(x[held])
+        return found[0], found[1], found[2]
+
+    def check_closed(self) -> None:
+        """Refuse a profile whose value or slope is not the same at the end of its period as at its beginning.
+
+        Raises:
+            InputError: Says by how much they differ.
+        """
+        if self.period == math.inf:
+            return
+        first = np.array(self.pieces[0].function(np.array([0.0])))[:, 0]
+        last = np.array(self.pieces[-1].function(np.array([self.period])))[:, 0]
+        size = np.max([piece.size() for piece in self.pieces], axis=0)
+        for what, begin, end, scale in zip(("value", "slope"), first, last, size, strict=False):
+            if abs(end - begin) > CONTINUOUS * scale:
+                raise InputError(f"the profile does not close: its {what} is {begin:.6g} at 0 and {end:.6g} after a "
+                                 "period", expected="a profile that ends as it begins")  # fmt: skip
+
+
+class Driven(MotionLaw, frozen=True):
+    """A profile along a law over time, by its pieces.
+
+    Attributes:
+        parts: The pieces.
+    """
+
+    parts: tuple[Any, ...]
+
+    def pieces(self) -> Sequence[Piece]:
+        """Return the pieces."""
+        return self.parts
+
+
+class Over(Model, frozen=True, tag_field="law", tag="over"):
+    """The value of one coordinate as a function of another one that follows a law, such as of a cam and its follower.
+
+    Attributes:
+        of: The other coordinate; it has a law in the same motion.
+        profile: The function. Where laws speak of time it has the other coordinate: ``duration: 90 deg``.
+        period: After which the profile repeats, such as ``360 deg``: what it says from 0 to there holds for every
+            turn. None where it does not repeat.
+    """
+
+    of: str
+    profile: Law
+    period: Extent | None = None
+
+    def check(self) -> None:
+        """Refuse a profile that does not end its period as it begins."""
+        with within("period"):
+            Profile.of(self.profile, self.period).check_closed()
+
+    def check_units(self, of: Unit, along: Unit) -> None:
+        """Check the profile's units.
+
+        Args:
+            of: Unit of the values.
+            along: Unit of the other coordinate.
+
+        Raises:
+            UnitError: A field has another dimension.
+        """
+        with within("profile"):
+            self.profile.check_units(of, along)
+        with within("period"):
+            check_unit(self.period or 0.0, along)
+
+    def along(self, drive: MotionLaw, start: float, end: float) -> MotionLaw:
+        """Return the law over time that the profile makes of that of the other coordinate.
+
+        It is cut where the other coordinate passes a breakpoint of the profile between two instants; outside of them
+        it holds as well, but is not cut.
+
+        Args:
+            drive: Law of the other coordinate.
+            start: First instant [s].
+            end: Last instant [s].
+
+        Raises:
+            InputError: More breakpoints are passed than anyone would want.
+        """
+        profile = Profile.of(self.profile, self.period)
+        parts: list[Piece] = []
+        for piece in drive.settled:
+            low, high = max(piece.start, start), min(piece.end, end)
+            cuts = passages(profile, piece.function, low, high) if low < high else []
+            if len(parts) + len(cuts) > MANY:
+                raise InputError("the profile's breakpoints are passed too often", expected="a shorter motion")
+            for first, last in pairwise([piece.start, *cuts, piece.end]):
+                middle = 0.5 * (max(first, min(low, last)) + min(last, max(high, first)))
+                parts.append(Piece(first, last, _chained(profile, piece.function, middle)))
+        return Driven(parts=tuple(parts))
+
+
+def _chained(profile: Profile, drive: Callable[[Array], Values], middle: float) -> Callable[[Array], Values]:
+    """Return the profile along a drive, by the piece of the profile that holds at an instant in the middle."""
+    between = float(drive(np.array([middle]))[0][0])
+
+    def function(t: Array) -> Values:
+        w, dw, ddw = drive(np.asarray(t, float))
+        f, df, ddf = profile.beside(between, w)
+        return f, df * dw, ddf * dw**2 + df * ddw
+
+    return function
+
+
+def passages(profile: Profile, drive: Callable[[Array], Values], low: float, high: float) -> list[float]:
+    """Return the instants between low and high at which a smooth motion passes breakpoints of a profile, ascending."""
+    t = np.linspace(low, high, SAMPLES)
+    speed = drive(t)[1]
+    back = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
+    turns = _halved(lambda x: drive(x)[1], t[back], t[back + 1])
+    t = np.sort(np.concatenate([t, turns]))
+    w = drive(t)[0]
+    breaks = profile.breaks(float(w.min()), float(w.max()))
+    slack = SAME * max(1.0, float(np.abs(breaks).max(initial=0.0)))
+    found = []
+    for place in breaks:
+        side = np.where(np.abs(w - place) <= slack, 0.0, np.sign(w - place))
+        off = np.flatnonzero(side)
+        across = np.flatnonzero(side[off[:-1]] != side[off[1:]])
+        found.append(_halved(partial(_gap, drive, float(place)), t[off[across]], t[off[across + 1]]))
+    return sorted(float(instant) for instant in np.concatenate([np.zeros(0), *found]))
+
+
+def _gap(drive: Callable[[Array], Values], place: float, t: Array) -> Array:
+    return drive(t)[0] - place
+
+
+def _halved(function: Callable[[Array], Array], low: Array, high: Array) -> Array:
+    """Return where a function changes its sign between the ends of each bracket."""
+    first = np.sign(function(low)) if len(low) else low
+    for _ in range(HALVINGS if len(low) else 0):
+        middle = 0.5 * (low + high)
+        left = np.sign(function(middle)) == first
+        low, high = np.where(left, middle, low), np.where(left, high, middle)
+    return np.asarray(0.5 * (low + high))
+
+
+Motion = Law | Over
+"""What a coordinate may follow."""

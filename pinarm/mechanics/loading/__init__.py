@@ -1,0 +1,1 @@
+"""URDF and MJCF text to Pinocchio models."""

@@ -1,0 +1,212 @@
+"""MJCF text as a tree.
+
+Read here and not by Pinocchio's parser, which drops gravity, springs, couplings and every tree but the first, merges
+several joints of a body into one without their names, and opens any mesh. What is not read is refused or noted.
+Coordinates are MuJoCo's, except that free and ball joints count from the pose in the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.errors import ModelError
+from pinarm.mechanics.loading.mjcf_geoms import geom_inertia
+from pinarm.mechanics.loading.mjcf_joints import joint_chain, within
+from pinarm.mechanics.loading.mjcf_settings import Attributes, Settings, number, numbers
+from pinarm.mechanics.loading.model_tree import Mimic, Tree, TreeJoint, checked_mimics, defect, inertia, several
+
+WORLD = "world"
+GENERATED = ("replicate", "attach", "composite", "flexcomp", "flex", "plugin")
+"""Elements in place of which MuJoCo makes others."""
+
+
+@dataclass
+class _Reader:
+    """What is found on the way through the bodies."""
+
+    settings: Settings
+    links: dict[str, pin.Inertia] = field(default_factory=lambda: {WORLD: pin.Inertia.Zero()})
+    joints: list[TreeJoint] = field(default_factory=list)
+    sites: list[TreeJoint] = field(default_factory=list)
+    defects: list[str] = field(default_factory=list)
+    notes: dict[str, list[str]] = field(default_factory=dict)
+
+    def note(self, what: str, name: str) -> None:
+        """Keep a name for a note that many may share."""
+        self.notes.setdefault(what, []).append(name)
+
+
+def mjcf_tree(model: Element) -> Tree:
+    """Return the tree of a ``<mujoco>`` element whose includes are resolved.
+
+    Raises:
+        ModelError: A number, mass or axis is none that a body or joint can have, or the model has something that moves
+            it and is not read: loops, generated bodies.
+    """
+    settings = Settings.of(model)
+    reader = _Reader(settings)
+    for world in model.findall("worldbody"):
+        _bodies(reader, world, WORLD, pin.SE3.Identity(), "", moves=False)
+    sites = [site for site in reader.sites if site.child not in reader.links]  # points, unless a body is called so
+    links = {**_scaled(reader.links, settings.total_mass), **{site.child: pin.Inertia.Zero() for site in sites}}
+    mimics, orphans = checked_mimics([*_couplings(model, reader)], {one.name: one.kind for one in reader.joints})
+    gravity = np.zeros(3) if "gravity" in settings.off else settings.gravity
+    said = [f"{what}: {several(names)}" for what, names in reader.notes.items()]
+    return Tree(
+        model.get("model", ""), links, (*reader.joints, *sites), mimics, gravity, (*reader.defects, *orphans),
+        (*said, *_unread(model)),
+    )  # fmt: skip
+
+
+def _bodies(reader: _Reader, element: Element, parent: str, frame: pin.SE3, childclass: str, *, moves: bool) -> None:
+    """Read the bodies and sites in a body, or in a frame of it, whose placement in the body is given."""
+    for child in element:
+        if child.tag in GENERATED:
+            raise ModelError(f"in '{parent}': <{child.tag}> is not read", expected="the bodies that it stands for",
+                             hint="the model as MuJoCo writes it, by mj_saveLastXML")  # fmt: skip
+        if child.tag == "frame":
+            place = frame * reader.settings.placement(child.attrib, f"a frame of '{parent}'")
+            _bodies(reader, child, parent, place, child.get("childclass", childclass), moves=moves)
+        elif child.tag == "site":
+            given = reader.settings.attributes(child, childclass)
+            if name := given.get("name"):
+                place = frame * _site(reader.settings, given, f"site '{name}'")
+                reader.sites.append(_fixed(f"{name}_fixed", parent, name, place))
+        elif child.tag == "body":
+            _body(reader, child, parent, frame, childclass, moves)
+
+
+def _body(reader: _Reader, body: Element, parent: str, frame: pin.SE3, childclass: str, moves: bool) -> None:
+    count = sum(one.startswith(f"{parent}_body") for one in reader.links)
+    name = body.get("name") or f"{parent}_body{count + 1}"
+    if name in reader.links:
+        raise ModelError(f"two bodies have the name '{name}'", expected="a name of its own for each")
+    where, settings = f"body '{name}'", reader.settings
+    if body.get("mocap", "false") == "true":
+        reader.note("held where they are drawn, though MuJoCo lets its user move them", name)
+    if number(body.attrib, "gravcomp", where, 0.0):
+        reader.note("gravity compensation is not modelled", name)
+    childclass = body.get("childclass", childclass)
+    place = frame * settings.placement(body.attrib, where)
+    joints = [*within(settings, body, childclass, "joint", "freejoint")]
+    reader.links[name] = pin.Inertia.Zero()
+    if not joints:
+        reader.joints.append(_fixed(f"{name}_fixed", parent, name, place))
+    for joint in joint_chain(settings, joints, parent, name, place, reader.notes):
+        if any(joint.name == one.name for one in reader.joints):
+            raise ModelError(f"two joints have the name '{joint.name}'", expected="a name of its own for each")
+        reader.joints.append(joint)
+    moves = moves or bool(joints)
+    reader.links[name] = _inertia(reader, body, childclass, where, moves)
+    _bodies(reader, body, name, pin.SE3.Identity(), childclass, moves=moves)
+
+
+def _fixed(name: str, parent: str, child: str, place: pin.SE3) -> TreeJoint:
+    return TreeJoint(name, "fixed", parent, child, place, np.array([0.0, 0.0, 1.0]))
+
+
+def _site(settings: Settings, given: Attributes, where: str) -> pin.SE3:
+    if "fromto" not in given:
+        return settings.placement(given, where)
+    ends = numbers(given, "fromto", where, 6)
+    return pin.SE3(np.eye(3), (ends[:3] + ends[3:]) / 2)
+
+
+def _inertia(reader: _Reader, body: Element, childclass: str, where: str, moves: bool) -> pin.Inertia:
+    """Return the inertia of a body about its frame; of one that never moves it plays no part."""
+    if not moves and not reader.settings.total_mass:
+        return pin.Inertia.Zero()
+    settings = reader.settings
+    inertials = [*within(settings, body, childclass, "inertial")]
+    if settings.source == "inertial" or (settings.source == "auto" and inertials):
+        if not inertials:
+            raise ModelError(f"{where}: it has no <inertial>, and inertiafromgeom is false")
+        return _bounded(reader, _inertial(inertials[0].given, settings, where), where)
+    total = pin.Inertia.Zero()
+    for geom in within(settings, body, childclass, "geom"):
+        shape = geom_inertia(geom.given, settings, f"{where}: geom '{geom.given.get('name', '')}'")
+        total += geom.frame.act(shape)
+    return _bounded(reader, total, where)
+
+
+def _inertial(given: Attributes, settings: Settings, where: str) -> pin.Inertia:
+    mass = number(given, "mass", f"{where}: inertial")
+    if mass < 0.0:
+        raise ModelError(f"{where}: the mass is negative ({mass:g} kg)")
+    place = settings.placement(given, f"{where}: inertial")
+    if "fullinertia" in given:
+        xx, yy, zz, xy, xz, yz = numbers(given, "fullinertia", where, 6)
+        moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    else:
+        moments = np.diag(numbers(given, "diaginertia", where, 3, (0.0, 0.0, 0.0)))
+    return inertia(mass, place.translation, place.rotation @ moments @ place.rotation.T)
+
+
+def _bounded(reader: _Reader, body: pin.Inertia, where: str) -> pin.Inertia:
+    """Return an inertia with the least mass and moments that the model asks for."""
+    settings = reader.settings
+    if wrong := defect(body.inertia):
+        reader.defects.append(f"{where}: {wrong}")
+    moments = body.inertia
+    if settings.least_inertia:
+        values, axes = np.linalg.eigh(moments)
+        moments = axes @ np.diag(np.maximum(values, settings.least_inertia)) @ axes.T
+    return inertia(max(body.mass, settings.least_mass), body.lever, moments)
+
+
+def _scaled(links: dict[str, pin.Inertia], total: float) -> dict[str, pin.Inertia]:
+    """Return the inertias scaled to a total mass, where one is asked for."""
+    mass = sum(one.mass for one in links.values())
+    share = total / mass if total > 0.0 and mass else 1.0
+    return {name: inertia(share * one.mass, one.lever, share * one.inertia) for name, one in links.items()}
+
+
+def _couplings(model: Element, reader: _Reader) -> Iterator[Mimic]:
+    """Yield the joints that equalities couple.
+
+    Raises:
+        ModelError: An equality closes a loop, or couples by a curve.
+    """
+    for one in (one for section in model.findall("equality") for one in section):
+        given = reader.settings.attributes(one, "", "equality")
+        name = given.get("name") or given.get("joint1") or given.get("body1") or given.get("site1") or "without name"
+        if given.get("active", "true") == "false" or "equality" in reader.settings.off:
+            continue
+        if one.tag != "joint":
+            raise ModelError(f"equality '{name}': a <{one.tag}> that ties bodies together is not read",
+                             hint="remove it, and use 'loops:' or 'couplings:' of the mechanism file")  # fmt: skip
+        follower, leader, where = given.get("joint1", ""), given.get("joint2"), f"equality '{name}'"
+        text = given.get("polycoef", "0 1 0 0 0").split()
+        curve = numbers({"polycoef": " ".join([*text, *["0"] * (5 - len(text))])}, "polycoef", where, 5)
+        if leader is None or curve[2:].any():
+            raise ModelError(f"{where}: it couples by a curve or holds a joint, which is not read",
+                             expected="two joints, and polycoef with at most two numbers")  # fmt: skip
+        drawn = {joint.name: joint.drawn for joint in reader.joints}
+        ends = [drawn.get(joint, 0.0) for joint in (follower, leader)]
+        yield Mimic(follower, leader, float(curve[1]), float(curve[0] + ends[0] - curve[1] * ends[1]))
+
+
+def _unread(model: Element) -> Iterator[str]:
+    """Yield notes on sections that move a MuJoCo model and are not read."""
+    for tag in ("deformable", "extension"):
+        if any(len(section) for section in model.findall(tag)):
+            raise ModelError(f"the model has a section <{tag}>, which is not read", expected="rigid bodies and joints")
+    option = {key: value for one in model.findall("option") for key, value in one.attrib.items()}
+    medium = [key for key in ("density", "viscosity") if number(option, key, "<option>", 0.0)]
+    if medium:
+        yield f"the forces of a medium ({', '.join(medium)}) are not modelled"
+    if any(True for world in model.findall("worldbody") for _ in world.iter("geom")):
+        yield "geoms do not touch: contacts are not modelled"
+    for section, meant in (
+        ("tendon", "tendons are not modelled"),
+        ("actuator", "actuators are not modelled: efforts come from laws, drives and loads"),
+        ("keyframe", "keyframes are not used: the scenario says how a motion begins"),
+    ):
+        names = [one.get("name") or one.tag for part in model.findall(section) for one in part]
+        if names:
+            yield f"{meant}: {several(names)}"

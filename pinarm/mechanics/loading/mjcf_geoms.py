@@ -1,0 +1,87 @@
+"""Inertias of the shapes of MJCF: solids of uniform density, or of a given mass."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.errors import ModelError
+from pinarm.mechanics.loading.mjcf_settings import Attributes, Settings, number, numbers
+from pinarm.mechanics.loading.model_tree import from_z, inertia
+
+WATER = 1000.0
+"""Density where none is given [kg/m^3]."""
+
+SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
+FLAT = ("plane", "hfield")
+"""Shapes without mass, which only what does not move may have."""
+
+
+def geom_inertia(given: Attributes, settings: Settings, where: str) -> pin.Inertia:
+    """Return the inertia of a shape about its body's frame.
+
+    Args:
+        given: The geom's attributes, those of its class included.
+        settings: Conventions of the model.
+        where: What it belongs to, for messages.
+
+    Raises:
+        ModelError: Its size or mass is malformed, or its mass would come from a mesh.
+    """
+    kind = given.get("type", "mesh" if "mesh" in given else "sphere")
+    mass, density = (number(given, key, where, -1.0) for key in ("mass", "density"))
+    group = number(given, "group", where, 0.0)
+    first, last = settings.groups
+    if kind in FLAT or mass == 0.0 or (mass < 0.0 and density == 0.0) or not first <= group <= last:
+        return pin.Inertia.Zero()
+    if any(number(given, key, where, 0.0) < 0.0 for key in ("mass", "density")):
+        raise ModelError(f"{where}: its mass or density is negative")
+    if kind not in SIZES or "mesh" in given or given.get("shellinertia", "false") != "false":
+        what = "mesh" if kind in ("mesh", "sdf") or "mesh" in given else f"'{kind}' or shell"
+        raise ModelError(f"{where}: the mass of a {what} is not computed here", expected="an <inertial> of its body")
+    place, size = _shape(given, kind, settings, where)
+    volume, gyration = _solid(kind, size)
+    total = mass if mass >= 0.0 else volume * (density if density >= 0.0 else WATER)
+    squares = total * gyration
+    moments = np.diag(squares.sum() - squares)
+    return place.act(inertia(total, np.zeros(3), moments))
+
+
+def _shape(given: Attributes, kind: str, settings: Settings, where: str) -> tuple[pin.SE3, Array]:
+    """Return placement and size; a shape drawn from a point to another lies between them, its z along them."""
+    size = numbers(given, "size", where, len(given.get("size", "").split()), ())
+    if "fromto" in given and kind != "sphere":
+        ends = numbers(given, "fromto", where, 6)
+        along = ends[3:] - ends[:3]
+        length = float(np.linalg.norm(along))
+        if not length or not len(size):
+            raise ModelError(f"{where}: it has no size")
+        place = pin.SE3(from_z(along / length), (ends[:3] + ends[3:]) / 2)
+        size = np.array([size[0], length / 2] if SIZES[kind] == 2 else [size[0], size[0], length / 2])
+    else:
+        place = settings.placement(given, where)
+    if len(size) < SIZES[kind] or not (size[: SIZES[kind]] > 0.0).all():
+        raise ModelError(f"{where}: size='{given.get('size', '')}'", expected=f"{SIZES[kind]} positive numbers")
+    return place, size
+
+
+def _solid(kind: str, size: Array) -> tuple[float, Array]:
+    """Return the volume [m^3], and the mean squares of x, y and z over it [m^2], shape (3,)."""
+    if kind == "box":
+        return 8.0 * float(size.prod()), size**2 / 3
+    if kind == "ellipsoid":
+        return 4.0 / 3.0 * math.pi * float(size.prod()), size**2 / 5
+    r = float(size[0])
+    ball = 4.0 / 3.0 * math.pi * r**3
+    if kind == "sphere":
+        return ball, np.full(3, r * r / 5)
+    half = float(size[1])
+    tube = math.pi * r * r * 2 * half
+    if kind == "cylinder":
+        return tube, np.array([r * r / 4, r * r / 4, half * half / 3])
+    caps = np.array([r * r / 5, r * r / 5, r * r / 5 + half * half + 0.75 * half * r])  # centroid at 3/8 r
+    middle = np.array([r * r / 4, r * r / 4, half * half / 3])
+    return ball + tube, (ball * caps + tube * middle) / (ball + tube)

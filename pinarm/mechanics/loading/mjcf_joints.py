@@ -1,0 +1,145 @@
+"""The joints of MJCF bodies: where they are, how far they go, and the springs and dampers in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.errors import ModelError
+from pinarm.mechanics.loading.mjcf_settings import Attributes, Settings, number, numbers, one_of
+from pinarm.mechanics.loading.model_tree import Bounds, Kind, TreeJoint
+
+KINDS: dict[str, Kind] = {"hinge": "revolute", "slide": "prismatic", "ball": "ball", "free": "floating"}
+
+KNOWN = frozenset({
+    "name", "class", "type", "pos", "axis", "range", "limited", "actuatorfrcrange", "actuatorfrclimited", "ref",
+    "springref", "stiffness", "damping", "armature", "frictionloss", "group", "user", "margin", "solreflimit",
+    "solimplimit", "solreffriction", "solimpfriction",
+})  # fmt: skip
+"""Attributes of joints that are applied, or have no part in the motion of rigid bodies."""
+
+SWITCHES: dict[str, frozenset[str]] = {
+    "stiffness": frozenset({"passive", "spring"}), "damping": frozenset({"passive", "damper"}),
+    "frictionloss": frozenset({"frictionloss"}), "armature": frozenset(),
+}  # fmt: skip
+"""Coefficients of joints, and the flags of the model that switch them off."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """An element that belongs to a body.
+
+    Attributes:
+        tag: Its kind.
+        given: Its attributes, those of its class included.
+        frame: Placement in the body of the frame that it stands in.
+    """
+
+    tag: str
+    given: Attributes
+    frame: pin.SE3
+
+
+def within(settings: Settings, body: Element, childclass: str, *tags: str) -> Iterator[Part]:
+    """Yield the elements of some kinds that belong to a body itself, those in frames with the frame's placement."""
+    waiting = [(body, pin.SE3.Identity(), childclass)]
+    while waiting:
+        element, place, inherited = waiting.pop(0)
+        for child in element:
+            if child.tag in tags:
+                plain = child.tag in ("freejoint", "inertial")
+                yield Part(child.tag, child.attrib if plain else settings.attributes(child, inherited), place)
+            elif child.tag == "frame":
+                inner = place * settings.placement(child.attrib, f"a frame of body '{body.get('name', '')}'")
+                waiting.append((child, inner, child.get("childclass", inherited)))
+
+
+def joint_chain(
+    settings: Settings, joints: Sequence[Part], parent: str, body: str, place: pin.SE3, notes: dict[str, list[str]]
+) -> Iterator[TreeJoint]:
+    """Yield the joints of a body, which move one after the other, each in the frame that those before leave.
+
+    Args:
+        settings: Conventions of the model.
+        joints: Its joints.
+        parent: Link that it hangs on.
+        body: Its name.
+        place: Its placement in the parent link, as it is drawn.
+        notes: Notes on attributes that are not modelled, with the joints that have them; more are added.
+
+    Raises:
+        ModelError: A joint has an attribute that none can have, or stands beside a free joint.
+    """
+    free = any(one.tag == "freejoint" or one.given.get("type") == "free" for one in joints)
+    if free and (len(joints) > 1 or parent != "world"):
+        raise ModelError(f"body '{body}': a free joint stands alone, in a body of the world")
+    for k, part in enumerate(joints):
+        name = part.given.get("name") or (f"{body}_free" if free else f"{body}_joint{k + 1 if len(joints) > 1 else ''}")
+        child = body if k == len(joints) - 1 else f"{body}/{name}"
+        kind = "free" if part.tag == "freejoint" else one_of(part.given, "type", tuple(KINDS), f"joint '{name}'")
+        joint = _joint(settings, part, name, KINDS[kind], notes)
+        yield replace(joint, parent=parent, child=child, placement=place * joint.placement)
+        parent, place = child, pin.SE3.Identity()
+
+
+def _joint(settings: Settings, part: Part, name: str, kind: Kind, notes: dict[str, list[str]]) -> TreeJoint:
+    """Return a joint in its body, with what its attributes say of its forces and limits."""
+    where, given = f"joint '{name}'", part.given
+    for key in sorted(given.keys() - KNOWN):
+        if key != "springdamper" or numbers(given, key, where, 2).any():
+            notes.setdefault(f"the joints' {key} is not modelled", []).append(name)
+    axis = numbers(given, "axis", where, 3, (0.0, 0.0, 1.0))
+    if not axis.any():
+        raise ModelError(f"{where}: its axis is 0 0 0", expected="three numbers, not all zero")
+    axis = part.frame.rotation @ axis / np.linalg.norm(axis)
+    stiffness, damping, friction, armature = (_force(given, key, settings, where) for key in SWITCHES)
+    joint = TreeJoint(name, kind, "", "", pin.SE3.Identity(), axis, stiffness=stiffness, damping=damping,
+                      friction=friction, armature=armature)  # fmt: skip
+    if kind == "floating":
+        return joint
+    anchor = pin.SE3(np.eye(3), part.frame.act(numbers(given, "pos", where, 3, (0.0, 0.0, 0.0))))
+    joint = replace(joint, placement=anchor, offset=anchor.inverse())
+    if kind == "ball":
+        if given.get("range") and given.get("limited") != "false":
+            notes.setdefault("the range of ball joints is not watched", []).append(name)
+        return joint
+    measured = _measured(settings, joint, given, where)
+    if measured.drawn:
+        notes.setdefault("drawn at their ref, but begin at 0 where nothing is said", []).append(name)
+    return measured
+
+
+def _measured(settings: Settings, joint: TreeJoint, given: Attributes, where: str) -> TreeJoint:
+    """Return a joint with one coordinate with what is measured along it."""
+    turns = joint.kind == "revolute"
+    measure = settings.angle if turns else 1.0
+    drawn, rest = (measure * number(given, key, where, 0.0) for key in ("ref", "springref"))
+    lower, upper = measure * _range(given, "range", "limited", settings, where)
+    effort = np.abs(_range(given, "actuatorfrcrange", "actuatorfrclimited", settings, where)).max()
+    back = pin.SE3(pin.exp3(-drawn * joint.axis), np.zeros(3)) if turns else pin.SE3(np.eye(3), -drawn * joint.axis)
+    bounds = Bounds(float(lower), float(upper), effort=float(effort))
+    return replace(joint, offset=back * joint.offset, bounds=bounds, rest=rest, drawn=drawn)
+
+
+def _force(given: Attributes, key: str, settings: Settings, where: str) -> float:
+    """Return a coefficient, 0 where the model switches its kind of force off."""
+    value = number(given, key, where, 0.0)
+    if value < 0.0:
+        raise ModelError(f"{where}: its {key} is negative")
+    return 0.0 if SWITCHES[key] & settings.off else value
+
+
+def _range(given: Attributes, key: str, switch: str, settings: Settings, where: str) -> Array:
+    """Return a range where it is a limit, else an infinite one."""
+    limited = one_of(given, switch, ("auto", "true", "false"), where)
+    if key not in given or limited == "false" or (limited == "auto" and not settings.limits_by_range):
+        return np.array([-np.inf, np.inf])
+    lower, upper = numbers(given, key, where, 2)
+    if lower >= upper:
+        raise ModelError(f"{where}: {key}='{given[key]}'", expected="the lower number first")
+    return np.array([lower, upper])

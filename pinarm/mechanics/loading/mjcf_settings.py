@@ -1,0 +1,211 @@
+"""What holds for a whole MJCF model: units, conventions, default classes; and how its attributes are read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.errors import ModelError, choices
+from pinarm.mechanics.loading.model_tree import from_z
+
+Attributes = Mapping[str, str]
+
+ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
+SWITCHES = {"gravity", "passive", "spring", "damper", "frictionloss", "equality"}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The ``<compiler>`` and ``<option>`` sections, as far as they concern the motion of rigid bodies.
+
+    Attributes:
+        angle: Size of the unit of angles [rad].
+        sequence: Axes of Euler angles: small letters turn with the body, capitals stay fixed.
+        limits_by_range: Whether a range that is given is a limit without being called so.
+        source: Where inertias come from: ``inertial``, ``geoms``, or the first that there is (``auto``).
+        groups: First and last group of the geoms that have mass.
+        least_mass: Of every body [kg].
+        least_inertia: Of every body, about its principal axes [kg*m^2].
+        total_mass: That all masses are scaled to [kg]; as they are where it is 0.
+        gravity: [m/s^2], shape (3,).
+        off: Which of ``SWITCHES`` are off.
+        classes: Attributes by class and element, what classes inherit included.
+    """
+
+    angle: float
+    sequence: str
+    limits_by_range: bool
+    source: str
+    groups: tuple[float, float]
+    least_mass: float
+    least_inertia: float
+    total_mass: float
+    gravity: Array
+    off: frozenset[str]
+    classes: Mapping[str, Mapping[str, Attributes]] = field(repr=False)
+
+    @classmethod
+    def of(cls, model: Element) -> Settings:
+        """Read the sections of a model.
+
+        Raises:
+            ModelError: A value is malformed, or asks for a convention that is not read.
+        """
+        compiler = _merged(model.findall("compiler"))
+        option = _merged(model.findall("option"))
+        flags = _merged([flag for one in model.findall("option") for flag in one.findall("flag")])
+        if compiler.get("coordinate", "local") != "local":
+            raise ModelError("the model has global coordinates", expected='<compiler coordinate="local"/>')
+        sequence = compiler.get("eulerseq", "xyz")
+        if len(sequence) != 3 or not set(sequence.lower()) <= set("xyz"):
+            raise ModelError(f"eulerseq is '{sequence}'", expected="three of x, y, z")
+        source = {"auto": "auto", "true": "geoms", "false": "inertial"}[
+            one_of(compiler, "inertiafromgeom", ("auto", "true", "false"), "<compiler>")
+        ]
+        first, last = numbers(compiler, "inertiagrouprange", "<compiler>", 2, (0.0, 5.0))
+        degrees = one_of(compiler, "angle", ("degree", "radian"), "<compiler>") == "degree"
+        least_mass, least_inertia = (number(compiler, key, "<compiler>", 0.0) for key in ("boundmass", "boundinertia"))
+        return cls(
+            math.pi / 180.0 if degrees else 1.0, sequence,
+            one_of(compiler, "autolimits", ("true", "false"), "<compiler>") == "true", source, (first, last),
+            least_mass, least_inertia, max(0.0, number(compiler, "settotalmass", "<compiler>", 0.0)),
+            numbers(option, "gravity", "<option>", 3, (0.0, 0.0, -9.81)),
+            frozenset(name for name in SWITCHES if flags.get(name) == "disable"), _classes(model),
+        )  # fmt: skip
+
+    def attributes(self, element: Element, childclass: str, kind: str = "") -> Attributes:
+        """Return the attributes of an element, those of its class where it gives none.
+
+        Args:
+            element: Such as a joint.
+            childclass: Class of the elements of its body that name none.
+            kind: What classes call such elements; by its tag where it is left out.
+
+        Raises:
+            ModelError: There is no class of that name.
+        """
+        name = element.get("class", childclass)
+        if name not in self.classes:
+            expected, hint = choices(name, self.classes)
+            raise ModelError(f"there is no default class '{name}'", expected=expected, hint=hint)
+        given = self.classes[name].get(kind or element.tag, {})
+        if any(key in element.attrib for key in (*ORIENTATIONS, "fromto")):
+            given = {key: value for key, value in given.items() if key not in (*ORIENTATIONS, "fromto")}
+        merged = {**given, **element.attrib}
+        if "size" in given and "size" in element.attrib:  # of several numbers, those not given are the class's
+            own = element.attrib["size"].split()
+            merged["size"] = " ".join([*own, *given["size"].split()[len(own) :]])
+        return merged
+
+    def placement(self, given: Attributes, where: str) -> pin.SE3:
+        """Return the placement that ``pos`` and one of five ways to give an orientation say."""
+        return pin.SE3(self.rotation(given, where), numbers(given, "pos", where, 3, (0.0, 0.0, 0.0)))
+
+    def rotation(self, given: Attributes, where: str) -> Array:
+        """Return an orientation as a matrix, shape (3, 3).
+
+        Raises:
+            ModelError: It is given twice, or has no direction.
+        """
+        ways = [key for key in ORIENTATIONS if key in given]
+        if len(ways) > 1:
+            raise ModelError(f"{where}: its orientation is given by {' and '.join(ways)}", expected="one of them")
+        if not ways:
+            return np.eye(3)
+        way = ways[0]
+        values = numbers(given, way, where, {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}[way])
+        if way == "euler":
+            return self._euler(values)
+        if not values[:3].any() and not (way == "quat" and values.any()):
+            raise ModelError(f"{where}: {way}='{given[way]}' has no direction")
+        if way == "quat":
+            w, x, y, z = values / np.linalg.norm(values)
+            return np.asarray(pin.Quaternion(w, x, y, z).matrix())
+        if way == "axisangle":
+            return np.asarray(pin.exp3(values[:3] / np.linalg.norm(values[:3]) * values[3] * self.angle))
+        if way == "zaxis":
+            return from_z(values / np.linalg.norm(values))
+        x = values[:3] / np.linalg.norm(values[:3])
+        y = values[3:] - (x @ values[3:]) * x
+        if np.linalg.norm(y) < 1e-9 * np.linalg.norm(values[3:]):
+            raise ModelError(f"{where}: the axes of xyaxes='{given[way]}' are parallel")
+        y /= np.linalg.norm(y)
+        return np.array([x, y, np.cross(x, y)]).T
+
+    def _euler(self, angles: Array) -> Array:
+        turn = np.eye(3)
+        for letter, angle in zip(self.sequence, angles, strict=True):
+            step = pin.exp3(np.eye(3)["xyz".index(letter.lower())] * angle * self.angle)
+            turn = turn @ step if letter.islower() else step @ turn
+        return turn
+
+
+def number(given: Attributes, key: str, where: str, default: float | None = None) -> float:
+    """Return an attribute that is one number; see ``numbers``."""
+    return float(numbers(given, key, where, 1, None if default is None else (default,))[0])
+
+
+def numbers(given: Attributes, key: str, where: str, count: int, default: Sequence[float] | None = None) -> Array:
+    """Return an attribute that is some numbers, shape (count,).
+
+    Raises:
+        ModelError: It is missing, or is not so many finite numbers.
+    """
+    if key not in given:
+        if default is None:
+            raise ModelError(f"{where}: {key} is missing")
+        return np.array(default, float)
+    text = given[key]
+    try:
+        values = np.array([float(part) for part in text.replace("_", "?").split()])
+    except ValueError:
+        values = np.empty(0)
+    if len(values) != count or not np.isfinite(values).all():
+        wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+        raise ModelError(f"{where}: {key}='{text[:60]}' is not what is read here", expected=wanted)
+    return values
+
+
+def one_of(given: Attributes, key: str, words: Sequence[str], where: str) -> str:
+    """Return an attribute that is one of some words, the first of them by default.
+
+    Raises:
+        ModelError: It is none of them.
+    """
+    word = given.get(key, words[0])
+    if word not in words:
+        raise ModelError(f"{where}: {key} is '{word}'", expected=f"one of {', '.join(words)}")
+    return word
+
+
+def _merged(elements: Sequence[Element]) -> dict[str, str]:
+    """Return the attributes of sections of one kind; later ones win."""
+    return {key: value for element in elements for key, value in element.attrib.items()}
+
+
+def _classes(model: Element) -> dict[str, Mapping[str, Attributes]]:
+    found: dict[str, Mapping[str, Attributes]] = {"": {}}
+    for top in model.findall("default"):
+        for name, elements in _class(top, found[""]):
+            found[name] = elements
+        found[""] = found[top.get("class", "main")]
+    return found
+
+
+def _class(element: Element, above: Mapping[str, Attributes]) -> Iterator[tuple[str, Mapping[str, Attributes]]]:
+    """Yield a class and those in it, each with what it inherits."""
+    own = dict(above)
+    for child in element:
+        if child.tag != "default":
+            own[child.tag] = {**own.get(child.tag, {}), **child.attrib}
+    yield element.get("class", "main"), own
+    for child in element.findall("default"):
+        if "class" not in child.attrib:
+            raise ModelError("a default class has no name", expected='<default class="...">')
+        yield from _class(child, own)

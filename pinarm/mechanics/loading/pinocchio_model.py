@@ -1,0 +1,258 @@
+"""From a model's text to Pinocchio's model, joint by joint: nothing is dropped, and no file of meshes is opened.
+
+A joint with several coordinates is built of simple ones that move after each other, which is the same motion. A
+floating joint ``J`` slides along its parent's axes (``J.x``, ``J.y``, ``J.z``), then turns as a ball joint ``J``; its
+velocities are the rates of x, y, z, and the angular velocity in the link's own axes. A planar joint slides along two
+axes (``J.x``, ``J.y``), then turns (``J.angle``), so that its turns are counted.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.errors import ModelError
+from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.forces.joint_definitions import CREEP
+from pinarm.mechanics.loading.model_tree import Bounds, Mimic, Tree, TreeJoint, from_z, listed
+from pinarm.mechanics.loading.urdf import urdf_tree
+
+BASE = "root"
+"""Name of the joint that lets a model float whose text holds it to the ground."""
+
+MOST = 250
+"""Degrees of freedom at most: Pinocchio's buffers take 65 nv^3 bytes, here 1 GB."""
+
+ALIGNED = 1e-15
+"""Deviation from a coordinate axis that is rounding."""
+
+Base = Literal["floating", "fixed"]
+Defects = Literal["refused", "noted"]
+
+SIMPLE = {
+    "revolute": (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ, pin.JointModelRevoluteUnaligned),
+    "prismatic": (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ, pin.JointModelPrismaticUnaligned),
+}
+
+
+@dataclass(frozen=True)
+class RobotModel:
+    """A model as Pinocchio sees it, with what its text says and Pinocchio ignores.
+
+    Attributes:
+        model: Pinocchio's model; its joints stand depth-first, limits that are not given are infinite.
+        xml: The text it was built from.
+        forces: Springs, damping and dry friction of its joints, by name.
+        mimics: Joints that its text couples to others.
+        gravity: Field that its text asks for [m/s^2], shape (3,); ``None`` where it says nothing.
+        notes: What is not modelled as the text has it, in words.
+    """
+
+    model: pin.Model
+    xml: str
+    forces: Mapping[str, ForceElement] = field(default_factory=dict)
+    mimics: tuple[Mimic, ...] = ()
+    gravity: Array | None = None
+    notes: tuple[str, ...] = ()
+
+
+def build_model(
+    xml: str, *, base: Base | None = None, defects: Defects = "refused", creep: float = CREEP
+) -> RobotModel:
+    """Build the model of a URDF or MJCF text.
+
+    Args:
+        xml: The text.
+        base: Whether the root is held or floats; as in the text where it is left out.
+        defects: Whether inertias that no body can have, and joints that mimic none, are refused, or taken and noted.
+        creep: Velocity below which its dry friction gives way [rad/s or m/s].
+
+    Raises:
+        ModelError: The text is no model, or has a mass, inertia, axis or other number that no body or joint can have.
+    """
+    tree = _based(_read(xml), base)
+    if tree.defects and defects == "refused":
+        raise ModelError(tree.defects[0], hint="mend the model, or say 'defects: noted' in the mechanism file")
+    model = _assembled(tree)
+    forces = _passive(model, tree, creep)
+    notes = [
+        *(f"{defect}; taken as written" for defect in tree.defects), *tree.notes, *_massless(model),
+        *_said(tree, creep),
+    ]  # fmt: skip
+    return RobotModel(model, xml, forces, tree.mimics, tree.gravity, tuple(notes))
+
+
+def _read(xml: str) -> Tree:
+    try:
+        root = ElementTree.fromstring(xml)
+    except ElementTree.ParseError as error:
+        raise ModelError(f"the model is not XML: {error}") from None
+    if root.tag == "mujoco":
+        from pinarm.mechanics.loading.mjcf import mjcf_tree  # not paid for by others
+
+        return mjcf_tree(root)
+    if root.tag != "robot":
+        raise ModelError(f"the model begins with <{root.tag}>", expected="<robot> (URDF, xacro) or <mujoco> (MJCF)")
+    return urdf_tree(root)
+
+
+def _based(tree: Tree, base: Base | None) -> Tree:
+    """Return the tree with its root held or afloat."""
+    if base is None:
+        return tree
+    carried = [joint for joint in tree.joints if joint.parent == tree.root]
+    afloat = [joint.name for joint in carried if joint.kind == "floating"]
+    if base == "fixed":
+        held = (replace(joint, kind="fixed") if joint.name in afloat else joint for joint in tree.joints)
+        return replace(tree, joints=tuple(held))
+    if afloat:
+        return tree
+    if any(joint.name == BASE for joint in tree.joints):
+        raise ModelError(f"the model has a joint '{BASE}', which is the name of the one that lets its base float")
+    ground = "ground" if tree.root == "world" else "world"
+    if ground in tree.links:
+        raise ModelError(f"the model has a link '{ground}', which is the name of what its base would float in")
+    free = TreeJoint(BASE, "floating", ground, tree.root, pin.SE3.Identity(), np.array([1.0, 0.0, 0.0]))
+    return replace(tree, links={ground: pin.Inertia.Zero(), **tree.links}, joints=(free, *tree.joints))
+
+
+def _assembled(tree: Tree) -> pin.Model:
+    """Return Pinocchio's model of a tree.
+
+    Raises:
+        ModelError: Nothing in it moves, or too much; or two parts of joints have one name.
+    """
+    model = pin.Model()
+    model.name = tree.name
+    simple = [part for joint in tree.joints for part in _parts(joint)]
+    twice = [name for name, times in Counter(part.name for part in simple if part.kind != "fixed").items() if times > 1]
+    if twice:
+        raise ModelError(f"two joints have the name '{twice[0]}'", expected="a name of its own for each")
+    count = sum(3 if joint.kind == "ball" else 1 for joint in simple if joint.kind != "fixed")
+    if not count:
+        raise ModelError("the model has no joint that moves", expected="at least one joint that is not fixed",
+                         hint="base: floating in the mechanism file lets it move freely")  # fmt: skip
+    if count > MOST:
+        raise ModelError(f"the model has {count} degrees of freedom", expected=f"at most {MOST}")
+    frames = {tree.root: model.addFrame(pin.Frame(tree.root, 0, 0, pin.SE3.Identity(), pin.FrameType.BODY))}
+    model.appendBodyToJoint(0, tree.links[tree.root], pin.SE3.Identity())
+    for joint in simple:
+        frame = _add(model, joint, frames[joint.parent])
+        place = model.frames[frame].placement * joint.offset
+        carrier = model.frames[frame].parentJoint
+        kind = pin.FrameType.BODY if joint.child in tree.links else pin.FrameType.OP_FRAME
+        frames[joint.child] = model.addFrame(pin.Frame(joint.child, carrier, frame, place, kind))
+        if joint.child in tree.links:
+            model.appendBodyToJoint(carrier, tree.links[joint.child], place)
+    return model
+
+
+def _add(model: pin.Model, joint: TreeJoint, before: int) -> int:
+    """Add a simple joint beyond a frame; return its own frame."""
+    parent = model.frames[before]
+    place = parent.placement * joint.placement
+    if joint.kind == "fixed":
+        return int(model.addFrame(pin.Frame(joint.name, parent.parentJoint, before, place, pin.FrameType.FIXED_JOINT)))
+    index = model.addJoint(parent.parentJoint, _joint_model(joint), place, joint.name)
+    made, bounds = model.joints[index], joint.bounds
+    for limits, value, start, size in (
+        (model.lowerPositionLimit, bounds.lower, made.idx_q, made.nq),
+        (model.upperPositionLimit, bounds.upper, made.idx_q, made.nq),
+        (model.velocityLimit, bounds.velocity, made.idx_v, made.nv),
+        (model.effortLimit, bounds.effort, made.idx_v, made.nv),
+        (model.armature, joint.armature, made.idx_v, made.nv),
+        (model.damping, joint.damping, made.idx_v, made.nv),
+    ):
+        limits[start : start + size] = value
+    return int(model.addJointFrame(index, before))
+
+
+def _joint_model(joint: TreeJoint) -> pin.JointModel:
+    if joint.kind == "ball":
+        return pin.JointModelSpherical()
+    *aligned, general = SIMPLE[joint.kind]
+    for axis, made in zip(np.eye(3), aligned, strict=True):
+        if np.abs(joint.axis - axis).max() < ALIGNED:
+            return made()
+    return general(joint.axis)
+
+
+def _parts(joint: TreeJoint) -> Iterator[TreeJoint]:
+    """Yield the simple joints that a joint is made of; the last carries its link."""
+    if joint.kind not in ("planar", "floating"):
+        yield joint
+        return
+    turn = joint.placement.rotation @ from_z(joint.axis) if joint.kind == "planar" else np.eye(3)
+    place, parent = pin.SE3(turn, joint.placement.translation), joint.parent
+    step = replace(joint, kind="prismatic", bounds=Bounds(), rest=0.0, offset=pin.SE3.Identity())
+    for axis, letter in zip(np.eye(3), "xyz" if joint.kind == "floating" else "xy", strict=False):
+        name = f"{joint.name}.{letter}"
+        yield replace(step, name=name, parent=parent, child=f"{joint.name}/{letter}", placement=place, axis=axis)
+        place, parent = pin.SE3.Identity(), f"{joint.name}/{letter}"
+    drawn = pin.SE3(turn.T @ joint.placement.rotation, np.zeros(3))
+    last = replace(step, parent=parent, child=joint.child)
+    if joint.kind == "floating":
+        yield replace(last, kind="ball", placement=drawn, offset=joint.offset)
+    else:
+        z = np.array([0.0, 0.0, 1.0])
+        yield replace(last, kind="revolute", name=f"{joint.name}.angle", placement=place, axis=z,
+                      offset=drawn * joint.offset)  # fmt: skip
+
+
+def _passive(model: pin.Model, tree: Tree, creep: float) -> dict[str, ForceElement]:
+    """Return springs, damping and friction of the joints, which Pinocchio does not apply."""
+    named = {part.name: part for joint in tree.joints for part in _parts(joint)}
+    of = [(named[model.names[made.id]], made) for made in model.joints[1:]]
+    if not any(joint.damping or joint.friction or joint.stiffness for joint, _ in of):
+        return {}
+    from pinarm.mechanics.forces.joint_springs import BallSpring, DryFriction, SpringDamper
+
+    damping, friction = (
+        np.array([getattr(joint, key) for joint, made in of for _ in range(made.nv)]) for key in ("damping", "friction")
+    )
+    damped, rubbed = np.flatnonzero(damping), np.flatnonzero(friction)
+    forces: dict[str, ForceElement] = {}
+    if len(damped):
+        none = np.zeros(len(damped))
+        forces["joint damping"] = SpringDamper(damped, damped, none, damping[damped], none)
+    if len(rubbed):
+        forces["joint friction"] = DryFriction(rubbed, friction[rubbed], np.full(len(rubbed), creep))
+    single = [(joint, made) for joint, made in of if joint.stiffness and made.nv == 1]
+    if single:
+        q, v = (np.array([getattr(made, key) for _, made in single]) for key in ("idx_q", "idx_v"))
+        stiffness, rest = (np.array([getattr(joint, key) for joint, _ in single]) for key in ("stiffness", "rest"))
+        forces["joint springs"] = SpringDamper(q, v, stiffness, np.zeros(len(v)), rest)
+    balls = [(joint, made) for joint, made in of if joint.stiffness and made.nv == 3]
+    return {**forces, **{f"spring of {joint.name}": BallSpring(made.idx_q, made.idx_v, joint.stiffness)
+                         for joint, made in balls}}  # fmt: skip
+
+
+def _massless(model: pin.Model) -> Iterator[str]:
+    """Yield a note on joints beyond which there is no mass."""
+    heavy = [bool(body.mass or body.inertia.any()) for body in model.inertias]
+    idle = [not any(heavy[joint] for joint in model.subtrees[index]) for index in range(model.njoints)]
+    names = [model.names[index] for index in range(1, model.njoints) if idle[index] and not idle[model.parents[index]]]
+    if names:
+        yield f"nothing beyond {listed('joint', names)} has a mass"
+
+
+def _said(tree: Tree, creep: float) -> Iterator[str]:
+    rubbed = [joint.name for joint in tree.joints if joint.friction and joint.kind != "fixed"]
+    if rubbed:
+        yield (f"dry friction F of {listed('joint', rubbed)} is regularised, F tanh(v / {creep:g}), v in rad/s or m/s: "
+               f"a joint that ought to stick under a load creeps, with {creep:g} atanh(load / F)")  # fmt: skip
+    several = [joint for joint in tree.joints if joint.kind in ("ball", "planar", "floating")]
+    if limited := [joint.name for joint in several if joint.bounds != Bounds()]:
+        yield f"limits of {listed('joint', limited)} are not watched: they have several coordinates"
+
+
+def ending(xml: str) -> str:
+    """Return the ending of the name of a file with a model's text."""
+    return ".xml" if ElementTree.fromstring(xml).tag == "mujoco" else ".urdf"

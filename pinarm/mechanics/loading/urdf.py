@@ -1,0 +1,261 @@
+"""URDF text as a tree, every number checked: parsers in use take a NaN mass for 0 kg, and drop what they dislike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.errors import ModelError, choices
+from pinarm.mechanics.loading.model_tree import (
+    Bounds,
+    Kind,
+    Mimic,
+    Tree,
+    TreeJoint,
+    checked_mimics,
+    defect,
+    inertia,
+    listed,
+    several,
+)
+
+KINDS: Mapping[str, Kind] = {
+    "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "planar": "planar",
+    "floating": "floating",
+}  # fmt: skip
+"""Types of joint in URDF, and what they are here; ``continuous`` is a revolute joint without limits."""
+
+Vector = tuple[float, float, float]
+Element = ElementTree.Element
+
+
+def urdf_tree(robot: Element) -> Tree:
+    """Return the tree of a ``<robot>`` element.
+
+    Joints come depth-first, those of one link in the order of their names: that of Pinocchio's own reader.
+
+    Raises:
+        ModelError: The links and joints are no tree, or a mass, axis, or other number is none that a body has.
+    """
+    defects: list[str] = []
+    notes: list[str] = []
+    links = {name: _inertia(link, name, defects, notes) for name, link in _named(robot, "link").items()}
+    elements = _named(robot, "joint")
+    joints = {name: _joint(joint, name, links) for name, joint in elements.items()}
+    root, order = _ordered(links, joints)
+    mimics, orphans = checked_mimics([*_mimics(elements)], {name: joint.kind for name, joint in joints.items()})
+    notes += _said_of_limits(elements, joints)
+    if any(float(spring.text or 0) for spring in robot.iter("springStiffness") if _is_number(spring.text)):
+        notes.append("springs that the model gives to its joints for Gazebo are not modelled")
+    if geared := [*_geared(robot)]:
+        notes.append(f"gears and rotors of transmissions are modelled as 'drives' only: {several(geared)}")
+    bodies = {root: links[root], **{joint.child: links[joint.child] for joint in order}}
+    return Tree(robot.get("name", ""), bodies, order, mimics, None, (*defects, *orphans), tuple(notes))
+
+
+def _geared(robot: Element) -> Iterator[str]:
+    """Yield the names of the transmissions that have a gear or a rotor."""
+    idle = {"mechanicalReduction": 1.0, "motorInertia": 0.0}
+    for transmission in robot.findall("transmission"):
+        if any(one.tag in idle and _is_number(one.text) and abs(float(one.text or 0)) != idle[one.tag]
+               for one in transmission.iter()):  # fmt: skip
+            yield transmission.get("name", "without name")
+
+
+def _named(robot: Element, tag: str) -> dict[str, Element]:
+    found: dict[str, Element] = {}
+    for element in robot.findall(tag):
+        name = element.get("name")
+        if not name:
+            raise ModelError(f"a {tag} has no name")
+        if name in found:
+            raise ModelError(f"two {tag}s have the name '{name}'", expected="a name of its own for each")
+        found[name] = element
+    return found
+
+
+def _inertia(link: Element, name: str, defects: list[str], notes: list[str]) -> pin.Inertia:
+    where, inertials = f"link '{name}'", link.findall("inertial")
+    if not inertials:
+        return pin.Inertia.Zero()
+    if len(inertials) > 1:
+        raise ModelError(f"{where}: it has {len(inertials)} <inertial>", expected="one, of all its mass")
+    inertial = inertials[0]
+    mass = _number(inertial.find("mass"), "value", f"{where}: mass")
+    if mass < 0.0:
+        raise ModelError(f"{where}: the mass is negative ({mass:g} kg)")
+    place = _placement(inertial.find("origin"), f"{where}: origin of the inertia")
+    element = inertial.find("inertia")
+    if element is None:
+        notes.append(f"{where}: it has a mass but no <inertia>, and is taken for a point mass")
+        return inertia(mass, place.translation, np.zeros((3, 3)))
+    xx, yy, zz = (_number(element, key, f"{where}: {key}") for key in ("ixx", "iyy", "izz"))
+    xy, xz, yz = (_number(element, key, f"{where}: {key}", default=0.0) for key in ("ixy", "ixz", "iyz"))
+    moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if wrong := defect(moments):
+        defects.append(f"{where}: {wrong}")
+    return inertia(mass, place.translation, place.rotation @ moments @ place.rotation.T)
+
+
+def _joint(joint: Element, name: str, links: Mapping[str, Any]) -> TreeJoint:
+    where, given = f"joint '{name}'", joint.get("type", "")
+    if given not in KINDS:
+        expected, hint = choices(given, KINDS)
+        raise ModelError(f"{where}: its type is '{given}'", expected=expected, hint=hint)
+    parent, child = (_end(joint, end, where, links) for end in ("parent", "child"))
+    placement = _placement(joint.find("origin"), f"{where}: origin")
+    plain = TreeJoint(name, KINDS[given], parent, child, placement, np.array([1.0, 0.0, 0.0]))
+    if plain.kind == "fixed":
+        return plain
+    damping, friction = (_not_negative(joint.find("dynamics"), key, where) for key in ("damping", "friction"))
+    axis = _axis(joint.find("axis"), where)
+    return replace(plain, axis=axis, bounds=_bounds(joint, where), damping=damping, friction=friction)
+
+
+def _end(joint: Element, end: str, where: str, links: Mapping[str, Any]) -> str:
+    element = joint.find(end)
+    link = element.get("link", "") if element is not None else ""
+    if link not in links:
+        expected, hint = choices(link, links)
+        raise ModelError(f"{where}: its {end} link '{link}' does not exist", expected=expected, hint=hint)
+    return link
+
+
+def _axis(axis: Element | None, where: str) -> Any:
+    vector = np.array(_vector(axis, "xyz", f"{where}: axis") if axis is not None else (1.0, 0.0, 0.0))
+    if not vector.any():
+        raise ModelError(f"{where}: its axis is 0 0 0", expected="three numbers, not all zero")
+    return vector / np.linalg.norm(vector)
+
+
+def _bounds(joint: Element, where: str) -> Bounds:
+    """Return the limits; 0 for effort, velocity or the whole range is what exporters write that know none."""
+    limit = joint.find("limit")
+    effort, velocity = (_not_negative(limit, key, where, "limit of ") or np.inf for key in ("effort", "velocity"))
+    if joint.get("type") not in ("revolute", "prismatic"):
+        return Bounds(effort=effort, velocity=velocity)
+    lower, upper = (_number(limit, key, f"{where}: {key} limit", default=0.0) for key in ("lower", "upper"))
+    if lower > upper:
+        raise ModelError(f"{where}: its limits are {lower:g} to {upper:g}", expected="the lower one first")
+    if lower == upper == 0.0:
+        lower, upper = -np.inf, np.inf
+    return Bounds(lower, upper, velocity, effort)
+
+
+def _said_of_limits(elements: Mapping[str, Element], joints: Mapping[str, TreeJoint]) -> list[str]:
+    """Return notes on limits that are 0 or missing, one for each kind."""
+    missing: dict[str, list[str]] = {"position": [], "effort": [], "velocity": []}
+    for name, joint in joints.items():
+        limit = elements[name].find("limit")
+        if elements[name].get("type") in ("revolute", "prismatic") and joint.bounds.lower == -np.inf:
+            missing["position"].append(name)
+        for key in ("effort", "velocity"):
+            if limit is not None and limit.get(key) is not None and getattr(joint.bounds, key) == np.inf:
+                missing[key].append(name)
+    return [f"{key} limits of 0, or none, are taken for unknown: {listed('joint', names)}"
+            for key, names in missing.items() if names]  # fmt: skip
+
+
+def _mimics(elements: Mapping[str, Element]) -> Iterable[Mimic]:
+    for name, joint in elements.items():
+        mimic = joint.find("mimic")
+        if mimic is None or joint.get("type") == "fixed":  # a joint that exporters lock often keeps its <mimic>
+            continue
+        where = f"joint '{name}': mimic"
+        if joint.get("type") not in ("revolute", "continuous", "prismatic"):
+            raise ModelError(f"joint '{name}' mimics another, but is {joint.get('type')}",
+                             expected="a joint with one coordinate")  # fmt: skip
+        multiplier = _number(mimic, "multiplier", f"{where}: multiplier", default=1.0)
+        offset = _number(mimic, "offset", f"{where}: offset", default=0.0)
+        yield Mimic(name, mimic.get("joint", ""), multiplier, offset)
+
+
+def _ordered(links: Mapping[str, Any], joints: Mapping[str, TreeJoint]) -> tuple[str, tuple[TreeJoint, ...]]:
+    """Return the root, and the joints depth-first.
+
+    Raises:
+        ModelError: A link has two parents, or there is not exactly one root from which all others hang.
+    """
+    carried: dict[str, str] = {}
+    below: dict[str, list[TreeJoint]] = {name: [] for name in links}
+    for name in sorted(joints, reverse=True):
+        joint = joints[name]
+        if joint.child in carried:
+            raise ModelError(
+                f"link '{joint.child}' is carried by two joints, '{carried[joint.child]}' and '{name}'",
+                expected="a tree: a loop is cut at one joint and closed in the mechanism file",
+            )
+        carried[joint.child] = name
+        below[joint.parent].append(joint)
+    roots = [name for name in links if name not in carried]
+    if len(roots) != 1:
+        raise ModelError(
+            f"the model has {len(roots)} links that no joint carries{': ' if roots else ''}{', '.join(roots[:6])}",
+            expected="one, from which all others hang",
+        )
+    ordered, waiting = [], [*below[roots[0]]]
+    while waiting:
+        joint = waiting.pop()
+        ordered.append(joint)
+        waiting += below[joint.child]
+    if len(ordered) < len(joints):
+        lost = sorted(set(joints) - {joint.name for joint in ordered})
+        verb = "hang" if len(lost) > 1 else "hangs"
+        raise ModelError(f"the {listed('joint', lost)} {verb} in a circle", expected="a tree")
+    return roots[0], tuple(ordered)
+
+
+def _placement(origin: Element | None, where: str) -> pin.SE3:
+    if origin is None:
+        return pin.SE3.Identity()
+    xyz = _vector(origin, "xyz", where, default=(0.0, 0.0, 0.0))
+    rpy = _vector(origin, "rpy", where, default=(0.0, 0.0, 0.0))
+    return pin.SE3(pin.rpy.rpyToMatrix(np.array(rpy)), np.array(xyz))
+
+
+def _vector(element: Element | None, key: str, where: str, default: Vector | None = None) -> Vector:
+    text = element.get(key) if element is not None else None
+    if text is None and default is not None:
+        return default
+    try:
+        x, y, z = (float(part) for part in (text or "").split())
+    except ValueError:
+        x = y = z = math.nan
+    if not math.isfinite(x) or not math.isfinite(y) or not math.isfinite(z):
+        raise ModelError(f"{where}: {key}='{text or ''}' is not a vector", expected="three finite numbers")
+    return x, y, z
+
+
+def _not_negative(element: Element | None, key: str, where: str, what: str = "") -> float:
+    value = _number(element, key, f"{where}: {what}{key}", default=0.0)
+    if value < 0.0:
+        raise ModelError(f"{where}: its {what}{key} is negative")
+    return value
+
+
+def _number(element: Element | None, key: str, where: str, default: float | None = None) -> float:
+    text = element.get(key) if element is not None else None
+    if text is None:
+        if default is None:
+            raise ModelError(f"{where} is missing")
+        return default
+    if not _is_number(text):
+        raise ModelError(f"{where}: '{text}' is not a number")
+    number = float(text)
+    if not math.isfinite(number):
+        raise ModelError(f"{where}: '{text}' is not a finite number")
+    return number
+
+
+def _is_number(text: str | None) -> bool:
+    try:
+        float(text or "")
+    except ValueError:
+        return False
+    return "_" not in (text or "")

@@ -1,0 +1,1 @@
+"""Joints that close loops: what each kind holds, and how files name it."""

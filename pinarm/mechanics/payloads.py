@@ -1,0 +1,60 @@
+"""Payloads: what a link carries in one run and the model does not have, such as a tool, a passenger or a sample."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.errors import InputError, within
+from pinarm.input.yaml.schema import Inertia, Mass, Model
+from pinarm.mechanics.joints import frame_of
+from pinarm.mechanics.loading.model_tree import TRIANGLE
+
+
+class Payload(Model, frozen=True):
+    """A body fixed to a link, its centre of mass at the link's origin.
+
+    Attributes:
+        point: The link.
+        mass: [kg].
+        inertia: Moments of inertia about the link's axes, at its origin [kg*m^2]; none for a point mass.
+    """
+
+    point: str
+    mass: Mass
+    inertia: tuple[Inertia, Inertia, Inertia] = (0.0, 0.0, 0.0)
+
+    def check(self) -> None:
+        """Refuse moments of inertia that no body has."""
+        small, middle, large = sorted(self.inertia)
+        if small < 0.0:
+            raise InputError(f"a moment of inertia is negative ({small:g} kg*m^2)")
+        if small + middle < large * (1.0 - TRIANGLE):
+            raise InputError(f"the moment of inertia {large:g} kg*m^2 is more than the sum of the other two")
+
+
+def laden(model: pin.Model, payloads: Iterable[Payload]) -> pin.Model:
+    """Return a copy of a model whose links carry payloads.
+
+    With ``jMp`` the placement of the link in its joint's frame, the body of the joint gets ``jMp.act(I)`` added, as if
+    the payload's mass stood in the model's text. The model that is given stays as it is.
+
+    Args:
+        model: Pinocchio's model.
+        payloads: Any number, several on one link too.
+
+    Raises:
+        InputError: The model has no link of that name, or the link does not move.
+    """
+    loaded = pin.Model(model)
+    for payload in payloads:
+        with within("point"):
+            frame = loaded.frames[frame_of(loaded, payload.point)]
+            if frame.parentJoint == 0:
+                said = f"the link '{payload.point}' does not move: a payload on it changes nothing"
+                raise InputError(said, expected="a moving link")
+        carried = pin.Inertia(float(payload.mass), np.zeros(3), np.diag(np.array(payload.inertia, float)))
+        loaded.inertias[frame.parentJoint] += frame.placement.act(carried)
+    return loaded

@@ -1,0 +1,65 @@
+"""A model whose numbers differ in their last digits: what rounding can do to a result is seen by solving again with it.
+
+Algorithms of mechanics are backward stable in the main: what they give is exact for numbers that differ from the given
+ones in the last digits. How far that moves a result, its conditioning, is what the difference of two solutions tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.mechanics.joints import RADIAN, Joint
+from pinarm.mechanics.loading.model_tree import inertia
+
+SHAKE = 4.0 * float(np.finfo(float).eps)
+"""Largest relative change of a number: the rounding of a few operations."""
+
+
+COARSE = 1e-9
+"""Last digit of an angle that is worth a note [rad]: it is that of 1e7 rad."""
+
+
+def coarse_angles(joints: Mapping[str, Joint], q: Array) -> list[str]:
+    """Return a note on joints that turn so far that their place within a turn is rounded.
+
+    Args:
+        joints: Joints with one coordinate, by name.
+        q: Configurations, shape (n, nq).
+    """
+    farthest = {name: float(np.abs(q[:, joint.q]).max()) for name, joint in joints.items() if joint.unit == RADIAN}
+    return [
+        f"joint {name} turns to {angle:.3g} rad: within a turn it is known to {np.spacing(angle):.1g} rad, no better"
+        for name, angle in farthest.items() if np.spacing(angle) > COARSE
+    ]  # fmt: skip
+
+
+def shaken(model: pin.Model, seed: int) -> pin.Model:
+    """Return a copy of a model with every length, mass, moment of inertia and gravity changed by at most ``SHAKE``.
+
+    What is 0 stays 0, so that planes stay planes, but a loop that closes only at special lengths is off by the change.
+
+    Args:
+        model: Pinocchio's model.
+        seed: Of the random changes.
+    """
+    generator, changed = np.random.default_rng(seed), pin.Model(model)
+
+    def near(numbers: Array) -> Array:
+        return numbers * (1.0 + SHAKE * generator.uniform(-1.0, 1.0, np.shape(numbers)))
+
+    for index in range(1, model.njoints):
+        joint, body = model.jointPlacements[index], model.inertias[index]
+        changed.jointPlacements[index] = pin.SE3(joint.rotation, near(joint.translation))
+        moments = near(body.inertia)
+        mass = float(near(np.array(body.mass)))
+        changed.inertias[index] = inertia(mass, near(body.lever), (moments + moments.T) / 2.0)
+    for index, frame in enumerate(model.frames):
+        if frame.type != pin.FrameType.JOINT:
+            changed.frames[index].placement = pin.SE3(frame.placement.rotation, near(frame.placement.translation))
+    changed.armature = near(model.armature)
+    changed.gravity.linear = near(model.gravity.linear)
+    return changed

@@ -1,0 +1,56 @@
+"""Many motions of one question as the rows of one table: what is asked of every row is computed for all of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pinarm.arrays import Indices
+from pinarm.engine.integration import Ensemble
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.hybrid_motion import Journey
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.errors import InputError
+from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.problems.forward import Forward, further, told
+
+
+@dataclass(frozen=True, eq=False)
+class Abreast:
+    """Rows of motions, those of a stretch between jumps together.
+
+    Attributes:
+        run: The rows.
+        motion: Which motion each belongs to, shape (rows,).
+        instant: Which instant it stands at, shape (rows,).
+    """
+
+    run: Trajectory = field(repr=False)
+    motion: Indices = field(repr=False)
+    instant: Indices = field(repr=False)
+
+    @classmethod
+    def of(cls, problem: Forward, mechanism: Mechanism, journey: Journey, ensemble: Ensemble) -> Abreast:
+        """Return the motions of an ensemble at the instants of the table, as far as each has come.
+
+        Args:
+            problem: The question.
+            mechanism: What is solved.
+            journey: What was integrated; without stops, at which motions would end their legs.
+            ensemble: The motions.
+        """
+        grid = journey.once(problem.time.instants())
+        reached = ensemble.reached(grid.t)
+        parts = [np.nonzero(reached[:, rows]) for _, _, rows in grid.stretches()]
+        motion = np.concatenate([motions for motions, _ in parts])
+        instant = np.concatenate([low + instants for low, (_, instants) in zip(grid.rows, parts, strict=False)])
+        rows = Grid(grid.t[instant], grid.cuts, (0, *map(int, np.cumsum([len(some) for some, _ in parts]))))
+        q, v = (x[motion, instant] for x in ensemble.states(grid.t))
+        run = told(mechanism, journey, rows, journey.system().complete(journey.dynamics, rows, q, v), _nothing_between)
+        happenings = [journey.events(crossings) for crossings in ensemble.crossings]
+        return cls(replace(run, further=further(problem.events, happenings, motion)), motion, instant)
+
+
+def _nothing_between(_: Grid) -> Trajectory:
+    raise InputError("these rows are of many motions", expected="one of them: batch.run(number)")

@@ -1,0 +1,304 @@
+"""A part of a mechanism that moves as it does in the whole, and the way back to the whole.
+
+Joints whose motion is known from the start need not be solved for. One that stands still is locked: what it carries
+becomes one body with what carries it. One that moves, and whose motion nothing that is solved depends on, is dropped,
+with its bodies. What is left is a mechanism of its own. Back in the whole, the joints that were removed have the
+positions of their laws, and the efforts that inverse dynamics of the whole gives them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.trajectory import Happening, Trajectory
+from pinarm.mechanics.ball_joints import ball_coordinates, balls_of
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.joints import joints_of
+from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
+
+
+@dataclass(frozen=True, eq=False)
+class Removed:
+    """What is removed of a mechanism. Joints are told by their index in v.
+
+    Attributes:
+        locked: Joint -> the law that it stands still by.
+        dropped: Joint -> the law that it moves by.
+        couplings: Names of couplings all of whose joints are locked.
+    """
+
+    locked: Mapping[int, MotionLaw]
+    dropped: Mapping[int, MotionLaw]
+    couplings: Collection[str] = ()
+
+    @property
+    def laws(self) -> dict[int, MotionLaw]:
+        """Return the laws of all joints that are removed."""
+        return {**self.locked, **self.dropped}
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A part of a mechanism.
+
+    Attributes:
+        whole: The mechanism.
+        forces: All force elements of the run, those of the whole.
+        removed: What the part does without.
+        answered: Joints whose effort carries what the motion of the whole asks at them, and nothing else: indices in v.
+    """
+
+    whole: Mechanism
+    forces: Mapping[str, ForceElement]
+    removed: Removed
+    answered: Indices
+
+    @cached_property
+    def joints(self) -> dict[int, int]:
+        """Places in v and q of the joints with one coordinate."""
+        return {joint.v: joint.q for joint in self.whole.joints.values()}
+
+    @cached_property
+    def configuration(self) -> Array:
+        """A configuration of the whole in which the removed joints stand where they begin, shape (nq,)."""
+        q = np.asarray(pin.neutral(self.whole.model)).copy()
+        for v, law in self.removed.laws.items():
+            q[self.joints[v]] = law.on(0.0, 0.0)(np.zeros(1))[0][0]
+        return q
+
+    @cached_property
+    def kept_q(self) -> Indices:
+        """Places of the part's configuration in that of the whole, shape (nq of the part,)."""
+        return np.delete(np.arange(self.whole.model.nq), [self.joints[v] for v in self.removed.laws])
+
+    @cached_property
+    def kept_v(self) -> Indices:
+        """Places of the part's velocity in that of the whole, shape (nv of the part,)."""
+        return np.delete(np.arange(self.whole.model.nv), list(self.removed.laws))
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """The part as a mechanism; all its forces are one element, which knows the whole."""
+        whole = self.whole
+        model = self._model()
+        joints, balls = joints_of(model), balls_of(model)
+        left = (one for one in whole.constraints if one.name not in self.removed.couplings)
+        constraints = tuple(self._coupling(model, one) if isinstance(one, Coupling) else one for one in left)
+        drives = {name: drive for name, drive in whole.drives.items() if drive.joint in joints}
+        carried = Carried(
+            tuple(self.forces.values()), tuple(self.removed.dropped.values()), self.configuration, self.kept_q,
+            self.kept_v, whole.model.nv, tuple(carrier for carrier, _ in self._places),
+        )  # fmt: skip
+        forces: dict[str, ForceElement] = {"forces": carried} if self.forces or self.removed.dropped else {}
+        return replace(
+            whole, model=model, joints=joints, balls=balls, coordinates=self._coordinates(model),
+            constraints=constraints, drives=drives, forces=forces,
+        )  # fmt: skip
+
+    @cached_property
+    def _places(self) -> list[tuple[int, pin.SE3]]:
+        """For every joint of the whole the joint of the part that moves its bodies, and where it is in that."""
+        model, data = self.whole.model, self.whole.model.createData()
+        pin.forwardKinematics(model, data, self.configuration)
+        places, count = [(0, pin.SE3.Identity())], 0
+        for index in range(1, model.njoints):
+            if model.joints[index].idx_v in self.removed.laws:
+                carrier, place = places[model.parents[index]]
+                places.append((carrier, place * data.liMi[index]))
+            else:
+                count += 1
+                places.append((count, pin.SE3.Identity()))
+        return places
+
+    def _model(self) -> pin.Model:
+        """Return Pinocchio's model of the part, its frames numbered as in the whole.
+
+        ``pin.buildReducedModel`` looks frames up by name and refuses a link that is called like a joint.
+        """
+        whole, model = self.whole.model, pin.Model()
+        model.name, model.gravity = whole.name, whole.gravity
+        for index in range(1, whole.njoints):
+            (carrier, place), joint = self._places[index], whole.joints[index]
+            if joint.idx_v not in self.removed.laws:
+                parent, before = self._places[whole.parents[index]]
+                model.addJoint(parent, joint, before * whole.jointPlacements[index], whole.names[index])
+            if joint.idx_v not in self.removed.dropped:
+                model.appendBodyToJoint(carrier, whole.inertias[index], place)
+        for frame in list(whole.frames)[1:]:
+            carrier, place = self._places[frame.parentJoint]
+            model.addFrame(pin.Frame(frame.name, carrier, frame.parentFrame, place * frame.placement, frame.type))
+        model.armature[:] = whole.armature[self.kept_v]
+        return model
+
+    def _coordinates(self, model: pin.Model) -> dict[str, Coordinate]:
+        """Return the coordinates that no removed joint has a part in, but for those of frames, which all stay."""
+        gone = list(self.removed.laws)
+        found = {
+            name: self._sum(model, one) if isinstance(one, LinearCoordinate) else one
+            for name, one in self.whole.coordinates.items()
+            if not (isinstance(one, LinearCoordinate) and one.weights[gone].any())
+        }  # fmt: skip
+        return {**found, **ball_coordinates(model, balls_of(model))}
+
+    def _coupling(self, model: pin.Model, one: Coupling) -> Coupling:
+        follower = None if one.follower is None else int(np.searchsorted(self.kept_v, one.follower))
+        return replace(one, coordinate=self._sum(model, one.coordinate), follower=follower)
+
+    def _sum(self, model: pin.Model, one: LinearCoordinate) -> LinearCoordinate:
+        places = np.zeros(model.nv, dtype=np.intp)
+        for joint in joints_of(model).values():
+            places[joint.v] = joint.q
+        return replace(one, weights=one.weights[self.kept_v], places=places)
+
+    def spread(self, grid: Grid, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return states of the part as those of the whole, shapes (..., n, nq) and (..., n, nv)."""
+        whole_q = np.broadcast_to(self.configuration, (*q.shape[:-1], len(self.configuration))).copy()
+        whole_v = np.zeros((*v.shape[:-1], self.whole.model.nv))
+        whole_q[..., self.kept_q], whole_v[..., self.kept_v] = q, v
+        for i, law in self.removed.laws.items():
+            whole_q[..., self.joints[i]], whole_v[..., i], _ = grid.evaluate(law)
+        return whole_q, whole_v
+
+    def restored(self, run: Trajectory) -> Trajectory:
+        """Return a run of the part as one of the whole."""
+        grid, n = run.grid, len(run)
+        (q, v), (a, tau) = self.spread(grid, run.q, run.v), np.zeros((2, n, self.whole.model.nv))
+        a[:, self.kept_v], tau[:, self.kept_v] = run.a, run.tau
+        for i, law in self.removed.laws.items():
+            a[:, i] = grid.evaluate(law)[2]
+        names = [one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]]
+        closure = self.whole.closure.with_guides(names, [self.whole.coordinate(name) for name in names])
+        back = replace(
+            run, mechanism=self.whole, q=q, v=v, a=a, tau=tau, closure=closure,
+            dynamics=Dynamics.of(self.whole.model, self.forces), again=lambda other: self.restored(run.again(other)),
+            happenings=[self._happening(one) for one in run.happenings], positions=None,
+        )  # fmt: skip
+        if run.unasked:
+            return replace(back, lam=self._multipliers(run.lam, np.zeros((n, len(self.removed.couplings)))))
+        return self._with_efforts(back)
+
+    def _with_efforts(self, run: Trajectory) -> Trajectory:
+        """Return a run of the whole with the efforts of the joints that are removed, or that carry what is.
+
+        Where couplings W are removed, ``tau + W^T lam`` is what the motion asks at their joints.
+        """
+        demand = run.gather(lambda part, rows: part.inverse(run.grid.t[rows], run.q[rows], run.v[rows], run.a[rows]))
+        tau = run.tau.copy()
+        tau[:, self.answered] = demand[:, self.answered]
+        if not self.removed.couplings:
+            return replace(run, tau=tau)
+        removed = (one for one in self._couplings if one.name in self.removed.couplings)
+        geared = np.array([one.coordinate.weights for one in removed])
+        tied = np.flatnonzero(geared.any(axis=0))
+        driven = self.answered[geared[:, self.answered].any(axis=0)]
+        ways = np.vstack([np.eye(self.whole.model.nv)[driven], geared])[:, tied]
+        found = np.asarray(np.linalg.solve(ways.T, demand[:, tied].T).T, dtype=np.float64)
+        tau[:, driven] = found[:, : len(driven)]
+        return replace(run, tau=tau, lam=self._multipliers(run.lam, found[:, len(driven) :]))
+
+    @property
+    def _couplings(self) -> list[Coupling]:
+        return [one for one in self.whole.constraints if isinstance(one, Coupling)]
+
+    def _multipliers(self, lam: Multipliers, geared: Array) -> Multipliers:
+        """Return the multipliers of the whole from those of the part and of the couplings removed, shape (n, k)."""
+        gone = np.zeros(self.whole.closure.size, dtype=bool)
+        for name in self.removed.couplings:
+            gone[self.whole.closure.slices()[name]] = True
+
+        def own(rows: Indices) -> Array:
+            found = np.empty((len(rows), len(gone)))
+            found[:, gone], found[:, ~gone] = geared[rows], lam.own(rows)
+            return found
+
+        return Multipliers(own, lam.along) if gone.any() else lam
+
+    def _happening(self, one: Happening) -> Happening:
+        q, v = self.configuration.copy(), np.zeros(self.whole.model.nv)
+        instant = Grid(np.array([one.t]), (one.t, one.t), (0, 1))
+        q[self.kept_q], v[self.kept_v] = one.q, one.v
+        for i, law in self.removed.laws.items():
+            (q[self.joints[i]],), (v[i],), _ = instant.evaluate(law)
+        return replace(one, q=q, v=v)
+
+
+@dataclass(frozen=True, eq=False)
+class Carried(ForceElement):
+    """All force elements of a whole as they act on a part of it, the removed joints at rest where they begin.
+
+    Attributes:
+        forces: The elements.
+        timetable: Laws of joints that are dropped: the instants at which they jump stay in tables.
+        configuration: Of the whole, shape (nq,).
+        kept_q: Places of the part's configuration in it.
+        kept_v: Places of the part's velocity in that of the whole.
+        nv: Numbers in the velocity of the whole.
+        carriers: Joint of the whole -> joint of the part that moves its bodies.
+    """
+
+    forces: tuple[ForceElement, ...]
+    timetable: tuple[MotionLaw, ...]
+    configuration: Array
+    kept_q: Indices
+    kept_v: Indices
+    nv: int
+    carriers: tuple[int, ...]
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the loads of all elements."""
+        whole_q, whole_v = self._whole(q, v)
+        loads = np.zeros_like(whole_v)
+        for force in self.forces:
+            force.add_load(t, whole_q, whole_v, loads)
+        tau += loads[..., self.kept_v]
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return the sum of the elements' energies."""
+        whole_q, _ = self._whole(q, np.zeros((*q.shape[:-1], len(self.kept_v))))
+        return np.asarray(sum((force.potential_energy(whole_q) for force in self.forces), np.zeros(q.shape[:-1])))
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the sum of the elements' powers."""
+        whole_q, whole_v = self._whole(q, v)
+        powers = (force.dissipated_power(t, whole_q, whole_v) for force in self.forces)
+        return np.asarray(sum(powers, np.zeros(q.shape[:-1])))
+
+    @property
+    def conservative(self) -> bool:
+        """Whether all elements are, and nothing that is dropped moves."""
+        return not self.timetable and all(force.conservative for force in self.forces)
+
+    def laws(self) -> list[MotionLaw]:
+        """Return the laws of all elements, and those of the joints that are dropped."""
+        return [*(law for force in self.forces for law in force.laws()), *self.timetable]
+
+    def on(self, start: float, end: float) -> Carried:
+        """Return the elements as they are on a stretch."""
+        return replace(self, forces=tuple(force.on(start, end) for force in self.forces))
+
+    def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
+        """Return what acts on the links of the part."""
+        total: dict[int, Array] = {}
+        for force in self.forces:
+            for joint, wrench in force.wrenches(t, *self._whole(q, v)).items():
+                carrier = self.carriers[joint]
+                total[carrier] = total.get(carrier, np.zeros(6)) + wrench
+        return total
+
+    def _whole(self, q: Array, v: Array) -> tuple[Array, Array]:
+        whole_q = np.empty((*q.shape[:-1], len(self.configuration)))
+        whole_q[...] = self.configuration
+        whole_v = np.zeros((*v.shape[:-1], self.nv))
+        whole_q[..., self.kept_q], whole_v[..., self.kept_v] = q, v
+        return whole_q, whole_v

@@ -1,0 +1,176 @@
+"""What a scene requires of a mechanism, solved in place of the whole, and the answer put back into the whole.
+
+A joint is *locked* where a law, a value of ``hold`` or a coupling keeps it still: with what it carries it becomes one
+body with its parent. It is *dropped* with its bodies where it follows a law and no joint that stays is beyond it, nor
+before it but where only the motion is asked. See ``problems.removal`` for what stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, cast
+
+import msgspec
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.errors import AssemblyError, DynamicsError, InputError, NumericsError
+from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.mechanics.loading.model_tree import listed
+from pinarm.problems import Problem
+from pinarm.problems.common import Accuracy, Place, bind_loads
+from pinarm.problems.simplify.model_reduction import Part
+from pinarm.problems.simplify.removal import Known, known_laws, removable
+
+
+@dataclass(frozen=True)
+class Removal:
+    """A joint that a scene does without.
+
+    Attributes:
+        joint: Its name.
+        how: ``locked``, or ``dropped`` with its bodies.
+        why: In words.
+    """
+
+    joint: str
+    how: Literal["locked", "dropped"]
+    why: str
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A question, and what is solved in its place.
+
+    Attributes:
+        question: The question about the whole.
+        mechanism: The whole.
+        problem: The question about the part.
+        part: What is solved; ``None`` where that is the whole.
+    """
+
+    question: Problem
+    mechanism: Mechanism
+    problem: Problem
+    part: Part | None = None
+
+    @classmethod
+    def whole(cls, problem: Problem, mechanism: Mechanism) -> Scene:
+        """Return the scene that removes nothing."""
+        return cls(problem, mechanism, problem)
+
+    @classmethod
+    def required(cls, problem: Problem, mechanism: Mechanism, asked: Collection[str], place: Place) -> Scene:
+        """Return what a question requires.
+
+        Args:
+            problem: The question.
+            mechanism: The mechanism.
+            asked: Names of the joints at which forces are asked.
+            place: Gives errors their place.
+
+        Raises:
+            InputError: The question has a mistake.
+        """
+        told = msgspec.structs.asdict(cast(msgspec.Struct, problem))
+        known = Known(told, mechanism, known_laws(told, mechanism, place))
+        stay = {mechanism.joints[name].v for name in asked if name in mechanism.joints}
+        if problem.kind == "equilibria" or known.own.keys() | known.still.keys() <= stay:
+            return cls.whole(problem, mechanism)
+        forces = bind_loads(mechanism, told.get("loads", {}), place)
+        try:
+            found = removable(problem.kind, known, forces, asked)
+        except KeyError:  # a name that does not exist: the question tells of it when it is solved
+            found = None
+        if found is None:
+            return cls.whole(problem, mechanism)
+        problem.prepare(mechanism, place)
+        part = Part(mechanism, forces, *found)
+        return cls(problem, mechanism, _of_part(problem, told, part), part)
+
+    def solve(self, accuracy: Accuracy, place: Place) -> tuple[Trajectory, Trajectory]:
+        """Return the run that was solved, and the same run of the whole mechanism.
+
+        Where the part cannot be solved the whole is tried, so that what is wrong is told in its terms.
+
+        Raises:
+            PinarmError: As the problem itself.
+        """
+        if self.part is None:
+            return self._as_put(accuracy, place)
+        try:
+            run = self.problem.solve(self.part.mechanism, accuracy, place)
+        except (InputError, AssemblyError, DynamicsError):
+            return self._as_put(accuracy, place)
+        except NumericsError as error:
+            if isinstance(error.partial, Trajectory):
+                error.partial = self.part.restored(error.partial)
+            raise
+        return run, self.part.restored(run)
+
+    @property
+    def solved(self) -> Mechanism:
+        """The mechanism that is solved."""
+        return self.mechanism if self.part is None else self.part.mechanism
+
+    def restored(self, run: Trajectory) -> Trajectory:
+        """Return a run of what is solved as one of the whole mechanism."""
+        return run if self.part is None else self.part.restored(run)
+
+    def spread(self, grid: Grid, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return states of what is solved as those of the whole mechanism.
+
+        Args:
+            grid: The n instants.
+            q: Configurations, shape (..., n, nq of what is solved).
+            v: Velocities, likewise.
+        """
+        return (q, v) if self.part is None else self.part.spread(grid, q, v)
+
+    def _as_put(self, accuracy: Accuracy, place: Place) -> tuple[Trajectory, Trajectory]:
+        run = self.question.solve(self.mechanism, accuracy, place)
+        return run, run
+
+    @property
+    def removals(self) -> tuple[Removal, ...]:
+        """What is removed and why, joint by joint."""
+        if self.part is None:
+            return ()
+        removed, found = self.part.removed, []
+        for joint in self.mechanism.joints.values():
+            if joint.v in removed.locked:
+                value = removed.locked[joint.v].on(0.0, 0.0)(np.zeros(1))[0][0]
+                found.append(Removal(joint.name, "locked", f"held at {value:.6g} {joint.unit}"))
+            elif joint.v in removed.dropped:
+                found.append(Removal(joint.name, "dropped", ALONE))
+        return tuple(found)
+
+
+ALONE = "follows its law; nothing that is free, or asked as a force, depends on it"
+
+
+def in_short(removals: Sequence[Removal]) -> list[str]:
+    """Return what is removed in a line for each reason, many joints counted."""
+    reasons = {"locked": "held still", "dropped": "moved by laws, and nothing that is free or asked depends on it"}
+    names = {how: [one.joint for one in removals if one.how == how] for how in reasons}
+    return [f"{how}: {listed('joint', joints)} ({reasons[how]})" for how, joints in names.items() if joints]
+
+
+def _of_part(problem: Problem, told: Mapping[str, Any], part: Part) -> Problem:
+    """Return the question about the part: without what is said of removed joints; loads are the part's own forces."""
+    named = part.whole.coordinates
+    gone = {name for name in named if name not in part.mechanism.coordinates}
+
+    def kept(given: Any) -> Any:
+        if isinstance(given, dict):
+            return {name: value for name, value in given.items() if name not in gone}
+        return [name for name in given if name not in gone]
+
+    keys = ("motion", "hold", "start", "velocity", "acceleration", "drives")
+    changes = {key: kept(told[key]) for key in keys if key in told}
+    if "loads" in told:
+        changes["loads"] = {}
+    return cast(Problem, msgspec.structs.replace(cast(msgspec.Struct, problem), **changes))

@@ -1,0 +1,1 @@
+"""What a run gives back, where on it a number is asked, and what was expected."""

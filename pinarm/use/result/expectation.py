@@ -1,0 +1,113 @@
+"""One entry of an answer key."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+
+from pinarm.engine.quantities.names import Quantities
+from pinarm.errors import InputError, Key, within
+from pinarm.input.units import Unit, read_quantity
+from pinarm.input.yaml.schema import Measured, Model
+
+Verdict = Literal["agrees", "rounding", "reading", "misprint"]
+Extreme = Literal["max", "min", "largest"]
+
+
+class Expectation(Model, frozen=True):
+    """What a quantity must be, and what was published of it.
+
+    Attributes:
+        quantity: A quantity, a symbol or a formula.
+        at: ``all`` for every row; ``start``, ``end``; ``max``, ``min``, ``largest`` (of the absolute value) over the
+            run; or an instant: ``{t: 1.5 s, side: left}``, ``{phi: 0 deg, occurrence: 1}``.
+        value: The right value, from a closed form or a derivation that does not use this program.
+        formula: The same as a formula of symbols, arguments and quantities.
+        rtol: Relative tolerance of value and formula.
+        atol: Absolute tolerance, with its unit. Where neither is given a value must be met to half a unit of its last
+            digit, and a formula to 1e-10.
+        published: What is printed, with its digits and unit, as text.
+        published_formula: What is printed, where it is a formula.
+        because: A formula that gives the printed number from the rounded figures that its authors used.
+        verdict: What is claimed of the published figure; a ``reading`` was taken off a plot.
+        source: Where the value or the published figure comes from.
+        note: What to know.
+    """
+
+    quantity: str
+    source: str
+    at: Literal["all", "start", "end", "max", "min", "largest"] | dict[str, str | int | float] = "all"
+    value: str | float | None = None
+    formula: str | None = None
+    rtol: Annotated[float, msgspec.Meta(ge=0, le=1)] | None = None
+    atol: str | float | None = None
+    published: str | None = None
+    published_formula: str | None = None
+    because: str | None = None
+    verdict: Verdict = "agrees"
+    note: str = ""
+
+    def check(self) -> None:
+        """Refuse entries that say too little, or contradict themselves.
+
+        Raises:
+            InputError: Says what is missing.
+        """
+        if self.published is not None:
+            with within("published"):
+                read_quantity(self.published)
+        if self.value is not None and self.formula is not None:
+            raise InputError("give a value or a formula, not both")
+        if self.value is None and self.formula is None and self.published is None and self.published_formula is None:
+            raise InputError("an expectation needs a value, a formula or a published figure")
+        if self.verdict != "agrees" and self.value is None and self.formula is None:
+            raise InputError(f"a {self.verdict} can only be confirmed by an independent value or formula")
+
+    def check_names(self, quantities: Quantities) -> None:
+        """Check its names and units against the quantities of a run.
+
+        Raises:
+            InputError: A quantity does not exist, or a value has another dimension than its quantity.
+        """
+        with within("quantity"):
+            measured = quantities[self.quantity].unit
+        for key, text in (("value", self.value), ("atol", self.atol), ("published", self.published)):
+            with within(key):
+                _ = None if text is None else in_si(text, measured)
+        for key, formula in (("published_formula", self.published_formula), ("because", self.because)):
+            with within(key):
+                _ = None if formula is None else quantities.figure(formula)
+        with within("formula"):
+            _ = None if self.formula is None else quantities[self.formula]
+        for name, text in self.instant().items():
+            with within("at", Key(name)):
+                measured = quantities[name].unit
+            with within("at", name):
+                in_si(text, measured)
+
+    def instant(self) -> dict[str, str | int | float]:
+        """Return the coordinate, and its value, that say where on the run the quantity is asked; empty for words."""
+        given = self.at if isinstance(self.at, dict) else {}
+        return {key: value for key, value in given.items() if key not in ("side", "occurrence")}
+
+
+def in_si(text: str | float | None, measured: Unit | None) -> float:
+    """Return a written value in SI.
+
+    Args:
+        text: The value with its unit; 0 goes without.
+        measured: Unit of its dimension; ``None`` where that is unknown.
+
+    Raises:
+        UnitError: It has another dimension.
+        InputError: It has no unit, or is no quantity.
+    """
+    number, written = read_quantity(str(text))
+    value = Measured(number)
+    value.unit = written
+    if measured is not None:
+        if written is None and number and measured.dimension != (0, 0, 0):
+            raise InputError(f"'{text}' has no unit", expected=f"a value such as {text} {measured}")
+        value.check(measured)
+    return number

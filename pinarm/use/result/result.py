@@ -1,0 +1,280 @@
+"""What a run gives back: named arrays with units, a table, plots, and what they are worth."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from pinarm.engine.checks.limits import Excess, excesses
+from pinarm.engine.motion.trajectory import Series, Trajectory
+from pinarm.engine.quantities.names import Quantities
+from pinarm.errors import DynamicsError
+from pinarm.mechanics.joints import spelled
+from pinarm.mechanics.perturbation import coarse_angles
+from pinarm.problems.simplify.simplified import Removal
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+    from pinarm.use.scenario.scenario import ScenarioFile
+    from pinarm.use.show.plot import Picture
+    from pinarm.use.show.replay.page import Replay
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """The answer to a scenario.
+
+    Attributes:
+        name: Name of the scenario.
+        kind: Kind of its problem.
+        content: The scenario, validated.
+        data: The scenario as plain data.
+        quantities: Everything that can be asked of the run, by name.
+        figures: Measured accuracy and cost, by name.
+        folder: Folder of the scenario file; paths in it are relative to that.
+        errors: Estimate of the global error of each output, relative to its scale (see ``worth.scales``); empty where
+            none was asked for.
+        setting: How the motion was integrated, and what the estimate rests on, in words.
+        removals: Joints of the mechanism that were not solved for.
+    """
+
+    name: str
+    kind: str
+    content: ScenarioFile = field(repr=False)
+    data: Mapping[str, Any] = field(repr=False)
+    quantities: Quantities = field(repr=False)
+    figures: Mapping[str, float]
+    folder: Path = Path()
+    errors: Mapping[str, float] = field(default_factory=dict)
+    setting: str = ""
+    removals: Sequence[Removal] = ()
+
+    @property
+    def error(self) -> float | None:
+        """Largest of the estimated errors; none where none was asked for."""
+        return max(self.errors.values()) if self.errors else None
+
+    @property
+    def missed(self) -> bool:
+        """Whether the error is not below the target of the scenario."""
+        target = self.content.accuracy.target
+        return target is not None and not (self.error is not None and self.error <= target)
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The motion itself: arrays of q, v, a and tau."""
+        return self.quantities.trajectory
+
+    def __getitem__(self, name: str) -> Series:
+        """Return a quantity by name, symbol or formula, as an array with its unit.
+
+        Raises:
+            InputError: There is no such quantity; the message lists what there is.
+        """
+        return self.quantities[name]
+
+    def __len__(self) -> int:
+        return len(self.trajectory)
+
+    def columns(self) -> list[Series]:
+        """Return the parameter and the outputs of the scenario."""
+        names = dict.fromkeys([self.trajectory.parameter, *self.content.outputs])
+        return [self[name] for name in names]
+
+    def to_dataframe(self) -> DataFrame:
+        """Return the outputs as a pandas table, one row per instant, units in the headings."""
+        import pandas
+
+        return pandas.DataFrame({series.label: series.values for series in self.columns()})
+
+    def plot(self, *names: str, against: str | None = None) -> Picture:
+        """Return a figure with one axis per quantity.
+
+        Args:
+            names: Quantities, symbols or formulas; the outputs of the scenario where none is given.
+            against: What runs along the horizontal axis; the run's parameter where it is left out.
+        """
+        from pinarm.use.show.plot import plot
+
+        return plot(self, names or tuple(self.content.outputs), against=against)
+
+    def sketch(self) -> Picture:
+        """Return a drawing of the mechanism at the start and the end of the run."""
+        from pinarm.use.show.sketch import sketch
+
+        return sketch(self)
+
+    def replay(
+        self,
+        path: str | Path | None = None,
+        *,
+        traces: Sequence[str] = (),
+        arrows: Sequence[str] = (),
+        plots: Sequence[str] | None = None,
+    ) -> Replay:
+        """Return the moving picture of the run: one HTML page, which a notebook shows and ``save`` writes.
+
+        Args:
+            path: Where to write it; nowhere where it is left out.
+            traces: Links whose origins leave a path; ``com`` for the centre of mass.
+            arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
+            plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
+
+        Raises:
+            InputError: A name is unknown, or the run does not have what is asked.
+        """
+        from pinarm.use.show.replay.page import replay
+
+        shown = replay(self, traces=traces, arrows=arrows, plots=plots)
+        if path is not None:
+            shown.save(path)
+        return shown
+
+    def save(self, folder: str | Path, *, plots: bool = True) -> Path:
+        """Write the result as a folder: scenario, summary, CSV, npz, plots; return the folder."""
+        from pinarm.use.store.save import save
+
+        return save(self, Path(folder), plots=plots)
+
+    def _repr_html_(self) -> str:
+        """Return numbers, plots and the replay, for notebooks; saved ones keep them."""
+        from pinarm.use.show.notebook import of_result
+
+        return of_result(self)
+
+    def require_finite(self, name: str) -> None:
+        """Raise where a quantity is not a number somewhere.
+
+        Raises:
+            DynamicsError: Says where; ``partial`` holds the result.
+        """
+        bad = np.flatnonzero(~np.isfinite(self[name].values))
+        if len(bad):
+            run = self.trajectory
+            where = f"{run.parameter} = {run.grid.t[bad[0]]:.9g} {run.unit}"
+            more = f", nor in {len(bad) - 1} more rows" if len(bad) > 1 else ""
+            never = [time for time, series in run.further.items() if time in name and np.isnan(series.values).any()]
+            hint = (
+                f"{never[0].removesuffix('.time')} does not take place; its count is 0"
+                if never
+                else "a body without mass that is free to move, or a formula that divides by zero there"
+            )
+            raise DynamicsError(
+                f"{name} is not finite at {where}, where {spelled(run.mechanism.model, run.q[bad[0]])}{more}",
+                hint=hint, partial=self, t=float(run.grid.t[bad[0]]), q=run.q[bad[0]],
+            )  # fmt: skip
+
+    def summary(self) -> dict[str, Any]:
+        """Return the headline numbers with units, the measured accuracy, versions and the hash of the input."""
+        import pinocchio
+
+        import pinarm
+
+        run, mechanism = self.trajectory, self.trajectory.mechanism
+        return {
+            "scenario": self.name,
+            "title": self.content.title,
+            "mechanism": mechanism.title,
+            "problem": self.kind,
+            "rows": len(run),
+            "range": {"of": run.parameter, "unit": str(run.unit), "from": run.grid.t[0], "to": run.grid.t[-1]},
+            "arguments": {
+                name: {"value": value, "unit": str(mechanism.argument_units.get(name, "?"))}
+                for name, value in mechanism.arguments.items()
+            },
+            "payloads": {
+                name: {
+                    "point": payload.point,
+                    "mass": {"value": float(payload.mass), "unit": "kg"},
+                    "inertia": {"value": [float(x) for x in payload.inertia], "unit": "kg*m^2"},
+                }
+                for name, payload in mechanism.payloads.items()
+            },
+            "outputs": {series.name: self.headline(series) for series in self.columns()[1:]},
+            "accuracy": self._accuracy(),
+            "cost": {name: int(value) for name, value in self.figures.items() if name in COSTS},
+            "findings": {name: x for name, x in self.figures.items() if name not in (*MEASURES, *COSTS)},
+            "limits": [{**vars(excess), "unit": str(excess.unit)} for excess in self.excesses()],
+            "not solved for": [vars(removal) for removal in self.removals],
+            "notes": self.notes(),
+            "versions": {"pinarm": pinarm.__version__, "pinocchio": pinocchio.__version__, "numpy": np.__version__},
+            "input": self.digest(),
+        }
+
+    def _accuracy(self) -> dict[str, Any]:
+        """Return what was measured, and where it was asked for, the estimate of the global error."""
+        measured: dict[str, Any] = {name: self.figures[name] for name in self.figures if name in MEASURES}
+        if self.errors:
+            measured |= {"error": self.error, "error of outputs": dict(self.errors), "setting": self.setting}
+        if self.content.accuracy.target is not None:
+            measured |= {"target": self.content.accuracy.target, "target reached": not self.missed}
+        return measured
+
+    def headline(self, series: Series) -> dict[str, Any]:
+        """Return a quantity's smallest and largest value among the rows, and where they stand."""
+        t, values = self.trajectory.grid.t, series.values + 0.0  # -0 becomes 0
+        finite = values[np.isfinite(values)] if np.isfinite(values).any() else np.zeros(1)
+        slack = PLATEAU * float(np.abs(finite).max())
+        low, high = int((values <= finite.min() + slack).argmax()), int((values >= finite.max() - slack).argmax())
+        return {
+            "unit": str(series.unit or "?"), "min": values[low], "at_min": t[low], "max": values[high],
+            "at_max": t[high], "start": values[0], "end": values[-1],
+        }  # fmt: skip
+
+    def notes(self) -> list[str]:
+        """Return what is not modelled as the files have it, which outputs are one choice of many, and what to doubt.
+
+        The last of these are a method of integration that does not suit the motion, and angles of very many turns.
+        """
+        doubts = [f"{series.name}: least multipliers; {series.doubt}" for series in self.columns() if series.doubt]
+        run = self.trajectory
+        said = [*run.mechanism.notes, *doubts, *run.notes, *coarse_angles(run.mechanism.joints, run.q)]
+        return list(dict.fromkeys(said))  # a result that is read from a folder brings its own along
+
+    def excesses(self) -> list[Excess]:
+        """Return the limits of joints that the run goes beyond."""
+        return excesses(self.trajectory)
+
+    def digest(self) -> str:
+        """Return a hash of what determines the numbers: the scenario and the model's text."""
+        relevant = {key: value for key, value in self.data.items() if key not in ("expect", "title", "variants")}
+        mechanism = self.trajectory.mechanism
+        described = msgspec.to_builtins(mechanism.description, enc_hook=float)
+        text = json.dumps([relevant, described, mechanism.xml], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+PLATEAU = 1e-12
+"""Relative difference below which neighbouring rows share an extreme: the first of them is named."""
+
+RESIDUALS = {
+    "equilibrium": "virtual power for every unit velocity, relative to its terms",
+    "power": "balance of power along the motion, relative to its terms",
+    "energy": "energy that nothing accounts for, relative to the energy exchanged",
+    "return trip": "accelerations from the efforts by forward dynamics, relative to the largest",
+    "bodies": "Newton's and Euler's equations of every body with the reactions, relative to their terms",
+}
+CLOSURES = {
+    "closure": "largest gap of a loop [m or rad]",
+    "closure rate": "largest velocity against a loop [m/s or rad/s]",
+    "closure acceleration": "largest acceleration against a loop [m/s^2 or rad/s^2]",
+}
+MEASURES = {
+    **RESIDUALS,
+    **CLOSURES,
+    "regularity": "smallest singular value of the loops' rows relative to the largest: 0 at a singular position",
+    "least regular at": "where along the run that is",
+    "condition": "condition number of the mass matrix of the free motions, scaled to a diagonal of ones",
+}
+"""Figures that tell the accuracy of a run, and what they mean."""
+
+COSTS = ("steps", "evaluations", "rejected steps", "steps at the noise floor")
+"""Figures that count work; what is neither is part of the answer."""

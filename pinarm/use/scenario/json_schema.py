@@ -1,0 +1,29 @@
+"""JSON Schemas of the files, for editors."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import msgspec
+
+from pinarm.errors import InputError
+from pinarm.input.yaml.schema import json_schema
+from pinarm.mechanics.description import MechanismDescription
+from pinarm.problems import any_problem
+from pinarm.use.scenario.scenario import ScenarioFile
+
+
+def schema(of: Literal["scenario", "mechanism"] = "scenario") -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of scenario files or of mechanism files, as plain data.
+
+    Raises:
+        InputError: There are no files of that kind.
+    """
+    if of not in ("scenario", "mechanism"):
+        raise InputError(f"there is no schema of '{of}'", expected="scenario or mechanism")
+    models: list[Any] = [ScenarioFile, any_problem()] if of == "scenario" else [MechanismDescription]
+    roots, definitions = msgspec.json.schema_components(models, schema_hook=json_schema, ref_template="#/$defs/{name}")
+    if of == "scenario":
+        definitions["ScenarioFile"]["properties"]["problem"] = roots[1]
+    own = definitions.pop(models[0].__name__)
+    return {**own, "$defs": definitions, "$schema": "https://json-schema.org/draft/2020-12/schema"}

@@ -1,0 +1,385 @@
+"""A scenario: one question about one mechanism, in a file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.checks.balance import power_balance
+from pinarm.engine.checks.residuals import table_figures
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.names import Quantities
+from pinarm.errors import DynamicsError, InputError, MethodError, NumericsError
+from pinarm.input.formulas.expressions import Expression
+from pinarm.input.roots import inside, root_of
+from pinarm.input.units import read_quantity
+from pinarm.input.yaml.document import Document
+from pinarm.input.yaml.schema import Measured, Model
+from pinarm.mechanics.description import Gravity
+from pinarm.mechanics.joints import spelled
+from pinarm.mechanics.payloads import Payload
+from pinarm.problems import KINDS, Problem, problem_class
+from pinarm.problems.common import Accuracy
+from pinarm.problems.simplify.requested_joints import joints_asked
+from pinarm.problems.simplify.simplified import Scene
+from pinarm.use.result.expectation import Expectation
+from pinarm.use.result.result import Result
+from pinarm.use.scenario.find import Find, find
+
+
+class Argument(Measured):
+    """A value of an argument; the mechanism decides whether it needs a unit."""
+
+    @classmethod
+    def read(cls, value: object, *, bare: bool = True) -> Argument:
+        """Read a number with or without a unit.
+
+        Raises:
+            InputError: It is none.
+        """
+        if isinstance(value, bool) or not isinstance(value, str | int | float):
+            raise InputError("an argument is a number, with a unit where it has one")
+        number, written = read_quantity(str(value))
+        measured = cls(number)
+        measured.unit = written
+        return measured
+
+
+class ScenarioFile(Model, frozen=True):
+    """Content of a scenario file.
+
+    Attributes:
+        pinarm: Version of the format.
+        title: For headings.
+        mechanism: A mechanism file, a URDF or xacro file, relative to this one, or the name of a robot of
+            example-robot-data.
+        arguments: Values for the model's arguments, with units.
+        gravity: Replaces that of the mechanism; ``none`` for none.
+        payloads: What links carry in this run, beside the payloads of the mechanism.
+        changes: Values that replace others of the mechanism file, such as ``{drives: {knee: {ratio: 100}}}``.
+        problem: The question.
+        symbols: Names for quantities or formulas, beside those of the mechanism.
+        outputs: Quantities of the table and the plots.
+        modelled: ``required``, what the question requires: joints that it holds still are locked, and dropped those
+            that it moves and nothing depends on; or the ``whole`` mechanism. The answer is the same.
+        undetermined: What to do with reactions that rigid bodies do not determine: ``refuse`` them, or give those of
+            the least multipliers (``minimum_norm``), marked as such.
+        accuracy: How accurate the answer is wanted.
+        variants: Simplified models to compare with this one (see ``tradeoff``): name -> values replaced, by their path.
+        find: Numbers of the scenario to find first, and what they are to bring about.
+        expect: The answer key: what the answer must be, and what was published.
+    """
+
+    pinarm: Literal[1]
+    mechanism: str
+    problem: Any
+    outputs: Annotated[list[str], msgspec.Meta(min_length=1)]
+    title: str = ""
+    arguments: dict[str, Argument] = {}
+    gravity: Gravity | Literal["none"] | None = None
+    payloads: dict[str, Payload] = {}
+    changes: dict[str, Any] = {}
+    symbols: dict[str, str] = {}
+    modelled: Literal["required", "whole"] = "required"
+    undetermined: Literal["refuse", "minimum_norm"] = "refuse"
+    accuracy: Accuracy = msgspec.field(default_factory=Accuracy)
+    variants: dict[str, dict[str, Any]] = {}
+    find: Find | None = None
+    expect: list[Expectation] = []
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """A scenario, read and checked; nothing is computed before ``run``.
+
+    Attributes:
+        document: The file with the places of its lines.
+        content: The same, validated.
+        problem: The question in it.
+        folder: Folder that paths in it are relative to.
+        seed: Of changes in the last digits of the mechanism; none for the mechanism as it is.
+    """
+
+    document: Document = field(repr=False)
+    content: ScenarioFile
+    problem: Problem
+    folder: Path
+    seed: int | None = None
+
+    @classmethod
+    def load(cls, path: str | Path, overrides: list[str] | None = None) -> Scenario:
+        """Read a scenario file.
+
+        Args:
+            path: The file.
+            overrides: Assignments such as ``problem.time.end=3 s`` that replace values of the file.
+
+        Raises:
+            InputError: The file cannot be read or has a mistake; the message says where.
+        """
+        document = Document.read(Path(path), source=str(path))
+        return cls.of(_overridden(document, overrides), Path(path).parent)
+
+    @classmethod
+    def of(cls, document: Document, folder: Path) -> Scenario:
+        """Check a scenario that has been read; paths in it are relative to ``folder``.
+
+        Raises:
+            InputError: It has a mistake; the message says where.
+        """
+        content = document.validate(ScenarioFile)
+        return cls(document, content, _problem(document, content.problem), folder)
+
+    def varied(self, values: Mapping[str, Any]) -> Scenario:
+        """Return the scenario with other values.
+
+        Args:
+            values: Path -> value as a file would have it, such as ``{"arguments.m_A": "0.2 kg"}``.
+
+        Raises:
+            InputError: A path leads nowhere, or a value is wrong there.
+        """
+        return self._of(self.document.varied(values))
+
+    def overridden(self, overrides: list[str] | None) -> Scenario:
+        """Return the scenario with assignments made to it; see ``load``.
+
+        Raises:
+            InputError: A path leads nowhere, or a value is wrong there.
+        """
+        return self._of(_overridden(self.document, overrides)) if overrides else self
+
+    def merged(self, changes: Mapping[str, Any]) -> Scenario:
+        """Return the scenario with the values that ``changes`` has at the same paths, as a file would have them."""
+        return self._of(self.document.merged(replace(self.document, data=dict(changes), places={}, keys={})))
+
+    def _of(self, document: Document) -> Scenario:
+        """Return the scenario of another document in the same place, with the same last digits."""
+        content = document.validate(ScenarioFile)
+        return replace(self, document=document, content=content, problem=_problem(document, content.problem))
+
+    @property
+    def name(self) -> str:
+        """Name of the file without its ending."""
+        return self.document.path.stem if self.document.path else "scenario"
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """The mechanism, with the scenario's arguments and gravity."""
+        wanted, gravity = self.content.mechanism, self.content.gravity
+        with self.document.locating("mechanism"):
+            source: str | Path = wanted
+            if Path(wanted).suffix:
+                source = inside((self.folder / wanted).absolute(), root_of(self.folder), {})
+            changes = self.document.part("changes") if self.content.changes else None
+            loaded = Mechanism.load(
+                source, self.content.arguments, gravity=gravity, payloads=self.content.payloads, changes=changes,
+                locate=self.document.locating,
+            )  # fmt: skip
+        return loaded if self.seed is None else loaded.shaken(self.seed)
+
+    @cached_property
+    def symbols(self) -> Mapping[str, Expression]:
+        """The scenario's own symbols, parsed."""
+        parsed = {}
+        for name, text in self.content.symbols.items():
+            with self.document.locating("symbols", name):
+                parsed[name] = Expression.parse(text)
+        return parsed
+
+    @cached_property
+    def scene(self) -> Scene:
+        """What is solved in place of the question about the whole mechanism."""
+        if self.content.modelled == "whole":
+            return Scene.whole(self.problem, self.mechanism)
+        expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
+        asked = joints_asked([*self.content.outputs, *expected], self.symbols, self.mechanism)
+        return Scene.required(self.problem, self.mechanism, asked, self._place)
+
+    def run(self) -> Result:
+        """Solve the problem; with ``accuracy.target``, at the cheapest setting whose error is below it.
+
+        Raises:
+            PinarmError: The input is impossible, or the numerics failed; then ``partial`` holds the result until there.
+        """
+        if self.content.accuracy.target is None:
+            return self.solve()
+        from pinarm.use.study.accuracy.tolerance_search import reach
+
+        return reach(self)
+
+    def verified(self) -> Result:
+        """Return the result with its global error estimated, and every row of it checked.
+
+        Raises:
+            PinarmError: See ``run``.
+        """
+        from pinarm.use.study.accuracy.error_estimate import verified
+
+        return verified(self)
+
+    def solve(self) -> Result:
+        """Solve the problem as it is set; with ``find``, for the values that bring about what is wanted.
+
+        Raises:
+            PinarmError: See ``run``.
+        """
+        if self.content.find:
+            return self._found(self.content.find)
+        try:
+            with np.errstate(all="ignore"):  # what is not finite is found in the results, and said in words
+                return self._solved()
+        except np.linalg.LinAlgError as error:
+            raise DynamicsError(
+                f"the equations of this mechanism have no solution ({error})",
+                hint="numbers of ordinary size, and a mass for whatever is free to move",
+            ) from error
+        except NumericsError as error:
+            if isinstance(error.partial, Trajectory):
+                error.partial = self.result(error.partial, {})
+            raise
+
+    def _found(self, asked: Find) -> Result:
+        """Find the unknown values and solve the problem with them."""
+        bare = replace(
+            self, document=replace(self.document, data={k: v for k, v in self.document.data.items() if k != "find"})
+        )
+
+        def residuals(values: Mapping[str, str]) -> dict[str, Array]:
+            return bare.varied(values)._left(asked)
+
+        with self.document.locating("find"):
+            found = find(asked, residuals)
+        result = bare.varied(found.values).solve()
+        starts = zip(asked.unknown.items(), found.numbers, strict=True)
+        figures = {f"{path} [{start.unit or '1'}]" if isinstance(start, Measured) else path: value
+                   for (path, start), value in starts}  # fmt: skip
+        left = {
+            f"left of {name} (started with {found.before[name]:.3g})": rest for name, rest in found.residuals.items()
+        }
+        return replace(result, figures={**result.figures, **figures, **left})
+
+    def _left(self, asked: Find) -> dict[str, Array]:
+        """Return the wanted quantities less their targets, at all rows."""
+        _, run = self.scene.solve(self.content.accuracy, self._place)
+        quantities = Quantities(run, self.symbols, self.content.undetermined)
+        left = {}
+        for name, target in asked.wanted.items():
+            series = quantities[name]
+            if isinstance(target, Measured) and series.unit:
+                target.check(series.unit)
+            left[name] = series.values - float(target)
+        return left
+
+    def _solved(self) -> Result:
+        """Solve, measure the accuracy, and refuse what is not finite."""
+        try:
+            solved = self.scene.solve(self.content.accuracy, self._place)
+        except MethodError as error:
+            raise error.at(self.document.locate(("accuracy", "method"))) from None
+        return self.measured(*solved)
+
+    def measured(self, solved: Trajectory, trajectory: Trajectory) -> Result:
+        """Return the result of a run that was solved, and of the same run of the whole mechanism, with its accuracy.
+
+        Raises:
+            NumericsError: It is not finite.
+        """
+        measured = {**solved.figures, **power_balance(solved), **table_figures(solved)}
+        removals = self.scene.removals if solved is not trajectory else ()
+        result = replace(self.result(trajectory, measured), removals=removals)
+        for index, name in enumerate(self.content.outputs):
+            with self.document.locating("outputs", index):
+                result.require_finite(name)
+        result = replace(result, figures={**result.figures, **result.quantities.figures()})
+        if not all(math.isfinite(figure) for figure in result.figures.values()):
+            raise _beyond(trajectory)
+        return result
+
+    def result(self, trajectory: Trajectory, figures: Mapping[str, float]) -> Result:
+        """Return the result of a run of the whole mechanism, and the figures of its accuracy."""
+        quantities = Quantities(trajectory, self.symbols, self.content.undetermined)
+        return Result(self.name, self.problem.kind, self.content, self.document.data, quantities, figures, self.folder)
+
+    def validate(self) -> None:
+        """Check everything that can be checked without solving: the model, all names, all units.
+
+        Raises:
+            PinarmError: Something is wrong; the message says where.
+        """
+        self.problem.prepare(self.mechanism, self._place)
+        quantities = self.quantities()
+        with np.errstate(all="ignore"):
+            for index, name in enumerate(self.content.outputs):
+                with self.document.locating("outputs", index):
+                    quantities[name]
+            for index, expectation in enumerate(self.content.expect):
+                with self.document.locating("expect", index):
+                    expectation.check_names(quantities)
+        for name in self.content.variants:
+            with self.document.locating("variants", name):
+                self.variant(name).validate()
+
+    def variant(self, name: str) -> Scenario:
+        """Return the scenario with the values of one of its variants.
+
+        Raises:
+            InputError: A path leads nowhere, or a value is wrong there.
+        """
+        document = self.document
+        for path, value in {**self.content.variants[name], "variants": {}}.items():
+            document = document.assigned(path, value, self.document.locate(("variants", name, path)))
+        return self._of(document)
+
+    def quantities(self) -> Quantities:
+        """Return the quantities of one row, with nothing solved: enough to see which there are, and their units."""
+        return Quantities(self.problem.still(self.mechanism), self.symbols, self.content.undetermined)
+
+    def _place(self, *path: str | int) -> AbstractContextManager[None]:
+        return self.document.locating("problem", *path)
+
+
+def _overridden(document: Document, overrides: list[str] | None) -> Document:
+    for assignment in overrides or []:
+        document = document.override(assignment)
+    return document
+
+
+def _problem(document: Document, given: object) -> Problem:
+    """Validate the part of the document that holds the question, by the class of its kind."""
+    if not isinstance(given, dict) or "kind" not in given:
+        error = InputError(
+            "the key 'kind' is missing: it says which kind of problem this is", expected=", ".join(KINDS)
+        )
+        raise error.at(document.locate(("problem",)))
+    with document.locating("problem", "kind"):
+        model = problem_class(given["kind"])
+    problem: Problem = document.validate(model, "problem")
+    return problem
+
+
+CHECKABLE = 1e150
+"""Size of numbers whose squares, and so energies and powers, are still finite."""
+
+
+def _beyond(run: Trajectory) -> DynamicsError:
+    """Return the error of a run whose numbers are too large to be checked: says from where on."""
+    state = np.hstack([run.q, run.v, run.a, run.tau])
+    row = int((~(np.abs(state) < CHECKABLE)).any(axis=1).argmax())
+    where = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit} on, where {spelled(run.mechanism.model, run.q[row])}"
+    return DynamicsError(f"the numbers of this run are too large to be checked, from {where}", partial=run)
+
+
+def load(scenario: Scenario | str | Path, overrides: list[str] | None = None) -> Scenario:
+    """Read a scenario file; see ``Scenario.load``. Of a scenario that has been read, replace values."""
+    return scenario.overridden(overrides) if isinstance(scenario, Scenario) else Scenario.load(scenario, overrides)

@@ -1,0 +1,1 @@
+"""Plots, sketches, tables and replays of results."""

@@ -1,0 +1,224 @@
+"""Plots of named quantities: one axis each, over time or a coordinate; for print, safe for colour-blind readers."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from pinarm.arrays import Array
+from pinarm.engine.motion.trajectory import Series
+from pinarm.input.units import Unit
+from pinarm.use.result.expectation import in_si
+from pinarm.use.result.result import Result
+from pinarm.use.result.row_lookup import at
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Okabe and Ito's palette."""
+
+STYLE: dict[Any, Any] = {
+    "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False,
+    "axes.grid": True, "grid.alpha": 0.3, "grid.linewidth": 0.5, "lines.linewidth": 1.5,
+    "text.usetex": False, "axes.formatter.useoffset": False, "svg.fonttype": "none",
+    "svg.hashsalt": "pinarm", "savefig.dpi": 150, "figure.constrained_layout.use": True,
+}  # fmt: skip
+
+WIDTH, HEIGHT, HEAD = 7.0, 1.7, 0.9
+"""Inches: of a figure, of an axis, and for heading and horizontal labels."""
+
+SCREEN = 100
+"""Pixels per inch of an ordinary screen."""
+
+POINTS = {"linestyle": "none", "marker": "o", "markersize": 4}
+"""Look of rows that stand for themselves."""
+
+FEW = 12
+"""Rows that stand for themselves and have their own tick."""
+
+FLAT = 1e-9
+"""Range below which a curve is drawn as constant: rounding must not be blown up to the height of the axis."""
+
+
+class Picture(Figure):
+    """A figure that a notebook shows, which otherwise asks for pyplot and its settings."""
+
+    def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
+        """Return it as PNG, sharp on fine screens, and the width and height to show it in."""
+        width, height = (round(SCREEN * inches) for inches in self.get_size_inches())
+        stream = io.BytesIO()
+        self.savefig(stream, format="png", dpi=2 * SCREEN, metadata={"Software": None})
+        return stream.getvalue(), {"width": width, "height": height}
+
+
+def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) -> Picture:
+    """Return a figure with the named quantities on stacked axes.
+
+    Args:
+        result: The run.
+        names: Quantities, symbols or formulas.
+        against: The quantity along the horizontal axis; the run's parameter where it is left out.
+    """
+    run = result.trajectory
+    along = result[against or run.parameter]
+    scale, measured = shown(along)
+    keys = answer_key(result, along.name)
+    with matplotlib.rc_context(STYLE):
+        figure = Picture(figsize=(WIDTH, HEAD + HEIGHT * len(names)))
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+        look = POINTS if run.parameter == "row" else {}
+        for index, (name, axis) in enumerate(zip(names, axes, strict=True)):
+            _draw(axis, result[name], along.values / scale, {"color": COLOURS[index % len(COLOURS)], **look})
+            _mark(axis, result[name], [entry for entry in keys if entry.quantity == name], scale)
+        axes[-1].set_xlabel(axis_label(along.name, measured))
+        axes[-1].margins(x=0.05 if look else 0.01)
+        if along.name == "row" and len(run) <= FEW:
+            axes[-1].set_xticks(run.grid.t)
+        figure.suptitle(plain(result.content.title or result.name))
+    return figure
+
+
+def _draw(axis: Axes, series: Series, x: Array, look: dict[str, Any]) -> None:
+    scale, measured = shown(series)
+    values = series.values / scale
+    axis.plot(x, values, **look)
+    axis.set_title(axis_label(series.name, measured), loc="left", fontsize=9)  # beside it long names collide
+    limit(axis, float(values.min()), float(values.max()))
+
+
+def limit(axis: Axes, low: float, high: float) -> None:
+    """Draw values as constant that are so but for rounding."""
+    size = max(abs(low), abs(high))
+    if high - low < FLAT * size or size < FLAT:
+        centre, half = (low + high) / 2 if size >= FLAT else 0.0, 0.1 * size if size >= FLAT else 1.0
+        axis.set_ylim(centre - half, centre + half)
+
+
+@dataclass(frozen=True)
+class Printed:
+    """A published figure where it belongs.
+
+    Attributes:
+        quantity: What it was published of.
+        x: Where along the plot, in SI; an array over the rows for a published formula.
+        y: The figure, in SI, likewise.
+        misprint: Whether it is confirmed to be one.
+    """
+
+    quantity: str
+    x: float | Array
+    y: float | Array
+    misprint: bool
+
+
+def answer_key(result: Result, along: str) -> list[Printed]:
+    """Return what was published of a run and can be drawn over its curves: figures at one row, formulas over all."""
+    found = []
+    for entry in result.content.expect:
+        if entry.published_formula is not None and entry.at == "all":
+            figures = np.broadcast_to(result.quantities.figure(entry.published_formula), len(result))
+            found.append(Printed(entry.quantity, result[along].values, figures, entry.verdict == "misprint"))
+        elif entry.published is not None and entry.at != "all":
+            row = at(result.quantities, entry.at, entry.quantity)
+            printed = in_si(entry.published, row[entry.quantity].unit)
+            found.append(Printed(entry.quantity, float(row[along].values[0]), printed, entry.verdict == "misprint"))
+    return found
+
+
+def _mark(axis: Axes, series: Series, printed: list[Printed], scale: float) -> None:
+    """Draw published figures over a curve: circles where they hold, crosses and dashes where they are misprints."""
+    own, _ = shown(series)
+    labelled: set[str] = set()
+    for one in printed:
+        curve = isinstance(one.y, np.ndarray)
+        label = ("printed formula" if curve else "published") + (", a misprint" if one.misprint else "")
+        axis.plot(
+            one.x / scale, one.y / own, color=WRONG if one.misprint else "black", linewidth=1.0, fillstyle="none",
+            linestyle="--" if curve else "none", marker="" if curve else "x" if one.misprint else "o",
+            label=None if label in labelled else label,
+        )  # fmt: skip
+        labelled.add(label)
+    if printed:
+        axis.legend(fontsize=7, frameon=False, loc="best")
+
+
+WRONG = "#D00000"
+"""Colour of misprints; the shape of their marks tells them apart too."""
+
+
+def shown(series: Series) -> tuple[float, Unit | None]:
+    """Return the factor and unit to draw in: angles in degrees, all else as it is."""
+    if series.unit is not None and series.unit.text == "rad":
+        return 0.017453292519943295, Unit(0.017453292519943295, (0, 0, 0), "°")
+    return 1.0, series.unit
+
+
+def axis_label(name: str, measured: Unit | None) -> str:
+    """Return the label of an axis: a name and its unit."""
+    text = str(measured or "?").replace("*", "·").replace("^2", "²").replace("^3", "³")
+    short = name if len(name) <= LONG else f"{name[: LONG - 3]}..."
+    return symbol(short) if text == "1" else f"{symbol(short)} [{plain(text)}]"
+
+
+LONG = 70
+"""Letters of a name that an axis shows."""
+
+_GREEK = "alpha beta gamma delta epsilon theta lambda omega phi psi Delta Theta Omega Phi Psi Gamma Lambda"
+_SYMBOL = re.compile(rf"(?P<greek>{_GREEK.replace(' ', '|')})_?(?P<number>\d*)(?P<rate>d{{0,2}})"
+                     r"|(?P<letter>[A-Za-z])(_(?P<index>[A-Za-z0-9]+)|(?P<digits>\d+))")  # fmt: skip
+
+
+def symbol(name: str) -> str:
+    """Return a name as publications print it: ``theta21d`` as a Greek letter with dot and index, ``C_B`` with an index.
+
+    Any other name is drawn as it stands.
+    """
+    found = _SYMBOL.fullmatch(name)
+    if found is None:
+        return plain(name)
+    accent = {0: "", 1: r"\dot", 2: r"\ddot"}[len(found["rate"] or "")]
+    letter = found["letter"] or f"\\{found['greek']}"
+    letter = f"{accent}{{{letter}}}" if accent else letter
+    index = found["number"] or found["index"] or found["digits"]
+    return f"${letter}_{{{index}}}$" if index else f"${letter}$"
+
+
+def plain(text: str) -> str:
+    """Return text that matplotlib draws as it stands.
+
+    A dollar sign would begin a formula, and characters that the font has not would be warned about one by one.
+    """
+    known = _characters()
+    drawn = "".join(c if ord(c) in known or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
+    return drawn.replace("\\", "\\\\").replace("$", r"\$") if "$" in drawn else drawn
+
+
+@cache
+def _characters() -> frozenset[int]:
+    from matplotlib.font_manager import findfont, get_font
+
+    return frozenset(get_font(findfont("DejaVu Sans")).get_charmap())
+
+
+def save_plots(result: Result, folder: Path) -> list[Path]:
+    """Write the outputs, six to a picture, and the start and end positions into ``plots/``; return the files."""
+    folder = folder / "plots"
+    folder.mkdir(exist_ok=True)
+    outputs = list(dict.fromkeys(result.content.outputs))
+    files = []
+    for number, group in enumerate(outputs[i : i + 6] for i in range(0, len(outputs), 6)):
+        name = re.sub(r"[^A-Za-z0-9_.-]+", "_", group[0])[:40] if len(group) == 1 else f"outputs_{number + 1}"
+        files.append(folder / f"{name}.png")
+        result.plot(*group).savefig(files[-1], metadata={"Software": None})
+    files.append(folder / "positions.png")
+    result.sketch().savefig(files[-1], metadata={"Software": None})
+    return files

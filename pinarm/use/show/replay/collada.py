@@ -1,0 +1,165 @@
+"""COLLADA files (.dae): their triangles with the colours of their materials.
+
+Read are triangles and polygons of ``library_geometries``, placed by the nodes of the scene, in the file's unit. The
+axis that the file calls up is not turned, as in RViz and Gazebo. Textures, skins and lines are not read.
+Khronos, COLLADA 1.4 specification, sections 5 and 8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.use.show.replay.surfaces import Triangles, joined
+
+Element = ElementTree.Element
+Colour = tuple[float, float, float, float]
+Part = tuple[Array, Triangles, Colour | None]
+"""Vertices, shape (n, 3), triangles, shape (m, 3), and their colour."""
+
+MOST_NODES = 10_000
+"""Nodes of a scene, instances followed: a file of a few lines can name any number of them."""
+
+
+def read_collada(path: Path) -> list[Part]:
+    """Return the triangles of a file, apart for each material of each node.
+
+    Raises:
+        ValueError: The file is damaged.
+        ElementTree.ParseError: It is no XML.
+    """
+    raw = path.read_bytes()
+    if b"<!DOCTYPE" in raw or b"<!ENTITY" in raw:
+        raise ValueError("it declares entities")
+    return list(_File(ElementTree.fromstring(raw)).parts())
+
+
+@dataclass
+class _File:
+    """A file, with its elements found by their ids."""
+
+    root: Element
+
+    def __post_init__(self) -> None:
+        for element in self.root.iter():
+            element.tag = element.tag.rpartition("}")[2]
+        self.ids = {element.get("id"): element for element in self.root.iter() if element.get("id")}
+        self.visited = 0
+
+    def parts(self) -> Iterator[Part]:
+        """Yield the triangles of the scene."""
+        unit = self.root.find("asset/unit")
+        scale = float(unit.get("meter", "1")) if unit is not None else 1.0
+        scene = self._named(self.root.find("scene/instance_visual_scene"))
+        for node in scene.findall("node") if scene is not None else ():
+            yield from self._node(node, np.diag([scale, scale, scale, 1.0]))
+
+    def _named(self, element: Element | None, key: str = "url") -> Element | None:
+        return self.ids.get(element.get(key, "").removeprefix("#")) if element is not None else None
+
+    def _node(self, node: Element, outer: Array, depth: int = 0) -> Iterator[Part]:
+        self.visited += 1
+        if self.visited > MOST_NODES or depth > 50:
+            raise ValueError("its nodes are too many")
+        placement = outer
+        for element in node:
+            if element.tag in _TRANSFORMS:
+                placement = placement @ _TRANSFORMS[element.tag](_floats(element))
+        for instance in node.findall("instance_geometry"):
+            yield from self._geometry(instance, placement)
+        for child in node.findall("node"):
+            yield from self._node(child, placement, depth + 1)
+        for instance in node.findall("instance_node"):
+            shared = self._named(instance)
+            if shared is not None:
+                yield from self._node(shared, placement, depth + 1)
+
+    def _geometry(self, instance: Element, placement: Array) -> Iterator[Part]:
+        geometry = self._named(instance)
+        mesh = geometry.find("mesh") if geometry is not None else None
+        if mesh is None:
+            return
+        bound = {str(m.get("symbol")): m.get("target", "") for m in instance.iter("instance_material")}
+        for part in mesh:
+            if part.tag not in ("triangles", "polylist", "polygons"):
+                continue
+            symbol = part.get("material", "")
+            points, corners = self._positions(part), _triangles(part)
+            if np.linalg.det(placement[:3, :3]) < 0.0:  # a mirror image: what was outside stays outside
+                corners = corners[:, ::-1]
+            vertices = points @ placement[:3, :3].T + placement[:3, 3]
+            yield *joined(vertices, corners), self._colour(bound.get(symbol, symbol))
+
+    def _positions(self, part: Element) -> Array:
+        vertices = self._named(_input(part, "VERTEX"), "source")
+        source = self._named(_input(vertices, "POSITION"), "source") if vertices is not None else None
+        if source is None:
+            raise ValueError("its triangles have no positions")
+        accessor = source.find("technique_common/accessor")
+        stride = int(accessor.get("stride", "3")) if accessor is not None else 3
+        return _floats(source.find("float_array")).reshape(-1, stride)[:, :3]
+
+    def _colour(self, name: str) -> Colour | None:
+        """Return the diffuse colour of a material."""
+        material = self.ids.get(name.removeprefix("#"))
+        effect = self._named(material.find("instance_effect")) if material is not None else None
+        colour = effect.find(".//diffuse/color") if effect is not None else None
+        if colour is None:
+            return None
+        r, g, b = np.clip(_floats(colour)[:3], 0.0, 1.0)
+        return float(r), float(g), float(b), 1.0
+
+
+def _floats(element: Element | None) -> Array:
+    text = element.text if element is not None else None
+    return np.array((text or "").split(), float)
+
+
+def _input(part: Element, semantic: str) -> Element:
+    return next(element for element in part.findall("input") if element.get("semantic") == semantic)
+
+
+def _triangles(part: Element) -> Triangles:
+    """Return the indices of positions, polygons cut into fans, shape (m, 3)."""
+    inputs = part.findall("input")
+    stride = 1 + max(int(element.get("offset", "0")) for element in inputs)
+    offset = int(_input(part, "VERTEX").get("offset", "0"))
+    lists = [np.array((p.text or "").split(), np.int64).reshape(-1, stride)[:, offset] for p in part.findall("p")]
+    if part.tag == "triangles":
+        return np.concatenate([*lists, np.zeros(0, np.int64)]).reshape(-1, 3)
+    counts = [len(corners) for corners in lists]
+    if part.tag == "polylist":
+        counts = np.array((part.findtext("vcount") or "").split(), np.int64).tolist()
+    corners = np.concatenate([*lists, np.zeros(0, np.int64)])
+    starts = np.cumsum([0, *counts])[:-1]
+    fans = [(corners[s], corners[s + k], corners[s + k + 1]) for s, n in zip(starts, counts, strict=True)
+            for k in range(1, n - 1)]  # fmt: skip
+    return np.array(fans, np.int64).reshape(-1, 3)
+
+
+def _translate(numbers: Array) -> Array:
+    matrix = np.eye(4)
+    matrix[:3, 3] = numbers
+    return matrix
+
+
+def _rotate(numbers: Array) -> Array:
+    """Return Rodrigues' rotation about an axis by an angle in degrees."""
+    axis, angle = numbers[:3] / np.linalg.norm(numbers[:3]), np.radians(numbers[3])
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    matrix = np.eye(4)
+    matrix[:3, :3] += np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    return matrix
+
+
+_TRANSFORMS: dict[str, Callable[[Array], Array]] = {
+    "matrix": lambda numbers: numbers.reshape(4, 4),
+    "translate": _translate,
+    "rotate": _rotate,
+    "scale": lambda numbers: np.diag([*numbers, 1.0]),
+}

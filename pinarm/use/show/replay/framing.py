@@ -1,0 +1,158 @@
+"""From where a motion is seen: what is up, which way the mechanism faces, and the box that it moves in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.use.show.replay.shapes import Shape
+from pinarm.use.show.replay.tracks import Node
+
+PARALLEL = 1e-6
+"""Sine of the angle between axes that still are parallel."""
+
+DIRECTIONS, GOLDEN = 80, np.pi * (1.0 + np.sqrt(5.0))
+"""By how many points the extent is told, and the turn from one of their directions to the next."""
+
+SLACK = 0.03
+"""By how much, relative to the extent, a wall may stand before the mechanism."""
+
+ABOVE = 0.99
+"""Cosine of the angle to the vertical from which on something is seen from above."""
+
+FLAT = 0.7
+"""Depth of a planar mechanism, relative to its extent in the plane, up to which it is seen along its axes."""
+
+
+@dataclass(frozen=True)
+class Framing:
+    """The box of the whole motion and the view on it, in world axes.
+
+    Attributes:
+        up: Against gravity; z where there is none. Shape (3,).
+        eye: Direction from the mechanism to the eye, shape (3,).
+        normal: The direction from which a planar mechanism is seen flat, shape (3,); none for others.
+        low: Lower corner [m], shape (3,).
+        high: Upper corner [m], shape (3,).
+        outline: Its points that reach farthest in all directions [m], shape (k, 3).
+    """
+
+    up: Array
+    eye: Array
+    normal: Array | None
+    low: Array
+    high: Array
+    outline: Array
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the box [m]."""
+        return float(np.linalg.norm(self.high - self.low)) or 1.0
+
+
+def framing(
+    model: pin.Model, nodes: Sequence[Node], shapes: Sequence[Shape], places: Array, paths: Sequence[Array]
+) -> Framing:
+    """Return the view of a motion.
+
+    Args:
+        model: Pinocchio's model, with its gravity.
+        nodes: Its bodies.
+        shapes: What is drawn.
+        places: Placements of the bodies at rows of the motion, shape (rows, njoints, 4, 4).
+        paths: What else must be seen: positions in the world, each of shape (rows, 3).
+    """
+    still, moving = _still(shapes), _moving(nodes, shapes, places, paths)
+    everything = np.concatenate([still, moving])
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    gravity = np.asarray(model.gravity.linear)
+    up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, 1.0])
+    axis = _common_axis(nodes, places[0])
+    if axis is not None:
+        across = np.linalg.norm((high - low) * np.sqrt(np.maximum(1.0 - axis**2, 0.0)))
+        if abs(axis) @ (high - low) > FLAT * across:
+            axis = None
+    behind = still.mean(axis=0) - (moving.min(axis=0) + moving.max(axis=0)) / 2.0 if len(still) else np.zeros(3)
+    normal = None if axis is None else _facing(axis, up)
+    eye = _slanted(up, behind, SLACK * float((high - low).max())) if normal is None else _tilted(normal, up)
+    return Framing(up, eye / np.linalg.norm(eye), normal, low, high, _outline(everything))
+
+
+def _still(shapes: Sequence[Shape]) -> Array:
+    """Return the corners of what does not move, shape (k, 3)."""
+    return np.concatenate([np.zeros((0, 3)), *(shape.extent() for shape in shapes if shape.node == 0)])
+
+
+def _moving(nodes: Sequence[Node], shapes: Sequence[Shape], places: Array, paths: Sequence[Array]) -> Array:
+    """Return the corners of what moves at every row, in the world, shape (k, 3)."""
+    carrying = [node for node in range(1, len(nodes)) if nodes[node].carries]
+    points = [places[:, carrying, :3, 3].reshape(-1, 3), *paths]
+    for node in carrying:
+        corners = [shape.extent() for shape in shapes if shape.node == node]
+        if corners:
+            outer = np.concatenate(corners)
+            points.append((np.einsum("rij,kj->rki", places[:, node, :3, :3], outer)
+                           + places[:, node, None, :3, 3]).reshape(-1, 3))  # fmt: skip
+    return np.asarray(np.concatenate(points))
+
+
+def _outline(points: Array) -> Array:
+    """Return the points that reach farthest along directions spread evenly over the sphere."""
+    k = np.arange(DIRECTIONS) + 0.5
+    z, turn = 1.0 - 2.0 * k / DIRECTIONS, GOLDEN * k
+    radius = np.sqrt(1.0 - z * z)
+    directions = np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=1)
+    return np.asarray(points[sorted({int((points @ direction).argmax()) for direction in directions})])
+
+
+def _common_axis(nodes: Sequence[Node], place: Array) -> Array | None:
+    """Return the axis of a planar mechanism: that of all revolute joints, at right angles to all slides."""
+    turning = [place[i, :3, :3] @ node.axis for i, node in enumerate(nodes) if node.kind == "turn"]
+    sliding = [place[i, :3, :3] @ node.axis for i, node in enumerate(nodes) if node.kind == "slide"]
+    if not turning or any(node.kind == "pose" for node in nodes):
+        return None
+    axis = turning[0]
+    parallel = all(np.linalg.norm(np.cross(axis, other)) < PARALLEL for other in turning)
+    return axis if parallel and all(abs(axis @ other) < PARALLEL for other in sliding) else None
+
+
+def _facing(axis: Array, up: Array) -> Array:
+    """Return the direction to the eye along an axis: the side from which the third axis points right, or from above."""
+    if abs(axis @ up) > ABOVE:
+        return up
+    right = np.cross(up, axis)
+    return np.asarray(np.sign(right[np.abs(right).argmax()]) * axis)
+
+
+def _tilted(normal: Array, up: Array) -> Array:
+    """Return a direction to the eye from which depth is seen."""
+    if abs(normal @ up) > ABOVE:
+        return np.asarray(up - 0.4 * upwards(normal, up))
+    return np.asarray(normal + 0.22 * np.cross(up, normal) + 0.2 * up)
+
+
+def upwards(eye: Array, up: Array) -> Array:
+    """Return what is up in the picture, shape (3,); from above it is the axis that has x to the right."""
+    if abs(eye @ up) > ABOVE:
+        return np.asarray(np.eye(3)[1] if abs(up[1]) < 0.5 else -np.eye(3)[2])
+    flat = up - (up @ eye) * eye
+    return np.asarray(flat / np.linalg.norm(flat))
+
+
+def _slanted(up: Array, behind: Array, slack: float) -> Array:
+    """Return the direction of a three-quarter view: from the front and the right.
+
+    Where something that does not move, such as a wall, stands on that side by more than the slack, it is the first of
+    the other corners for which it does not; ``behind`` is its place relative to what moves.
+    """
+    front = np.eye(3)[0] if abs(up[0]) < 0.5 else np.eye(3)[1]
+    front = front - (front @ up) * up
+    front /= np.linalg.norm(front)
+    left = np.cross(up, front)
+    corners = [0.78 * x * front + 0.56 * y * left for x in (1.0, -1.0) for y in (-1.0, 1.0)]
+    hidden = [max(float(corner @ behind) - slack, 0.0) for corner in corners]
+    return np.asarray(corners[int(np.argmin(hidden))] + 0.38 * up)

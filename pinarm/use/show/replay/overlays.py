@@ -1,0 +1,238 @@
+"""What is drawn over the mechanism on choice: paths of points, arrows of forces; and what joins two points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.names import UNDETERMINED
+from pinarm.engine.quantities.reactions import Reactions
+from pinarm.errors import InputError, choices
+from pinarm.mechanics.forces.point import AppliedWrench, TwoPointSpring
+from pinarm.mechanics.joints import frame_of
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.use.show.replay.packing import Packing
+from pinarm.use.show.replay.tracks import Node
+
+ARROWS = {
+    "forces": "weights and loads",
+    "torques": "efforts of the drives",
+    "reactions": "reactions of the joints",
+}
+"""Kinds of arrows, and what the legend calls them. Their colours are in ``overlays.js``."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point that is fixed to a body.
+
+    Attributes:
+        node: The body.
+        place: Where in it [m], shape (3,).
+    """
+
+    node: int
+    place: Array
+
+    def plain(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        return {"node": self.node, "point": np.asarray(self.place).tolist()}
+
+    def path(self, places: Array) -> Array:
+        """Return its positions in the world, shape (rows, 3), from placements of shape (rows, njoints, 4, 4)."""
+        return np.asarray(places[:, self.node, :3, :3] @ self.place + places[:, self.node, :3, 3])
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two points that something joins, drawn as what it is.
+
+    Attributes:
+        kind: A ``spring``, a ``cylinder`` (a constant force or a damper), a ``rod``, or the mark of a ``loop`` joint.
+        ends: The two points.
+    """
+
+    kind: Literal["spring", "cylinder", "rod", "loop"]
+    ends: tuple[Point, Point]
+
+    def plain(self, places: Array) -> dict[str, Any]:
+        """Return it for JSON, with its extreme lengths."""
+        one, two = self.ends
+        lengths = np.linalg.norm(two.path(places) - one.path(places), axis=1)
+        extremes = {"shortest": float(lengths.min()), "longest": float(lengths.max())}
+        return {"kind": self.kind, "a": one.plain(), "b": two.plain(), **extremes}
+
+
+@dataclass(frozen=True)
+class Arrow:
+    """A force or a moment at a point, over the rows.
+
+    Attributes:
+        of: Its kind, one of ``ARROWS``.
+        at: Where it acts.
+        moment: Whether it is a moment: an arc, not an arrow.
+        vectors: In world axes [N or N*m], shape (n, 3), or (3,) where it is constant; or along ``axis``, shape (n,).
+        axis: In the body's frame; ``None`` where ``vectors`` are vectors.
+        partial: Whether components are left out that rigid bodies do not determine.
+    """
+
+    of: str
+    at: Point
+    moment: bool
+    vectors: Array
+    axis: Array | None = None
+    partial: bool = False
+
+    @property
+    def largest(self) -> float:
+        """Its largest magnitude [N or N*m]."""
+        sizes = np.abs(self.vectors) if self.axis is not None else np.linalg.norm(self.vectors, axis=-1)
+        return float(np.max(sizes))
+
+    def plain(self, packing: Packing, largest: float) -> dict[str, Any]:
+        """Return it for JSON; ``largest`` is the magnitude of the longest arrow of its kind."""
+        told: dict[str, Any] = {"of": self.of, "moment": self.moment, "largest": largest, **self.at.plain()}
+        if self.axis is not None:
+            values = packing.add(self.vectors.astype(np.float32))
+            return {**told, "axis": self.axis.tolist(), "values": values}
+        if self.vectors.ndim == 1 and not self.moment:
+            return {**told, "vector": self.vectors.tolist()}
+        return {**told, "vectors": packing.add(self.vectors.astype(np.float32))}
+
+
+def point_of(model: pin.Model, frame: int) -> Point:
+    """Return the origin of a frame."""
+    return Point(int(model.frames[frame].parentJoint), np.array(model.frames[frame].placement.translation))
+
+
+def traced(model: pin.Model, name: str) -> list[tuple[Point, float]]:
+    """Return the points, with their weights, whose mean is traced: the origin of a link, or all masses for ``com``.
+
+    Raises:
+        InputError: There is no such link, or no mass.
+    """
+    if name != "com":
+        return [(point_of(model, frame_of(model, name)), 1.0)]
+    masses = [(Point(i, np.array(inertia.lever)), float(inertia.mass))
+              for i, inertia in enumerate(model.inertias) if i and inertia.mass > 0.0]  # fmt: skip
+    if not masses:
+        raise InputError("the mechanism has no mass, and so no centre of mass")
+    return masses
+
+
+def pairs(run: Trajectory) -> list[Pair]:
+    """Return what joins two points: springs and cylinders among the forces of the run, and its loop joints."""
+    model = run.mechanism.model
+    found = [
+        Pair("spring" if force.stiffness > 0.0 else "cylinder", (point_of(model, one), point_of(model, two)))
+        for force in run.dynamics.forces.values() if isinstance(force, TwoPointSpring) for one, two in [force.frames]
+    ]  # fmt: skip
+    return found + [
+        Pair("rod" if joint.kind == "rod" else "loop", (point_of(model, joint.first), point_of(model, joint.second)))
+        for joint in run.mechanism.constraints if isinstance(joint, LoopJoint)
+    ]  # fmt: skip
+
+
+def arrows(run: Trajectory, nodes: Sequence[Node], kinds: Sequence[str]) -> list[Arrow]:
+    """Return the arrows of the wanted kinds.
+
+    Args:
+        run: The motion, of which every row is drawn.
+        nodes: Its bodies.
+        kinds: Of ``ARROWS``, or ``all``.
+
+    Raises:
+        InputError: There is no such kind, or the run has no forces.
+    """
+    wanted = dict.fromkeys(kind for given in kinds for kind in (ARROWS if given == "all" else [given]))
+    for kind in wanted:
+        if kind not in ARROWS:
+            expected, hint = choices(kind, [*ARROWS, "all"])
+            raise InputError(f"there are no arrows of '{kind}'", expected=expected, hint=hint)
+    if wanted and run.unasked:
+        raise InputError(f"arrows of {', '.join(wanted)}: {run.unasked}", hint="kind: inverse")
+    makers = {"forces": _forces, "torques": _torques, "reactions": _reactions}
+    found = [arrow for kind in wanted for arrow in makers[kind](run, nodes)]
+    return [arrow for arrow in found if arrow.largest > 0.0]
+
+
+def _forces(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
+    """Yield the weights, and the forces of loads and springs at their points."""
+    model = run.mechanism.model
+    for node, inertia in enumerate(model.inertias):
+        if node and inertia.mass > 0.0:
+            weight = inertia.mass * np.asarray(model.gravity.linear)
+            yield Arrow("forces", Point(node, np.array(inertia.lever)), False, weight)
+    for name, force in run.dynamics.forces.items():
+        if isinstance(force, AppliedWrench):
+            frame = force.frame
+            wrench = _wrench(run, name, int(model.frames[frame].parentJoint))
+            at = point_of(model, frame)
+            yield Arrow("forces", at, False, wrench[:, :3])
+            moments = wrench[:, 3:] - np.cross(_positions(run, frame), wrench[:, :3])
+            if np.abs(moments).max() > 1e-9 * np.abs(wrench).max():  # less is rounding of the shift to the point
+                yield Arrow("forces", at, True, moments)
+        elif isinstance(force, TwoPointSpring):
+            ends = [point_of(model, frame) for frame in force.frames]
+            if ends[0].node != ends[1].node:
+                yield from (Arrow("forces", end, False, _wrench(run, name, end.node)[:, :3]) for end in ends)
+
+
+def _wrench(run: Trajectory, name: str, joint: int) -> Array:
+    """Return what a force element does to a body, about the world's origin, shape (n, 6)."""
+    rows = np.zeros((len(run), 6))
+    for part, dynamics in run.stretches():
+        for i in range(part.start, part.stop):
+            acting = dynamics.forces[name].wrenches(float(run.grid.t[i]), run.q[i], run.v[i])
+            rows[i] = acting.get(joint, np.zeros(6))
+    return rows
+
+
+def _positions(run: Trajectory, frame: int) -> Array:
+    model, data = run.mechanism.model, run.mechanism.model.createData()
+    found = np.empty((len(run), 3))
+    for i, q in enumerate(run.q):
+        pin.forwardKinematics(model, data, q)
+        found[i] = pin.updateFramePlacement(model, data, frame).translation
+    return found
+
+
+def _torques(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
+    """Yield the efforts of the drives between the links, about or along the axes of their joints."""
+    for joint in run.mechanism.joints.values():
+        node = nodes[joint.index]
+        effort = run.tau[:, joint.v] - float(run.mechanism.model.armature[joint.v]) * run.a[:, joint.v]
+        yield Arrow("torques", Point(joint.index, np.zeros(3)), node.kind == "turn", effort, node.axis)
+
+
+def _reactions(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
+    """Yield the forces of the parents on the children at the joints, as far as rigid bodies determine them."""
+    found, model = Reactions(run), run.mechanism.model
+    for joint in range(1, model.njoints):
+        added = [stressed[:, joint, :3] for stressed in found.stressed_joints]
+        yield _reaction(Point(joint, np.zeros(3)), found.joints[:, joint, :3], added)
+    for name, loop in found.loops.items():
+        added = [stressed[:, :3] for stressed in found.stressed_loop(name)]
+        yield _reaction(point_of(model, loop.second), found.loop(name)[:, :3], added)
+
+
+def _reaction(at: Point, forces: Array, added: Sequence[Array]) -> Arrow:
+    """Return a reaction without the directions in which self-stresses can add to it.
+
+    In planar loops of revolute joints, for example, the forces in the plane are determined, those across it are not.
+
+    Args:
+        at: Where it acts.
+        forces: One choice of the reaction [N], shape (n, 3).
+        added: What each self-stress adds to it, each of shape (n, 3).
+    """
+    _, sizes, axes = np.linalg.svd(np.concatenate([np.zeros((3, 3)), *added]), full_matrices=False)
+    free = axes[sizes > UNDETERMINED]
+    left = forces - forces @ free.T @ free if len(free) < 3 else np.zeros_like(forces)
+    return Arrow("reactions", at, False, left, partial=len(free) > 0)

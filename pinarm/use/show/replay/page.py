@@ -1,0 +1,260 @@
+"""The page: everything of a replay in one HTML file. The same result gives the same bytes."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.motion.trajectory import Series, Trajectory
+from pinarm.errors import InputError
+from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.use.result.result import Result
+from pinarm.use.show.replay import overlays
+from pinarm.use.show.replay.framing import Framing, framing
+from pinarm.use.show.replay.meshes import thinned
+from pinarm.use.show.replay.packing import Packing, compressed
+from pinarm.use.show.replay.shapes import Shape, visuals
+from pinarm.use.show.replay.sticks import sticks
+from pinarm.use.show.replay.tracks import Node, nodes_of, placed, rows_shown
+from pinarm.use.store.restore import restore
+
+FILES = Path(__file__).parent / "page"
+SCRIPTS = ("data.js", "motion.js", "solids.js", "view.js", "overlays.js", "plots.js", "main.js")
+CURVES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#3a87b7")
+LINKS = 6.0
+"""Typical links along the extent of a mechanism; one of more has smaller marks."""
+
+VIEW = ("up", "eye", "low", "high", "outline")
+"""What the page is told of the framing."""
+
+DEGREE = 0.017453292519943295
+
+Plain = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A moving picture of a result, ready to be opened.
+
+    Attributes:
+        html: The page.
+        notes: What could not be drawn, in words.
+    """
+
+    html: str = field(repr=False)
+    notes: tuple[str, ...] = ()
+
+    def save(self, path: str | Path) -> Path:
+        """Write the page to a file and return its path.
+
+        Raises:
+            InputError: The file cannot be written.
+        """
+        path = Path(path)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(self.html, encoding="utf-8", newline="\n")
+        except OSError as error:
+            raise InputError(f"the replay cannot be written to {path}: {error.strerror}") from None
+        return path
+
+    def _repr_html_(self) -> str:
+        """Return the page in a frame, for notebooks; saved ones keep it."""
+        from pinarm.use.show.notebook import frame
+
+        return frame(self.html, height=560)
+
+
+def replay(
+    result: Result | str | Path,
+    *,
+    traces: Sequence[str] = (),
+    arrows: Sequence[str] = (),
+    plots: Sequence[str] | None = None,
+) -> Replay:
+    """Return the moving picture of a result.
+
+    Args:
+        result: The result, or the folder that it was written to.
+        traces: Links whose origins leave a path; ``com`` for the centre of mass.
+        arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
+        plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
+
+    Raises:
+        InputError: A name is unknown, the run does not have what is asked, or the folder is no result.
+    """
+    result = result if isinstance(result, Result) else restore(result)
+    names = list(dict.fromkeys(result.content.outputs if plots is None else plots))
+    curves = [result[name] for name in names]
+    rows = rows_shown(result.trajectory, [series.values for series in curves])
+    run = _only(result.trajectory, rows)
+    packing = Packing()
+    scene, notes = _scene(run, traces, arrows, packing)
+    scene["plots"] = [_curve(series, rows, CURVES[k % len(CURVES)], packing) for k, series in enumerate(curves)]
+    scene["parameter"] = _parameter(run)
+    skipped = f"{len(rows)} of {len(result)} rows" if len(rows) < len(result) else ""
+    more = [f"and {len(notes) - 2} more"] if len(notes) > 2 else []
+    scene["notes"] = [text for text in (skipped, *notes[:2], *more) if text]
+    title = result.content.title or result.name
+    parts = {
+        "title": html.escape(title), "subtitle": html.escape(f"{run.mechanism.title} · {result.kind}"),
+        "scene": _inline(scene), "arrays": packing.text(), "viewer": compressed(_viewer()),
+        "style": _text("page.css"), "script": "\n".join(_text(name) for name in SCRIPTS),
+    }  # fmt: skip
+    pieces = re.split(r"\{\{(\w+)\}\}", _text("page.html"))
+    return Replay("".join(parts[piece] if k % 2 else piece for k, piece in enumerate(pieces)), notes)
+
+
+def _scene(
+    run: Trajectory, traces: Sequence[str], kinds: Sequence[str], packing: Packing
+) -> tuple[Plain, tuple[str, ...]]:
+    """Return everything but the plots, for JSON, and what could not be drawn."""
+    model = run.mechanism.model
+    nodes, places = nodes_of(model, run.q), placed(model, run.q)
+    drawn = visuals(run.mechanism)
+    shapes = [*drawn.shapes, *sticks(model, nodes, drawn.bare)]
+    paths = [overlays.traced(model, name) for name in traces]
+    joined, acting = overlays.pairs(run), overlays.arrows(run, nodes, kinds)
+    marks = [end for pair in joined for end in pair.ends] + [point for path in paths for point, _ in path]
+    seen = framing(model, nodes, shapes, places, [mark.path(places) for mark in marks])
+    largest: dict[tuple[str, bool], float] = {}
+    for arrow in acting:
+        key = arrow.of, arrow.moment
+        largest[key] = max(largest.get(key, 0.0), arrow.largest)
+    scene = {
+        "nodes": [_node(node, packing) for node in nodes],
+        "rows": packing.add(run.grid.t),
+        **_solids(shapes, seen, packing),
+        "traces": [_trace(path) for path in paths],
+        "pairs": [pair.plain(places) for pair in joined],
+        "arrows": [arrow.plain(packing, largest[arrow.of, arrow.moment]) for arrow in acting],
+        "view": {**{name: getattr(seen, name).tolist() for name in VIEW}, "detail": _detail(nodes, seen)},
+        "legend": [*_paths(traces), *_families(acting, largest), *_marks(joined)],
+    }
+    return scene, drawn.notes
+
+
+def _only(run: Trajectory, rows: Indices) -> Trajectory:
+    """Return the run at some of its rows."""
+    if len(rows) == len(run):
+        return run
+    starts = tuple(int(k) for k in np.searchsorted(rows, run.grid.rows))
+    grid = Grid(run.grid.t[rows], run.grid.cuts, starts)
+    q, v, a, tau = (array[rows] for array in (run.q, run.v, run.a, run.tau))
+    return replace(run, grid=grid, q=q, v=v, a=a, tau=tau, lam=run.lam.some(rows))
+
+
+def _node(node: Node, packing: Packing) -> Plain:
+    plain = {"parent": node.parent, "place": _place(node.placement), "kind": node.kind, "axis": node.axis.tolist()}
+    return {**plain, "values": packing.add(node.values)} if node.kind != "fixed" else plain
+
+
+def _place(placement: pin.SE3) -> list[float]:
+    return [float(x) for x in pin.SE3ToXYZQUAT(placement)]
+
+
+def _solids(shapes: Sequence[Shape], seen: Framing, packing: Packing) -> Plain:
+    """Return shapes and meshes; a mesh that is drawn several times is there once."""
+    meshes = list(dict.fromkeys(shape.mesh for shape in shapes if shape.mesh is not None))
+    places = {id(mesh): k for k, mesh in enumerate(meshes)}
+    plain = [
+        {"node": shape.node, "place": _place(shape.placement), "kind": shape.kind, "size": list(shape.size),
+         "colour": list(shape.colour), **({"mesh": places[id(shape.mesh)]} if shape.mesh is not None else {})}
+        for shape in shapes
+    ]  # fmt: skip
+    return {"shapes": plain, "meshes": [mesh.pack(packing) for mesh in thinned(meshes, seen.size)]}
+
+
+def _detail(nodes: Sequence[Node], seen: Framing) -> float:
+    """Return the length [m] that marks are relative to: the extent, less where a mechanism has many small links."""
+    links = [length for node in nodes if (length := float(np.linalg.norm(node.placement.translation))) > 0.0]
+    return min(seen.size, LINKS * float(np.median(links))) if links else seen.size
+
+
+def _trace(path: Sequence[tuple[overlays.Point, float]]) -> Plain:
+    if len(path) == 1:
+        return path[0][0].plain()
+    return {"masses": [{**point.plain(), "mass": mass} for point, mass in path]}
+
+
+def _paths(traces: Sequence[str]) -> list[Plain]:
+    """Return what the colours of the paths mean, for the legend."""
+    return [
+        {"trace": k, "text": "centre of mass" if name == "com" else f"path of {name}"} for k, name in enumerate(traces)
+    ]
+
+
+def _families(acting: Sequence[overlays.Arrow], largest: Mapping[tuple[str, bool], float]) -> list[Plain]:
+    """Return what the colours of the arrows mean, and what the longest of each kind stands for."""
+    told: list[Plain] = []
+    for (kind, moment), size in largest.items():
+        partial = any(arrow.partial for arrow in acting if arrow.of == kind)
+        name = overlays.ARROWS[kind] + (" (components that rigid bodies determine)" if partial else "")
+        number = f"{float(f'{size:.4g}'):g}"
+        told.append(
+            {"arrow": kind, "text": f"{name}: full arc {number} N·m" if moment else f"{name}: longest arrow {number} N"}
+        )
+    return told
+
+
+def _marks(joined: Sequence[overlays.Pair]) -> list[Plain]:
+    """Return what the marks mean."""
+    return [{"loop": True, "text": "loop joint"}] if any(pair.kind == "loop" for pair in joined) else []
+
+
+def _parameter(run: Trajectory) -> Plain:
+    turning = run.unit.text == "rad"
+    return {
+        "name": run.parameter, "unit": "°" if turning else "" if str(run.unit) == "1" else _pretty(str(run.unit)),
+        "scale": DEGREE if turning else 1.0, "time": run.parameter == "t", "discrete": run.parameter == "row",
+    }  # fmt: skip
+
+
+def _curve(series: Series, rows: Indices, colour: str, packing: Packing) -> Plain:
+    """Return a plot: its values at the rows, angles in degrees, all else in SI."""
+    turning = series.unit is not None and series.unit.text == "rad"
+    values: Array = series.values[rows] / (DEGREE if turning else 1.0)
+    if not np.isfinite(values).all():
+        raise InputError(f"{series.name} is not finite everywhere, and cannot be plotted")
+    unit = "°" if turning else _pretty(str(series.unit or "?"))
+    shown = "" if unit == "1" else unit
+    label = f"{series.name} [{shown}]" if shown else series.name
+    return {"label": label, "unit": shown, "colour": colour, "values": packing.add(values)}
+
+
+def _pretty(unit: str) -> str:
+    return unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
+
+
+def _inline(data: Plain) -> str:
+    """Return JSON that can stand in HTML: nothing in it ends the element or begins another."""
+    text = json.dumps(data, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _text(name: str) -> str:
+    return (FILES / name).read_text(encoding="utf-8")
+
+
+def _viewer() -> bytes:
+    """Return meshcat's viewer script, without importing meshcat, which would start servers.
+
+    Raises:
+        InputError: meshcat is not installed, or another version that has no such script.
+    """
+    package = find_spec("meshcat")
+    for folder in package.submodule_search_locations or () if package else ():
+        script = Path(folder) / "viewer" / "dist" / "main.min.js"
+        if script.is_file():
+            return script.read_bytes()
+    raise InputError("meshcat's viewer script is not there", hint="pip install 'meshcat>=0.3.2'")

@@ -1,0 +1,195 @@
+"""What the model's file draws: the visuals of its links, each fixed to a body."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError, ModelError, PinarmError
+from pinarm.input.roots import example_robot_data, inside, root_of
+from pinarm.use.show.replay.meshes import Mesh, read_mesh
+
+Colour = tuple[float, float, float, float]
+"""Red, green, blue and opacity, 0 to 1."""
+
+PALETTE: tuple[Colour, ...] = (
+    (0.36, 0.55, 0.75, 1.0), (0.91, 0.62, 0.30, 1.0), (0.42, 0.68, 0.53, 1.0), (0.76, 0.50, 0.66, 1.0),
+    (0.85, 0.76, 0.40, 1.0), (0.52, 0.74, 0.84, 1.0),
+)  # fmt: skip
+"""Of bodies for which no colour is given, in turn; Okabe and Ito's hues, softened."""
+
+PLAIN: Colour = (0.74, 0.76, 0.79, 1.0)
+"""Of meshes for which no colour is given."""
+
+PACKAGE = "example-robot-data"
+
+GROUND: Colour = (0.55, 0.57, 0.60, 1.0)
+"""Of what does not move."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Something solid that is fixed to a body.
+
+    Attributes:
+        node: The body.
+        placement: In the body.
+        kind: ``box`` (three edges), ``cylinder`` and ``capsule`` (radius, length along z), ``sphere`` (radius) or
+            ``mesh`` (three factors).
+        size: Its measures [m].
+        colour: Its colour.
+        mesh: The mesh of that kind.
+    """
+
+    node: int
+    placement: pin.SE3
+    kind: Literal["box", "cylinder", "capsule", "sphere", "mesh"]
+    size: tuple[float, ...]
+    colour: Colour
+    mesh: Mesh | None = None
+
+    def extent(self) -> Array:
+        """Return the corners of a box around it, in the body's frame, shape (8, 3)."""
+        if self.mesh is not None:
+            low, high = np.sort([self.mesh.low * self.size, self.mesh.high * self.size], axis=0)
+        else:
+            radius, length = self.size[0], self.size[-1]
+            half = {
+                "box": np.array(self.size) / 2 if self.kind == "box" else np.zeros(3),
+                "cylinder": np.array([radius, radius, length / 2]),
+                "capsule": np.array([radius, radius, length / 2 + radius]),
+            }.get(self.kind, np.full(3, radius))
+            low, high = -half, half
+        corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+        return np.asarray(corners @ self.placement.rotation.T + self.placement.translation)
+
+
+def colour_of(node: int) -> Colour:
+    """Return the colour of a body for which none is given."""
+    return PALETTE[(node - 1) % len(PALETTE)] if node else GROUND
+
+
+@dataclass(frozen=True)
+class Visuals:
+    """What a model draws.
+
+    Attributes:
+        shapes: What could be drawn.
+        bare: Bodies without anything drawn, or without something that their file asks for.
+        notes: What could not be drawn, in words.
+    """
+
+    shapes: tuple[Shape, ...]
+    bare: frozenset[int]
+    notes: tuple[str, ...]
+
+
+def visuals(mechanism: Mechanism) -> Visuals:
+    """Return what a model draws."""
+    robot, model = ElementTree.fromstring(mechanism.xml), mechanism.model
+    frames = {frame.name: frame for frame in model.frames if frame.type == pin.FrameType.BODY}
+    palette = dict(_materials(robot))
+    shapes: list[Shape] = []
+    notes: list[str] = []
+    missing: set[int] = set()
+    meshes: dict[Path, list[Mesh]] = {}  # a leg's mesh serves four times
+    for link in robot.iter("link"):
+        frame = frames[str(link.get("name"))]
+        for visual in link.findall("visual"):
+            try:
+                shapes += _visual(visual, frame, palette, mechanism.source.robot, meshes)
+            except (PinarmError, ValueError) as error:
+                said = error.message if isinstance(error, PinarmError) else str(error)
+                notes.append(f"link {link.get('name')} is not drawn as its file says: {said}")
+                missing.add(int(frame.parentJoint))
+    bare = set(range(model.njoints)) - {shape.node for shape in shapes} | missing
+    return Visuals(tuple(shapes), frozenset(bare), tuple(dict.fromkeys(notes)))
+
+
+def _materials(robot: ElementTree.Element) -> Iterator[tuple[str, Colour]]:
+    for material in robot.findall("material"):
+        colour = _colour(material)
+        if colour:
+            yield str(material.get("name")), colour
+
+
+def _colour(material: ElementTree.Element | None) -> Colour | None:
+    element = material.find("color") if material is not None else None
+    if element is None:
+        return None
+    r, g, b, a = np.clip(_numbers(element.get("rgba", ""), 4), 0.0, 1.0)
+    return float(r), float(g), float(b), float(a)
+
+
+def _visual(
+    visual: ElementTree.Element, frame: pin.Frame, palette: Mapping[str, Colour], robot: Path,
+    meshes: dict[Path, list[Mesh]],
+) -> Iterator[Shape]:  # fmt: skip
+    """Yield the solids of one visual.
+
+    Raises:
+        InputError: Its file may not be read, or is no mesh.
+        ModelError: It is nothing that URDF draws.
+    """
+    geometry = visual.find("geometry")
+    if geometry is None or len(geometry) == 0:
+        raise ModelError("a visual has no geometry")
+    element, node, placement = geometry[0], int(frame.parentJoint), frame.placement * _origin(visual.find("origin"))
+    material = visual.find("material")
+    named = palette.get(material.get("name", "")) if material is not None else None
+    given = _colour(material) or named
+    colour = given or colour_of(node)
+    if element.tag == "mesh":
+        scale = tuple(float(x) for x in _numbers(element.get("scale", "1 1 1"), 3))
+        file = _mesh_file(element.get("filename", ""), robot)
+        if file not in meshes:
+            meshes[file] = read_mesh(file)
+        for mesh in meshes[file]:
+            yield Shape(node, placement, "mesh", scale, given or mesh.colour or PLAIN, mesh)
+    elif element.tag == "box":
+        yield Shape(node, placement, "box", tuple(_positive(_numbers(element.get("size", ""), 3))), colour)
+    elif element.tag in ("cylinder", "capsule"):
+        size = _positive(np.array([float(element.get("radius", "nan")), float(element.get("length", "nan"))]))
+        yield Shape(node, placement, "cylinder" if element.tag == "cylinder" else "capsule", tuple(size), colour)
+    elif element.tag == "sphere":
+        yield Shape(node, placement, "sphere", tuple(_positive(_numbers(element.get("radius", ""), 1))), colour)
+    else:
+        raise ModelError(f"<{element.tag}> is no shape", expected="box, cylinder, capsule, sphere or mesh")
+
+
+def _mesh_file(name: str, robot: Path) -> Path:
+    """Return the file of a mesh, which must lie under the model's root or in example-robot-data."""
+    name = re.sub("^package:/+", "package://", name)
+    packages = {PACKAGE: example_robot_data()} if name.startswith(f"package://{PACKAGE}/") else {}
+    return inside(name if "://" in name else robot.parent.absolute() / name, root_of(robot), packages)
+
+
+def _origin(element: ElementTree.Element | None) -> pin.SE3:
+    if element is None:
+        return pin.SE3.Identity()
+    turn = pin.rpy.rpyToMatrix(_numbers(element.get("rpy", "0 0 0"), 3))
+    return pin.SE3(turn, _numbers(element.get("xyz", "0 0 0"), 3))
+
+
+def _numbers(text: str, count: int) -> Array:
+    numbers = np.array([float(part) for part in text.split()])
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        raise InputError(f"'{text}' is not what a visual needs here", expected=f"{count} finite numbers")
+    return numbers
+
+
+def _positive(size: Array) -> list[float]:
+    if not (np.isfinite(size).all() and (size >= 0.0).all()):
+        raise InputError(
+            f"a visual measures {' x '.join(f'{x:g}' for x in size)}", expected="lengths that are not negative"
+        )
+    return [float(x) for x in size]

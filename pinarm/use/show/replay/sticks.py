@@ -1,0 +1,117 @@
+"""A stick figure for bodies that draw nothing: rods between their points, their joints, the boxes of their inertias."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.use.show.replay.shapes import GROUND, Colour, Shape, colour_of
+from pinarm.use.show.replay.tracks import Node
+
+ROD, PIN, POINT, BOX = 0.014, 0.026, 0.02, 0.18
+"""Radii of rods, joints and end points, and the largest edge of a box, relative to the size of the figure."""
+
+LINKS = 4.0
+"""Typical links in a figure: one of more and shorter links is drawn as thin as its links ask for."""
+
+DARK: Colour = (0.27, 0.29, 0.33, 1.0)
+
+
+def sticks(model: pin.Model, nodes: Sequence[Node], bare: Collection[int]) -> list[Shape]:
+    """Return shapes for the bodies that have none.
+
+    A body is drawn as rods from its joint to the joints and links it carries; one that carries nothing reaches to its
+    centre of mass, and one that is all in one place is the box of its inertia.
+
+    Args:
+        model: Pinocchio's model.
+        nodes: Its bodies.
+        bare: Bodies without shapes of their own.
+    """
+    points = {node: reach(model, nodes, node) for node in sorted(bare) if nodes[node].carries}
+    size = _size(model, nodes, points)
+    if 0 in points:  # what is only fixed to the world, such as the end of a spring, is no body
+        mounted = [node.placement.translation for node in nodes if node.parent == 0 and node.carries]
+        points[0] = np.unique(np.array(mounted).reshape(-1, 3), axis=0)
+    shapes = [shape for node in points for shape in _body(model, node, points[node], size)]
+    joints = [i for i in range(1, len(nodes)) if i in points or nodes[i].parent in points.keys() - {0}]
+    return shapes + [shape for joint in joints for shape in _joint(nodes[joint], joint, size)]
+
+
+def reach(model: pin.Model, nodes: Sequence[Node], node: int) -> Array:
+    """Return the places that a body reaches to, other than its origin, shape (k, 3)."""
+    found = [np.asarray(other.placement.translation) for other in nodes if other.parent == node]
+    found += [np.asarray(f.placement.translation) for f in model.frames
+              if f.parentJoint == node and f.type == pin.FrameType.BODY]  # fmt: skip
+    apart = [point for point in found if np.linalg.norm(point) > 0.0]
+    if not apart and node and np.linalg.norm(model.inertias[node].lever) > 0.0:
+        apart = [np.asarray(model.inertias[node].lever)]
+    return np.unique(np.array(apart).reshape(-1, 3), axis=0)
+
+
+def _size(model: pin.Model, nodes: Sequence[Node], points: dict[int, Array]) -> float:
+    """Return the length [m] that thicknesses are relative to.
+
+    It is the reach of the stretched figure, less where that has many links; without any length, that at which boxes are
+    drawn whole.
+    """
+    reach, links = np.zeros(len(nodes)), []
+    for index, node in enumerate(nodes[1:], start=1):
+        links.append(float(np.linalg.norm(node.placement.translation)))
+        reach[index] = reach[node.parent] + links[-1]
+    ends = [float(np.linalg.norm(point)) for each in points.values() for point in each]
+    ends = [length for length in [*ends, *links] if length > 0.0]
+    if ends:
+        return float(min(reach.max() + max(ends), LINKS * np.median(ends)))
+    return max([float(cuboid(inertia)[0].max()) for inertia in model.inertias if inertia.mass > 0.0] or [BOX]) / BOX
+
+
+def _body(model: pin.Model, node: int, points: Array, size: float) -> Iterator[Shape]:
+    colour = colour_of(node)
+    carries = {
+        tuple(p.translation) for p, parent in zip(model.jointPlacements, model.parents, strict=True) if parent == node
+    }
+    for point in points[points.any(axis=1)]:
+        yield _rod(node, np.zeros(3), point, ROD * size, colour)
+        if tuple(point) not in carries:
+            yield Shape(node, pin.SE3(np.eye(3), point), "sphere", (POINT * size,), colour)
+    inertia = model.inertias[node]
+    if not len(points) and inertia.mass > 0.0:
+        edges, axes = cuboid(inertia)
+        box = np.maximum(edges * min(1.0, BOX * size / max(edges.max(), 1e-300)), ROD * size)
+        yield Shape(node, pin.SE3(axes, inertia.lever), "box", (box[0], box[1], box[2]), colour)
+
+
+def _joint(node: Node, index: int, size: float) -> Iterator[Shape]:
+    """Yield the sign of a joint: a pin along a revolute axis, a block on a rail for a slide, a ball for others."""
+    if node.kind == "turn":
+        yield Shape(index, _along(np.zeros(3), node.axis), "cylinder", (PIN * size, 3.2 * PIN * size), DARK)
+    elif node.kind == "slide":
+        block = (2.4 * PIN * size, 2.4 * PIN * size, 4.0 * PIN * size)
+        yield Shape(index, _along(np.zeros(3), node.axis), "box", block, DARK)
+        start, end = float(node.values.min()) - 2.0 * PIN * size, float(node.values.max()) + 2.0 * PIN * size
+        rail = node.placement * _along(node.axis * (start + end) / 2.0, node.axis)
+        yield Shape(node.parent, rail, "cylinder", (0.5 * ROD * size, end - start), GROUND)
+    elif node.placement.translation.any():
+        yield Shape(index, pin.SE3.Identity(), "sphere", (PIN * size,), DARK)
+
+
+def _rod(node: int, start: Array, end: Array, radius: float, colour: Colour) -> Shape:
+    length = float(np.linalg.norm(end - start))
+    return Shape(node, _along((start + end) / 2.0, end - start), "cylinder", (radius, length), colour)
+
+
+def _along(centre: Array, direction: Array) -> pin.SE3:
+    """Return the placement whose z is a direction."""
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), np.asarray(direction, float))
+    return pin.SE3(turn.toRotationMatrix(), centre)
+
+
+def cuboid(inertia: pin.Inertia) -> tuple[Array, Array]:
+    """Return edges [m] and axes of the homogeneous box of an inertia: ``a^2 = 6 (I_b + I_c - I_a) / m``."""
+    moments, axes = np.linalg.eigh(inertia.inertia)
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    return np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments) / inertia.mass, 0.0)), axes

@@ -1,0 +1,87 @@
+"""What a terminal shows of a run: the ranges of its outputs, what they are worth, and what it cost."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from pinarm.engine.motion.trajectory import Series
+from pinarm.errors import printable
+from pinarm.problems.simplify.simplified import in_short
+from pinarm.use.result.result import CLOSURES, COSTS, MEASURES, RESIDUALS, Result
+
+FEW = 6
+"""Rows that are shown beside each other."""
+
+
+def report(result: Result) -> str:
+    """Return the summary of a run as text: ranges of the outputs with units, accuracy, cost."""
+    return "\n".join([printable(result.content.title or result.name), *aligned(ranges(result)), *remarks(result)])
+
+
+def ranges(result: Result) -> list[list[str]]:
+    """Return a heading and the range of every output; a few rows that stand for themselves are shown as they are."""
+    run = result.trajectory
+    if run.parameter == "row" and len(run) <= FEW:
+        rows = [["", "unit", *(f"row {number:g}" for number in run.grid.t)]]
+        rows += [[*_heading(series), *(f"{number:.7g}" for number in series.values + 0.0)]  # -0 becomes 0
+                 for series in result.columns()[1:]]  # fmt: skip
+        return rows
+    rows = [["", "unit", "min", f"at {run.parameter}", "max", f"at {run.parameter}"]]
+    for series in result.columns()[1:]:
+        entry = result.headline(series)
+        numbers = (entry["min"], entry["at_min"], entry["max"], entry["at_max"])
+        rows.append([*_heading(series), *(f"{number:.7g}" for number in numbers)])
+    return rows
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return lines of cells of equal width: names and units, which come first, to the left, numbers to the right."""
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return [
+        "  ".join(text.ljust(w) if k < 2 else text.rjust(w) for k, (text, w) in enumerate(cells)).rstrip()
+        for cells in (list(zip(row, widths, strict=True)) for row in rows)
+    ]
+
+
+def remarks(result: Result) -> list[str]:
+    """Return what is to be said beside the numbers, a line each: accuracy, cost, what was found, limits, notes."""
+    run = result.trajectory
+    lines = _error(result) + _worth(result.figures, run.parameter)
+    cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name in COSTS]
+    lines.append(f"rows: {len(run)}" + (f"; {', '.join(cost)}" if cost else ""))
+    lines += [f"{name}: {value:.9g}" for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
+    lines += [f"payload {name}: {float(payload.mass):.9g} kg at {payload.point}"
+              for name, payload in run.mechanism.payloads.items()]  # fmt: skip
+    lines += in_short(result.removals)
+    lines += [f"limit: {excess.words(run)}" for excess in result.excesses()]
+    lines += [f"note: {note}" for note in result.notes()]
+    return [printable(line) for line in lines]
+
+
+def _error(result: Result) -> list[str]:
+    """Return what is known of the global error, and whether it is below its target."""
+    if result.error is None:
+        return []
+    target = result.content.accuracy.target
+    worst = max(result.errors, key=lambda name: result.errors[name])
+    where = f", largest in {worst}" if len(result.errors) > 1 else ""
+    line = f"error: {result.error:.1e} of the largest value{where} ({result.setting})"
+    verdict = "reached" if not result.missed else "MISSED"
+    return [line] + ([f"target {target:g}: {verdict}"] if target is not None else [])
+
+
+def _worth(figures: Mapping[str, float], parameter: str) -> list[str]:
+    """Return what a run says of its accuracy, a line for each kind of figure."""
+    residuals, gaps = (
+        ", ".join(f"{name} {figures[name]:.1e}" for name in names if name in figures) for names in (RESIDUALS, CLOSURES)
+    )
+    lines = [f"accuracy: relative residuals: {residuals}"] if residuals else []
+    lines += [f"loops [m or rad, s]: {gaps}"] if gaps else []
+    if "regularity" in figures:
+        lines.append(f"regularity: {figures['regularity']:.2g} at {parameter} = {figures['least regular at']:.6g}, "
+                     "0 at a singular position")  # fmt: skip
+    return lines + ([f"condition of the masses: {figures['condition']:.2g}"] if "condition" in figures else [])
+
+
+def _heading(series: Series) -> tuple[str, str]:
+    return printable(series.name)[:48], str(series.unit or "?")

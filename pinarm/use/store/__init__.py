@@ -1,0 +1,1 @@
+"""Results as folders of files, written and read back."""

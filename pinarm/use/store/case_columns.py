@@ -1,0 +1,72 @@
+"""Tables with a line per case, or per motion, and why some of them have no numbers."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pinarm.engine.motion.trajectory import Series
+from pinarm.use.store.files import cell
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+QUANTILES = {"5 %": 0.05, "median": 0.5, "95 %": 0.95}
+
+
+def csv(of: str, columns: Sequence[Series], errors: Mapping[int, str]) -> str:
+    """Return a table as CSV: the number of each line, its columns, and why it failed.
+
+    Numbers have the digits that it takes to read them back; those that are none are empty.
+
+    Args:
+        of: What the lines are, for the heading of their numbers.
+        columns: At least one, all of one length.
+        errors: Line -> why it failed.
+    """
+    lines = [",".join([of, *(cell(series.label) for series in columns), "error"])]
+    texts = [[_text(value) for value in series.values.tolist()] for series in columns]
+    for number, row in enumerate(zip(*texts, strict=True)):
+        lines.append(",".join([str(number), *row, cell(errors.get(number, ""))]))
+    return "\n".join(lines) + "\n"
+
+
+def _text(value: object) -> str:
+    if isinstance(value, float) and math.isnan(value):
+        return ""
+    return cell(value) if isinstance(value, str) else repr(value)
+
+
+def arrays(columns: Sequence[Series], errors: Mapping[int, str]) -> dict[str, Any]:
+    """Return the same as arrays by name, with the units of all."""
+    texts = np.array([errors.get(number, "") for number in range(len(columns[0].values))], dtype=str)
+    units = np.array([[series.name, str(series.unit or "?")] for series in columns])
+    return {**{series.name: np.ascontiguousarray(series.values) for series in columns}, "error": texts, "units": units}
+
+
+def statistics(series: Series) -> dict[str, Any]:
+    """Return statistics of a column over the lines that have numbers; the standard deviation is that of a sample."""
+    solved = np.flatnonzero(np.isfinite(series.values))
+    values = series.values[solved]
+    found: dict[str, Any] = {"unit": str(series.unit or "?"), "cases": len(values)}
+    if not len(values):
+        return found
+    low, high = int(values.argmin()), int(values.argmax())
+    found |= {"min": values[low], "at_min": int(solved[low]), "max": values[high], "at_max": int(solved[high])}
+    found |= {"mean": values.mean(), "deviation": values.std(ddof=1) if len(values) > 1 else 0.0}
+    found |= {name: np.quantile(values, share) for name, share in QUANTILES.items()}
+    return {name: float(value) if isinstance(value, np.floating) else value for name, value in found.items()}
+
+
+def failures(errors: Mapping[int, str]) -> list[dict[str, Any]]:
+    """Return why lines failed: each reason once, as its first line has it, the most frequent first.
+
+    Reasons that differ in their numbers only count as one.
+    """
+    reasons: dict[str, list[int]] = {}
+    for number, error in errors.items():
+        reasons.setdefault(_NUMBER.sub("#", error), []).append(number)
+    ordered = sorted(reasons.values(), key=lambda lines: (-len(lines), lines[0]))
+    return [{"reason": errors[lines[0]], "cases": len(lines), "first": lines[:10]} for lines in ordered]

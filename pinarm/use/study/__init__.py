@@ -1,0 +1,1 @@
+"""Many runs or many looks at one: accuracy, sweeps, batches, answer keys, explanations."""

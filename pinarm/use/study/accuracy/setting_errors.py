@@ -1,0 +1,117 @@
+"""Errors of settings of the time integration against a reference whose own error is bounded, and what they cost."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinarm.errors import IntegrationError, NumericsError
+from pinarm.use.result.integration_settings import ladders, patience, references, spoken, varied
+from pinarm.use.result.result import Result
+from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.study.accuracy.error_estimate import differences
+
+WANTED = (1e-3, 1e-6, 1e-9)
+"""Errors that a setting is recommended for."""
+
+LONG = 0.05
+"""Time for which short solutions are repeated [s]; the shortest of their times counts."""
+
+MOST = 5000
+"""Steps that every setting may take; more, where the reference needs many."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A setting, its error and its price.
+
+    Attributes:
+        method: What is varied within: a curve of the plot.
+        setting: The setting in words.
+        errors: Output -> largest difference to the reference over the run, relative to the output's scale; infinite
+            where the integration failed.
+        evaluations: Number of accelerations computed.
+        seconds: Wall time of the solution [s], the model being loaded.
+    """
+
+    method: str
+    setting: str
+    errors: dict[str, float]
+    evaluations: int
+    seconds: float
+
+    @property
+    def error(self) -> float:
+        """Largest error of any output."""
+        return max(self.errors.values())
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What errors are measured against.
+
+    Attributes:
+        result: The tightest of some solutions that share neither tolerances nor last digits.
+        bound: Largest difference to the next: the larger of both errors, but for a factor near 1.
+        words: Both settings.
+    """
+
+    result: Result
+    bound: float
+    words: str
+
+
+def reference(scenario: Scenario) -> Reference:
+    """Return the reference of a scenario.
+
+    Raises:
+        IntegrationError: Fewer than two tight settings get to the end.
+    """
+    solved: list[tuple[str, Result]] = []
+    for seed, setting in enumerate(references()):
+        most = patience(solved[-1][1], scenario.content.accuracy.max_steps) if solved else None
+        try:
+            solved.append((spoken(setting), varied(scenario, setting, most, seed=seed).solve()))
+        except NumericsError:
+            continue
+    if len(solved) > 1:
+        (two, other), (one, result) = solved[-2:]
+        return Reference(result, max(differences(result, other).values()), f"{one}, compared with {two}")
+    raise IntegrationError("no two tight settings get to the end: there is no reference to measure errors against",
+                           hint="a shorter time, away from singular positions")  # fmt: skip
+
+
+def points(scenario: Scenario, against: Reference) -> list[Point]:
+    """Return all settings that are tried, method by method, the coarsest first."""
+    found, most = [], max(MOST, patience(against.result, scenario.content.accuracy.max_steps))
+    for method, settings in ladders(against.result).items():
+        for setting in settings:
+            asked = varied(scenario, setting, most)
+            assert asked.mechanism  # loaded before the clock runs
+            found.append(_point(asked, method, spoken(setting), against))
+    return found
+
+
+def _point(asked: Scenario, method: str, words: str, against: Reference) -> Point:
+    seconds: list[float] = []
+    while sum(seconds) < LONG:
+        begin = time.perf_counter()
+        try:
+            result = asked.solve()
+        except NumericsError:
+            return Point(method, words, dict.fromkeys(asked.content.outputs, np.inf), 0, time.perf_counter() - begin)
+        seconds.append(time.perf_counter() - begin)
+    errors = differences(against.result, result)
+    return Point(method, words, errors, int(result.figures["evaluations"]), min(seconds))
+
+
+def recommended(points: Sequence[Point], bound: float, wanted: float) -> Point | None:
+    """Return the cheapest setting, by its evaluations, whose error is below what is wanted, whatever the reference's.
+
+    Evaluations decide because they are the same on every machine.
+    """
+    good = [point for point in points if point.error + bound <= wanted]
+    return min(good, key=lambda point: point.evaluations, default=None)

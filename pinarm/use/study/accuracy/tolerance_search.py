@@ -1,0 +1,191 @@
+"""The cheapest setting of the time integration whose global error is below a target."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinarm.engine.integration import MethodName
+from pinarm.engine.integration.methods.explicit import LIMITED
+from pinarm.errors import NumericsError
+from pinarm.problems.forward import Forward
+from pinarm.use.result.integration_settings import Ladder, patience, spoken, varied
+from pinarm.use.result.result import Result
+from pinarm.use.study.accuracy.error_estimate import differences, estimated
+
+if TYPE_CHECKING:
+    from pinarm.use.scenario.scenario import Scenario
+
+FIRST = 2
+"""The coarsest rung."""
+
+CHEAPEST_STEP = 3.0
+"""Evaluations that a step takes at least, half of those of dopri5: its finer solutions take twice as many steps."""
+
+FEW = 100
+"""Steps that any method may take."""
+
+MANY = 3000
+"""Steps within which it shows whether an explicit method is limited by stability."""
+
+METHODS: tuple[MethodName, ...] = ("dop853", "dopri5", "stiff")
+"""Methods that are tried where the scenario names none, in this order; the other way round where a motion is stiff."""
+
+
+def reach(scenario: Scenario) -> Result:
+    """Return the result of the cheapest setting whose estimated error is at most the scenario's target.
+
+    Tolerances are tried by decades, steps by halves, of the method that the scenario names, or of several. The price is
+    the number of evaluations. All solutions that serve as comparison are solved with other last digits, each with its
+    own, and used for both of the settings that they are compared with.
+
+    Args:
+        scenario: With ``accuracy.target``.
+
+    Returns:
+        The result at the setting found; where none reaches the target, that of the smallest error. ``setting`` says
+        which it is.
+
+    Raises:
+        PinarmError: See ``Scenario.run``.
+    """
+    target = float(scenario.content.accuracy.target or 0.0)
+    if not isinstance(scenario.problem, Forward):
+        return _as_it_is(scenario)
+    span = scenario.problem.time.end - scenario.problem.time.start
+    named = "method" in scenario.document.data["accuracy"]
+    searches: list[_Search] = []
+    for method in (scenario.content.accuracy.method,) if named else _ordered(scenario, span, target):
+        most = min([scenario.content.accuracy.max_steps, *(search.limit(target) for search in searches)])
+        searches.append(_Search(scenario, Ladder(method, span), most))
+        searches[-1].look(target)
+    while True:
+        best = min(searches, key=lambda search: search.price(target))
+        result = best.result(target, sum(len(search.errors) for search in searches))
+        if not result.missed or best.price(target)[0]:
+            return result
+        best.miss(target, max(result.errors.values()))
+
+
+def _ordered(scenario: Scenario, span: float, target: float) -> tuple[MethodName, ...]:
+    """Return the methods in the order in which they are tried: what one costs limits those that follow."""
+    ladder = Ladder(METHODS[0], span)
+    try:
+        first = varied(scenario, ladder.setting(_guess(ladder, target)), min(MANY, scenario.content.accuracy.max_steps))
+        run: Result | None = first.solve()
+    except NumericsError as error:
+        run = error.partial
+    is_stiff = run is not None and any(note.startswith(LIMITED) for note in run.trajectory.notes)
+    return METHODS[::-1] if is_stiff else METHODS
+
+
+def _guess(ladder: Ladder, target: float) -> int:
+    """Return the rung that probably reaches a target."""
+    guess = FIRST if ladder.halving else int(np.ceil(-np.log10(target))) + 1
+    return min(max(guess, FIRST), ladder.last - 1)
+
+
+def _as_it_is(scenario: Scenario) -> Result:
+    """Return the result of a problem that no setting changes."""
+    result = varied(scenario, {}).solve()
+    errors, setting = estimated(scenario, result)
+    return replace(result, content=scenario.content, data=scenario.document.data, errors=errors, setting=setting)
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """Solutions by the rungs of a ladder, each solved once.
+
+    Attributes:
+        scenario: What is solved.
+        ladder: The settings.
+        most: Number of steps that no solution may exceed.
+        runs: Rung -> solution with other last digits; none where it failed.
+        errors: Rung -> estimated error.
+    """
+
+    scenario: Scenario
+    ladder: Ladder
+    most: int
+    runs: dict[int, Result | None] = field(default_factory=dict)
+    errors: dict[int, float] = field(default_factory=dict)
+
+    def look(self, target: float) -> None:
+        """Go up and down the ladder for the coarsest rung that reaches the target.
+
+        A rung whose finer solution takes more steps than are left tells nothing of those below it.
+        """
+        last, rung = self.ladder.last - 1, _guess(self.ladder, target)
+        while rung > FIRST and self.run(rung) and self.error(rung) == np.inf:
+            rung -= 1
+        if self.error(rung) <= target:
+            while rung > FIRST and self.error(rung - 1) <= target:
+                rung -= 1
+        while rung < last and target < self.error(rung) < np.inf:
+            rung += 1
+
+    def run(self, rung: int) -> Result | None:
+        """Return the solution of a rung with other last digits."""
+        if rung not in self.runs:
+            try:
+                setting = self.ladder.setting(rung)
+                self.runs[rung] = varied(self.scenario, setting, self._patience(), seed=rung).solve()
+            except NumericsError:
+                self.runs[rung] = None
+        return self.runs[rung]
+
+    def _patience(self) -> int:
+        solved = [run for run in self.runs.values() if run]
+        return patience(solved[-1], self.most) if solved else self.most
+
+    def finer(self, rung: int) -> Result | None:
+        """Return the solution that one of a rung is compared with."""
+        return self.run(min(rung + self.ladder.finer, self.ladder.last))
+
+    def error(self, rung: int) -> float:
+        """Return the estimated error at a rung; infinite where a solution failed."""
+        if rung not in self.errors:
+            one, two = self.run(rung), self.finer(rung)
+            self.errors[rung] = max(differences(one, two).values()) if one and two else np.inf
+        return self.errors[rung]
+
+    def found(self, target: float) -> int:
+        """Return the coarsest rung that reaches the target, or that of the smallest error."""
+        good = [rung for rung, error in self.errors.items() if error <= target]
+        return min(good) if good else min(self.errors, key=lambda rung: (self.errors[rung], rung))
+
+    def price(self, target: float) -> tuple[float, float]:
+        """Return how much is missing to the target, 0 where it is reached, and the evaluations that it takes."""
+        rung = self.found(target)
+        run, error = self.run(rung), self.errors[rung]
+        return 0.0 if error <= target else error, run.figures["evaluations"] if run else np.inf
+
+    def limit(self, target: float) -> int:
+        """Return the number of steps with which any other method costs more; finer solutions may take as many.
+
+        Where this one does not reach the target, another may cost as much as its most expensive solution.
+        """
+        missing, evaluations = self.price(target)
+        if missing:
+            evaluations = max((run.figures["evaluations"] for run in self.runs.values() if run), default=np.inf)
+        return int(min(self.most, max(evaluations / CHEAPEST_STEP, FEW)))
+
+    def miss(self, target: float, error: float) -> None:
+        """Note that the rung found misses the target after all, of the mechanism as it is; look beyond it."""
+        rung = self.found(target)
+        self.errors[rung] = error
+        if rung < self.ladder.last - 1:
+            self.error(rung + 1)
+
+    def result(self, target: float, tried: int) -> Result:
+        """Return the result of the rung found, of the mechanism as it is."""
+        rung = self.found(target)
+        chosen = self.ladder.setting(rung)
+        result, two = varied(self.scenario, chosen).solve(), self.finer(rung)
+        errors = differences(result, two) if two else dict.fromkeys(result.content.outputs, np.inf)
+        verdict = "cheapest" if max(errors.values()) <= target else "best"
+        setting = f"{spoken(chosen)}, the {verdict} of {tried} settings tried"
+        content, data = self.scenario.content, self.scenario.document.data
+        return replace(result, content=content, data=data, errors=errors, setting=setting)

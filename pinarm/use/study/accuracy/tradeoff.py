@@ -1,0 +1,105 @@
+"""The trade of a scenario between accuracy and cost, as a whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pinarm.errors import InputError
+from pinarm.use.scenario.scenario import Scenario, load
+from pinarm.use.store.files import json_text, write
+from pinarm.use.study.accuracy.setting_errors import WANTED, Point, Reference, points, recommended, reference
+from pinarm.use.study.accuracy.variant_errors import Variant, variants
+
+if TYPE_CHECKING:
+    from pinarm.use.show.plot import Picture
+
+
+@dataclass(frozen=True, eq=False)
+class Tradeoff:
+    """What accuracy costs in a scenario.
+
+    Attributes:
+        scenario: The scenario.
+        reference: What errors of settings are measured against; none where nothing is integrated.
+        points: Settings tried.
+        variants: The exact model, then the simplified ones; empty where the scenario has none.
+    """
+
+    scenario: Scenario
+    reference: Reference | None
+    points: list[Point] = field(default_factory=list)
+    variants: list[Variant] = field(default_factory=list)
+
+    def recommended(self) -> dict[float, Point | None]:
+        """Return the cheapest setting for every wanted error."""
+        bound = self.reference.bound if self.reference else 0.0
+        return {wanted: recommended(self.points, bound, wanted) for wanted in WANTED}
+
+    def summary(self) -> dict[str, Any]:
+        """Return everything but the curves as plain data."""
+        found: dict[str, Any] = {"scenario": self.scenario.name, "title": self.scenario.content.title}
+        if self.reference:
+            found["reference"] = {"settings": self.reference.words, "bound": self.reference.bound}
+            found["settings"] = [
+                {"method": point.method, "setting": point.setting, "error": point.error, "errors": point.errors,
+                 "evaluations": point.evaluations, "seconds": point.seconds} for point in self.points
+            ]  # fmt: skip
+            found["recommended"] = {
+                f"{wanted:g}": point and {"method": point.method, "setting": point.setting}
+                for wanted, point in self.recommended().items()
+            }
+        found["variants"] = {
+            variant.name: {"seconds": variant.seconds, "errors": variant.errors, "relative": variant.relative,
+                           "where": variant.where, "failure": variant.failure} for variant in self.variants
+        }  # fmt: skip
+        return found
+
+    def save(self, folder: Path, *, plots: bool = True) -> Path:
+        """Write ``tradeoff.json`` and the plots; return the folder.
+
+        Raises:
+            InputError: The folder cannot be written.
+        """
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            write(folder / "tradeoff.json", json_text(self.summary()) + "\n")
+        except OSError as error:
+            raise InputError(f"the trade-off cannot be written to {folder}: {error.strerror}") from None
+        for name, figure in self.plots().items() if plots else ():
+            figure.savefig(folder / f"{name}.png", metadata={"Software": None})
+        return folder
+
+    def plots(self) -> dict[str, Picture]:
+        """Return what there is to draw: error against cost of ``settings``, outputs of ``variants``."""
+        from pinarm.use.study.accuracy.tradeoff_plot import plots
+
+        return plots(self)
+
+    def _repr_html_(self) -> str:
+        """Return tables and plots, for notebooks."""
+        from pinarm.use.show.notebook import of_tradeoff
+
+        return of_tradeoff(self)
+
+
+def tradeoff(scenario: Scenario | str | Path) -> Tradeoff:
+    """Measure what accuracy costs: of settings, where the scenario is integrated over time, and of its variants.
+
+    Args:
+        scenario: The scenario, or its file.
+
+    Raises:
+        InputError: Neither is there to be traded.
+        PinarmError: The scenario cannot be solved.
+    """
+    scenario = load(scenario)
+    integrated = scenario.problem.kind == "forward"
+    if not integrated and not scenario.content.variants:
+        raise InputError(f"there is nothing to trade: a problem of kind {scenario.problem.kind} is solved to rounding, "
+                         "whatever the setting, and the scenario has no variants",
+                         hint="variants: {light: {arguments.mass: 0 kg}}")  # fmt: skip
+    against = reference(scenario) if integrated else None
+    tried = points(scenario, against) if against else []
+    return Tradeoff(scenario, against, tried, variants(scenario) if scenario.content.variants else [])

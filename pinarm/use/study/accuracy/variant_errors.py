@@ -1,0 +1,79 @@
+"""What a simpler model costs in accuracy: outputs of variants of a scenario against those of the scenario itself."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pinarm.errors import InputError, NumericsError
+from pinarm.use.result.result import Result
+from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.study.accuracy.error_estimate import common, scales
+
+
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """A model of the scenario, and how far its outputs are from those of the scenario's own.
+
+    Attributes:
+        name: As the scenario has it; ``exact`` for the scenario itself.
+        result: Its result; none where it could not be solved.
+        errors: Output -> largest difference over the run, in the output's unit.
+        relative: The same, relative to the output's scale in the exact model.
+        where: Output -> row parameter at which that stands.
+        seconds: Wall time of the solution [s].
+        failure: Why there is no result.
+    """
+
+    name: str
+    result: Result | None
+    errors: dict[str, float] = field(default_factory=dict)
+    relative: dict[str, float] = field(default_factory=dict)
+    where: dict[str, float] = field(default_factory=dict)
+    seconds: float = 0.0
+    failure: str = ""
+
+
+def variants(scenario: Scenario) -> list[Variant]:
+    """Return the exact model and all variants of a scenario.
+
+    Raises:
+        PinarmError: The scenario itself cannot be solved, or a variant has a mistake.
+    """
+    exact = _solved("exact", scenario)
+    assert exact.result
+    return [exact, *(_compared(_attempted(scenario, name), exact.result) for name in scenario.content.variants)]
+
+
+def _solved(name: str, scenario: Scenario) -> Variant:
+    assert scenario.mechanism  # loaded before the clock runs
+    begin = time.perf_counter()
+    result = scenario.run()
+    return Variant(name, result, seconds=time.perf_counter() - begin)
+
+
+def _attempted(scenario: Scenario, name: str) -> Variant:
+    try:
+        with scenario.document.locating("variants", name):
+            return _solved(name, scenario.variant(name))
+    except NumericsError as error:
+        return Variant(name, None, failure=error.message)
+
+
+def _compared(variant: Variant, exact: Result) -> Variant:
+    """Return the variant with its differences to the exact model."""
+    if variant.result is None:
+        return variant
+    one, two = common(exact.trajectory, variant.result.trajectory)
+    if not len(one):
+        raise InputError(f"the rows of the variant '{variant.name}' are not those of the scenario",
+                         expected="the same time or range, and as many samples")  # fmt: skip
+    errors, relative, where = {}, {}, {}
+    for name, scale in scales(exact).items():
+        apart = np.abs(exact[name].values[one] - variant.result[name].values[two])
+        row = int(apart.argmax())
+        errors[name], relative[name] = float(apart[row]), float(apart[row]) / scale
+        where[name] = float(exact.trajectory.grid.t[one[row]])
+    return Variant(variant.name, variant.result, errors, relative, where, variant.seconds)

@@ -1,0 +1,1 @@
+"""Answer keys: agreements, roundings and misprints told apart."""

@@ -1,0 +1,202 @@
+"""Comparing a run with its answer key, and telling agreements, roundings and misprints apart.
+
+A misprint is confirmed only when the computed number equals the independent value and differs from the published one
+beyond its printed digits. A rounding is confirmed when the printed number is one unit off in its last digit, or when it
+comes out of the rounded figures that its authors used; a reading off a plot when it is within 2 %. Anything else that
+differs is a miss.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.quantities.names import Quantities
+from pinarm.errors import InputError, within
+from pinarm.input.units import Unit, half_last_digit
+from pinarm.use.result import row_lookup as instants
+from pinarm.use.result.expectation import Expectation, in_si
+from pinarm.use.result.result import Result
+from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.study.run import scenarios
+
+FORMULA = 1e-10
+"""Relative tolerance of formulas where the entry gives none."""
+
+FLOOR = 1e-13
+"""What is added to it, relative to the largest value of the formula over the rows: sums of large terms cancel."""
+
+READING = 0.02
+"""What a printed plot can be read to, relative to the number read."""
+
+ONE_UNIT = 1.0 + 1e-9
+"""One unit of the last printed digit is two half units; the rest is rounding of the comparison itself."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What came out of one expectation.
+
+    Attributes:
+        scenario: Name of the scenario.
+        expectation: The entry of the answer key.
+        unit: Unit of the numbers; ``None`` where unknown.
+        computed: The computed number; of many rows, the one that is farthest off.
+        independent: The independent value, ``None`` where none is given.
+        published: The published number, ``None`` where none is given.
+        error: Largest difference to the independent value, relative to it.
+        verdict: ``agrees``, ``rounding``, ``reading``, ``misprint`` or ``MISS``.
+        reason: Why it is a miss.
+    """
+
+    scenario: str
+    expectation: Expectation
+    unit: Unit | None
+    computed: float
+    independent: float | None
+    published: float | None
+    error: float | None
+    verdict: str
+    reason: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether the answer key is met."""
+        return self.verdict != "MISS"
+
+
+class Findings(tuple[Finding, ...]):
+    """What came out of the expectations, in their order."""
+
+    __slots__ = ()
+
+    def _repr_html_(self) -> str:
+        """Return them as a table, for notebooks."""
+        from pinarm.use.show.notebook import of_findings
+
+        return of_findings(self)
+
+
+def check(scenario: Scenario | str | Path, result: Result | None = None) -> Findings:
+    """Solve scenarios and compare them with their answer keys.
+
+    Args:
+        scenario: The scenario, its file, or a folder of them.
+        result: What came out of it, where that is known.
+
+    Raises:
+        InputError: An expectation asks for something that does not exist; the message says where.
+    """
+    findings = []
+    for one in scenarios(scenario):
+        solved = result or one.run()
+        for index, expectation in enumerate(one.content.expect):
+            with one.document.locating("expect", index):
+                findings.append(compare(solved, expectation))
+    return Findings(findings)
+
+
+def compare(result: Result, expectation: Expectation) -> Finding:
+    """Compare a result with one expectation."""
+    quantities = result.quantities
+    if isinstance(expectation.at, str):
+        with within("quantity"):
+            _ = quantities[expectation.quantity]
+    if expectation.at != "all":
+        with within("at"):
+            quantities = instants.at(quantities, expectation.at, expectation.quantity)
+    with within("quantity"):
+        series = quantities[expectation.quantity]
+    wanted, tolerance = _wanted(quantities, expectation, series.unit)
+    difference = np.abs(series.values - wanted) if wanted is not None else np.zeros(1)
+    worst = int(np.nan_to_num(difference - tolerance, nan=np.inf).argmax())
+    met = wanted is not None and bool((difference <= tolerance).all())
+    error = None
+    if wanted is not None:
+        scale = np.abs(wanted).max()
+        error = float(difference.max() / scale) if scale else float(difference.max())
+    printed, off, explained = _published(quantities, expectation, series.values, series.unit)
+    verdict, reason = _verdict(expectation, wanted is not None, met, off, explained)
+    if not np.isfinite(series.values).all():
+        verdict, reason = "MISS", "the computed number is not finite"
+    return Finding(
+        result.name, expectation, series.unit, float(series.values[worst]),
+        float(np.broadcast_to(wanted, series.values.shape)[worst]) if wanted is not None else None,
+        printed, error, verdict, reason,
+    )  # fmt: skip
+
+
+def _wanted(quantities: Quantities, expectation: Expectation, measured: Unit | None) -> tuple[Array | None, Array]:
+    """Return the independent value at every row, and how far from it the computed one may be."""
+    if expectation.value is None and expectation.formula is None:
+        return None, np.zeros(1)
+    with within("atol"):
+        absolute = in_si(expectation.atol, measured) if expectation.atol is not None else 0.0
+        if absolute < 0.0:
+            raise InputError(f"the tolerance {expectation.atol} is negative")
+    if expectation.formula is not None:
+        with within("formula"):
+            formula = quantities[expectation.formula]
+            _same(formula.unit, measured, expectation.formula)
+        wanted = formula.values
+        relative = FORMULA if expectation.rtol is None and expectation.atol is None else expectation.rtol or 0.0
+        floor = FLOOR * float(np.abs(wanted).max())
+        return wanted, absolute + floor + relative * np.abs(wanted)
+    with within("value"):
+        wanted = np.full(1, in_si(expectation.value, measured))
+    if expectation.rtol is None and expectation.atol is None:
+        absolute = half_last_digit(str(expectation.value)) * ONE_UNIT
+    return wanted, absolute + (expectation.rtol or 0.0) * np.abs(wanted)
+
+
+def _published(
+    quantities: Quantities, expectation: Expectation, values: Array, measured: Unit | None
+) -> tuple[float | None, bool, bool]:
+    """Return the published number, whether the computed one differs from it, and whether rounding explains that."""
+    if expectation.published_formula is not None:
+        with within("published_formula"):
+            formula = np.broadcast_to(quantities.figure(expectation.published_formula), values.shape)
+        difference = np.abs(values - formula)
+        worst = int(difference.argmax())
+        agree = bool((difference <= FORMULA * np.abs(formula).max()).all())
+        return float(formula[worst]), not agree, False
+    if expectation.published is None:
+        return None, False, False
+    with within("published"):
+        printed, half = in_si(expectation.published, measured), half_last_digit(expectation.published) * ONE_UNIT
+    distance = float(np.abs(values - printed).max())
+    explained = distance <= (READING * abs(printed) if expectation.verdict == "reading" else 2 * half)
+    if expectation.because is not None:
+        with within("because"):
+            explained = bool(np.abs(quantities.figure(expectation.because) - printed).max() <= half)
+    return printed, not distance <= half, explained
+
+
+def _verdict(expectation: Expectation, independent: bool, met: bool, off: bool, explained: bool) -> tuple[str, str]:
+    """Return the verdict and, for a miss, its reason."""
+    claim = expectation.verdict
+    if independent and not met:
+        return "MISS", "the computed number is not the independent value"
+    if not off:
+        return ("agrees", "") if claim == "agrees" else ("MISS", f"claimed as {claim}, but the published figure agrees")
+    if not independent:
+        return "MISS", "it differs from the published figure, and there is no independent value to decide"
+    if claim == "agrees":
+        return "MISS", "it differs from the published figure beyond its printed digits"
+    if claim in ("rounding", "reading") and not explained:
+        return "MISS", f"claimed as {claim}, but that does not lead to the printed digits"
+    return claim, ""
+
+
+def _same(a: Unit | None, b: Unit | None, formula: str) -> None:
+    if a is not None and b is not None and a.dimension != b.dimension:
+        raise InputError(f"the formula '{formula}' is in {a}, the quantity in {b}", expected="the same dimension")
+
+
+def misses(findings: Iterable[Finding]) -> int:
+    """Return how many expectations are not met."""
+    return sum(not finding.ok for finding in findings)

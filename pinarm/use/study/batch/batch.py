@@ -1,0 +1,251 @@
+"""One scenario from many initial states: solved block by block, so that memory does not grow with their number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pinarm.arrays import Array
+from pinarm.engine.motion.trajectory import Series
+from pinarm.errors import InputError, NumericsError
+from pinarm.use.result.result import Result
+from pinarm.use.scenario.scenario import Scenario, load
+from pinarm.use.study.batch.block import Block, Question, answered
+from pinarm.use.study.batch.initial_states import Starts
+from pinarm.use.study.batch.reduced_table import Table
+from pinarm.use.study.batch.reductions import Asked, Measure, reduced
+
+AnswerT = TypeVar("AnswerT")
+
+TOGETHER, ALONE, ROWS = 512, 32, 2**17
+"""Motions of a block: as many as fill the calls that they share, or as can be kept where each is taken alone; and the
+rows that their tables may have together."""
+
+KEPT = 4
+"""Blocks of a batch that is kept once it is solved; one of more is solved again whenever something is asked of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Motions of one scenario from b initial states, at its n instants.
+
+    They are solved when something is asked, a block of them after the other. Up to 2,048 that are integrated together,
+    or 128 that are not, are kept; of more, or where other processes solve them, nothing is: what is asked of those is
+    best asked at once.
+
+    Attributes:
+        question: What is the same in all of them.
+        starts: The initial values that were given.
+        q: Configurations at the start, shape (b, nq).
+        v: Velocities there, shape (b, nv).
+        workers: Number of processes that solve them; 1 for this one.
+    """
+
+    question: Question = field(repr=False)
+    starts: Starts = field(repr=False)
+    q: Array = field(repr=False)
+    v: Array = field(repr=False)
+    workers: int = 1
+    _blocks: dict[int, Block] = field(default_factory=dict, repr=False)
+    _failures: dict[int, str] = field(default_factory=dict, repr=False)
+    _looked: set[int] = field(default_factory=set, repr=False)
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @property
+    def t(self) -> Array:
+        """Return the instants [s], shape (n,)."""
+        return self.question.problem.time.instants()
+
+    def run(self, number: int) -> Result:
+        """Return the result of one motion, with its accuracy, as the scenario itself would have it.
+
+        Raises:
+            NumericsError: It could not be followed to its end; ``partial`` holds it until then.
+        """
+        number = range(len(self))[number]
+        begin = number - number % self._size if self._small else number
+        block = self._block(begin, begin + self._size if self._small else number + 1)
+        own = self.question.scenario.merged({"problem": {"initial": self.starts.of_one(number)}})
+        try:
+            return replace(block.run(number - begin), content=own.content, data=own.document.data)
+        except NumericsError as error:
+            if isinstance(error.partial, Result):
+                error.partial = replace(error.partial, content=own.content, data=own.document.data)
+            raise
+
+    @property
+    def failures(self) -> dict[int, str]:
+        """Return why motions could not be followed to their end, by their number."""
+        if len(self._looked) < len(self._begins()):
+            for _ in self._answers(len):
+                pass
+        return dict(sorted(self._failures.items()))
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a quantity of all motions, shape (b, n), not a number beyond the end of a motion.
+
+        Raises:
+            InputError: There is no quantity of that name.
+        """
+        return np.asarray(self.values(name)[0])
+
+    def values(self, *names: str) -> Array:
+        """Return several quantities of all motions, shape (k, b, n); see ``batch[name]``.
+
+        Raises:
+            InputError: There is no quantity of a name.
+        """
+        self._require(names)
+        found = np.empty((len(names), len(self), len(self.t)))
+        for part, values in self._answers(partial(Block.values, names=names)):
+            found[:, part] = values
+        return found
+
+    def states(self) -> tuple[Array, Array]:
+        """Return q, shape (b, n, nq), and v, shape (b, n, nv), of the whole mechanism; not a number beyond an end."""
+        model, shape = self.question.scenario.mechanism.model, (len(self), len(self.t))
+        q, v = np.empty((*shape, model.nq)), np.empty((*shape, model.nv))
+        for part, states in self._answers(Block.states):
+            q[part], v[part] = states
+        return q, v
+
+    def reduced(self, asked: Mapping[str, Measure | Sequence[Measure]]) -> Table:
+        """Return a few numbers of every motion: ``reduced({"A_y": ["max", 95], "joint.B.velocity": "rms"})``.
+
+        They are taken over the instants of the table that a motion reached, means over time by the trapezoidal rule.
+        Motions that could not be followed to their end have none.
+
+        Args:
+            asked: Quantity, symbol or formula -> ``min``, ``max``, ``largest`` (in size), ``mean``, ``rms``,
+                ``median``, ``start``, ``end``, or a percentage of the instants; one, or several.
+
+        Raises:
+            InputError: There is no such quantity, or no such measure.
+        """
+        wanted = Asked.read(asked)
+        known = self._require([one.quantity for one in wanted])
+        numbers = np.empty((len(self), len(wanted)))
+        for part, found in self._answers(partial(reduced, asked=wanted)):
+            numbers[part] = found
+        columns = [Series(one.label, one.unit(known), x) for one, x in zip(wanted, numbers.T, strict=True)]
+        return self._table(columns, self.failures)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write every motion, block by block, and a table of all.
+
+        The folder gets ``motions.csv`` and ``motions.npz`` (a line per motion: its initial values, the least and
+        greatest value of every output, its accuracy and cost, and why it failed if it did), ``summary.json``
+        (statistics and failures), and in ``motions`` the outputs of each as ``000042.csv`` and ``000042.npz``, as
+        ``run`` writes them.
+
+        Raises:
+            InputError: The folder cannot be written, or holds something else.
+        """
+        from pinarm.use.study.batch.batch_files import empty, headings, saved, write_table
+
+        outputs = list(dict.fromkeys(self.question.scenario.content.outputs))
+        known, home = self._require(outputs), Path(folder)
+        columns = headings([known[name] for name in outputs])
+        numbers, errors = np.empty((len(self), len(columns))), dict[int, str]()
+        try:
+            empty(home)
+            for part, lines in self._answers(partial(saved, folder=home)):
+                numbers[part] = [line for line, _ in lines]
+                errors |= {part.start + k: why for k, (_, why) in enumerate(lines) if why}
+            told = [replace(one, values=x) for one, x in zip(columns, numbers.T, strict=True)]
+            write_table(self._table([one for one in told if not np.isnan(one.values).all()], errors), home)
+        except OSError as error:
+            raise InputError(f"the batch cannot be written to {home}: {error.strerror}") from None
+        return home
+
+    def _table(self, numbers: Sequence[Series], errors: Mapping[int, str]) -> Table:
+        starts = self.starts.columns(self.question.scenario.quantities())
+        return Table(self.question.scenario.name, [*starts, *numbers], errors, len(self))
+
+    def _require(self, names: Sequence[str]) -> dict[str, Series]:
+        """Return quantities, of no motion yet.
+
+        Raises:
+            InputError: There is no quantity of a name.
+        """
+        quantities = self.question.scenario.quantities()
+        with np.errstate(all="ignore"):
+            return {name: quantities[name] for name in names}
+
+    def _answers(self, answer: Callable[[Block], AnswerT]) -> Iterator[tuple[slice, AnswerT]]:
+        """Yield what every block answers, and which motions it holds; ``answer`` can be imported by its name."""
+        parts = [slice(begin, min(begin + self._size, len(self))) for begin in self._begins()]
+        for part, found, failures in self._told(parts, answer):
+            self._failures.update({part.start + number: why for number, why in failures.items()})
+            self._looked.add(part.start)
+            yield part, found
+
+    def _told(
+        self, parts: Sequence[slice], answer: Callable[[Block], AnswerT]
+    ) -> Iterator[tuple[slice, AnswerT, dict[int, str]]]:
+        """Yield the answers of blocks, with the failures in them, of this process or as those of others come."""
+        if self.workers == 1:
+            yield from ((part, *answered(answer, self._block(part.start, part.stop))) for part in parts)
+            return
+        from pinarm.use.study.batch.worker_blocks import answers
+
+        jobs = [(part.start, self.q[part], self.v[part]) for part in parts]
+        for (first, q, _), found, failures in answers(self.question.scenario, jobs, answer, self.workers):
+            yield slice(first, first + len(q)), found, failures
+
+    def _block(self, begin: int, end: int) -> Block:
+        """Return some of the motions; those of a small batch stay solved."""
+        if begin in self._blocks:
+            return self._blocks[begin]
+        block = Block(self.question, self.q[begin:end], self.v[begin:end], begin)
+        if self._small:
+            self._blocks[begin] = block
+        return block
+
+    def _begins(self) -> range:
+        """Return the first motion of every block."""
+        return range(0, len(self), self._size)
+
+    @property
+    def _small(self) -> bool:
+        """Whether the batch stays solved."""
+        return len(self) <= KEPT * self._size
+
+    @property
+    def _size(self) -> int:
+        """Return the number of motions in a block."""
+        return min(TOGETHER, max(1, ROWS // len(self.t))) if self.question.journey.together else ALONE
+
+
+def batch(
+    scenario: Scenario | str | Path, position: Mapping[str, ArrayLike] | None = None,
+    velocity: Mapping[str, ArrayLike] | None = None, *, overrides: list[str] | None = None, workers: int = 1,
+) -> Batch:  # fmt: skip
+    """Ask a scenario of kind ``forward`` from many initial states.
+
+    Args:
+        scenario: The scenario, or its file.
+        position: Joint -> its initial coordinates [rad or m], shape (b,) or one for all; other joints begin as in the
+            scenario.
+        velocity: Joint -> its initial velocities [rad/s or m/s], likewise.
+        overrides: Assignments such as ``problem.time.end=3 s`` that replace values of the scenario.
+        workers: Processes that solve the motions, as pays where loops are taken one by one; the numbers are the same.
+
+    Raises:
+        InputError: The scenario is of another kind or looks for something, a joint has not one coordinate or follows a
+            law, or the numbers of values differ.
+        DynamicsError: Masses do not determine the accelerations.
+    """
+    if workers < 1:
+        raise InputError(f"{workers} workers solve nothing", expected="at least 1")
+    question = Question.of(load(scenario, overrides))
+    starts = Starts.of(question.scenario.scene.solved, question.journey, position or {}, velocity or {})
+    return Batch(question, starts, *question.begin(starts.initial(question.journey)), workers)

@@ -1,0 +1,75 @@
+"""A batch as a folder of files, written motion by motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pinarm.engine.motion.trajectory import Series
+from pinarm.errors import InputError, NumericsError
+from pinarm.input.units import DIMENSIONLESS
+from pinarm.use.result.result import COSTS, MEASURES, Result
+from pinarm.use.store import case_columns as columns
+from pinarm.use.store.files import json_text, write, write_arrays, write_parts
+from pinarm.use.store.save import arrays, csv
+from pinarm.use.study.batch.block import Block
+from pinarm.use.study.batch.reduced_table import Table
+
+WORTH = (*(name for name in MEASURES if name != "least regular at"), *COSTS)
+"""Figures of every motion: what it is worth, and what it cost."""
+
+OWN = ("motions.csv", "motions.npz", "summary.json")
+"""Files beside those of the motions; the first marks the folder as a batch's."""
+
+Line = tuple[list[float], str]
+"""The numbers of a motion, and why it could not be followed to its end."""
+
+
+def saved(block: Block, folder: Path) -> list[Line]:
+    """Write the motions of a block, and return the line of each: its ``extremes``, then its ``WORTH``."""
+    return [_saved(block, number, folder / "motions") for number in range(len(block))]
+
+
+def _saved(block: Block, number: int, folder: Path) -> Line:
+    outputs, why = block.question.scenario.content.outputs, ""
+    try:
+        result = block.run(number)
+    except NumericsError as error:
+        found, why = error.partial, error.message
+        if not isinstance(found, Result):
+            return [np.nan] * (2 * len(dict.fromkeys(outputs)) + len(WORTH)), why
+        result = found
+    told = result.columns()
+    write_parts(folder / f"{block.first + number:06d}.csv", csv(told))
+    write_arrays(folder / f"{block.first + number:06d}.npz", arrays(result, told))
+    extremes = [x for series in told[1:] for x in (series.values.min(), series.values.max())]
+    line = [float(x) for x in (*extremes, *(result.figures.get(name, np.nan) for name in WORTH))]
+    return [np.nan if why else x for x in line], why
+
+
+def empty(folder: Path) -> None:
+    """Make the folder, without what an earlier batch left in it.
+
+    Raises:
+        InputError: It holds something else, or cannot be made.
+    """
+    if any((folder / name).exists() for name in (*OWN, "motions")) and not (folder / OWN[0]).exists():
+        raise InputError(f"{folder} holds files of the same names that are no batch", expected="another folder")
+    (folder / "motions").mkdir(parents=True, exist_ok=True)
+    for path in (*(folder / name for name in OWN[1:]), *(folder / "motions").glob("[0-9]*.*")):
+        path.unlink(missing_ok=True)
+    write(folder / OWN[0], "")
+
+
+def write_table(table: Table, folder: Path) -> None:
+    """Write the table of all motions, and what their numbers are over all of them."""
+    write(folder / "motions.csv", table.csv())
+    write_arrays(folder / "motions.npz", columns.arrays(table.columns, table.errors))
+    write(folder / "summary.json", json_text(table.summary()) + "\n")
+
+
+def headings(outputs: list[Series]) -> list[Series]:
+    """Return the columns of the lines, still empty."""
+    named = [(f"{which} {series.name}", series.unit) for series in outputs for which in ("min", "max")]
+    return [Series(name, measured, np.zeros(0)) for name, measured in (*named, *((x, DIMENSIONLESS) for x in WORTH))]

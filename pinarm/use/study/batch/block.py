@@ -1,0 +1,222 @@
+"""A block of motions: what can be integrated together is, what cannot is taken one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import TypeVar
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.integration import Ensemble
+from pinarm.engine.motion.hybrid_motion import Journey
+from pinarm.engine.motion.systems import Initial
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.names import Quantities
+from pinarm.errors import InputError, Interrupted, NumericsError
+from pinarm.mechanics.laws.motion_law import ROUNDING
+from pinarm.problems.batch_table import Abreast
+from pinarm.problems.forward import Forward
+from pinarm.use.result.result import Result
+from pinarm.use.scenario.scenario import Scenario
+
+AnswerT = TypeVar("AnswerT")
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What is the same in all motions of a batch.
+
+    Attributes:
+        scenario: The scenario.
+        problem: The question about what is solved.
+        journey: What is integrated.
+    """
+
+    scenario: Scenario
+    problem: Forward = field(repr=False)
+    journey: Journey = field(repr=False)
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Question:
+        """Return the question of a scenario.
+
+        Raises:
+            InputError: It is of another kind than ``forward``, or looks for something.
+        """
+        content, problem = scenario.content, scenario.scene.problem
+        if not isinstance(problem, Forward):
+            raise InputError(f"the scenario '{scenario.name}' is of kind {problem.kind}", expected="kind: forward")
+        if content.find or content.accuracy.target is not None:
+            raise InputError(
+                f"the scenario '{scenario.name}' looks for numbers, or for the setting that reaches an error",
+                expected="neither find nor accuracy.target", hint="accuracy.tolerance",
+            )  # fmt: skip
+        place = partial(scenario.document.locating, "problem")
+        return cls(scenario, problem, problem.prepare(scenario.scene.solved, place, content.accuracy))
+
+    def begin(self, starts: Iterable[Initial]) -> tuple[Array, Array]:
+        """Return initial states, assembled, of shapes (b, nq) and (b, nv).
+
+        Raises:
+            InputError: One contradicts itself, the laws, or a stop.
+            DynamicsError: Masses do not determine the accelerations there.
+        """
+        q, v = (np.array(x) for x in zip(*(self.journey.begin(start) for start in starts), strict=True))
+        self.problem.require_masses(self.scenario.scene.solved, self.journey, q)
+        return q, v
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Motions from b initial states, at n instants; they are solved when something is asked of them.
+
+    Attributes:
+        question: What is the same in all of them.
+        q: Configurations at the start, assembled, shape (b, nq).
+        v: Velocities there, shape (b, nv).
+        first: Number of the first of them in the batch.
+    """
+
+    question: Question
+    q: Array = field(repr=False)
+    v: Array = field(repr=False)
+    first: int = 0
+    _followed: dict[int, Trajectory | NumericsError] = field(default_factory=dict, repr=False)
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @cached_property
+    def t(self) -> Array:
+        """Return the instants [s], shape (n,)."""
+        return self.question.problem.time.instants()
+
+    @cached_property
+    def ensemble(self) -> Ensemble | None:
+        """Return the motions, their first legs where there are end stops; ``None`` where each is taken alone."""
+        journey = self.question.journey
+        if journey.bounds and any(journey.contacts.near(row) for row in self.q):
+            return None
+        with np.errstate(all="ignore"):  # what is not finite is found in the results, and said in words
+            return journey.abreast(self.q, self.v)
+
+    @cached_property
+    def whole(self) -> Ensemble | None:
+        """Return the motions where they are integrated together from end to end."""
+        return None if self.question.journey.bounds else self.ensemble
+
+    def run(self, number: int) -> Result:
+        """Return the result of one motion, with its accuracy.
+
+        Raises:
+            NumericsError: It could not be followed to its end; ``partial`` is its result until then.
+        """
+        scenario, solved = self.question.scenario, self._solved(number)
+        try:
+            with np.errstate(all="ignore"):
+                if isinstance(solved, Trajectory):
+                    return scenario.measured(solved, scenario.scene.restored(solved))
+                error, told = copy(solved), self._told(number)
+                error.partial = None if told is None else scenario.scene.restored(told)
+                raise error
+        except NumericsError as error:
+            if isinstance(error.partial, Trajectory):
+                error.partial = scenario.result(error.partial, {})
+            raise
+
+    @cached_property
+    def failures(self) -> dict[int, str]:
+        """Return why motions could not be followed to their end, by their number."""
+        if self.whole is not None:
+            return self.whole.failures
+        solved = ((number, self._solved(number)) for number in range(len(self)))
+        return {number: one.message for number, one in solved if isinstance(one, NumericsError)}
+
+    @cached_property
+    def reached(self) -> Flags:
+        """Return which motions have come to which instants, shape (b, n)."""
+        if self.whole is not None:
+            return self.whole.reached(self.t)
+        reached = np.zeros((len(self), len(self.t)), dtype=bool)
+        for number in range(len(self)):
+            if (run := self._told(number)) is not None:
+                reached[number, _rows(run.grid.t, self.t)[1]] = True
+        return reached
+
+    def values(self, names: Sequence[str]) -> Array:
+        """Return quantities, shape (k, b, n), not a number beyond the end of a motion."""
+        found = np.full((len(names), len(self), len(self.t)), np.nan)
+        scenario = self.question.scenario
+        for motion, instant, run, rows in self._tables():
+            quantities = Quantities(scenario.scene.restored(run), scenario.symbols, scenario.content.undetermined)
+            with np.errstate(all="ignore"):
+                for k, name in enumerate(names):
+                    found[k, motion, instant] = quantities[name].values[rows]
+        return found
+
+    def states(self) -> tuple[Array, Array]:
+        """Return q, shape (b, n, nq), and v, shape (b, n, nv), of the whole mechanism; not a number beyond an end."""
+        if self.whole is not None:
+            q, v = self.question.journey.system().whole(self.t, *self.whole.states(self.t))
+        else:
+            q, v = (np.full((len(self), len(self.t), x.shape[1]), np.nan) for x in (self.q, self.v))
+            for motion, instant, run, rows in self._tables():
+                q[motion, instant], v[motion, instant] = run.q[rows], run.v[rows]
+        return self.question.scenario.scene.spread(self.question.journey.once(self.t), q, v)
+
+    def _tables(self) -> Iterator[tuple[Indices, Indices, Trajectory, Indices]]:
+        """Yield motions, the instants that they have come to, trajectories, and where in these they stand."""
+        question = self.question
+        mechanism = question.scenario.scene.solved
+        lossy = any(drive.efficiency < 1.0 for drive in question.scenario.mechanism.drives.values())
+        if self.whole is not None and not lossy:  # whether a motor drives, its own motion tells at standstill
+            table = Abreast.of(question.problem, mechanism, question.journey, self.whole)
+            yield table.motion, table.instant, table.run, np.arange(len(table.motion))
+            return
+        for number in range(len(self)):
+            if (run := self._told(number)) is not None:
+                rows, instant = _rows(run.grid.t, self.t)
+                yield np.full(len(rows), number), instant, run, rows
+
+    def _told(self, number: int) -> Trajectory | None:
+        """Return as much of one motion of what is solved as there is."""
+        found = self._solved(number)
+        run = found.partial if isinstance(found, NumericsError) else found
+        return run if isinstance(run, Trajectory) else None
+
+    def _solved(self, number: int) -> Trajectory | NumericsError:
+        """Return one motion of what is solved, or why there is none."""
+        if number not in self._followed:
+            question, ensemble = self.question, self.ensemble
+            ahead = None if ensemble is None else partial(ensemble.solution, number)
+            try:
+                self._followed[number] = question.problem.followed(
+                    question.scenario.scene.solved, question.journey, self.q[number], self.v[number], ahead
+                )
+            except Interrupted:
+                raise
+            except NumericsError as error:
+                self._followed[number] = error
+        return self._followed[number]
+
+
+def answered(answer: Callable[[Block], AnswerT], block: Block) -> tuple[AnswerT, dict[int, str]]:
+    """Return what a block answers, and why motions of it failed."""
+    return answer(block), block.failures
+
+
+def _rows(told: Array, t: Array) -> tuple[Indices, Indices]:
+    """Return the rows that stand for instants, the last one where there are two, and which instants these are.
+
+    Args:
+        told: Instants of a table, shape (n,); where a law jumps they may differ from those asked by rounding.
+        t: Instants that are asked [s], shape (m,).
+    """
+    slack = 2.0 * ROUNDING * (t[-1] - t[0])
+    rows = np.maximum(np.searchsorted(told, t + slack, side="right") - 1, 0)
+    there = np.abs(told[rows] - t) <= slack
+    return rows[there], np.flatnonzero(there)

@@ -1,0 +1,90 @@
+"""The initial values that tell the motions of a batch apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pinarm.arrays import Array
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.hybrid_motion import Journey
+from pinarm.engine.motion.systems import Initial
+from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.quantities.states import columns_of
+from pinarm.errors import InputError, choices
+from pinarm.mechanics.joints import Joint
+
+
+@dataclass(frozen=True, eq=False)
+class Starts:
+    """Initial values of b motions.
+
+    Attributes:
+        joints: The joints of what is solved, by name.
+        position: Joint -> initial coordinates [rad or m], shape (b,).
+        velocity: Joint -> initial velocities [rad/s or m/s], shape (b,).
+        size: b.
+    """
+
+    joints: Mapping[str, Joint]
+    position: Mapping[str, Array]
+    velocity: Mapping[str, Array]
+    size: int
+
+    @classmethod
+    def of(
+        cls, mechanism: Mechanism, journey: Journey, position: Mapping[str, ArrayLike],
+        velocity: Mapping[str, ArrayLike],
+    ) -> Starts:  # fmt: skip
+        """Return initial values, those of single numbers the same for all.
+
+        Raises:
+            InputError: A joint has not one coordinate or follows a law, or the numbers of values differ.
+        """
+        for name in (*position, *velocity):
+            if name not in mechanism.joints or name in journey.imposed.names:
+                free = [joint for joint in mechanism.joints if joint not in journey.imposed.names]
+                expected, hint = choices(name, free)
+                raise InputError(
+                    f"no free joint '{name}' with one coordinate can begin elsewhere", expected=expected, hint=hint
+                )
+        given = {f"position {name}": x for name, x in position.items()}
+        shape, columns = columns_of(given | {f"velocity {name}": x for name, x in velocity.items()})
+        if len(shape) > 1:
+            raise InputError(f"the arrays have {len(shape)} axes", expected="one: a value for every motion")
+        if shape == (0,):
+            raise InputError("there are no initial values", expected="one motion or more")
+        found = [np.atleast_1d(x) for x in columns.values()]
+        return cls(mechanism.joints, dict(zip(position, found, strict=False)),
+                   dict(zip(velocity, found[len(position) :], strict=True)), *(shape or (1,)))  # fmt: skip
+
+    def initial(self, journey: Journey) -> Iterator[Initial]:
+        """Yield the initial states, not yet assembled."""
+        base, joints = journey.initial, self.joints
+        positions = tuple(dict.fromkeys((*base.positions, *(joints[name].v for name in self.position))))
+        velocities = tuple(dict.fromkeys((*base.velocities, *(joints[name].v for name in self.velocity))))
+        q, v = np.tile(base.q, (self.size, 1)), np.tile(base.v, (self.size, 1))
+        for name, values in self.position.items():
+            q[:, joints[name].q] = values
+        for name, values in self.velocity.items():
+            v[:, joints[name].v] = values
+        for state in zip(q, v, strict=True):
+            yield Initial(*state, positions, velocities)
+
+    def of_one(self, number: int) -> dict[str, dict[str, str]]:
+        """Return the initial values of one motion, as a scenario's ``initial`` has them."""
+        given = {"position": (self.position, ""), "velocity": (self.velocity, "/s")}
+        return {
+            what: {name: f"{float(x[number])!r} {self.joints[name].unit}{per}" for name, x in values.items()}
+            for what, (values, per) in given.items()
+        }
+
+    def columns(self, quantities: Quantities) -> list[Series]:
+        """Return the values as columns of a table; the quantities tell their units."""
+        found = {f"joint.{name}.position": x for name, x in self.position.items()}
+        found |= {f"joint.{name}.velocity": x for name, x in self.velocity.items()}
+        return [Series(f"start {name}", quantities[name].unit, x) for name, x in found.items()]

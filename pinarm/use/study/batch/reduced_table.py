@@ -1,0 +1,75 @@
+"""A few numbers of every motion of a batch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from pinarm.engine.motion.trajectory import Series
+from pinarm.errors import InputError, choices
+from pinarm.use.store import case_columns as columns
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A line per motion.
+
+    Attributes:
+        name: Name of the scenario.
+        columns: The initial values that were given, then the numbers; NaN where a motion failed.
+        errors: Motion -> why it could not be followed to its end.
+        size: Number of motions.
+    """
+
+    name: str
+    columns: Sequence[Series] = field(repr=False)
+    errors: Mapping[int, str]
+    size: int
+
+    def __len__(self) -> int:
+        return self.size
+
+    @cached_property
+    def _named(self) -> dict[str, Series]:
+        return {series.name: series for series in self.columns}
+
+    def __getitem__(self, name: str) -> Series:
+        """Return a column by name, such as ``max A_y``.
+
+        Raises:
+            InputError: There is none of that name; the message lists those there are.
+        """
+        if name not in self._named:
+            expected, hint = choices(name, self._named)
+            raise InputError(f"the table has no column '{name}'", expected=expected, hint=hint)
+        return self._named[name]
+
+    def to_dataframe(self) -> DataFrame:
+        """Return a pandas table, units in the headings, and why motions failed."""
+        import pandas
+
+        found: dict[str, Any] = {series.label: series.values for series in self.columns}
+        return pandas.DataFrame({**found, "error": [self.errors.get(number, "") for number in range(self.size)]})
+
+    def csv(self) -> str:
+        """Return the table as CSV."""
+        return columns.csv("motion", self.columns, self.errors)
+
+    def summary(self) -> dict[str, Any]:
+        """Return statistics of every column over the motions, and why some failed."""
+        return {
+            "scenario": self.name, "motions": self.size, "failed": len(self.errors),
+            "columns": {series.name: columns.statistics(series) for series in self.columns},
+            "failures": columns.failures(self.errors),
+        }  # fmt: skip
+
+    def _repr_html_(self) -> str:
+        """Return the statistics, for notebooks."""
+        from pinarm.use.show.notebook import of_table
+
+        return of_table(self)

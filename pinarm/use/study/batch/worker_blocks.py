@@ -1,0 +1,79 @@
+"""Blocks of a batch that other processes solve."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from pinarm.arrays import Array
+from pinarm.errors import NumericsError, PinarmError
+from pinarm.input.roots import given_root, rooted
+from pinarm.input.yaml.document import Document
+from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.study.batch.block import Block, Question, answered
+from pinarm.use.study.sweep.process_pool import Death, spread
+
+AnswerT = TypeVar("AnswerT")
+
+Job = tuple[int, Array, Array]
+"""The number of the first motion of a block, and the initial states of all."""
+
+
+@dataclass(frozen=True, eq=False)
+class Remote(Generic[AnswerT]):
+    """What a process is asked of each block; it reads the scenario once.
+
+    Attributes:
+        document: The scenario.
+        folder: Folder that paths in it are relative to.
+        seed: Of changes in the last digits of the mechanism.
+        root: Folder that files may refer to; each file's own where it is ``None``.
+        answer: What is asked; importable by its name.
+    """
+
+    document: Document
+    folder: Path
+    seed: int | None
+    root: Path | None
+    answer: Callable[[Block], AnswerT]
+
+    @cached_property
+    def question(self) -> Question:
+        """Return the question of the scenario."""
+        return Question.of(replace(Scenario.of(self.document, self.folder), seed=self.seed))
+
+    def __call__(self, job: Job) -> tuple[AnswerT, dict[int, str]] | PinarmError | OSError:
+        """Return the answer of a block and why motions of it failed, or why it has none."""
+        first, q, v = job
+        try:
+            with rooted(self.root):
+                return answered(self.answer, Block(self.question, q, v, first))
+        except PinarmError as error:
+            error.__dict__.pop("partial", None)  # which stays in this process
+            return error
+        except OSError as error:
+            return error
+
+
+def answers(
+    scenario: Scenario, jobs: Sequence[Job], answer: Callable[[Block], AnswerT], workers: int
+) -> Iterator[tuple[Job, AnswerT, dict[int, str]]]:
+    """Yield the answers of blocks as they come, and why motions of each failed.
+
+    Raises:
+        PinarmError: A block has no answer.
+        NumericsError: A process died.
+    """
+    remote = Remote(scenario.document, scenario.folder, scenario.seed, given_root(), answer)
+    with closing(spread(remote, iter(jobs), min(workers, len(jobs)))) as found:
+        for job, told in found:
+            if isinstance(told, Death):
+                last = job[0] + len(job[1]) - 1
+                raise NumericsError(f"the process that solved the motions {job[0]} to {last} died by {told.how}")
+            if isinstance(told, PinarmError | OSError):
+                raise told
+            yield job, *told

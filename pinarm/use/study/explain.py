@@ -1,0 +1,115 @@
+"""What a model or a scenario is made of: coordinates, loops, mobility, redundancy, what acts, and what is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pinarm.engine.kinematics.mobility import Mobility, assembled_near, joint_kind, mobility_of
+from pinarm.engine.mechanism import Mechanism
+from pinarm.input.yaml.document import Document
+from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.problems.simplify.simplified import Removal
+from pinarm.use.scenario.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The structure of a mechanism, in one configuration.
+
+    Attributes:
+        mechanism: The mechanism.
+        mobility: What its constraints do.
+        where: Which configuration that is, in words.
+        removals: Joints that the scenario is solved without.
+    """
+
+    mechanism: Mechanism
+    mobility: Mobility
+    where: str
+    removals: Sequence[Removal] = ()
+
+    def __str__(self) -> str:
+        """Return it as text, a heading a paragraph."""
+        parts = (self._joints(), self._ties(), self._mobility(), self._acting(), self._modelled())
+        return "\n".join([self.mechanism.title, *(line for part in parts for line in part)])
+
+    def _repr_html_(self) -> str:
+        """Return it for notebooks."""
+        from pinarm.use.show.notebook import lines
+
+        return lines(str(self).split("\n"))
+
+    def _joints(self) -> list[str]:
+        model = self.mechanism.model
+        lines = [f"joints of the tree: {model.nv} degrees of freedom"]
+        for index in range(1, model.njoints):
+            mass = model.inertias[index].mass
+            carried = f"moves {mass:g} kg" if mass else "moves no mass of its own"
+            parent = f" on {model.names[model.parents[index]]}" if model.parents[index] else ""
+            lines.append(f"  {model.names[index]}: {joint_kind(model, index)}{parent}, {carried}")
+        return lines
+
+    def _ties(self) -> list[str]:
+        model, lines = self.mechanism.model, ["loops and couplings:"]
+        for one in self.mechanism.constraints:
+            if isinstance(one, LoopJoint):
+                between = f"{model.frames[one.first].name} and {model.frames[one.second].name}"
+                lines.append(f"  {one.name}: {one.kind} between {between}, {one.size} rows")
+            elif isinstance(one, Coupling):
+                lines.append(f"  {one.name}: {one.kind}, 1 row")
+        return lines if len(lines) > 1 else ["no loops: an open chain"]
+
+    def _mobility(self) -> list[str]:
+        found = self.mobility
+        counted = f"{found.joints} joint coordinates, {found.rank} independent of {found.rows} constraint rows"
+        lines = [f"mobility {found.mobility} {self.where}: {counted}"]
+        if found.rows:
+            lines.append(f"regularity {found.regularity:.2g} (0 at a singular position)")
+        if not found.degree:
+            return [*lines, "isostatic: every reaction is determined"]
+        lines.append(f"hyperstatic of degree {found.degree}; not determined by rigid bodies:")
+        lines += [f"  {name}: {', '.join(parts)}" for name, parts in found.undetermined.items()]
+        best: dict[str, str] = {}
+        for one in found.loosenings:
+            best.setdefault(one.joint, f"  {one.joint} as {one.kind}: degree {one.degree}")
+        return [*lines, *(["what could be loosened without more mobility:", *best.values()] if best else [])]
+
+    def _acting(self) -> list[str]:
+        mechanism = self.mechanism
+        direction = mechanism.model.gravity.linear
+        lines = [f"gravity: {', '.join(f'{x:g}' for x in direction)} m/s^2" if direction.any() else "no gravity"]
+        lines += [f"force {name}" for name in mechanism.forces]
+        lines += [f"drive {name} at {drive.joint}" for name, drive in mechanism.drives.items()]
+        return [*lines, *(f"note: {note}" for note in mechanism.notes)]
+
+    def _modelled(self) -> list[str]:
+        """Return which joints are solved for, and why the others are not."""
+        model = self.mechanism.model
+        lines = ["meshes are not read: no mass is taken from them"] if "<mesh" in self.mechanism.xml else []
+        if self.removals:
+            count = model.njoints - 1
+            lines.append(f"solved for: {count - len(self.removals)} of {count} joints")
+        return lines + [f"  {one.joint}: {one.how}, {one.why}" for one in self.removals]
+
+
+def explain(path: str | Path, overrides: list[str] | None = None) -> Explanation:
+    """Return the structure of a scenario's mechanism where its motion begins, or of a model near its zero position.
+
+    Args:
+        path: A scenario, a mechanism file, a model file, or the name of a robot.
+        overrides: Assignments to a scenario, as ``--set`` makes them.
+
+    Raises:
+        PinarmError: The file has a mistake, or the loops cannot be closed.
+    """
+    file = Path(path)
+    if file.suffix in (".yaml", ".yml") and "problem" in (Document.read(file).data or {}):
+        scenario = Scenario.load(file, overrides)
+        q, whole = scenario.run().trajectory.q[0], scenario.mechanism
+        return Explanation(whole, mobility_of(whole, q), "where the motion begins", scenario.scene.removals)
+    mechanism = Mechanism.load(path)
+    q = assembled_near(mechanism, {})
+    return Explanation(mechanism, mobility_of(mechanism, q), "in the closed position nearest to zero")

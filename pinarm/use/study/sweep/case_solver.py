@@ -1,0 +1,135 @@
+"""Solving the cases of a sweep: those that a journal knows are taken from it, the others go to processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.motion.trajectory import Series
+from pinarm.errors import InputError
+from pinarm.use.study.sweep.axes import Cases, Value
+from pinarm.use.study.sweep.cases import WORTH, Row, Task, solve_case
+from pinarm.use.study.sweep.journal import Journal, Sources, task_digest
+from pinarm.use.study.sweep.process_pool import Death, spread
+
+UNSOLVED = "not solved"
+JOURNAL = "journal.jsonl"
+
+Progress = Callable[[int, int, int], None]
+"""Called with how many cases are done, how many of them failed, and how many there are."""
+
+Job = tuple[int, str, dict[str, Value]]
+"""A case, its digest, and its values."""
+
+
+@dataclass(eq=False)
+class Solving:
+    """The cases of a sweep while they are solved.
+
+    Attributes:
+        task: What is the same in all of them.
+        cases: Their values.
+        numbers: Their rows, NaN where there is none, shape (cases, columns).
+        progress: Called after every case.
+        sources: The files that cases refer to.
+        errors: Case -> why it failed.
+        solved: Which cases are done, shape (cases,).
+    """
+
+    task: Task
+    cases: Cases
+    numbers: Array
+    progress: Progress
+    sources: Sources = field(default_factory=Sources)
+    errors: dict[int, str] = field(default_factory=dict)
+    done: int = 0
+
+    def __post_init__(self) -> None:
+        self.solved = np.zeros(len(self.cases), bool)
+
+    def run(self, workers: int, folder: Path | None) -> None:
+        """Solve all cases.
+
+        Args:
+            workers: Number of processes.
+            folder: Where to keep the journal; ``None`` for none.
+
+        Raises:
+            InputError: The folder cannot be written, or a file changes on the way.
+        """
+        if folder is None:
+            self._solve(workers, None)
+            return
+        with closing(open_journal(folder, self.task)) as journal:
+            self._solve(workers, journal)
+
+    def _solve(self, workers: int, journal: Journal | None) -> None:
+        with closing(spread(partial(_solve_job, self.task), self._unknown(journal), workers)) as answers:
+            for (case, key, _), answer in answers:
+                if isinstance(answer, Death):
+                    self._take(case, Row((), f"its process died by {answer.how}", final=False))
+                    continue
+                self.sources.check(answer.files)
+                if journal and answer.final:
+                    journal.add(key, answer, self.sources)
+                self._take(case, answer)
+
+    def _unknown(self, journal: Journal | None) -> Iterator[Job]:
+        """Yield the cases that the journal does not know, and take the others from it."""
+        for case in range(len(self.cases)):
+            values = self.cases.values(case)
+            key = journal.key(values) if journal else ""
+            known = journal.row(key) if journal else None
+            if known is None:
+                yield case, key, values
+            else:
+                self._take(case, known)
+
+    def _take(self, case: int, row: Row) -> None:
+        if row.error:
+            self.errors[case] = row.error
+        else:
+            self.numbers[case] = row.numbers
+        self.solved[case] = True
+        self.done += 1
+        self.progress(self.done, len(self.errors), len(self.cases))
+
+    def columns(self, named: Sequence[Series]) -> list[Series]:
+        """Return columns with their numbers; measures that no case has are left out."""
+        filled = [replace(series, values=self.numbers[:, k]) for k, series in enumerate(named)]
+        return [series for series in filled if series.name not in WORTH or not np.isnan(series.values).all()]
+
+    def failures(self) -> dict[int, str]:
+        """Return why cases failed, in order, those that were not solved included."""
+        unsolved = {int(case): UNSOLVED for case in np.flatnonzero(~self.solved)}
+        return dict(sorted((self.errors | unsolved).items()))
+
+
+def _solve_job(task: Task, job: Job) -> Row:
+    return solve_case(task, job[2])
+
+
+def open_journal(folder: Path, task: Task) -> Journal:
+    """Open the journal of a sweep's folder.
+
+    Raises:
+        InputError: The folder cannot be made, or holds something else.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        entries = {entry.name for entry in folder.iterdir()}
+    except OSError as error:
+        raise InputError(f"the sweep cannot be written to {folder}: {error.strerror}") from None
+    if JOURNAL not in entries and entries & OWN:
+        raise InputError(f"{folder} holds files of the same names that are no sweep", hint="another folder: -o DIR")
+    return Journal(folder / JOURNAL, task_digest(task))
+
+
+OWN = {"sweep.yaml", "cases.csv", "cases.npz", "cases.parquet", "summary.json", "plots"}
+"""What is written beside the journal, whose presence marks the folder as a sweep's."""

@@ -1,0 +1,167 @@
+"""Plots of a sweep: curves over what was varied, a map over two numbers, or how often which value came out."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.motion.trajectory import Series
+from pinarm.input.units import unit
+from pinarm.use.study.sweep.axes import Axis
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from pinarm.use.show.plot import Picture
+    from pinarm.use.study.sweep.sweep import Sweep
+
+FAMILY = 6
+"""Curves in one picture; a longer family is drawn as a map."""
+PICTURES = 24
+"""Columns that are drawn of themselves."""
+
+Draw = Callable[["Axes", "Sweep", Series], None]
+
+
+def plot(sweep: Sweep, series: Series) -> Picture:
+    """Return a picture of one column of a sweep.
+
+    Over one list or grid it is a curve, over two a family of curves or, where both are long, a map. Of cases that were
+    drawn by chance, or that vary in more ways, it is a histogram with the median and the middle 90 %.
+    """
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    from pinarm.use.show.plot import STYLE, Picture, plain
+
+    with matplotlib.rc_context(STYLE):
+        figure = Picture(figsize=(7.0, 4.2))
+        FigureCanvasAgg(figure)
+        axis = figure.subplots()
+        _kind(sweep)(axis, sweep, series)
+        failed = f" ({len(sweep.errors)} of {len(sweep)} cases failed)" if sweep.errors else ""
+        figure.suptitle(plain(f"{sweep.title or sweep.name}{failed}"))
+    return figure
+
+
+def _kind(sweep: Sweep) -> Draw:
+    axes = sweep.cases.axes
+    simple = all(len(axis.columns) == 1 and not axis.drawn for axis in axes)
+    if simple and len(axes) == 1:
+        return _family
+    if simple and len(axes) == 2:
+        numeric = all(axis.columns[0].is_numeric for axis in axes)
+        return _map if numeric and min(map(len, axes)) > FAMILY else _family
+    return _histogram
+
+
+def _family(axis: Axes, sweep: Sweep, series: Series) -> None:
+    """Draw curves over the longer axis, one for each value of the other."""
+    from pinarm.use.show.plot import COLOURS, axis_label, limit, plain, shown
+
+    along, other, values = _grid(sweep, series)
+    scale, measured = shown(series)
+    x = _ticks(axis.xaxis, along)
+    for k, row in enumerate(values / scale):
+        name = _value(other, k) if other else None
+        few = "o" if len(x) <= 60 else None
+        axis.plot(
+            x, row, color=COLOURS[k % len(COLOURS)], marker=few, markersize=3, label=plain(name) if name else None
+        )
+    for lost in x[np.isnan(values).any(axis=0)]:
+        axis.axvline(lost, color="0.85", linewidth=3, zorder=0)
+    axis.set_xlabel(_named(along))
+    axis.set_ylabel(axis_label(series.name, measured))
+    if np.isfinite(values).any():
+        limit(axis, float(np.nanmin(values) / scale), float(np.nanmax(values) / scale))
+    if other:
+        axis.legend(title=plain(other.columns[0].path), fontsize=8, title_fontsize=8)
+
+
+def _map(axis: Axes, sweep: Sweep, series: Series) -> None:
+    """Draw the values over two numbers, a cell for each case; those that failed stay grey."""
+    from pinarm.use.show.plot import axis_label, shown
+
+    along, other, values = _grid(sweep, series)
+    assert other is not None
+    scale, measured = shown(series)
+    x, y = _ticks(axis.xaxis, along), _ticks(axis.yaxis, other)
+    columns, rows = np.argsort(x), np.argsort(y)
+    x, y, values = x[columns], y[rows], values[np.ix_(rows, columns)] / scale
+    mesh = axis.pcolormesh(x, y, np.ma.masked_invalid(values), shading="nearest", cmap="viridis", rasterized=True)
+    if np.isfinite(values).all() and np.ptp(values) > 0.0:
+        axis.clabel(axis.contour(x, y, values, colors="white", linewidths=0.6), fontsize=7)
+    axis.set_facecolor("0.85")
+    axis.grid(visible=False)
+    axis.set_xlabel(_named(along))
+    axis.set_ylabel(_named(other))
+    axis.figure.colorbar(mesh, ax=axis, label=axis_label(series.name, measured))
+
+
+def _histogram(axis: Axes, sweep: Sweep, series: Series) -> None:
+    """Draw how often which value came out."""
+    from pinarm.use.show.plot import COLOURS, axis_label, shown
+
+    scale, measured = shown(series)
+    values = series.values[np.isfinite(series.values)] / scale
+    axis.set_xlabel(axis_label(series.name, measured))
+    axis.set_ylabel("cases")
+    if not len(values):
+        return
+    axis.hist(values, bins="auto", color=COLOURS[5], edgecolor="white", linewidth=0.5)
+    for share, style in ((0.05, ":"), (0.5, "-"), (0.95, ":")):
+        axis.axvline(float(np.quantile(values, share)), color=COLOURS[1], linestyle=style)
+
+
+def _grid(sweep: Sweep, series: Series) -> tuple[Axis, Axis | None, Array]:
+    """Return the longer axis, the other, and the values of a column, shape (other, longer)."""
+    axes = sweep.cases.axes
+    if len(axes) == 1:
+        return axes[0], None, series.values[None, :]
+    values = series.values.reshape(len(axes[0]), len(axes[1]))
+    words = [not axis.columns[0].is_numeric for axis in axes]
+    if words[1] or (len(axes[0]) > len(axes[1]) and not words[0]):
+        return axes[0], axes[1], values.T
+    return axes[1], axes[0], values
+
+
+def _ticks(direction: Any, axis: Axis) -> Array:
+    """Return the places of an axis's values; words stand side by side."""
+    from pinarm.use.show.plot import plain
+
+    column = axis.columns[0]
+    if column.is_numeric:
+        return np.array(column.values, float)
+    direction.set_ticks(range(len(axis)), [plain(str(value)) for value in column.values])
+    return np.arange(len(axis), dtype=float)
+
+
+def _value(axis: Axis, row: int) -> str:
+    column = axis.columns[0]
+    return f"{column.values[row]:g} {column.unit}".rstrip() if column.is_numeric else str(column.values[row])
+
+
+def _named(axis: Axis) -> str:
+    from pinarm.use.show.plot import axis_label
+
+    column = axis.columns[0]
+    return axis_label(column.path, unit(column.unit or "1"))
+
+
+def save_plots(sweep: Sweep, folder: Path) -> list[Path]:
+    """Write a picture for every result into ``plots/``; return the files."""
+    folder = folder / "plots"
+    folder.mkdir(exist_ok=True)
+    for old in folder.glob("*.png"):
+        old.unlink()
+    files = []
+    for number, series in enumerate(sweep.results()[:PICTURES], 1):
+        name = re.sub(r"[^A-Za-z0-9_.-]+", "_", series.name).strip("_")[:40]
+        files.append(folder / f"{number:02d}_{name}.png")
+        plot(sweep, series).savefig(files[-1], metadata={"Software": None})
+    return files

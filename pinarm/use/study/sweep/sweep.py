@@ -1,0 +1,244 @@
+"""A sweep: what is varied, the cases solved in processes, and the table of what came out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pinarm.engine.dynamics.parallel import cores
+from pinarm.engine.mechanism import mechanism_document
+from pinarm.engine.motion.trajectory import Series
+from pinarm.errors import InputError, Interrupted, PinarmError, choices
+from pinarm.input.roots import given_root, noting_files
+from pinarm.input.units import DIMENSIONLESS, read_quantity, unit
+from pinarm.use.scenario.scenario import Scenario, load
+from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Sampling, draw
+from pinarm.use.study.sweep.case_solver import Progress, Solving
+from pinarm.use.study.sweep.cases import WORTH, Task, Wanted
+from pinarm.use.study.sweep.value_syntax import read_axis, read_cases
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+    from pinarm.use.show.plot import Picture
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """What came out of a sweep.
+
+    Attributes:
+        name: Name of the scenario.
+        title: Its title.
+        definition: What was asked, as plain data.
+        cases: The values of every case.
+        columns: Results and measures of accuracy, one number per case; NaN where a case failed.
+        errors: Case -> why it failed.
+    """
+
+    name: str
+    title: str
+    definition: Mapping[str, Any] = field(repr=False)
+    cases: Cases = field(repr=False)
+    columns: Sequence[Series] = field(repr=False)
+    errors: Mapping[int, str]
+
+    def __len__(self) -> int:
+        return len(self.cases)
+
+    @cached_property
+    def table(self) -> dict[str, Series]:
+        """Return the columns by name: what was varied, in the units it was given in, then results in SI."""
+        return {series.name: series for series in (*self.cases.table(), *self.columns)}
+
+    def __getitem__(self, name: str) -> Series:
+        """Return a column by name.
+
+        Raises:
+            InputError: There is none of that name; the message lists those there are.
+        """
+        if name not in self.table:
+            expected, hint = choices(name, self.table)
+            raise InputError(f"the sweep has no column '{name}'", expected=expected, hint=hint)
+        return self.table[name]
+
+    def results(self) -> list[Series]:
+        """Return the columns that were asked for, without the measures of accuracy."""
+        return [series for series in self.columns if series.name not in WORTH]
+
+    def to_dataframe(self) -> DataFrame:
+        """Return the table as a pandas table, one row per case, units in the headings, and why cases failed."""
+        import pandas
+
+        columns: dict[str, Any] = {series.label: series.values for series in self.table.values()}
+        return pandas.DataFrame({**columns, "error": [self.errors.get(case, "") for case in range(len(self))]})
+
+    def plot(self, name: str | None = None) -> Picture:
+        """Return a plot of a column over what was varied: curves, a map, or how often which value came out.
+
+        Args:
+            name: The column; the first result where it is left out.
+        """
+        from pinarm.use.study.sweep.plots import plot
+
+        return plot(self, self[name] if name else self.columns[0])
+
+    def save(self, folder: str | Path, *, plots: bool = True) -> Path:
+        """Write ``sweep.yaml``, ``cases.csv``, ``cases.npz``, ``summary.json`` and plots; return the folder."""
+        from pinarm.use.study.sweep.sweep_files import save
+
+        return save(self, Path(folder), plots=plots)
+
+    def _repr_html_(self) -> str:
+        """Return statistics and a plot, for notebooks."""
+        from pinarm.use.show.notebook import of_sweep
+
+        return of_sweep(self)
+
+
+def sweep(
+    scenario: Scenario | str | Path,
+    over: Mapping[str, object] | None = None,
+    *,
+    cases: str | Path | None = None,
+    samples: int | None = None,
+    seed: int = 0,
+    sampling: Sampling = "random",
+    results: Sequence[str] = (),
+    workers: int | None = None,
+    folder: str | Path | None = None,
+    progress: Progress = lambda done, failed, total: None,
+) -> Sweep:
+    """Solve a scenario for many values of numbers in it or in its model.
+
+    Args:
+        scenario: The scenario, or its file.
+        over: Path -> values: text such as ``"0.1:0.5:41 kg"`` or ``"normal(0.25, 0.001) m"``, or a list or array. Paths
+            are those of ``--set``: ``arguments.m_A``, ``problem.time.end``, ``changes.forces.spring.stiffness``.
+        cases: A CSV file whose lines are cases, with paths and units in its heading.
+        samples: How many values to draw from distributions.
+        seed: Of the drawing; the same seed gives the same values.
+        sampling: ``random``, or ``latin`` for a Latin hypercube.
+        results: What to take from each case, such as ``"C_B"`` (least and greatest row), ``"C_B @ max"``,
+            ``"t @ max(C_B)"``, ``"C_B @ t=1.5 s"``; the outputs of the scenario where nothing is named.
+        workers: Processes; all cores where it is left out.
+        folder: Where to keep what is finished; a sweep that finds its cases there does not solve them again.
+        progress: Called after every case.
+
+    Raises:
+        InputError: The sweep cannot be done as it stands. A case that fails does not raise: ``Sweep.errors`` has it.
+        Interrupted: By the user; ``partial`` holds the sweep so far.
+    """
+    if workers is not None and workers < 1:
+        raise InputError(f"{workers} workers solve nothing", expected="at least 1")
+    scenario = load(scenario)
+    given = {
+        path: values.tolist() if isinstance(values, np.ndarray) else values for path, values in (over or {}).items()
+    }
+    with noting_files() as files:
+        chosen = Cases.of(_axes(scenario, given, cases, samples, seed, sampling))
+        quantities = _end(scenario, chosen).quantities()
+        found = [Wanted.read(text).measured(quantities) for text in results or scenario.content.outputs]
+    task = Task(scenario.document, scenario.folder, tuple(entry for entry, _ in found), given_root())
+    named = [column for _, columns in found for column in columns]
+    named += [Series(name, DIMENSIONLESS, np.zeros(0)) for name in WORTH]
+    solving = Solving(task, chosen, np.full((len(chosen), len(named)), np.nan), progress)
+    solving.sources.check(tuple(map(str, files)))
+    definition = {
+        "scenario": str(scenario.document.path or ""), "over": given, "cases": None if cases is None else str(cases),
+        "units": {column.path: column.unit for column in chosen.columns() if column.unit},
+        "samples": samples, "seed": seed, "sampling": sampling,
+        "results": [series.name for series in named if series.name not in WORTH],
+        "base": {key: value for key, value in scenario.document.data.items() if key != "expect"},
+    }  # fmt: skip
+    interrupted = False
+    try:
+        solving.run(cores() if workers is None else workers, Path(folder) if folder is not None else None)
+    except KeyboardInterrupt:
+        interrupted = True
+    swept = Sweep(scenario.name, scenario.content.title, definition, chosen, solving.columns(named), solving.failures())
+    if interrupted:
+        said = f"interrupted with {solving.done} of {len(chosen)} cases solved"
+        hint = "the same command again: it goes on from there" if folder is not None else ""
+        raise Interrupted(said, partial=swept, hint=hint)
+    return swept
+
+
+def _axes(
+    scenario: Scenario, over: Mapping[str, object], cases: str | Path | None, samples: int | None, seed: int,
+    how: Sampling,
+) -> Iterator[Axis]:  # fmt: skip
+    """Yield the axes: the lines of a file, then what is drawn, then each list or grid.
+
+    Raises:
+        InputError: Something is to be drawn and it is not said how often, or the other way round.
+    """
+    unit_of = partial(_unit_of, scenario)
+    if cases is not None:
+        yield read_cases(Path(cases), unit_of)
+    read = [read_axis(path, given, unit_of) for path, given in over.items()]
+    drawn = [each for each in read if isinstance(each, Distribution)]
+    if drawn and (samples is None or not 1 <= samples <= MOST):
+        raise InputError(f"'{drawn[0].path}' is to be drawn", expected="how many samples to draw", hint="--sample 1000")
+    if seed < 0:
+        raise InputError(f"the seed is {seed}", expected="a whole number from 0")
+    if samples is not None and not drawn:
+        raise InputError("there is nothing to draw samples of", expected="a distribution, such as normal(0.25, 0.01) m")
+    if drawn and samples is not None:
+        yield draw(drawn, samples, seed, how)
+    yield from (each for each in read if isinstance(each, Axis))
+
+
+def _unit_of(scenario: Scenario, path: str) -> str:
+    """Return the unit in which bare numbers at a path are meant; empty for none.
+
+    Raises:
+        InputError: The file and the mechanism give the argument in different units.
+    """
+    written = _written(scenario.document.data, path.split("."))
+    if path.startswith("changes.") and not written:
+        source = scenario.folder / scenario.content.mechanism
+        written = _written(mechanism_document(source).data, path.split(".")[1:])
+    kind, _, name = path.partition(".")
+    declared = scenario.mechanism.description.arguments.get(name, "") if kind == "arguments" else ""
+    if written and declared and unit(written) != unit(declared):
+        raise InputError(f"the argument '{name}' is in {written} in the scenario and in {declared} in the mechanism",
+                         expected=f"numbers with their unit, such as '1, 2, 3 {written}'")  # fmt: skip
+    return written or declared
+
+
+def _written(data: Any, keys: Sequence[str]) -> str:
+    """Return the unit of the value that stands at a path of a file; empty where there is none."""
+    for key in keys:
+        step: Any = int(key) if isinstance(data, list) and key.isdigit() and int(key) < len(data) else key
+        if not isinstance(data, dict | list) or (isinstance(data, list) and step is key):
+            return ""
+        data = data[step] if isinstance(data, list) else data.get(step)
+    try:
+        measured = read_quantity(data)[1] if isinstance(data, str) else None
+    except InputError:
+        return ""
+    return measured.text if measured else ""
+
+
+def _end(scenario: Scenario, cases: Cases) -> Scenario:
+    """Return the first case, or where that is refused the last; a sweep both of whose ends are is refused itself.
+
+    Raises:
+        PinarmError: What the first case suffers from.
+    """
+    errors = []
+    for case in (0, len(cases) - 1):
+        try:
+            end = scenario.varied(cases.values(case))
+            end.validate()
+        except PinarmError as error:
+            errors.append(error)
+        else:
+            return end
+    raise errors[0]

@@ -1,0 +1,101 @@
+"""A sweep as a folder of files. The same cases give the same bytes, whatever the number of workers and pauses."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.motion.trajectory import Series
+from pinarm.errors import InputError
+from pinarm.use.result.result import CLOSURES, RESIDUALS
+from pinarm.use.store import case_columns as columns
+from pinarm.use.store.files import json_text, write, write_arrays, yaml_text
+
+if TYPE_CHECKING:
+    from pinarm.use.study.sweep.sweep import Sweep
+
+WORST: dict[str, Callable[[Array], Any]] = {
+    **dict.fromkeys((*RESIDUALS, *CLOSURES, "condition", "global error"), np.nanmax),
+    "regularity": np.nanmin,
+}
+"""Measures of accuracy, and which of their values is the worst."""
+
+
+def save(sweep: Sweep, folder: Path, *, plots: bool = True) -> Path:
+    """Write a sweep.
+
+    The folder gets ``sweep.yaml`` (what was asked), ``cases.csv``, ``cases.npz`` and, where pyarrow is installed,
+    ``cases.parquet`` (a line per case), ``summary.json`` (statistics and failures), and with ``plots`` a picture per
+    result.
+
+    Raises:
+        InputError: The folder cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write(folder / "sweep.yaml", yaml_text(_definition(sweep, folder)))
+        write(folder / "cases.csv", csv(sweep))
+        write_arrays(folder / "cases.npz", columns.arrays(list(sweep.table.values()), sweep.errors))
+        if find_spec("pyarrow"):
+            _write_parquet(sweep, folder / "cases.parquet")
+        write(folder / "summary.json", json_text(summary(sweep)) + "\n")
+    except OSError as error:
+        raise InputError(f"the sweep cannot be written to {folder}: {error.strerror}") from None
+    if plots:
+        from pinarm.use.study.sweep.plots import save_plots
+
+        save_plots(sweep, folder)
+    return folder
+
+
+def _definition(sweep: Sweep, folder: Path) -> dict[str, Any]:
+    """Return what was asked, with files named from the folder."""
+    written = dict(sweep.definition)
+    for key in ("scenario", "cases"):
+        if written.get(key):
+            written[key] = os.path.relpath(written[key], folder)
+    return {key: value for key, value in written.items() if value is not None}
+
+
+def csv(sweep: Sweep) -> str:
+    """Return the table as CSV: number of the case, what was varied, results, measures of accuracy, why it failed.
+
+    Those of cases that failed are empty.
+    """
+    return columns.csv("case", list(sweep.table.values()), sweep.errors)
+
+
+def _write_parquet(sweep: Sweep, path: Path) -> None:
+    import pyarrow
+    import pyarrow.parquet
+
+    found: dict[str, Any] = {series.label: series.values for series in sweep.table.values()}
+    found["error"] = [sweep.errors.get(case, "") for case in range(len(sweep))]
+    draft = path.with_name(f".{path.name}.part")
+    pyarrow.parquet.write_table(pyarrow.table(found), draft)
+    draft.replace(path)
+
+
+def summary(sweep: Sweep) -> dict[str, Any]:
+    """Return the number of cases, the statistics of every result, the worst measures of accuracy, and the failures."""
+    return {
+        "scenario": sweep.name,
+        "title": sweep.title,
+        "cases": len(sweep),
+        "failed": len(sweep.errors),
+        "results": {series.name: columns.statistics(series) for series in sweep.results()},
+        "accuracy": {series.name: worst(series) for series in sweep.columns if series.name in WORST},
+        "failures": columns.failures(sweep.errors),
+        "notes": [f"{series.name}: least multipliers; {series.doubt}" for series in sweep.columns if series.doubt],
+    }
+
+
+def worst(series: Series) -> float:
+    """Return the value of a measure of accuracy that is furthest from what is wanted."""
+    return float(WORST[series.name](series.values))

@@ -1,0 +1,79 @@
+"""What a terminal shows of a sweep: how far it is, and what came out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import IO
+
+from pinarm.use.result.result import CLOSURES, RESIDUALS
+from pinarm.use.show.terminal import aligned
+from pinarm.use.study.sweep.case_solver import Progress
+from pinarm.use.study.sweep.sweep import Sweep
+from pinarm.use.study.sweep.sweep_files import summary
+
+PAUSE = 0.1
+"""Seconds between two looks at the progress."""
+SHOWN = 10
+"""Reasons of failures that are printed."""
+
+
+@contextmanager
+def progress_bar(stream: IO[str]) -> Iterator[Progress]:
+    """Show progress with the remaining time, where the stream is a terminal."""
+    if not stream.isatty():
+        yield lambda done, failed, total: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
+    with Bar(*columns, console=Console(file=stream), transient=True) as bar:
+        shown, last = bar.add_task("", total=None), 0.0
+
+        def progress(done: int, failed: int, total: int) -> None:
+            nonlocal last
+            if time.monotonic() - last > PAUSE or done == total:
+                last = time.monotonic()
+                bar.update(shown, completed=done, total=total, description=f"{failed} failed" if failed else "")
+
+        yield progress
+
+
+def report(sweep: Sweep) -> str:
+    """Return the statistics of a sweep and why cases failed, as text."""
+    return "\n".join([sweep.title or sweep.name, *aligned(ranges(sweep)), *remarks(sweep)])
+
+
+def ranges(sweep: Sweep) -> list[list[str]]:
+    """Return a heading and the statistics of every result."""
+    rows = [["", "unit", "min", "in case", "mean", "deviation", "max", "in case"]]
+    for name, entry in summary(sweep)["results"].items():
+        numbers = [entry.get(key) for key in ("min", "at_min", "mean", "deviation", "max", "at_max")]
+        rows.append([name[:48], entry["unit"], *("-" if number is None else f"{number:.7g}" for number in numbers)])
+    return rows
+
+
+def remarks(sweep: Sweep) -> list[str]:
+    """Return what is to be said beside the numbers, a line each: accuracy, notes, and why cases failed."""
+    found, lines = summary(sweep), []
+    for head, names in (
+        ("accuracy: largest relative residuals", RESIDUALS),
+        ("loops [m or rad, s]: largest", CLOSURES),
+    ):
+        measured = [f"{name} {found['accuracy'][name]:.1e}" for name in names if name in found["accuracy"]]
+        lines += [f"{head}: {', '.join(measured)}"] if measured else []
+    if "global error" in found["accuracy"]:
+        lines.append(f"error: at most {found['accuracy']['global error']:.1e} of the largest value")
+    if "regularity" in found["accuracy"]:
+        lines.append(f"regularity: {found['accuracy']['regularity']:.2g} at least, 0 at a singular position")
+    lines += [f"note: {note}" for note in found["notes"]]
+    lines.append(f"cases: {found['cases']}" + (f", {found['failed']} failed" if found["failed"] else ""))
+    for failure in found["failures"][:SHOWN]:
+        first = ", ".join(map(str, failure["first"][:3])) + (", ..." if failure["cases"] > 3 else "")
+        lines.append(f"failed: {failure['reason']} ({failure['cases']}: {first})")
+    if len(found["failures"]) > SHOWN:
+        lines.append(f"failed: {len(found['failures']) - SHOWN} more reasons")
+    return lines

@@ -1,0 +1,158 @@
+"""Reading what a sweep varies: lists, grids and distributions as text, and tables of cases.
+
+=============================  =======================================================================================
+``20, 40, 60 kg``              these values; words such as names of laws too
+``20:100:81 kg``               81 values from 20 kg to 100 kg, evenly spaced, ends included
+``normal(0.25, 0.001) m``      mean and standard deviation
+``uniform(0.1, 0.5) kg``       between two bounds
+``tolerance(0.25, 0.001) m``   0.25 ± 0.001 m, uniform between
+=============================  =======================================================================================
+
+A unit stands once, at the end. Numbers without one are in the unit in which the file has the value that they replace,
+or in that which the mechanism declares for the argument; where neither has one they stay bare.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from pinarm.errors import InputError, Location
+from pinarm.input.units import unit
+from pinarm.use.study.sweep.axes import MOST, Axis, Column, Distribution, Number
+
+UnitOf = Callable[[str], str]
+"""The unit of bare numbers at a path, empty for none."""
+
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_ITEM = re.compile(rf"\s*({_NUMBER})\s*((?:[^\W\d_]|[°%]|1/).*?)?\s*")
+_GRID = re.compile(rf"\s*({_NUMBER})\s*:\s*({_NUMBER})\s*:\s*(\d{{1,9}})\s*(.*?)\s*")
+_DISTRIBUTION = re.compile(rf"\s*(normal|uniform|tolerance)\s*\(\s*({_NUMBER})\s*,\s*({_NUMBER})\s*\)\s*(.*?)\s*")
+_HEADING = re.compile(r"\s*([^\[\]]+?)\s*(?:\[([^\[\]]*)\])?\s*")
+_TRUTH: Mapping[str, bool] = {"true": True, "false": False}
+
+
+def read_axis(path: str, given: object, unit_of: UnitOf) -> Axis | Distribution:
+    """Read what is given for one path.
+
+    Args:
+        path: Where in the scenario the values go.
+        given: Text as in the table above, or a sequence of numbers or texts.
+        unit_of: The unit of bare numbers.
+
+    Raises:
+        InputError: It is none of the forms, or the unit is ambiguous.
+    """
+    try:
+        if not isinstance(given, str):
+            items = given.tolist() if isinstance(given, np.ndarray) else given
+            if not isinstance(items, Sequence) or not items:
+                raise InputError(
+                    f"'{given}' are no values", expected="a list, an array, or text such as '20:100:81 kg'"
+                )
+            return Axis((_column(path, [str(item) for item in items], unit_of),))
+        if found := _DISTRIBUTION.fullmatch(given):
+            return _distribution(path, found, unit_of)
+        if found := _GRID.fullmatch(given):
+            return Axis((_grid(path, found, unit_of),))
+        if "(" in given or ":" in given:
+            raise InputError(f"'{given}' are no values", expected="20:100:81 kg, 20, 40 kg, or normal(40, 2) kg",
+                             hint="the unit once, at the end")  # fmt: skip
+        return Axis((_column(path, given.split(","), unit_of, last=True),))
+    except InputError as error:
+        raise error.at(Location(f"--over {path}={given}"[:200])) from None
+
+
+def _distribution(path: str, found: re.Match[str], unit_of: UnitOf) -> Distribution:
+    kind, a, b = found[1], float(found[2]), float(found[3])
+    if b <= (a if kind == "uniform" else 0.0):
+        needed = {"normal": "a mean and a standard deviation above 0", "uniform": "a lower and an upper bound",
+                  "tolerance": "a value and a deviation above 0"}  # fmt: skip
+        raise InputError(f"'{found[0].strip()}' has no width", expected=needed[kind])
+    return Distribution(path, kind, a, b, _unit(path, found[4], unit_of))
+
+
+def _grid(path: str, found: re.Match[str], unit_of: UnitOf) -> Column:
+    start, end, count = float(found[1]), float(found[2]), int(found[3])
+    if not 2 <= count <= MOST or start == end:
+        raise InputError(f"'{found[0].strip()}' is no grid", expected="two different ends and at least 2 values")
+    values: list[Number] = np.linspace(start, end, count).tolist()
+    measured = _unit(path, found[4], unit_of)
+    if not measured and _whole(found[1]) and _whole(found[2]) and all(value == round(value) for value in values):
+        values = [round(value) for value in values]
+    return Column(path, values, measured)
+
+
+def _column(path: str, items: Sequence[str], unit_of: UnitOf, *, last: bool = False) -> Column:
+    """Return the values that texts say; with ``last`` a unit at the end of the last one is that of all."""
+    found = [_ITEM.fullmatch(item) for item in items]
+    words = [item.strip() for item in items]
+    if not any(found) and all(words):
+        return Column(path, [_TRUTH.get(word, word) for word in words])
+    numbers, units = [], []
+    for item, match in zip(words, found, strict=True):
+        if match is None:
+            raise InputError(f"'{item}' is no number, as others are", expected="all numbers, or all words")
+        units.append(match[2] or "")
+        numbers.append(int(match[1]) if _whole(match[1]) and not match[2] else float(match[1]))
+    if last and not any(units[:-1]):
+        units = [units[-1]] * len(units)
+    if len(set(units)) == 1:
+        measured = _unit(path, units[0], unit_of)
+        return Column(path, [float(number) for number in numbers] if measured else numbers, measured)
+    if not all(units):
+        raise InputError("some of the values have a unit and some have none", expected="20, 40, 60 kg")
+    factors = [unit(text).factor / unit(units[0]).factor for text in units]
+    if len({unit(text).dimension for text in units}) > 1:
+        raise InputError(f"the units {', '.join(sorted(set(units)))} are of different kinds", expected="one kind")
+    return Column(path, [number * factor for number, factor in zip(numbers, factors, strict=True)], units[0])
+
+
+def _unit(path: str, written: str, unit_of: UnitOf) -> str:
+    if written:
+        unit(written)  # raises where there is no such unit
+    text = written or unit_of(path)
+    return "" if text == "1" else text
+
+
+def _whole(text: str) -> bool:
+    return text.lstrip("+-").isdigit()
+
+
+def read_cases(path: Path, unit_of: UnitOf) -> Axis:
+    """Read a CSV file of cases: a heading with paths and units such as ``arguments.m_A [kg]``, then a case a line.
+
+    Raises:
+        InputError: The file cannot be read or is no such table; the message says where.
+    """
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as stream:
+            heads, *rows = [row for row in csv.reader(stream) if row] or [[]]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"the cases cannot be read ({error})").at(Location(str(path))) from None
+    if not heads or not rows:
+        raise InputError("there are no cases", expected="a heading and at least one line").at(Location(str(path)))
+    for line, row in enumerate(rows, 2):
+        if len(row) != len(heads) or not all(cell.strip() for cell in row):
+            place = Location(str(path), line, 1, ",".join(row))
+            raise InputError("a value is missing, or one too many", expected=f"{len(heads)} values").at(place)
+    columns = []
+    for index, head in enumerate(heads):
+        with_unit = _HEADING.fullmatch(head)
+        try:
+            if with_unit is None:
+                raise InputError(f"'{head}' is no heading", expected="a path and its unit: arguments.m_A [kg]")
+            measured = _unit(with_unit[1], with_unit[2] or "", unit_of)
+            columns.append(_column(with_unit[1], [row[index] for row in rows], partial(_same, measured)))
+        except InputError as error:
+            raise error.at(Location(str(path), 1, 1, ",".join(heads))) from None
+    return Axis(tuple(columns))
+
+
+def _same(measured: str, path: str) -> str:
+    return measured
