@@ -108,8 +108,7 @@ def _distance(closure: Closure, coordinate: Coordinate, value: float) -> Callabl
     def distance(t: Array, q: Array, v: Array) -> Array:
         found = np.empty(len(q))
         for i, row in enumerate(q):
-            closure.place(row)
-            found[i] = coordinate.value(closure.data, row)
+            found[i] = coordinate.value(closure.state(row))
         return found - value
 
     return distance

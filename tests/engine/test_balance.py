@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pinarm.engine.checks.balance import Account, energy_balance, power_balance
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration import Adaptive, Stretch, integrate
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring

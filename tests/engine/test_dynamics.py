@@ -7,7 +7,7 @@ import pytest
 
 from pinarm.engine.dynamics import parallel
 from pinarm.engine.dynamics.configuration_space import JointSpace
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.parallel import Parallel
 from pinarm.engine.integration import Flat
 from pinarm.engine.mechanism import Mechanism

@@ -63,8 +63,8 @@ class TestFreeMotions:
         for places, motions in free_motions(four_bar.closure, q):
             seen[places] += 1
             for k in range(0, len(places), 37):
-                four_bar.closure.place(q[places[k]])
-                right = Split.of(four_bar.closure.rows()).free
+                state = four_bar.closure.state(q[places[k]])
+                right = Split.of(four_bar.closure.rows(state)).free
                 assert len(motions) == right.shape[1]
                 assert motions[:, k].T @ motions[:, k] == pytest.approx(right @ right.T, abs=1e-8)  # 1e-15 / 1e-7
         assert (seen == 1).all()

@@ -14,6 +14,7 @@ from pinarm.mechanics.ball_joints import (
     velocity,
 )
 from pinarm.mechanics.forces.joint_springs import BallSpring
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.loading.pinocchio_model import build_model
 
@@ -34,11 +35,9 @@ def state(model, seed=0):
 
 
 def evaluate(coordinate, model, q, v):
-    data = model.createData()
-    pin.computeJointJacobians(model, data, q)
-    row = coordinate.row(model, data)
-    pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
-    return coordinate.value(data, q), row @ v, coordinate.drift(model, data)
+    here = Kinematics.at(model, q, v)
+    row = coordinate.row(here)
+    return coordinate.value(here), row @ v, coordinate.drift(here)
 
 
 @pytest.mark.parametrize("component", range(3))
@@ -58,12 +57,11 @@ def test_rates_of_the_rotation_vector_are_its_derivatives(model, differentiate, 
 
 def test_every_velocity_has_a_coordinate_of_a_name(model):
     q, _ = state(model)
-    data = model.createData()
     turn = Rotation.from_quat(q[4:8]).as_rotvec()
     assert [coordinate_name(model, k) for k in range(7)] == [
         "swing", "body.x", "body.y", "body.z", "body.rotation.x", "body.rotation.y", "body.rotation.z",
     ]  # fmt: skip
-    values = [coordinate_at(model, k).value(data, q) for k in range(7)]
+    values = [coordinate_at(model, k).value(Kinematics.at(model, q)) for k in range(7)]
     assert values == pytest.approx([*q[:4], *turn], abs=1e-14)
 
 

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 from scipy.special import ellipj, ellipk
 
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration import Adaptive, Stretch, integrate
 from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring

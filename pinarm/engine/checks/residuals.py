@@ -11,7 +11,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.checks.singularity import least_regular
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
 from pinarm.engine.motion.trajectory import Trajectory
 

@@ -8,7 +8,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import Split
-from pinarm.engine.dynamics.equation import mass_matrices
+from pinarm.engine.dynamics.mass_matrix import mass_matrices
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.mechanics.loading.model_tree import listed
@@ -37,12 +37,12 @@ def require_masses(closure: Closure, q: Array, t: float) -> None:
     Raises:
         DynamicsError: Names the joints that move without mass, and the links beyond them.
     """
-    mass = mass_matrices(closure.model, closure.data, q)
+    mass = mass_matrices(closure.model, q)
     if not closure.size and _all_definite(mass):
         return
     for one, matrix in zip(q, mass, strict=True):
-        closure.place(one)
-        _require(closure.model, Split.of(closure.rows()).free, matrix, one, t)
+        rows = closure.rows(closure.state(one))
+        _require(closure.model, Split.of(rows).free, matrix, one, t)
 
 
 def _all_definite(mass: Array) -> bool:

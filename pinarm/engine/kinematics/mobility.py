@@ -70,8 +70,8 @@ class Loosening:
 def mobility_of(mechanism: Mechanism, q: Array) -> Mobility:
     """Return what the constraints of a mechanism do at a closed configuration, shape (nq,)."""
     closure = mechanism.closure
-    closure.place(q)
-    split, values = Split.of(closure.rows()), closure.values_of(closure.rows())
+    matrix = closure.rows(closure.state(q))
+    split, values = Split.of(matrix), closure.values_of(matrix)
     rank, rows = len(split.values), closure.size
     regularity = float(values[rank - 1] / values[0]) if rank else 1.0
     loosenings = _loosenings(closure, q, rows - rank, rank) if rows > rank else ()
@@ -110,8 +110,7 @@ def _loosenings(closure: Closure, q: Array, degree: int, rank: int) -> tuple[Loo
             others = list(closure.constraints)
             others[index] = replace(joint, kind=kind, pair=pair)
             changed = Closure.of(closure.model, others)
-            changed.place(q)
-            left = Split.of(changed.rows())
+            left = Split.of(changed.rows(changed.state(q)))
             if len(left.values) == rank and changed.size - rank < degree:
                 found.append(Loosening(joint.name, kind, changed.size - rank))
     return tuple(sorted(found, key=lambda one: (one.degree, one.joint, one.kind)))

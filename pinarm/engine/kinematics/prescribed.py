@@ -68,8 +68,8 @@ class Imposed:
         Raises:
             InputError: Says which could be added, or how many are too many.
         """
-        mechanism.closure.place(q)
-        mobility = Split.of(mechanism.closure.rows()).free.shape[1]
+        closure = mechanism.closure
+        mobility = Split.of(closure.rows(closure.state(q))).free.shape[1]
         if len(self.names) != mobility:
             raise self._miscounted(mechanism, mobility)
 

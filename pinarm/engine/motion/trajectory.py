@@ -12,7 +12,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.dynamics.equation import Dynamics, parts
+from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.mechanism import Mechanism
 from pinarm.input.units import Unit
 from pinarm.mechanics.laws.motion_law import Grid

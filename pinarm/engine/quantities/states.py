@@ -13,8 +13,8 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.batch_jacobians import BLOCK, Measures
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.constraints.nullspace import Split
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.equation import accelerations
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Series, Trajectory
 from pinarm.engine.quantities.broadcasting import Leading
@@ -137,7 +137,7 @@ def _quantities(
     q, still = given["q"], np.zeros((len(given["q"]), mechanism.model.nv))
     v, tau, after = given.get("v", still), given.get("tau"), float(np.nextafter(t, np.inf))
     dynamics, closure = mechanism.dynamics.on(t, after), mechanism.closure
-    a = given.get("a", still) if tau is None else _accelerations(dynamics, closure, t, q, v, tau)
+    a = given.get("a", still) if tau is None else _forward(dynamics, closure, t, q, v, tau)
     _check_closed(closure, leading, q, v, a)
     grid = Grid(np.full(len(q), float(t)), (float(t), after), (0, len(q)))
     run = Trajectory(
@@ -176,7 +176,7 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
     given = {} if tau is None else {"tau": (tau, nv)}
     leading, (q, v, *efforts) = Leading.fold(q=(q, mechanism.model.nq), v=(v, nv), **given)
     _check_unit(mechanism, leading, q)
-    a = _accelerations(dynamics, mechanism.closure, t, q, v, efforts[0] if efforts else np.zeros_like(v))
+    a = _forward(dynamics, mechanism.closure, t, q, v, efforts[0] if efforts else np.zeros_like(v))
     _check_closed(mechanism.closure, leading, q, v, a)
     return leading.unfold(a)
 
@@ -198,18 +198,9 @@ def _nothing_between(_: Grid) -> Trajectory:
     raise InputError("these states are no motion: there is nothing between them", expected="kind: inverse or forward")
 
 
-def _accelerations(dynamics: Dynamics, closure: Closure, t: float, q: Array, v: Array, tau: Array) -> Array:
-    """Return the accelerations under efforts, shape (n, nv); those of loops by Gauss's principle."""
-    if not closure.size:
-        return dynamics.forward(t, q, v, tau)
-    model, data, found = dynamics.model, dynamics.data, np.empty_like(v)
-    force = tau - dynamics.inverse(t, q, v, np.zeros_like(v))
-    for i in range(len(q)):
-        upper = np.triu(pin.crba(model, data, q[i]))
-        closure.place(q[i])
-        rows, drift = closure.rows(), closure.drift(q[i], v[i])
-        found[i] = Split.of(rows).solve(upper + np.triu(upper, 1).T, force[i], -drift)
-    return found
+def _forward(dynamics: Dynamics, closure: Closure, t: float, q: Array, v: Array, tau: Array) -> Array:
+    """Return the accelerations under efforts, shape (n, nv): of open chains by ``aba``."""
+    return accelerations(dynamics, closure, t, q, v, tau) if closure.size else dynamics.forward(t, q, v, tau)
 
 
 def _check_closed(closure: Closure, leading: Leading, q: Array, v: Array, a: Array) -> None:
@@ -219,9 +210,8 @@ def _check_closed(closure: Closure, leading: Leading, q: Array, v: Array, a: Arr
         InputError: Says which, in which row, and by how much.
     """
     for i in _suspects(closure, q, v, a):
-        closure.place(q[i])
-        rows, gap = closure.rows(), closure.gap(q[i])
-        drift = closure.drift(q[i], v[i])
+        state = closure.state(q[i], v[i])
+        rows, gap, drift = closure.rows(state), closure.gap(state), closure.drift(state)
         sizes = np.abs(rows)
         for what, left, terms in (
             ("positions", gap, np.zeros_like(gap)), ("velocities", rows @ v[i], sizes @ np.abs(v[i])),

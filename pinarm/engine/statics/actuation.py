@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
@@ -72,9 +74,14 @@ class EveryLeader:
     closure: Closure
     followers: Indices
 
+    @cached_property
+    def _weights(self) -> Array:
+        """The rows W of the couplings, the same at all configurations, shape (m, nv)."""
+        return self.closure.rows(self.closure.state(pin.neutral(self.closure.model)))
+
     def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
         """Return the efforts of the leaders, 0 for the followers, and the multipliers."""
-        rows = self.closure.rows()
+        rows = self._weights
         lam = np.asarray(np.linalg.solve(rows[:, self.followers].T, demand[:, self.followers].T).T, dtype=np.float64)
         tau = demand - lam @ rows
         tau[:, self.followers] = 0.0

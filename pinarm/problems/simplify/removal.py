@@ -20,6 +20,7 @@ from pinarm.engine.statics.actuation import followers_of
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings import Coupling, independent
 from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.laws import Constant, Over
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.problems.common import Place, laws_of
@@ -159,15 +160,18 @@ class Known:
     @cached_property
     def _rows(self) -> Array:
         """Rows of the constraints at a configuration of no special kind, shape (m, nv)."""
+        return self.mechanism.closure.rows(self._state)
+
+    @cached_property
+    def _state(self) -> Kinematics:
+        """A state at rest of no special kind."""
         model = self.mechanism.model
         anywhere = np.sin(np.arange(1.0, model.nv + 1.0))
-        self.mechanism.closure.place(pin.integrate(model, pin.neutral(model), anywhere))
-        return self.mechanism.closure.rows()
+        return Kinematics.at(model, pin.integrate(model, pin.neutral(model), anywhere))
 
     def _behind(self, coordinate: Coordinate) -> set[int]:
         """Return the joints that move a coordinate."""
-        _ = self._rows  # the buffers hold their configuration
-        return self.joints_of(coordinate.row(self.mechanism.model, self.mechanism.closure.data))
+        return self.joints_of(coordinate.row(self._state))
 
     @staticmethod
     def joints_of(rows: Array) -> set[int]:

@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.coordinate_partition import Reduction
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.pinocchio_constraints import PointClosure
 from pinarm.engine.integration import Flat
 from pinarm.engine.kinematics.prescribed import Imposed

@@ -10,7 +10,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.coordinate_partition import Targets
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.pinocchio_constraints import PointClosure
 from pinarm.engine.integration import Acceleration, Manifold, Stretch
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
