@@ -5,14 +5,18 @@ The equations are those of ``engine.following``; ``engine.sweeps`` solves many r
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.kinematics.continuation_batch import NOTHING, Sweep
 from pinarm.engine.kinematics.newton import Solver
 from pinarm.engine.kinematics.prescribed import Imposed
-from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.laws.motion_law import Grid
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
 
 
 def follow_branch(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Array) -> tuple[Array, Array, Array]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -10,10 +11,12 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import Split
-from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.geometry.link_placements import Links
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.pairs import looser
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
 
 COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 

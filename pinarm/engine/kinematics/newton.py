@@ -9,7 +9,7 @@ mechanism (``Closure.length``), so that it is solved alike at any size.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -18,13 +18,15 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch, part_of_leap
 from pinarm.engine.kinematics.prescribed import Imposed
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError
 from pinarm.mechanics.ball_joints import configuration
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings import Coupling
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import spelled
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
 
 CLOSED = 1e-12
 """Largest gap of a solved position, relative to ``1 + |w|``; Newton's method ends near 1e-16."""
