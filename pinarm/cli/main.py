@@ -204,8 +204,8 @@ def _assignments(texts: Sequence[str]) -> dict[str, str]:
 
 
 def _replay(options: argparse.Namespace) -> int:
-    from pinarm.use.show.replay.page import replay
     from pinarm.use.store.restore import restore
+    from pinarm.use.views import replay
 
     result = restore(options.result)
     shown = replay(result, traces=options.trace, arrows=options.arrows, plots=options.plot)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -109,6 +109,17 @@ class Accuracy(Model, frozen=True):
         by = SETTING[self.method]
         wanted = self.step if by == "step" else self.tolerance
         return by, TOLERANCE if wanted is None else float(wanted)
+
+    @property
+    def setting_keys(self) -> dict[str, Any]:
+        """Return what decides the error of the integration, as the keys of a file."""
+        return setting_keys(self.method, self.setting[1])
+
+
+def setting_keys(method: MethodName, value: float) -> dict[str, Any]:
+    """Return a setting of the integration as the keys of a file, from a method and its tolerance, or its step [s]."""
+    return {"method": method, "step": f"{value!r} s"} if SETTING[method] == "step" else {
+        "method": method, "tolerance": value}  # fmt: skip
 
 
 def laws_of(

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array, Indices
+from pinarm.engine.checks.balance import energy_of
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import require_masses
@@ -131,7 +132,7 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         t, end = self.time.instants(), course.end
         grid = journey.grid(t if end == t[-1] else np.array([*t[t < end], end]), course.seams)
         whole = _at(mechanism, journey, course, self.events, grid)
-        energy = {} if self.motion else course.energy()
+        energy = {} if self.motion else energy_of(course)
         notes = course.doubts() or _lost(energy.get("energy", 0.0))
         return replace(whole, figures={**course.cost(), **energy}, notes=(*_changed(mechanism, journey, v), *notes))
 

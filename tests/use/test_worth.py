@@ -9,9 +9,9 @@ import pytest
 import pinarm
 from pinarm.cli.main import main
 from pinarm.errors import NumericsError
-from pinarm.use.result.integration_settings import varied
 from pinarm.use.study.accuracy import tolerance_search as target_search
 from pinarm.use.study.accuracy.error_estimate import differences, estimated, scales
+from pinarm.use.study.accuracy.integration_settings import varied
 from pinarm.use.study.accuracy.tolerance_search import _ordered
 
 ROOT = Path(__file__).parents[2]

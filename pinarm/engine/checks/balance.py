@@ -12,6 +12,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration import Solution
+from pinarm.engine.motion.segments import Course
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_placements import Links, moving, supports
 from pinarm.mechanics.geometry.vectors import crossed
@@ -171,6 +172,15 @@ class Account:
         q, v = self.whole(t, *self.solution.states_in(np.repeat(index, GAUSS_NODES), t))
         powers = dynamics.dissipated_power(t, q, v)
         return np.asarray(0.5 * h * (powers.reshape(-1, GAUSS_NODES) @ weights))
+
+
+def energy_of(course: Course) -> dict[str, float]:
+    """Return the energy balance of a motion whose segments have been integrated; see ``energy_balance``."""
+    accounts = []
+    for leg in course.legs:
+        local = [course.dynamics.on(stretch.start, stretch.end) for stretch in leg.solution.stretches]
+        accounts.append(Account(leg.solution, local, leg.system.whole))
+    return energy_balance(*accounts)
 
 
 def energy_balance(*accounts: Account) -> dict[str, float]:

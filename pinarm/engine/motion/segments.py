@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.checks.balance import Account, energy_balance
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration import Solution
@@ -84,14 +83,6 @@ class Course:
         }
         floored = sum(count.floored for count in counts)
         return {**cost, "steps at the noise floor": float(floored)} if floored else cost
-
-    def energy(self) -> dict[str, float]:
-        """Return the largest change of energy within legs that nothing accounts for."""
-        return energy_balance(*(self._account(leg) for leg in self.legs))
-
-    def _account(self, leg: Leg) -> Account:
-        local = [self.dynamics.on(stretch.start, stretch.end) for stretch in leg.solution.stretches]
-        return Account(leg.solution, local, leg.system.whole)
 
     def doubts(self) -> list[str]:
         """Return what says that the integrator was a poor choice."""

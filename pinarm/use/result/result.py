@@ -102,15 +102,15 @@ class Result:
             names: Quantities, symbols or formulas; the outputs of the scenario where none is given.
             against: What runs along the horizontal axis; the run's parameter where it is left out.
         """
-        from pinarm.use.show.plot import plot
+        from pinarm.use import views
 
-        return plot(self, names or tuple(self.content.outputs), against=against)
+        return views.plot(self, names or tuple(self.content.outputs), against=against)
 
     def sketch(self) -> Picture:
         """Return a drawing of the mechanism at the start and the end of the run."""
-        from pinarm.use.show.sketch import sketch
+        from pinarm.use import views
 
-        return sketch(self)
+        return views.sketch(self)
 
     def replay(
         self,
@@ -131,24 +131,24 @@ class Result:
         Raises:
             InputError: A name is unknown, or the run does not have what is asked.
         """
-        from pinarm.use.show.replay.page import replay
+        from pinarm.use import views
 
-        shown = replay(self, traces=traces, arrows=arrows, plots=plots)
+        shown = views.replay(self, traces=traces, arrows=arrows, plots=plots)
         if path is not None:
             shown.save(path)
         return shown
 
     def save(self, folder: str | Path, *, plots: bool = True) -> Path:
         """Write the result as a folder: scenario, summary, CSV, npz, plots; return the folder."""
-        from pinarm.use.store.save import save
+        from pinarm.use import views
 
-        return save(self, Path(folder), plots=plots)
+        return views.save(self, Path(folder), plots=plots)
 
     def _repr_html_(self) -> str:
         """Return numbers, plots and the replay, for notebooks; saved ones keep them."""
-        from pinarm.use.show.notebook import of_result
+        from pinarm.use import views
 
-        return of_result(self)
+        return views.html(self)
 
     def require_finite(self, name: str) -> None:
         """Raise where a quantity is not a number somewhere.

@@ -212,11 +212,9 @@ class Scenario:
         Raises:
             PinarmError: The input is impossible, or the numerics failed; then ``partial`` holds the result until there.
         """
-        if self.content.accuracy.target is None:
-            return self.solve()
-        from pinarm.use.study.accuracy.tolerance_search import reach
+        from pinarm.use.study.run import run
 
-        return reach(self)
+        return run(self)
 
     def verified(self) -> Result:
         """Return the result with its global error estimated, and every row of it checked.
@@ -224,12 +222,12 @@ class Scenario:
         Raises:
             PinarmError: See ``run``.
         """
-        from pinarm.use.study.accuracy.error_estimate import verified
+        from pinarm.use.study.run import verified
 
         return verified(self)
 
     def solve(self) -> Result:
-        """Solve the problem as it is set; with ``find``, for the values that bring about what is wanted.
+        """Solve the problem once, at its own setting; with ``find``, for the values that bring about what is wanted.
 
         Raises:
             PinarmError: See ``run``.

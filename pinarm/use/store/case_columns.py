@@ -60,6 +60,20 @@ def statistics(series: Series) -> dict[str, Any]:
     return {name: float(value) if isinstance(value, np.floating) else value for name, value in found.items()}
 
 
+def statistics_rows(each: str, entries: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
+    """Return a table of the statistics of columns: a heading, and a row for each.
+
+    Args:
+        each: What a line of the columns is, such as ``case``, for the headings.
+        entries: Column -> its ``statistics``.
+    """
+    rows = [["", "unit", "min", f"in {each}", "mean", "deviation", "max", f"in {each}"]]
+    for name, entry in entries.items():
+        numbers = [entry.get(key) for key in ("min", "at_min", "mean", "deviation", "max", "at_max")]
+        rows.append([name[:48], entry["unit"], *("-" if number is None else f"{number:.7g}" for number in numbers)])
+    return rows
+
+
 def failures(errors: Mapping[int, str]) -> list[dict[str, Any]]:
     """Return why lines failed: each reason once, as its first line has it, the most frequent first.
 

@@ -17,7 +17,6 @@ from pinarm.engine.model_source import Source
 from pinarm.engine.motion.trajectory import Series
 from pinarm.errors import InputError
 from pinarm.mechanics.loading.pinocchio_model import ending
-from pinarm.use.result.integration_settings import setting_of
 from pinarm.use.result.result import Result
 from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
 
@@ -124,7 +123,7 @@ def _resolved(result: Result, folder: Path) -> str:
         for name, value in result.trajectory.mechanism.arguments.items()
     }
     accuracy = result.content.accuracy
-    decided = setting_of(accuracy) if accuracy.target is None else result.data["accuracy"]
+    decided = accuracy.setting_keys if accuracy.target is None else result.data["accuracy"]
     written["accuracy"] = {**decided, "max_steps": accuracy.max_steps}
     source = Path(str(written["mechanism"]))
     if source.suffix:

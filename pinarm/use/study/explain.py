@@ -13,6 +13,7 @@ from pinarm.mechanics.couplings import Coupling
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.problems.simplify.simplified import Removal
 from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.study.run import run
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ def explain(path: str | Path, overrides: list[str] | None = None) -> Explanation
     file = Path(path)
     if file.suffix in (".yaml", ".yml") and "problem" in (Document.read(file).data or {}):
         scenario = Scenario.load(file, overrides)
-        q, whole = scenario.run().trajectory.q[0], scenario.mechanism
+        q, whole = run(scenario).trajectory.q[0], scenario.mechanism
         return Explanation(whole, mobility_of(whole, q), "where the motion begins", scenario.scene.removals)
     mechanism = Mechanism.load(path)
     q = assembled_near(mechanism, {})

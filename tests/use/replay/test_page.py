@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.use.show.replay.page import replay
+from pinarm.use.show.replay.page import replay_page
 from pinarm.use.store.restore import restore
 
 
@@ -123,7 +123,7 @@ def test_of_planar_loops_the_forces_in_the_plane_are_drawn(
 )
 def test_what_is_unknown_is_refused(solved: Callable[..., Any], options: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        replay(solved("gen411_arm_static"), **options)
+        replay_page(solved("gen411_arm_static"), **options)
 
 
 def test_kinematics_have_no_forces(solved: Callable[..., Any]) -> None:

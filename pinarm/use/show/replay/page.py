@@ -26,7 +26,6 @@ from pinarm.use.show.replay.packing import Packing, compressed
 from pinarm.use.show.replay.shapes import Shape, visuals
 from pinarm.use.show.replay.sticks import sticks
 from pinarm.use.show.replay.tracks import Node, nodes_of, placed, rows_shown
-from pinarm.use.store.restore import restore
 
 FILES = Path(__file__).parent / "page"
 SCRIPTS = ("data.js", "motion.js", "solids.js", "view.js", "overlays.js", "plots.js", "main.js")
@@ -75,25 +74,20 @@ class Replay:
         return frame(self.html, height=560)
 
 
-def replay(
-    result: Result | str | Path,
-    *,
-    traces: Sequence[str] = (),
-    arrows: Sequence[str] = (),
-    plots: Sequence[str] | None = None,
+def replay_page(
+    result: Result, *, traces: Sequence[str] = (), arrows: Sequence[str] = (), plots: Sequence[str] | None = None
 ) -> Replay:
     """Return the moving picture of a result.
 
     Args:
-        result: The result, or the folder that it was written to.
+        result: The result.
         traces: Links whose origins leave a path; ``com`` for the centre of mass.
         arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
         plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
 
     Raises:
-        InputError: A name is unknown, the run does not have what is asked, or the folder is no result.
+        InputError: A name is unknown, or the run does not have what is asked.
     """
-    result = result if isinstance(result, Result) else restore(result)
     names = list(dict.fromkeys(result.content.outputs if plots is None else plots))
     curves = [result[name] for name in names]
     rows = rows_shown(result.trajectory, [series.values for series in curves])

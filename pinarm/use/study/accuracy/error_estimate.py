@@ -9,43 +9,23 @@ the finer one; where a motion is chaotic, it grows in the difference as it does 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from pinarm.arrays import Indices
-from pinarm.engine.checks.balance import power_balance
-from pinarm.engine.checks.residuals import table_figures
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import NumericsError
 from pinarm.input.units import Unit
-from pinarm.use.result.integration_settings import comparable, patience, setting_of, spoken, varied
 from pinarm.use.result.result import Result
-
-if TYPE_CHECKING:
-    from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.study.accuracy.integration_settings import comparable, patience, spoken, varied
 
 ZERO = 1e-12
 """Size of an output, relative to what the masses, lengths and times of the run make of its unit, that is 0."""
 
 UNSEEN = 1e-15
 """Relative error that no comparison in double precision can tell from none."""
-
-
-def verified(scenario: Scenario) -> Result:
-    """Return the result of a scenario with its errors estimated and all its rows checked.
-
-    Raises:
-        PinarmError: See ``Scenario.run``.
-    """
-    result = scenario.run()
-    run, rows = result.trajectory, len(result)
-    figures = {**result.figures, **power_balance(run, rows), **table_figures(run, rows)}
-    if result.errors:
-        return replace(result, figures=figures)
-    errors, setting = estimated(scenario, result)
-    return replace(result, figures=figures, errors=errors, setting=setting)
 
 
 def estimated(scenario: Scenario, result: Result) -> tuple[dict[str, float], str]:
@@ -61,8 +41,8 @@ def estimated(scenario: Scenario, result: Result) -> tuple[dict[str, float], str
     """
     accuracy = scenario.content.accuracy
     if "evaluations" not in result.figures:
-        return _compared(scenario, result, setting_of(accuracy), accuracy.max_steps), "against other last digits"
-    used, steps = spoken(setting_of(accuracy)), patience(result, accuracy.max_steps)
+        return _compared(scenario, result, accuracy.setting_keys, accuracy.max_steps), "against other last digits"
+    used, steps = spoken(accuracy.setting_keys), patience(result, accuracy.max_steps)
     for setting in comparable(accuracy):
         errors = _compared(scenario, result, setting, steps)
         if np.isfinite(max(errors.values())):

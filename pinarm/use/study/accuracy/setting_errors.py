@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.errors import IntegrationError, NumericsError
-from pinarm.use.result.integration_settings import ladders, patience, references, spoken, varied
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.accuracy.error_estimate import differences
+from pinarm.use.study.accuracy.integration_settings import ladders, patience, references, spoken, varied
 
 WANTED = (1e-3, 1e-6, 1e-9)
 """Errors that a setting is recommended for."""

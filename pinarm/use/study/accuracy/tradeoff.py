@@ -79,9 +79,16 @@ class Tradeoff:
 
     def _repr_html_(self) -> str:
         """Return tables and plots, for notebooks."""
-        from pinarm.use.show.notebook import of_tradeoff
+        from pinarm.use.show.notebook import blocks, folded, heading, lines, picture, table
+        from pinarm.use.study.accuracy.tradeoff_text import advice, remarks, settings, variants
 
-        return of_tradeoff(self)
+        drawn = {name: picture(figure) for name, figure in self.plots().items()}
+        parts = [heading(self.scenario.content.title or self.scenario.name)]
+        if self.reference:
+            parts += [lines(advice(self)), drawn["settings"], folded("all settings", table(settings(self)))]
+        if self.variants:
+            parts += [table(variants(self)), lines(remarks(self)), drawn["variants"]]
+        return blocks(*parts)
 
 
 def tradeoff(scenario: Scenario | str | Path) -> Tradeoff:

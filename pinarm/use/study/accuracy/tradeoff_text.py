@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from pinarm.use.study.accuracy.tradeoff import Tradeoff
+if TYPE_CHECKING:
+    from pinarm.use.study.accuracy.tradeoff import Tradeoff
 
 
 def report(trade: Tradeoff) -> str:

@@ -22,7 +22,7 @@ from pinarm.use.result import row_lookup as instants
 from pinarm.use.result.expectation import Expectation, in_si
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
-from pinarm.use.study.run import scenarios
+from pinarm.use.study.run import run, scenarios
 
 FORMULA = 1e-10
 """Relative tolerance of formulas where the entry gives none."""
@@ -76,9 +76,10 @@ class Findings(tuple[Finding, ...]):
 
     def _repr_html_(self) -> str:
         """Return them as a table, for notebooks."""
-        from pinarm.use.show.notebook import of_findings
+        from pinarm.use.show.notebook import blocks, lines, table
+        from pinarm.use.study.answers.verdict_table import HEADING, remarks, rows
 
-        return of_findings(self)
+        return blocks(table([list(HEADING), *rows(self)]), lines(remarks(self)))
 
 
 def check(scenario: Scenario | str | Path, result: Result | None = None) -> Findings:
@@ -93,7 +94,7 @@ def check(scenario: Scenario | str | Path, result: Result | None = None) -> Find
     """
     findings = []
     for one in scenarios(scenario):
-        solved = result or one.run()
+        solved = result or run(one)
         for index, expectation in enumerate(one.content.expect):
             with one.document.locating("expect", index):
                 findings.append(compare(solved, expectation))

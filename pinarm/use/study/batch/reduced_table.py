@@ -70,6 +70,9 @@ class Table:
 
     def _repr_html_(self) -> str:
         """Return the statistics, for notebooks."""
-        from pinarm.use.show.notebook import of_table
+        from pinarm.use.show.notebook import blocks, heading, lines, table
 
-        return of_table(self)
+        summary = self.summary()
+        rows = columns.statistics_rows("motion", summary["columns"])
+        failed = [f"failed: {failure['reason']} ({failure['cases']})" for failure in summary["failures"]]
+        return blocks(heading(f"{self.name}, {len(self)} motions"), table(rows), lines(failed))

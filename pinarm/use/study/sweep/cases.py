@@ -18,6 +18,7 @@ from pinarm.input.yaml.document import Document
 from pinarm.use.result import row_lookup as instants
 from pinarm.use.result.result import MEASURES, Result
 from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.study.run import run
 from pinarm.use.study.sweep.axes import Value
 
 WORTH = (*MEASURES, "global error")
@@ -164,7 +165,7 @@ def solve_case(task: Task, values: Mapping[str, Value]) -> Row:
     """
     with rooted(task.root), noting_files() as files:
         try:
-            result = Scenario.of(task.document.varied(values), task.folder).run()
+            result = run(Scenario.of(task.document.varied(values), task.folder))
             numbers = [number for entry in task.wanted for number in entry.numbers(result)]
             if result.missed:
                 target = result.content.accuracy.target

@@ -96,9 +96,11 @@ class Sweep:
 
     def _repr_html_(self) -> str:
         """Return statistics and a plot, for notebooks."""
-        from pinarm.use.show.notebook import of_sweep
+        from pinarm.use.show.notebook import blocks, heading, lines, picture, table
+        from pinarm.use.study.sweep.sweep_text import ranges, remarks
 
-        return of_sweep(self)
+        parts = heading(self.title or self.name), table(ranges(self)), lines(remarks(self)), picture(self.plot())
+        return blocks(*parts)
 
 
 def sweep(

@@ -1,17 +1,18 @@
-"""Settings of the time integration: what decides how a motion is integrated, as the keys of a scenario's accuracy."""
+"""Settings of the time integration that a motion is solved with beside its own: finer, coarser, from loose to tight.
+
+A setting is written as the keys of a scenario's ``accuracy``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pinarm.engine.integration import SETTING, MethodName
-from pinarm.problems.common import Accuracy
+from pinarm.problems.common import Accuracy, setting_keys
 from pinarm.use.result.result import Result
-
-if TYPE_CHECKING:
-    from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.scenario.scenario import Scenario
 
 FINER = 100.0
 """Quotient of the tolerances of a solution and of the finer one that it is compared with."""
@@ -23,17 +24,6 @@ PATIENCE = 10.0
 """Steps of a finer solution over those of the coarser one beyond which it is given up; order 5 needs 2.5 times."""
 
 
-def setting(method: MethodName, value: float) -> dict[str, Any]:
-    """Return a setting from a method and its tolerance, or its step [s]."""
-    return {"method": method, "step": f"{value!r} s"} if SETTING[method] == "step" else {
-        "method": method, "tolerance": value}  # fmt: skip
-
-
-def setting_of(accuracy: Accuracy) -> dict[str, Any]:
-    """Return what decides how a motion is integrated, as the keys of a scenario."""
-    return setting(accuracy.method, accuracy.setting[1])
-
-
 def comparable(accuracy: Accuracy) -> list[dict[str, Any]]:
     """Return settings whose errors differ much from that of another, finer ones first.
 
@@ -41,9 +31,9 @@ def comparable(accuracy: Accuracy) -> list[dict[str, Any]]:
     """
     by, own = accuracy.setting
     if by == "step":
-        return [setting(accuracy.method, own / 2.0), setting(accuracy.method, own * 2.0)]
+        return [setting_keys(accuracy.method, own / 2.0), setting_keys(accuracy.method, own * 2.0)]
     near = [own / FINER, own / 10.0, own * 10.0]
-    return [setting(accuracy.method, value) for value in near if TIGHTEST < 1.001 * value < LOOSEST]
+    return [setting_keys(accuracy.method, value) for value in near if TIGHTEST < 1.001 * value < LOOSEST]
 
 
 @dataclass(frozen=True)
@@ -76,7 +66,7 @@ class Ladder:
     def setting(self, rung: int) -> dict[str, Any]:
         """Return the setting of a rung, the coarsest being 2: ``10^-rung``, or the span by ``16 2^rung``."""
         step = float(f"{self.span / (16.0 * 2.0**rung):.3g}")
-        return setting(self.method, step if self.halving else float(f"1e-{rung}"))
+        return setting_keys(self.method, step if self.halving else float(f"1e-{rung}"))
 
 
 def patience(result: Result, most: int) -> int:
@@ -104,7 +94,7 @@ def varied(
 
 def references() -> list[dict[str, Any]]:
     """Return tight settings for a reference, the tightest last."""
-    return [setting("dop853", tolerance) for tolerance in (1e-11, 1e-12, 1e-13, 1e-14)]
+    return [setting_keys("dop853", tolerance) for tolerance in (1e-11, 1e-12, 1e-13, 1e-14)]
 
 
 def ladders(result: Result) -> dict[str, list[dict[str, Any]]]:
