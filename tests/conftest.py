@@ -80,7 +80,7 @@ def swing() -> Callable[[Mechanism], Trajectory]:
     def run(mechanism):
         law = Harmonic(mean=0.4, amplitude=0.9, pulsation=2.0)
         problem = Inverse(time=TimeGrid(end=3.0, samples=61), motion={"arm": law})
-        return problem.solve(mechanism, Accuracy(), lambda *path: nullcontext())
+        return problem.solve(mechanism, Accuracy(), lambda *path: nullcontext()).rows
 
     return run
 

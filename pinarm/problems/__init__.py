@@ -11,6 +11,7 @@ from pinarm.errors import InputError, choices
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+    from pinarm.engine.motion.outcome import Outcome
     from pinarm.engine.motion.trajectory import Trajectory
     from pinarm.problems.common import Accuracy
 
@@ -43,7 +44,7 @@ class Problem(Protocol):
 
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Callable[..., AbstractContextManager[None]]
-    ) -> Trajectory:
+    ) -> Outcome:
         """Return the answer."""
         ...
 

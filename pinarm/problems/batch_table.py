@@ -10,10 +10,10 @@ from pinarm.arrays import Indices
 from pinarm.engine.integration import Ensemble
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.hybrid_motion import Journey
+from pinarm.engine.motion.integrated_motion import event_columns, states
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.problems.forward import Forward, further, told
+from pinarm.problems.forward import Forward
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +47,6 @@ class Abreast:
         instant = np.concatenate([low + instants for low, (_, instants) in zip(grid.rows, parts, strict=False)])
         rows = Grid(grid.t[instant], grid.cuts, (0, *map(int, np.cumsum([len(some) for some, _ in parts]))))
         q, v = (x[motion, instant] for x in ensemble.states(grid.t))
-        run = told(mechanism, journey, rows, journey.system().complete(journey.dynamics, rows, q, v), _nothing_between)
+        run = states(mechanism, journey, rows, journey.system().complete(journey.dynamics, rows, q, v))
         happenings = [journey.events(crossings) for crossings in ensemble.crossings]
-        return cls(replace(run, further=further(problem.events, happenings, motion)), motion, instant)
-
-
-def _nothing_between(_: Grid) -> Trajectory:
-    raise InputError("these rows are of many motions", expected="one of them: batch.run(number)")
+        return cls(replace(run, further=event_columns(problem.events, happenings, motion)), motion, instant)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import ClassVar
 
 import msgspec
 import numpy as np
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array
 from pinarm.engine.checks.balance import energy_of
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
@@ -20,10 +18,11 @@ from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.bifurcation import undetermined_rest
 from pinarm.engine.motion.hybrid_motion import Journey, Known
+from pinarm.engine.motion.integrated_motion import IntegratedMotion, event_columns
+from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.segments import Course
 from pinarm.engine.motion.systems import Initial
-from pinarm.engine.motion.systems import Motion as Completed
-from pinarm.engine.motion.trajectory import Happening, Series, Trajectory
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import actuation
 from pinarm.errors import InputError, IntegrationError, Interrupted, Key
 from pinarm.input.units import unit
@@ -31,7 +30,6 @@ from pinarm.input.yaml.schema import Level, Model, Rate
 from pinarm.mechanics.ball_joints import coordinate_name, indices_of, velocity
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.laws import Motion
-from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_rates, laws_of, still
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
 
@@ -80,7 +78,7 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
     def still(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         row = still(mechanism, self.loads, "t", unit("s"), actuation(mechanism, [*self.motion], []).closure)
-        return replace(row, further=further(self.events, [()], np.zeros(1, dtype=np.intp)))
+        return replace(row, further=event_columns(self.events, [()], np.zeros(1, dtype=np.intp)))
 
     def prepare(self, mechanism: Mechanism, place: Place, accuracy: Accuracy = DEFAULT) -> Journey:
         """Check all names and units; return what is to be integrated."""
@@ -102,7 +100,7 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
             journey.system()
         return journey
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the motion, with what its energy says of its accuracy.
 
         Raises:
@@ -117,21 +115,21 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
 
     def followed(
         self, mechanism: Mechanism, journey: Journey, q: Array, v: Array, ahead: Known | None = None
-    ) -> Trajectory:
+    ) -> Outcome:
         """Return the motion from an assembled state, whose first leg may be known; see ``solve``."""
         laid = self.require_masses(mechanism, journey, q[None])
         try:
             course = journey.travel(q, v, ahead)
         except (IntegrationError, Interrupted) as error:
             if error.partial is not None:
+                reached = IntegratedMotion(mechanism, journey, error.partial)
                 grid = journey.grid(self.time.instants(), error.partial.seams).until(error.partial.end)
-                doubts = tuple(error.partial.doubts())
-                error.partial = replace(_at(mechanism, journey, error.partial, self.events, grid), notes=doubts)
+                error.partial = replace(reached.outcome(grid), notes=tuple(error.partial.doubts()))
             raise
         self._require_branch(mechanism, journey, laid, course)
         t, end = self.time.instants(), course.end
         grid = journey.grid(t if end == t[-1] else np.array([*t[t < end], end]), course.seams)
-        whole = _at(mechanism, journey, course, self.events, grid)
+        whole = IntegratedMotion(mechanism, journey, course).outcome(grid)
         energy = {} if self.motion else energy_of(course)
         notes = course.doubts() or _lost(energy.get("energy", 0.0))
         return replace(whole, figures={**course.cost(), **energy}, notes=(*_changed(mechanism, journey, v), *notes))
@@ -160,7 +158,7 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         kept = None
         if rest.t > self.time.start:
             grid = journey.grid(self.time.instants(), course.seams).until(rest.t)
-            kept = _at(mechanism, journey, course, self.events, grid)
+            kept = IntegratedMotion(mechanism, journey, course).outcome(grid)
         raise IntegrationError(
             f"from t = {rest.t:.9g} s on the motion is not determined: it all but stops at "
             f"{rest.regularity:.1g} of its usual regularity, where several motions meet and rounding would choose one",
@@ -190,24 +188,6 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         return Initial(q, v, positions, velocities)
 
 
-def _at(mechanism: Mechanism, journey: Journey, course: Course, events: Mapping[str, Event], grid: Grid) -> Trajectory:
-    """Return a course at the instants of a grid; accelerations are those of the equation of motion there."""
-    one, again = np.zeros(len(grid.t), dtype=np.intp), partial(_at, mechanism, journey, course, events)
-    run = told(mechanism, journey, grid, course.complete(grid), again)
-    happened = tuple(course.happenings)
-    return replace(run, further=further(events, [happened], one), happenings=happened, positions=course.positions)
-
-
-def told(
-    mechanism: Mechanism, journey: Journey, grid: Grid, motion: Completed, again: Callable[[Grid], Trajectory]
-) -> Trajectory:
-    """Return the trajectory of a motion at the rows of a grid."""
-    return Trajectory(
-        mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau, motion.lam,
-        journey.system().closure, journey.dynamics, again,
-    )  # fmt: skip
-
-
 def _changed(mechanism: Mechanism, journey: Journey, v: Array) -> list[str]:
     """Return what is to be said of given velocities that loops do not allow; v are those of the start."""
     given, told = journey.initial, []
@@ -230,22 +210,3 @@ def _lost(energy: float) -> list[str]:
     if energy < LOST:
         return []
     return [f"energy: {energy:.2g} of what is exchanged is not accounted for: the motion is not that of the mechanism"]
-
-
-def further(
-    events: Mapping[str, Event], happenings: Sequence[Sequence[Happening]], motion: Indices
-) -> dict[str, Series]:
-    """Return when each event first took place, and how often, as quantities that are the same in all rows of a motion.
-
-    Args:
-        events: The events, by name.
-        happenings: What took place, motion by motion.
-        motion: Which motion each row belongs to, shape (n,).
-    """
-    found = {}
-    for name in events:
-        times = [[one.t for one in some if one.name == name] for some in happenings]
-        first, count = (np.array(x)[motion] for x in ([[*x, np.nan][0] for x in times], [float(len(x)) for x in times]))
-        found[f"event.{name}.time"] = Series(f"event.{name}.time", unit("s"), first)
-        found[f"event.{name}.count"] = Series(f"event.{name}.count", unit("1"), count)
-    return found

@@ -7,17 +7,17 @@ from typing import Annotated, ClassVar
 
 import msgspec
 
+from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.motion.prescribed_motion import KINEMATIC, Prescription
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Level, Model
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.common import Accuracy, Place, TimeGrid, check_levels, laws_of
-from pinarm.problems.inverse import driven
-
-UNASKED = "the problem is kinematic and asks for no forces"
 
 
 class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):
@@ -39,7 +39,7 @@ class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):
 
     def still(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        return _without_efforts(Trajectory.still(mechanism, "t", unit("s")))
+        return replace(Trajectory.still(mechanism, "t", unit("s")), unasked=KINEMATIC)
 
     def prepare(self, mechanism: Mechanism, place: Place) -> Imposed:
         """Check all names and units; return the imposed coordinates."""
@@ -48,16 +48,11 @@ class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):
         with place("motion"):
             return Imposed.of(mechanism, motion)
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the motion of the joints."""
         imposed = self.prepare(mechanism, place)
         laws = [*imposed.laws, *(law for force in mechanism.forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"):
-            run = driven(mechanism, imposed, None, grid, self.start, mechanism.forces, "t", unit("s"))
-        return _without_efforts(run)
-
-
-def _without_efforts(run: Trajectory) -> Trajectory:
-    """Return the motion alone: efforts would be zeros or noise for a model whose masses play no part."""
-    return replace(run, unasked=UNASKED, again=lambda grid: _without_efforts(run.again(grid)))
+            prescription = Prescription(mechanism, imposed, None, mechanism.dynamics, "t", unit("s"))
+            return prescription.outcome(grid, start_configuration(mechanism, self.start))

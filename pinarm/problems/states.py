@@ -9,9 +9,13 @@ from typing import Annotated, ClassVar
 import msgspec
 import numpy as np
 
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.motion.prescribed_motion import Prescription, Rates
+from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
 from pinarm.errors import InputError, Key, choices
 from pinarm.input.units import Unit, unit
@@ -20,7 +24,6 @@ from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.mechanics.laws.motion_law import RENAMED, Grid, MotionLaw
 from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, laws_of, still
-from pinarm.problems.inverse import Rates, driven
 
 
 class Range(Model, frozen=True, rename=RENAMED):
@@ -72,13 +75,13 @@ class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
             drives = actuation(mechanism, self.drives, imposed.names)
         return imposed, drives, _forces(self.start, self.loads, mechanism, place)
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the positions, at rest, and the efforts of the drives."""
         imposed, drives, forces = self.prepare(mechanism, place)
         still = np.zeros(len(imposed.names))
         with place():
-            return driven(mechanism, imposed, drives, _grid(self.over), self.start, forces,
-                          *_parameter(self.over, mechanism), rates=(still, still))  # fmt: skip
+            return _prescription(mechanism, imposed, drives, forces, self.over, (still, still)).outcome(
+                _grid(self.over), start_configuration(mechanism, self.start))  # fmt: skip
 
 
 class State(Model, frozen=True, tag_field="kind", tag="state"):
@@ -127,18 +130,26 @@ class State(Model, frozen=True, tag_field="kind", tag="state"):
             drives = actuation(mechanism, self.drives, imposed.names)
         return imposed, drives, _forces(self.start, self.loads, mechanism, place), (rates[0], rates[1])
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the states and the efforts of the drives."""
         imposed, drives, forces, rates = self.prepare(mechanism, place)
         with place():
-            return driven(mechanism, imposed, drives, _grid(self.over), self.start, forces,
-                          *_parameter(self.over, mechanism), rates=rates)  # fmt: skip
+            return _prescription(mechanism, imposed, drives, forces, self.over, rates).outcome(
+                _grid(self.over), start_configuration(mechanism, self.start))  # fmt: skip
+
+
+def _prescription(
+    mechanism: Mechanism, imposed: Imposed, drives: Actuation, forces: Mapping[str, ForceElement],
+    over: Mapping[str, Range], rates: Rates,
+) -> Prescription:  # fmt: skip
+    dynamics = Dynamics.of(mechanism.model, forces)
+    return Prescription(mechanism, imposed, drives, dynamics, *_parameter(over, mechanism), rates)
 
 
 def _parameter(over: Mapping[str, Range], mechanism: Mechanism) -> tuple[str, Unit]:
     for swept in over:
         return swept, mechanism.coordinate(swept).unit
-    return "row", unit("1")
+    return ROW, unit("1")
 
 
 def _grid(over: Mapping[str, Range]) -> Grid:

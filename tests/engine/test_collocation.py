@@ -129,13 +129,13 @@ class TestArm:
         problem = Forward(time=TimeGrid(end=2.0, samples=41), loads=loads, initial={"position": {"B": 0.5}})
         runs = [problem.solve(arm, Accuracy(method=method, tolerance=1e-12), lambda *path: nullcontext())
                 for method in ("dop853", "collocation")]  # fmt: skip
-        assert runs[1].q == pytest.approx(runs[0].q, abs=1e-10)
+        assert runs[1].rows.q == pytest.approx(runs[0].rows.q, abs=1e-10)
         assert runs[1].figures["energy"] < 1e-10
 
     def test_one_that_a_law_leads_takes_part(self, arm):
         swing = {"A": Harmonic(amplitude=0.4, pulsation=3.0)}
         problem = Forward(time=TimeGrid(end=2.0, samples=41), motion=swing, initial={"position": {"B": 0.5}})
-        runs = [problem.solve(arm, Accuracy(method=method, tolerance=1e-12), lambda *path: nullcontext())
+        runs = [problem.solve(arm, Accuracy(method=method, tolerance=1e-12), lambda *path: nullcontext()).rows
                 for method in ("dop853", "collocation")]  # fmt: skip
         assert runs[1].q == pytest.approx(runs[0].q, abs=1e-10)
         assert runs[1].tau == pytest.approx(runs[0].tau, abs=1e-9)

@@ -22,7 +22,7 @@ def swung(mechanism, chain):
         arm = mechanism(chain(ARM).replace(LIMIT, f"<limit {limit}/>"), gravity="none")
         law = Harmonic(amplitude=0.9, pulsation=2.0)
         problem = kind(time=TimeGrid(end=3.0, samples=301), motion={"arm": law})
-        return problem.solve(arm, Accuracy(), lambda *path: nullcontext())
+        return problem.solve(arm, Accuracy(), lambda *path: nullcontext()).rows
 
     return run
 
@@ -71,7 +71,7 @@ def test_a_motion_without_drives_has_no_efforts(mechanism, chain):
         chain({**ARM, "com": "0.3 0 0", "axis": "0 1 0"}).replace(LIMIT, '<limit effort="1e-9" velocity="0"/>')
     )
     fall = Forward(time=TimeGrid(end=1.0, samples=11))
-    run = fall.solve(arm, Accuracy(), lambda *path: nullcontext())
+    run = fall.solve(arm, Accuracy(), lambda *path: nullcontext()).rows
     assert excesses(run) == []
 
 
@@ -79,6 +79,6 @@ def test_a_prescribed_joint_of_a_free_motion_has_one(mechanism, chain):
     xml = chain({**ARM, "com": "0.3 0 0", "axis": "0 1 0"}, {**ARM, "name": "tip"})
     arm = mechanism(xml.replace(LIMIT, '<limit effort="1" velocity="0"/>', 1))
     held = Forward(time=TimeGrid(end=1.0, samples=11), motion={"arm": Harmonic(amplitude=0.0, pulsation=1.0)})
-    run = held.solve(arm, Accuracy(), lambda *path: nullcontext())
+    run = held.solve(arm, Accuracy(), lambda *path: nullcontext()).rows
     assert [(excess.joint, excess.of) for excess in excesses(run)] == [("arm", "effort")]
     assert excesses(run)[0].value == pytest.approx(-9.81 * 0.3, rel=1e-6)

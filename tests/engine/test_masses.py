@@ -14,8 +14,10 @@ TOOL = {"name": "tool", "mass": 0.0, "inertia": (0.0, 0.0, 0.0)}
 
 
 def run(mechanism, **content):
-    return Forward(time=TimeGrid(end=0.1, samples=3), **content).solve(
-        mechanism, Accuracy(), lambda *path: nullcontext()
+    return (
+        Forward(time=TimeGrid(end=0.1, samples=3), **content)
+        .solve(mechanism, Accuracy(), lambda *path: nullcontext())
+        .rows
     )
 
 
@@ -84,5 +86,9 @@ def test_large_ratios_of_masses_are_no_lack_of_mass(mechanism, chain, ratio):
 def test_inverse_problems_need_no_masses(mechanism, chain):
     arm = mechanism(chain(ARM, TOOL))
     motion = {"arm": Constant(value=0.0), "tool": Constant(value=0.0)}
-    held = Inverse(time=TimeGrid(end=1.0, samples=3), motion=motion).solve(arm, Accuracy(), lambda *path: nullcontext())
+    held = (
+        Inverse(time=TimeGrid(end=1.0, samples=3), motion=motion)
+        .solve(arm, Accuracy(), lambda *path: nullcontext())
+        .rows
+    )
     assert held.tau[0] == pytest.approx([-9.81 * 0.5, 0.0], abs=1e-15)

@@ -23,7 +23,7 @@ MOTION = {
 
 def solve(mechanism, motion, end=2.0, samples=41):
     problem = Inverse(time=TimeGrid(end=end, samples=samples), motion=motion)
-    return problem.solve(mechanism, Accuracy(), lambda *path: nullcontext())
+    return problem.solve(mechanism, Accuracy(), lambda *path: nullcontext()).rows
 
 
 @pytest.fixture(scope="module")

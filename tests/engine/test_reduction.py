@@ -48,7 +48,7 @@ def solve(mechanism, motion, *, end=1.0, samples=41, position=None, velocity=Non
         time=TimeGrid(end=end, samples=samples), motion=motion, loads=loads or {},
         initial=InitialState(position=position or {}, velocity=velocity or {}),
     )  # fmt: skip
-    return problem.solve(mechanism, FINE, lambda *path: nullcontext())
+    return problem.solve(mechanism, FINE, lambda *path: nullcontext()).rows
 
 
 NOD = Harmonic(mean=-0.3, amplitude=0.8, pulsation=5.0, phase=0.2)

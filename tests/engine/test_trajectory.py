@@ -3,6 +3,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
+from pinarm.engine.motion.outcome import on_stretch, positions_by_stretch
 from pinarm.engine.motion.trajectory import Series
 from pinarm.input.units import unit
 from pinarm.mechanics.laws import Constant, Harmonic, Trapezoid
@@ -13,8 +14,12 @@ from pinarm.problems.inverse import Inverse
 LAW = Trapezoid(start=0.0, end=1.0, acceleration=1.0, begin=0.5)
 
 
-def solve(problem, mechanism):
+def outcome(problem, mechanism):
     return problem.solve(mechanism, Accuracy(tolerance=1e-12), lambda *path: nullcontext())
+
+
+def solve(problem, mechanism):
+    return outcome(problem, mechanism).rows
 
 
 @pytest.fixture
@@ -23,8 +28,13 @@ def arm(mechanism, chain):
 
 
 @pytest.fixture
-def run(arm):
-    return solve(Inverse(time=TimeGrid(end=3.0, samples=7), motion={"arm": LAW}), arm)
+def solved(arm):
+    return outcome(Inverse(time=TimeGrid(end=3.0, samples=7), motion={"arm": LAW}), arm)
+
+
+@pytest.fixture
+def run(solved):
+    return solved.rows
 
 
 def test_direction_at_standstill_is_that_of_the_motion_beside_it(run):
@@ -44,10 +54,10 @@ def test_direction_at_rest_is_none(arm):
 
 
 @pytest.mark.parametrize("stretch", range(4))
-def test_within_gives_the_same_motion_at_other_instants(run, stretch):
+def test_the_same_motion_at_other_instants_of_a_stretch(solved, run, stretch):
     cuts = run.grid.cuts
     t = np.linspace(cuts[stretch], cuts[stretch + 1], 5)
-    part = run.within(stretch, t)
+    part = on_stretch(solved.motion, cuts, stretch, t)
     s, ds, dds = LAW.on(cuts[stretch], cuts[stretch + 1])(t)
     assert part.grid.t.tolist() == t.tolist()
     for found, expected in ((part.q, s), (part.v, ds), (part.a, dds)):
@@ -56,13 +66,29 @@ def test_within_gives_the_same_motion_at_other_instants(run, stretch):
     assert part.tau[[0, -1]] == pytest.approx(run.tau[rows][[0, -1]], abs=1e-14)
 
 
-def test_within_a_forward_run_is_its_dense_output(arm):
+def test_a_forward_run_at_other_instants_is_its_dense_output(arm):
     time = TimeGrid(end=2.0, samples=3)
-    coarse = solve(Forward(time=time), arm)
+    coarse = outcome(Forward(time=time), arm)
     fine = solve(Forward(time=TimeGrid(end=2.0, samples=33)), arm)
-    part = coarse.within(0, np.linspace(0.0, 2.0, 33))
+    part = on_stretch(coarse.motion, coarse.rows.grid.cuts, 0, np.linspace(0.0, 2.0, 33))
     for name in ("q", "v", "a"):
         assert np.array_equal(getattr(part, name), getattr(fine, name))
+
+
+def test_positions_are_those_of_the_stretch_that_each_instant_lies_in(solved):
+    """In any order: half a second at 0, a second of 1 rad/s^2, one of -1 rad/s^2, then at 1 rad."""
+    t = np.random.default_rng(3).uniform(0.0, 3.0, 20)
+    begun, left = np.clip(t - 0.5, 0.0, None), np.clip(2.5 - t, 0.0, None)
+    wanted = np.where(t < 1.5, 0.5 * begun**2, 1.0 - 0.5 * left**2)
+    for found in (solved.motion.positions(t), positions_by_stretch(solved.motion, solved.rows.grid.cuts, t)):
+        assert found[:, 0] == pytest.approx(wanted, abs=1e-15)
+
+
+def test_some_rows_are_those_rows(run):
+    rows = np.array([0, 3, 3, 5])
+    part = run.some(rows)
+    assert np.array_equal(part.q, run.q[rows])
+    assert np.array_equal(part.gather(lambda dynamics, here: part.grid.t[here]), run.grid.t[rows])
 
 
 def test_stretches_cover_the_rows_in_order(run):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from catalogue import axes_along
-from extreme import WRONG, Case, G, hinge, largest, pendulum, quarter, solved, swing
+from extreme import WRONG, Case, G, hinge, integrated, largest, pendulum, quarter, solved, swing
 from linkage import GROUND, Body, Joint, Linkage
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
@@ -136,8 +136,8 @@ def sprung(stiffness: float, damping: float, end: float, folder: Path, note: str
     """A wheel of 1 kg m^2 on a spring; where a note has to be in the stamp, without it the answer is wrong."""
     wheel = Linkage({"wheel": Body(1.0, np.zeros(3), np.eye(3))}, {"arm": hinge(GROUND, "wheel")}, 0.0)
     spring = JointSpring(joint="arm", stiffness=stiffness, damping=damping, rest=0.0)
-    run = solved(wheel.build(folder), end, position={"arm": 1e-3}, loads={"spring": spring}, **accuracy)
-    said = " ".join(run.notes)
+    outcome = integrated(wheel.build(folder), end, position={"arm": 1e-3}, loads={"spring": spring}, **accuracy)
+    run, said = outcome.rows, " ".join(outcome.notes)
     return decay(run.grid.t, run.q[:, 0], damping, stiffness) if note in said and bool(note) == bool(said) else WRONG
 
 

@@ -159,7 +159,7 @@ class TestStructure:
 
     def test_its_reactions_are_those_of_statics(self, tmp_path):
         linkage, mechanism = self.built(tmp_path)
-        run = Statics().solve(mechanism, Accuracy(), anywhere)
+        run = Statics().solve(mechanism, Accuracy(), anywhere).rows
         right = newton_euler(linkage, poses(linkage, run)[0])
         for joint in linkage.joints:
             found = wrench(linkage, run, joint)

@@ -26,7 +26,7 @@ def here(*_):
 
 def run(mechanism, end, samples=101, tolerance=1e-12, **content):
     problem = Forward(time=TimeGrid(end=end, samples=samples), **content)
-    return problem.solve(mechanism, Accuracy(tolerance=tolerance), here)
+    return problem.solve(mechanism, Accuracy(tolerance=tolerance), here).rows
 
 
 def spun(x, y, z):
@@ -186,7 +186,7 @@ def test_moment_that_turns_a_floating_body_to_and_fro_is_inertia_times_accelerat
     names = (*(f"body.{one}" for one in "xyz"), *(f"body.rotation.{one}" for one in "xyz"))
     motion = {name: Constant(value=0.3 if name == "body.x" else 0.0) for name in names}
     motion[f"body.rotation.{axis}"] = Harmonic(mean=0.2, amplitude=0.9, pulsation=3.0)
-    moved = Inverse(time=TimeGrid(end=2.0, samples=41), motion=motion).solve(body, Accuracy(), here)
+    moved = Inverse(time=TimeGrid(end=2.0, samples=41), motion=motion).solve(body, Accuracy(), here).rows
     found, k = Quantities(moved), "xyz".index(axis)
     expected = BODY["inertia"][k] * found[f"coordinate.body.rotation.{axis}.acceleration"].values
     law = -0.9 * 9.0 * np.sin(3.0 * moved.grid.t)

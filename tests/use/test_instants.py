@@ -20,7 +20,7 @@ ROUNDING = 1e-13
 @pytest.fixture
 def ask(scenario: Callable[..., Any]) -> Callable[..., float]:
     def asked(kind: str, where: Any, name: str) -> float:
-        [value] = at(scenario(kind).run().quantities, where, name)[name].values
+        [value] = at(scenario(kind).run(), where, name)[name].values
         return float(value)
 
     return asked
@@ -60,7 +60,7 @@ def test_an_extreme_is_found_between_the_samples(ask: Callable[..., float], whic
 
 
 def test_the_row_of_an_extreme_answers_other_questions_too(scenario: Callable[..., Any]) -> None:
-    row = at(scenario("statics").run().quantities, "max", "M")
+    row = at(scenario("statics").run(), "max", "M")
     assert row["alpha"].values == pytest.approx([math.pi / 2], abs=1e-7)  # a flat top: sqrt(eps) in its place
 
 
@@ -119,4 +119,4 @@ def test_places_that_do_not_exist(ask: Callable[..., float], kind: str, where: A
 def test_a_coordinate_that_stays_at_its_value_is_not_searched_at_length(scenario: Callable[..., Any]) -> None:
     run = scenario("statics").run()
     with pytest.raises(InputError, match="reached"):
-        at(run.quantities, {"joint.pivot.velocity": "0 rad/s"}, "M")
+        at(run, {"joint.pivot.velocity": "0 rad/s"}, "M")

@@ -56,7 +56,7 @@ def test_other_instants_are_solved_anew(scenario: Callable[..., Any], folder: Pa
     result = scenario("forward").run()
     again = restore(result.save(folder / "out", plots=False))
     grid = Grid(np.array([1.234]), (0.0, 5.0), (0, 1))
-    assert np.array_equal(again.trajectory.again(grid).q, result.trajectory.again(grid).q)
+    assert np.array_equal(again.outcome.motion.at(grid).q, result.outcome.motion.at(grid).q)
 
 
 def test_a_partial_result_comes_back(scenario: Callable[..., Any], folder: Path) -> None:

@@ -246,7 +246,7 @@ def test_a_free_base_carries_what_is_locked(scene):
     problem["end_stops"] = {"shoulder_a": {"upper": "0.2 rad", "restitution": 0.5}}
     asked = scene(problem, "t", base="floating", accuracy=RK4)
     assert assert_unchanged(asked) == dict.fromkeys(motion, "locked")
-    found, wanted = (each.run().trajectory.happenings for each in (asked, asked.varied({"modelled": "whole"})))
+    found, wanted = (each.run().happenings for each in (asked, asked.varied({"modelled": "whole"})))
     assert [one.name for one in found] == [one.name for one in wanted]
     assert {one.name for one in found} > {"passes"}
     for one, two in zip(found, wanted, strict=True):
@@ -339,10 +339,10 @@ def test_reactions_of_the_part_are_those_of_the_whole(scene):
     loads = {"push": {"kind": "wrench", "point": "hand", "force": ["3 N", "-2 N", "5 N"], "axes": "hand"}}
     asked = scene({**inverse(waist=MOVES), "loads": loads}, "joint.shoulder_a.effort")
     solved, whole = asked.scene.solve(asked.content.accuracy, lambda *at: nullcontext())
-    assert len(solved.mechanism.joints) == 4
+    assert len(solved.rows.mechanism.joints) == 4
     for axis in "xyz":
         for name in (f"joint.shoulder_a.force.{axis}", f"joint.shoulder_a.moment.{axis}"):
-            np.testing.assert_allclose(Quantities(solved)[name], Quantities(whole)[name], rtol=0, atol=1e-12)
+            np.testing.assert_allclose(Quantities(solved.rows)[name], Quantities(whole.rows)[name], rtol=0, atol=1e-12)
 
 
 def test_states_hold_what_has_no_velocity(scene):

@@ -145,7 +145,7 @@ def _quantities(
     grid = Grid(np.full(len(q), float(t)), (float(t), after), (0, len(q)))
     run = Trajectory(
         mechanism, "t", unit("s"), grid, q, v, a, still, Multipliers.zero(len(q), closure.size), closure,
-        mechanism.dynamics, _nothing_between, separate=True,
+        mechanism.dynamics, separate=True,
     )  # fmt: skip
     demand = dynamics.inverse(t, q, v, a)
     if tau is not None:
@@ -195,10 +195,6 @@ def _check_unit(mechanism: Mechanism, leading: Leading, q: Array) -> None:
         for row in np.flatnonzero(np.abs(lengths - 1.0) > UNIT)[:1]:
             said = f"{leading.place(int(row))}: the quaternion of '{ball.name}' has the length {lengths[row]:.6g}"
             raise InputError(said, expected="(x, y, z, w) of length 1", hint="configurations({...}) makes them")
-
-
-def _nothing_between(_: Grid) -> Trajectory:
-    raise InputError("these states are no motion: there is nothing between them", expected="kind: inverse or forward")
 
 
 def _forward(dynamics: Dynamics, closure: Closure, t: float, q: Array, v: Array, tau: Array) -> Array:

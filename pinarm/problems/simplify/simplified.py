@@ -16,6 +16,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import AssemblyError, DynamicsError, InputError, NumericsError
 from pinarm.mechanics.laws.motion_law import Grid
@@ -91,8 +92,8 @@ class Scene:
         part = Part(mechanism, forces, *found)
         return cls(problem, mechanism, _of_part(problem, told, part), part)
 
-    def solve(self, accuracy: Accuracy, place: Place) -> tuple[Trajectory, Trajectory]:
-        """Return the run that was solved, and the same run of the whole mechanism.
+    def solve(self, accuracy: Accuracy, place: Place) -> tuple[Outcome, Outcome]:
+        """Return what came out for the mechanism that was solved, and the same of the whole mechanism.
 
         Where the part cannot be solved the whole is tried, so that what is wrong is told in its terms.
 
@@ -106,7 +107,7 @@ class Scene:
         except (InputError, AssemblyError, DynamicsError):
             return self._as_put(accuracy, place)
         except NumericsError as error:
-            if isinstance(error.partial, Trajectory):
+            if isinstance(error.partial, Outcome):
                 error.partial = self.part.restored(error.partial)
             raise
         return run, self.part.restored(run)
@@ -116,9 +117,13 @@ class Scene:
         """The mechanism that is solved."""
         return self.mechanism if self.part is None else self.part.mechanism
 
-    def restored(self, run: Trajectory) -> Trajectory:
-        """Return a run of what is solved as one of the whole mechanism."""
-        return run if self.part is None else self.part.restored(run)
+    def restored(self, outcome: Outcome) -> Outcome:
+        """Return what came out for the solved mechanism as what comes out for the whole one."""
+        return outcome if self.part is None else self.part.restored(outcome)
+
+    def restored_rows(self, run: Trajectory) -> Trajectory:
+        """Return states of the solved mechanism as those of the whole one."""
+        return run if self.part is None else self.part.restored_rows(run)
 
     def spread(self, grid: Grid, q: Array, v: Array) -> tuple[Array, Array]:
         """Return states of what is solved as those of the whole mechanism.
@@ -130,7 +135,7 @@ class Scene:
         """
         return (q, v) if self.part is None else self.part.spread(grid, q, v)
 
-    def _as_put(self, accuracy: Accuracy, place: Place) -> tuple[Trajectory, Trajectory]:
+    def _as_put(self, accuracy: Accuracy, place: Place) -> tuple[Outcome, Outcome]:
         run = self.question.solve(self.mechanism, accuracy, place)
         return run, run
 

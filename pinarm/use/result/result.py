@@ -13,7 +13,8 @@ import msgspec
 import numpy as np
 
 from pinarm.engine.checks.limits import Excess, excesses
-from pinarm.engine.motion.trajectory import Series, Trajectory
+from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.motion.trajectory import Happening, Series, Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.joints import spelled
@@ -37,6 +38,7 @@ class Result:
         kind: Kind of its problem.
         content: The scenario, validated.
         data: The scenario as plain data.
+        outcome: What came out of the problem, for the whole mechanism.
         quantities: Everything that can be asked of the run, by name.
         figures: Measured accuracy and cost, by name.
         folder: Folder of the scenario file; paths in it are relative to that.
@@ -50,8 +52,9 @@ class Result:
     kind: str
     content: ScenarioFile = field(repr=False)
     data: Mapping[str, Any] = field(repr=False)
+    outcome: Outcome = field(repr=False)
     quantities: Quantities = field(repr=False)
-    figures: Mapping[str, float]
+    figures: Mapping[str, float] = field(default_factory=dict)
     folder: Path = Path()
     errors: Mapping[str, float] = field(default_factory=dict)
     setting: str = ""
@@ -70,8 +73,13 @@ class Result:
 
     @property
     def trajectory(self) -> Trajectory:
-        """The motion itself: arrays of q, v, a and tau."""
-        return self.quantities.trajectory
+        """The states themselves: arrays of q, v, a and tau."""
+        return self.outcome.rows
+
+    @property
+    def happenings(self) -> Sequence[Happening]:
+        """Events and impacts, in order of time."""
+        return self.outcome.happenings
 
     def __getitem__(self, name: str) -> Series:
         """Return a quantity by name, symbol or formula, as an array with its unit.
@@ -236,7 +244,7 @@ class Result:
         """
         doubts = [f"{series.name}: least multipliers; {series.doubt}" for series in self.columns() if series.doubt]
         run = self.trajectory
-        said = [*run.mechanism.notes, *doubts, *run.notes, *coarse_angles(run.mechanism.joints, run.q)]
+        said = [*run.mechanism.notes, *doubts, *self.outcome.notes, *coarse_angles(run.mechanism.joints, run.q)]
         return list(dict.fromkeys(said))  # a result that is read from a folder brings its own along
 
     def excesses(self) -> list[Excess]:

@@ -17,7 +17,7 @@ from pinarm.arrays import Array
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import table_figures
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DynamicsError, InputError, MethodError, NumericsError
 from pinarm.input.formulas.expressions import Expression
@@ -243,8 +243,8 @@ class Scenario:
                 hint="numbers of ordinary size, and a mass for whatever is free to move",
             ) from error
         except NumericsError as error:
-            if isinstance(error.partial, Trajectory):
-                error.partial = self.result(error.partial, {})
+            if isinstance(error.partial, Outcome):
+                error.partial = self.result(error.partial)
             raise
 
     def _found(self, asked: Find) -> Result:
@@ -269,8 +269,8 @@ class Scenario:
 
     def _left(self, asked: Find) -> dict[str, Array]:
         """Return the wanted quantities less their targets, at all rows."""
-        _, run = self.scene.solve(self.content.accuracy, self._place)
-        quantities = Quantities(run, self.symbols, self.content.undetermined)
+        _, outcome = self.scene.solve(self.content.accuracy, self._place)
+        quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
         left = {}
         for name, target in asked.wanted.items():
             series = quantities[name]
@@ -287,27 +287,33 @@ class Scenario:
             raise error.at(self.document.locate(("accuracy", "method"))) from None
         return self.measured(*solved)
 
-    def measured(self, solved: Trajectory, trajectory: Trajectory) -> Result:
-        """Return the result of a run that was solved, and of the same run of the whole mechanism, with its accuracy.
+    def measured(self, solved: Outcome, whole: Outcome) -> Result:
+        """Return the result with its accuracy, measured on the mechanism that was solved.
+
+        Args:
+            solved: What came out for that mechanism.
+            whole: The same for the whole mechanism.
 
         Raises:
             NumericsError: It is not finite.
         """
-        measured = {**solved.figures, **power_balance(solved), **table_figures(solved)}
-        removals = self.scene.removals if solved is not trajectory else ()
-        result = replace(self.result(trajectory, measured), removals=removals)
+        measured = {**solved.figures, **power_balance(solved.rows), **table_figures(solved.rows, solved.motion)}
+        removals = self.scene.removals if solved is not whole else ()
+        result = replace(self.result(whole), figures=measured, removals=removals)
         for index, name in enumerate(self.content.outputs):
             with self.document.locating("outputs", index):
                 result.require_finite(name)
         result = replace(result, figures={**result.figures, **result.quantities.figures()})
         if not all(math.isfinite(figure) for figure in result.figures.values()):
-            raise _beyond(trajectory)
+            raise _beyond(whole)
         return result
 
-    def result(self, trajectory: Trajectory, figures: Mapping[str, float]) -> Result:
-        """Return the result of a run of the whole mechanism, and the figures of its accuracy."""
-        quantities = Quantities(trajectory, self.symbols, self.content.undetermined)
-        return Result(self.name, self.problem.kind, self.content, self.document.data, quantities, figures, self.folder)
+    def result(self, outcome: Outcome) -> Result:
+        """Return the result of what came out for the whole mechanism; its accuracy is not measured."""
+        quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
+        return Result(
+            self.name, self.problem.kind, self.content, self.document.data, outcome, quantities, folder=self.folder
+        )
 
     def validate(self) -> None:
         """Check everything that can be checked without solving: the model, all names, all units.
@@ -370,12 +376,13 @@ CHECKABLE = 1e150
 """Size of numbers whose squares, and so energies and powers, are still finite."""
 
 
-def _beyond(run: Trajectory) -> DynamicsError:
+def _beyond(outcome: Outcome) -> DynamicsError:
     """Return the error of a run whose numbers are too large to be checked: says from where on."""
+    run = outcome.rows
     state = np.hstack([run.q, run.v, run.a, run.tau])
     row = int((~(np.abs(state) < CHECKABLE)).any(axis=1).argmax())
     where = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit} on, where {spelled(run.mechanism.model, run.q[row])}"
-    return DynamicsError(f"the numbers of this run are too large to be checked, from {where}", partial=run)
+    return DynamicsError(f"the numbers of this run are too large to be checked, from {where}", partial=outcome)
 
 
 def load(scenario: Scenario | str | Path, overrides: list[str] | None = None) -> Scenario:

@@ -83,12 +83,12 @@ def sketch(result: Result) -> Picture:
     drawn, model = _sticks(run), run.mechanism.model
     rows = np.unique(np.linspace(0, len(run) - 1, BETWEEN + 2).round().astype(np.intp))
     places = dict(zip(rows.tolist(), placed(model, run.q[rows]), strict=True))
-    told = rows.tolist() if run.parameter == "row" else [0, len(run) - 1]
+    told = rows.tolist() if run.numbered else [0, len(run) - 1]
     with matplotlib.rc_context({**STYLE, "axes.grid": False}):
         figure = Picture(figsize=(SIZE, SIZE))
         FigureCanvasAgg(figure)
         axis = figure.subplots()
-        if run.parameter != "row":
+        if not run.numbered:
             for tip, paths in itertools.product(drawn.tips, [placed(model, run.q, FINE)]):
                 axis.plot(*(drawn.axes @ tip.path(paths).T), color="0.6", linewidth=0.7, linestyle=":")
         for row in places.keys() - set(told):
@@ -180,7 +180,7 @@ def _where(result: Result, row: int) -> str:
     run = result.trajectory
     scale, measured = shown(result[run.parameter])
     value = f"{run.grid.t[row] / scale:.4g}".replace("-", "−")
-    if run.parameter == "row":
+    if run.numbered:
         return f"row {value}"
     unit = {"1": "", "°": "°"}.get(str(measured or "1"), f" {measured}")
     return f"{'end' if row else 'start'}: {symbol(run.parameter)} = {plain(value + unit)}"

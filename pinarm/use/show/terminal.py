@@ -21,7 +21,7 @@ def report(result: Result) -> str:
 def ranges(result: Result) -> list[list[str]]:
     """Return a heading and the range of every output; a few rows that stand for themselves are shown as they are."""
     run = result.trajectory
-    if run.parameter == "row" and len(run) <= FEW:
+    if run.numbered and len(run) <= FEW:
         rows = [["", "unit", *(f"row {number:g}" for number in run.grid.t)]]
         rows += [[*_heading(series), *(f"{number:.7g}" for number in series.values + 0.0)]  # -0 becomes 0
                  for series in result.columns()[1:]]  # fmt: skip

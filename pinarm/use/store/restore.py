@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.outcome import Outcome, SolvedMotion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
@@ -52,12 +54,12 @@ def restore(folder: str | Path) -> Result:
     scenario = Scenario.load(folder / "scenario.yaml")
     content = scenario.content
     mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
-    run = _trajectory(scenario, mechanism, arrays)
-    figures = summary["figures"]
-    quantities = Quantities(replace(run, figures=figures), scenario.symbols, content.undetermined)
+    rows, figures = _rows(scenario, mechanism, arrays), summary["figures"]
+    outcome = Outcome(rows, None if rows.numbered else SolvedAnew(scenario, mechanism, rows.grid.cuts))
+    quantities = Quantities(rows, scenario.symbols, content.undetermined)
     name, kind = str(summary["scenario"]), scenario.problem.kind
     data, told = scenario.document.data, {key: summary[key] for key in ("errors", "setting", "removals")}
-    return Result(name, kind, content, data, quantities, figures, folder, **told)
+    return Result(name, kind, content, data, outcome, quantities, figures, folder, **told)
 
 
 def _summary(path: Path) -> dict[str, Any]:
@@ -104,8 +106,42 @@ def _mechanism(folder: Path, scenario: Scenario) -> Mechanism:
     return replace(mechanism, arguments=arguments, argument_units=units)
 
 
-def _trajectory(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
-    """Return the motion; asked for other instants, it is solved anew.
+@dataclass(frozen=True, eq=False)
+class SolvedAnew:
+    """The motion of a result that was read: solved when other instants than the saved ones are asked for.
+
+    Attributes:
+        scenario: The scenario.
+        mechanism: The mechanism, as it was saved.
+        cuts: Bounds of the stretches between jumps.
+    """
+
+    scenario: Scenario
+    mechanism: Mechanism
+    cuts: Sequence[float]
+
+    @cached_property
+    def _motion(self) -> SolvedMotion:
+        place = partial(self.scenario.document.locating, "problem")
+        outcome = self.scenario.problem.solve(self.mechanism, self.scenario.content.accuracy, place)
+        assert outcome.motion is not None
+        return outcome.motion
+
+    def at(self, grid: Grid) -> Trajectory:
+        """Return the states at other values of the parameter.
+
+        Raises:
+            PinarmError: The problem cannot be solved any more.
+        """
+        return self._motion.at(grid)
+
+    def positions(self, t: Array) -> Array:
+        """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""
+        return self._motion.positions(t)
+
+
+def _rows(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
+    """Return the states of a result.
 
     Raises:
         InputError: The arrays are not those of this mechanism.
@@ -122,11 +158,10 @@ def _trajectory(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, A
     further = {name: replace(series, values=row)
                for (name, series), row in zip(still.further.items(), arrays["further"], strict=False)}  # fmt: skip
     loads = bind_loads(mechanism, getattr(problem, "loads", {}), lambda *at: place("problem", *at))
-    again = lambda other: problem.solve(mechanism, scenario.content.accuracy, place).again(other)  # noqa: E731
     lam = Multipliers.known(arrays["lam"], mechanism.closure.size)
     return replace(
         still, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], tau=arrays["tau"], lam=lam,
-        closure=closure, dynamics=Dynamics.of(mechanism.model, loads), again=again, further=further,
+        closure=closure, dynamics=Dynamics.of(mechanism.model, loads), further=further,
     )  # fmt: skip
 
 

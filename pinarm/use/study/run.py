@@ -46,7 +46,7 @@ def verified(scenario: Scenario | str | Path) -> Result:
     scenario = load(scenario)
     result = run(scenario)
     solved, rows = result.trajectory, len(result)
-    figures = {**result.figures, **power_balance(solved, rows), **table_figures(solved, rows)}
+    figures = {**result.figures, **power_balance(solved, rows), **table_figures(solved, result.outcome.motion, rows)}
     if result.errors:
         return replace(result, figures=figures)
     errors, setting = estimated(scenario, result)

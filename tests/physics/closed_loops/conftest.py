@@ -17,8 +17,14 @@ MODELS = Path(pinarm.__file__).parents[1] / "models"
 
 
 @pytest.fixture
-def solve():
+def solve(outcome):
     """Return a function that solves a problem of a shipped model: its quantities."""
+    return lambda *given, **content: Quantities(outcome(*given, **content).rows)
+
+
+@pytest.fixture
+def outcome():
+    """Return a function that solves a problem of a shipped model."""
 
     def solve(model, kind, *, arguments=None, gravity=None, end=1.0, samples=101, tolerance=1e-12, **content):
         mechanism = model
@@ -27,6 +33,6 @@ def solve():
         if kind in ("inverse", "forward", "kinematics"):
             content["time"] = TimeGrid(end=end, samples=samples)
         problem = problem_class(kind)(**content)
-        return Quantities(problem.solve(mechanism, Accuracy(tolerance=tolerance), lambda *path: nullcontext()))
+        return problem.solve(mechanism, Accuracy(tolerance=tolerance), lambda *path: nullcontext())
 
     return solve

@@ -6,7 +6,7 @@ import html
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,6 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.engine.motion.trajectory import Series, Trajectory
 from pinarm.errors import InputError
-from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.use.result.result import Result
 from pinarm.use.show.replay import overlays
 from pinarm.use.show.replay.framing import Framing, framing
@@ -91,7 +90,7 @@ def replay_page(
     names = list(dict.fromkeys(result.content.outputs if plots is None else plots))
     curves = [result[name] for name in names]
     rows = rows_shown(result.trajectory, [series.values for series in curves])
-    run = _only(result.trajectory, rows)
+    run = result.trajectory.some(rows) if len(rows) < len(result) else result.trajectory
     packing = Packing()
     scene, notes = _scene(run, traces, arrows, packing)
     scene["plots"] = [_curve(series, rows, CURVES[k % len(CURVES)], packing) for k, series in enumerate(curves)]
@@ -136,16 +135,6 @@ def _scene(
         "legend": [*_paths(traces), *_families(acting, largest), *_marks(joined)],
     }
     return scene, drawn.notes
-
-
-def _only(run: Trajectory, rows: Indices) -> Trajectory:
-    """Return the run at some of its rows."""
-    if len(rows) == len(run):
-        return run
-    starts = tuple(int(k) for k in np.searchsorted(rows, run.grid.rows))
-    grid = Grid(run.grid.t[rows], run.grid.cuts, starts)
-    q, v, a, tau = (array[rows] for array in (run.q, run.v, run.a, run.tau))
-    return replace(run, grid=grid, q=q, v=v, a=a, tau=tau, lam=run.lam.some(rows))
 
 
 def _node(node: Node, packing: Packing) -> Plain:
@@ -210,7 +199,7 @@ def _parameter(run: Trajectory) -> Plain:
     turning = run.unit.text == "rad"
     return {
         "name": run.parameter, "unit": "°" if turning else "" if str(run.unit) == "1" else _pretty(str(run.unit)),
-        "scale": DEGREE if turning else 1.0, "time": run.parameter == "t", "discrete": run.parameter == "row",
+        "scale": DEGREE if turning else 1.0, "time": run.parameter == "t", "discrete": run.numbered,
     }  # fmt: skip
 
 

@@ -74,7 +74,7 @@ def _ordered(scenario: Scenario, span: float, target: float) -> tuple[MethodName
         run: Result | None = first.solve()
     except NumericsError as error:
         run = error.partial
-    is_stiff = run is not None and any(note.startswith(LIMITED) for note in run.trajectory.notes)
+    is_stiff = run is not None and any(note.startswith(LIMITED) for note in run.outcome.notes)
     return METHODS[::-1] if is_stiff else METHODS
 
 

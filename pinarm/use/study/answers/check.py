@@ -18,7 +18,7 @@ from pinarm.arrays import Array
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, half_last_digit
-from pinarm.use.result import row_lookup as instants
+from pinarm.use.result import row_lookup
 from pinarm.use.result.expectation import Expectation, in_si
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
@@ -109,7 +109,7 @@ def compare(result: Result, expectation: Expectation) -> Finding:
             _ = quantities[expectation.quantity]
     if expectation.at != "all":
         with within("at"):
-            quantities = instants.at(quantities, expectation.at, expectation.quantity)
+            quantities = row_lookup.at(result, expectation.at, expectation.quantity)
     with within("quantity"):
         series = quantities[expectation.quantity]
     wanted, tolerance = _wanted(quantities, expectation, series.unit)

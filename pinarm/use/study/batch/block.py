@@ -13,6 +13,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integration import Ensemble
 from pinarm.engine.motion.hybrid_motion import Journey
+from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
@@ -85,7 +86,7 @@ class Block:
     q: Array = field(repr=False)
     v: Array = field(repr=False)
     first: int = 0
-    _followed: dict[int, Trajectory | NumericsError] = field(default_factory=dict, repr=False)
+    _followed: dict[int, Outcome | NumericsError] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
         return len(self.q)
@@ -118,14 +119,14 @@ class Block:
         scenario, solved = self.question.scenario, self._solved(number)
         try:
             with np.errstate(all="ignore"):
-                if isinstance(solved, Trajectory):
+                if isinstance(solved, Outcome):
                     return scenario.measured(solved, scenario.scene.restored(solved))
                 error, told = copy(solved), self._told(number)
                 error.partial = None if told is None else scenario.scene.restored(told)
                 raise error
         except NumericsError as error:
-            if isinstance(error.partial, Trajectory):
-                error.partial = scenario.result(error.partial, {})
+            if isinstance(error.partial, Outcome):
+                error.partial = scenario.result(error.partial)
             raise
 
     @cached_property
@@ -143,8 +144,8 @@ class Block:
             return self.whole.reached(self.t)
         reached = np.zeros((len(self), len(self.t)), dtype=bool)
         for number in range(len(self)):
-            if (run := self._told(number)) is not None:
-                reached[number, _rows(run.grid.t, self.t)[1]] = True
+            if (found := self._told(number)) is not None:
+                reached[number, _rows(found.rows.grid.t, self.t)[1]] = True
         return reached
 
     def values(self, names: Sequence[str]) -> Array:
@@ -152,7 +153,7 @@ class Block:
         found = np.full((len(names), len(self), len(self.t)), np.nan)
         scenario = self.question.scenario
         for motion, instant, run, rows in self._tables():
-            quantities = Quantities(scenario.scene.restored(run), scenario.symbols, scenario.content.undetermined)
+            quantities = Quantities(scenario.scene.restored_rows(run), scenario.symbols, scenario.content.undetermined)
             with np.errstate(all="ignore"):
                 for k, name in enumerate(names):
                     found[k, motion, instant] = quantities[name].values[rows]
@@ -178,17 +179,17 @@ class Block:
             yield table.motion, table.instant, table.run, np.arange(len(table.motion))
             return
         for number in range(len(self)):
-            if (run := self._told(number)) is not None:
-                rows, instant = _rows(run.grid.t, self.t)
-                yield np.full(len(rows), number), instant, run, rows
+            if (found := self._told(number)) is not None:
+                rows, instant = _rows(found.rows.grid.t, self.t)
+                yield np.full(len(rows), number), instant, found.rows, rows
 
-    def _told(self, number: int) -> Trajectory | None:
+    def _told(self, number: int) -> Outcome | None:
         """Return as much of one motion of what is solved as there is."""
         found = self._solved(number)
-        run = found.partial if isinstance(found, NumericsError) else found
-        return run if isinstance(run, Trajectory) else None
+        outcome = found.partial if isinstance(found, NumericsError) else found
+        return outcome if isinstance(outcome, Outcome) else None
 
-    def _solved(self, number: int) -> Trajectory | NumericsError:
+    def _solved(self, number: int) -> Outcome | NumericsError:
         """Return one motion of what is solved, or why there is none."""
         if number not in self._followed:
             question, ensemble = self.question, self.ensemble

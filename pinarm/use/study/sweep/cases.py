@@ -15,7 +15,7 @@ from pinarm.errors import DynamicsError, InputError, Location, PinarmError
 from pinarm.input.roots import noting_files, rooted
 from pinarm.input.units import Unit
 from pinarm.input.yaml.document import Document
-from pinarm.use.result import row_lookup as instants
+from pinarm.use.result import row_lookup
 from pinarm.use.result.result import MEASURES, Result
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
@@ -109,7 +109,7 @@ class Wanted:
         """
         quantities = result.quantities
         if self.at is not None:
-            quantities = instants.at(quantities, self.at, self.of)
+            quantities = row_lookup.at(result, self.at, self.of)
         series = quantities[self.quantity]
         if self.unit and series.unit and series.unit.dimension != self.unit.dimension:
             raise InputError(f"{self.quantity} is in {series.unit} in this case", expected=f"{self.unit}, as in others")
