@@ -18,9 +18,10 @@ import pinarm
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.mechanics.forces import Wrench
 from pinarm.mechanics.laws import ConstantSpeed, Harmonic
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.inverse import Inverse
+from pinarm.problems.time_grid import TimeGrid
 
 ROOT = Path(__file__).parents[1]
 JOINTS = ("beta", "Theta", "gamma", "delta", "Phi", "epsilon", "Omega")

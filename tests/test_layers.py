@@ -20,7 +20,8 @@ FLOOR_PLAN = {
     "mechanics": "geometry joints laws drives coordinates ball_joints loops forces loading couplings "
     "payloads perturbation description",
     "engine": "integration constraints dynamics model_source mechanism kinematics statics motion checks quantities",
-    "problems": "common events equilibria inverse kinematics states forward batch_table simplify",
+    "problems": "time_grid accuracy imposed_laws joint_values loads declaration events "
+    "equilibria inverse kinematics states forward batch_table simplify",
     "use": "result scenario show store views study",
     "cli": "options main",
 }

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol, Union
 
-from pinarm.errors import InputError, choices
+from pinarm.errors import InputError, Place, choices
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.motion.outcome import Outcome
     from pinarm.engine.motion.trajectory import Trajectory
-    from pinarm.problems.common import Accuracy
+    from pinarm.problems.accuracy import Accuracy
 
 KINDS = {
     "statics": ("states", "Statics"),
@@ -38,13 +36,11 @@ class Problem(Protocol):
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         ...
 
-    def prepare(self, mechanism: Mechanism, place: Callable[..., AbstractContextManager[None]]) -> object:
+    def prepare(self, mechanism: Mechanism, place: Place) -> object:
         """Check all names and units against the mechanism; ``place`` locates mistakes."""
         ...
 
-    def solve(
-        self, mechanism: Mechanism, accuracy: Accuracy, place: Callable[..., AbstractContextManager[None]]
-    ) -> Outcome:
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the answer."""
         ...
 

@@ -18,14 +18,17 @@ from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import ROW, Series, Trajectory
 from pinarm.engine.statics.actuation import actuation
 from pinarm.engine.statics.equilibrium import Balance, Equilibrium
-from pinarm.errors import AssemblyError, InputError, Key
+from pinarm.errors import AssemblyError, InputError, Key, Place
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import Level, Model
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, laws_of, still
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.imposed_laws import laws_of
+from pinarm.problems.joint_values import check_levels
+from pinarm.problems.loads import bind_constant_loads, still
 
 
 class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):

@@ -13,11 +13,10 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.integration import Watch
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.end_stops import Bound
-from pinarm.errors import InputError, Key
+from pinarm.errors import InputError, Key, Place
 from pinarm.input.yaml.schema import AnyQuantity, Model, check_unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.joints import joint_of
-from pinarm.problems.common import Place
 
 DIRECTIONS = {"rising": 1, "falling": -1, "any": 0}
 

@@ -24,14 +24,18 @@ from pinarm.engine.motion.segments import Course
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import actuation
-from pinarm.errors import InputError, IntegrationError, Interrupted, Key
+from pinarm.errors import InputError, IntegrationError, Interrupted, Key, Place
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Level, Model, Rate
 from pinarm.mechanics.ball_joints import coordinate_name, indices_of, velocity
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.laws import Motion
-from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_rates, laws_of, still
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
+from pinarm.problems.imposed_laws import laws_of
+from pinarm.problems.joint_values import check_levels, check_rates
+from pinarm.problems.loads import bind_loads, still
+from pinarm.problems.time_grid import TimeGrid
 
 DEFAULT = Accuracy()
 

@@ -14,12 +14,17 @@ from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.prescribed_motion import Prescription
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
+from pinarm.errors import Place
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Level, Model
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, laws_of, still
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.imposed_laws import laws_of
+from pinarm.problems.joint_values import check_levels
+from pinarm.problems.loads import bind_loads, still
+from pinarm.problems.time_grid import TimeGrid
 
 
 class Inverse(Model, frozen=True, tag_field="kind", tag="inverse"):

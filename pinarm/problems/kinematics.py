@@ -13,11 +13,15 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.prescribed_motion import KINEMATIC, Prescription
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.errors import Place
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Level, Model
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.problems.common import Accuracy, Place, TimeGrid, check_levels, laws_of
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.imposed_laws import laws_of
+from pinarm.problems.joint_values import check_levels
+from pinarm.problems.time_grid import TimeGrid
 
 
 class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):

@@ -17,13 +17,16 @@ from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.prescribed_motion import Prescription, Rates
 from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
-from pinarm.errors import InputError, Key, choices
+from pinarm.errors import InputError, Key, Place, choices
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import Level, Model, Rate, SecondRate, check_unit
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.mechanics.laws.motion_law import RENAMED, Grid, MotionLaw
-from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, laws_of, still
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.imposed_laws import laws_of
+from pinarm.problems.joint_values import check_levels
+from pinarm.problems.loads import bind_constant_loads, still
 
 
 class Range(Model, frozen=True, rename=RENAMED):

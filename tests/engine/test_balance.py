@@ -12,10 +12,11 @@ from pinarm.engine.integration import Adaptive, Stretch, integrate
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.laws import Constant, Harmonic, Polynomial, Trapezoid
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.states import Statics
+from pinarm.problems.time_grid import TimeGrid
 
 MODELS = Path(__file__).parents[2] / "models"
 HONEST = 1e-13

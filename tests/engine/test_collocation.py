@@ -15,8 +15,9 @@ from pinarm.engine.integration.methods.gauss_legendre import gauss
 from pinarm.errors import IntegrationError, MethodError
 from pinarm.mechanics.forces import JointEffort, JointSpring
 from pinarm.mechanics.laws import Harmonic
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
+from pinarm.problems.time_grid import TimeGrid
 
 from .known_motions import ATTITUDE, MOMENTS, PLANE, SPIN, attraction, attractions, body, orbit, turned
 from .test_orders import MODELS

@@ -16,8 +16,9 @@ from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.forces.joint_springs import SpringDamper
 from pinarm.mechanics.laws import Harmonic
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
+from pinarm.problems.time_grid import TimeGrid
 
 MODELS = Path(__file__).parents[2] / "models"
 

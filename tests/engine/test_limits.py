@@ -5,10 +5,11 @@ import pytest
 
 from pinarm.engine.checks.limits import excesses
 from pinarm.mechanics.laws import Harmonic
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.kinematics import Kinematics
+from pinarm.problems.time_grid import TimeGrid
 
 LIMIT = '<limit lower="-1000" upper="1000" effort="1000" velocity="1000"/>'
 ARM = {"name": "arm", "kind": "revolute", "inertia": (0.5, 0.5, 0.5)}

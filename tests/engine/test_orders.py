@@ -19,8 +19,8 @@ from pinarm.engine.integration import (
 )
 from pinarm.engine.integration.methods import collocation, stiff
 from pinarm.engine.mechanism import Mechanism
-from pinarm.problems.common import TimeGrid
 from pinarm.problems.forward import Forward
+from pinarm.problems.time_grid import TimeGrid
 
 from .known_motions import (
     ATTITUDE,

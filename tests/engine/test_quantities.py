@@ -10,8 +10,9 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.mechanics.laws import Harmonic, Trapezoid
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
+from pinarm.problems.time_grid import TimeGrid
 
 MODELS = Path(__file__).parents[2] / "models"
 L0, L1, L2, M_A, M_BA, M_B, G = 0.5, 0.25, 0.25, 0.1, 1.0, 0.5, 9.81

@@ -22,8 +22,9 @@ from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.laws import Constant, Cycloidal, Harmonic, SCurve, Spline, Trapezoid
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState
+from pinarm.problems.time_grid import TimeGrid
 
 MODELS = Path(__file__).parents[2] / "models"
 FINE = Accuracy(tolerance=1e-13)

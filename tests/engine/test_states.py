@@ -11,8 +11,9 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, PinarmError
 from pinarm.mechanics.laws import Harmonic
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
+from pinarm.problems.time_grid import TimeGrid
 
 ROOT = Path(pinarm.__file__).parents[1]
 MODELS = ROOT / "models"

@@ -7,9 +7,10 @@ from pinarm.engine.motion.outcome import on_stretch, positions_by_stretch
 from pinarm.engine.motion.trajectory import Series
 from pinarm.input.units import unit
 from pinarm.mechanics.laws import Constant, Harmonic, Trapezoid
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
+from pinarm.problems.time_grid import TimeGrid
 
 LAW = Trapezoid(start=0.0, end=1.0, acceleration=1.0, begin=0.5)
 

@@ -17,8 +17,9 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome as Run
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import PinarmError
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState
+from pinarm.problems.time_grid import TimeGrid
 
 G = 9.81
 FINE = 1e-12

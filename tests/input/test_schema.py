@@ -16,7 +16,8 @@ from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces.joint_definitions import JointSpring
 from pinarm.mechanics.laws import Cycloidal, Polynomial
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.time_grid import TimeGrid
 
 
 class Piece(Model, rename={"angle": "from"}):

@@ -8,7 +8,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.forces.joint_definitions import JointEffort
 from pinarm.mechanics.laws import Constant, ConstantAcceleration, Harmonic
-from pinarm.problems.common import Accuracy
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import Statics
 
 J1, J2, J3, RATIO = 0.3, 0.05, 0.02, -2.5

@@ -16,7 +16,7 @@ from pinarm.engine.kinematics.mobility import mobility_of
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DynamicsError, InputError
 from pinarm.mechanics.laws import Harmonic
-from pinarm.problems.common import Accuracy
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import Statics
 
 COMPONENTS = [f"{part}.{axis}" for part in ("force", "moment") for axis in "xyz"]

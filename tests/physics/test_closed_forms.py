@@ -10,9 +10,10 @@ from pinarm.engine.integration import Adaptive, Stretch, integrate
 from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Trapezoid
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
+from pinarm.problems.time_grid import TimeGrid
 
 G = 9.81
 DOWN_Y = {"direction": "-y", "magnitude": "9.81 m/s^2"}

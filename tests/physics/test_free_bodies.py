@@ -12,9 +12,10 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import Constant, ConstantAcceleration, ConstantSpeed, Harmonic
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
+from pinarm.problems.time_grid import TimeGrid
 
 G = 9.81
 BODY = {"name": "body", "kind": "floating", "mass": 2.0, "inertia": (0.2, 0.3, 0.45)}

@@ -7,9 +7,10 @@ import pytest
 
 from pinarm.mechanics.forces.joint_definitions import JointEffort
 from pinarm.mechanics.laws import Constant, ConstantSpeed
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.events import EndStop
 from pinarm.problems.forward import Forward, InitialState
+from pinarm.problems.time_grid import TimeGrid
 
 MASS, G = 2.0, 9.81
 WEIGHT = {"name": "weight", "kind": "prismatic", "axis": "0 0 1", "mass": MASS, "inertia": (0.1, 0.1, 0.1)}

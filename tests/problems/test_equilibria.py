@@ -16,7 +16,7 @@ from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 from pinarm.mechanics.laws import Constant, Harmonic
-from pinarm.problems.common import Accuracy
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.equilibria import Equilibria
 from pinarm.use.result.row_lookup import Lookup
 

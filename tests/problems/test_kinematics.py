@@ -13,9 +13,10 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError, UnitError
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Trapezoid
 from pinarm.problems import problem_class
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.kinematics import Kinematics
+from pinarm.problems.time_grid import TimeGrid
 
 ROOT = Path(pinarm.__file__).parents[1]
 WEIGHTLESS = {"m_A": "0 kg", "m_B": "0 kg", "m_BA": "0 kg"}

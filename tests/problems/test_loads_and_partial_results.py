@@ -22,11 +22,12 @@ from pinarm.mechanics.laws import (
     Succession,
     Trapezoid,
 )
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.equilibria import Equilibria
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.states import State, Statics
+from pinarm.problems.time_grid import TimeGrid
 
 INERTIA, LEVER = 0.3 + 2.0 * 0.5**2, 0.7
 ROD = {"name": "arm", "axis": "0 0 1", "mass": 2.0, "com": "0.5 0 0", "inertia": (0.1, 0.3, 0.3)}

@@ -9,10 +9,11 @@ from pinarm.errors import InputError
 from pinarm.mechanics.forces.breakpoints import Pieces
 from pinarm.mechanics.forces.joint_definitions import JointEffort, TorqueSpeed
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Over, Polynomial, Succession, Trapezoid
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.kinematics import Kinematics
+from pinarm.problems.time_grid import TimeGrid
 
 TIME = TimeGrid(end=2.0, samples=41)
 TURN = ConstantSpeed(speed=3.0, start=0.2)

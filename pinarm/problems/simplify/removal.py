@@ -17,13 +17,14 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.statics.actuation import followers_of
+from pinarm.errors import Place
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings import Coupling, independent
 from pinarm.mechanics.forces import ForceElement
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.laws import Constant, Over
 from pinarm.mechanics.laws.motion_law import MotionLaw
-from pinarm.problems.common import Place, laws_of
+from pinarm.problems.imposed_laws import laws_of
 from pinarm.problems.simplify.model_reduction import Removed
 
 ABSENT = 1e-12

@@ -18,11 +18,12 @@ from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.errors import AssemblyError, DynamicsError, InputError, NumericsError
+from pinarm.errors import AssemblyError, DynamicsError, InputError, NumericsError, Place
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.mechanics.loading.model_tree import listed
 from pinarm.problems import Problem
-from pinarm.problems.common import Accuracy, Place, bind_loads
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.loads import bind_loads
 from pinarm.problems.simplify.model_reduction import Part
 from pinarm.problems.simplify.removal import Known, known_laws, removable
 

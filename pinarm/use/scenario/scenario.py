@@ -29,7 +29,7 @@ from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.joints import spelled
 from pinarm.mechanics.payloads import Payload
 from pinarm.problems import KINDS, Problem, problem_class
-from pinarm.problems.common import Accuracy
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.simplify.requested_joints import joints_asked
 from pinarm.problems.simplify.simplified import Scene
 from pinarm.use.result.expectation import Expectation

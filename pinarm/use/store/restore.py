@@ -24,7 +24,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.problems.common import bind_loads
+from pinarm.problems.loads import bind_loads
 from pinarm.problems.simplify.simplified import Removal
 from pinarm.use.result.result import MEASURES, Result
 from pinarm.use.scenario.scenario import Scenario

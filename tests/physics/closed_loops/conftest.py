@@ -11,7 +11,8 @@ import pinarm
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.problems import problem_class
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.time_grid import TimeGrid
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from pinarm.engine.integration import SETTING, MethodName
-from pinarm.problems.common import Accuracy, setting_keys
+from pinarm.problems.accuracy import Accuracy, setting_keys
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
 
