@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import Outcome
     from pinarm.engine.motion.trajectory import Trajectory
     from pinarm.problems.accuracy import Accuracy
+    from pinarm.problems.declaration import Declaration
 
 KINDS = {
     "statics": ("states", "Statics"),
@@ -36,6 +37,10 @@ class Problem(Protocol):
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         ...
 
+    def declaration(self) -> Declaration | None:
+        """Return what the problem says about coordinates; ``None`` where the mechanism is not to be simplified."""
+        ...
+
     def prepare(self, mechanism: Mechanism, place: Place) -> object:
         """Check all names and units against the mechanism; ``place`` locates mistakes."""
         ...
@@ -43,6 +48,16 @@ class Problem(Protocol):
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the answer."""
         ...
+
+
+if TYPE_CHECKING:  # mypy compares the kinds with the protocol, which are imported by name
+    from pinarm.problems.equilibria import Equilibria
+    from pinarm.problems.forward import Forward
+    from pinarm.problems.inverse import Inverse
+    from pinarm.problems.kinematics import Kinematics
+    from pinarm.problems.states import State, Statics
+
+    _PROBLEMS: tuple[type[Problem], ...] = (Statics, State, Inverse, Forward, Kinematics, Equilibria)
 
 
 def problem_class(kind: object) -> type[Any]:

@@ -62,6 +62,9 @@ class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
         further = {name: Series(name, measured, np.zeros(1)) for name, measured in units.items()}
         return replace(row, further=further, separate=True)
 
+    def declaration(self) -> None:
+        """Return that the mechanism is not to be simplified: all joints that are free have a part in its modes."""
+
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Balance, list[Array]]:
         """Check all names and units; return the balance of forces, and the configuration of every start."""
         if len(mechanism.joints) < mechanism.model.nv:

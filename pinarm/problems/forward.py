@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import ClassVar
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace as replace_fields
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import energy_of
@@ -31,6 +33,7 @@ from pinarm.mechanics.ball_joints import coordinate_name, indices_of, velocity
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.laws import Motion
 from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
 from pinarm.problems.imposed_laws import laws_of
 from pinarm.problems.joint_values import check_levels, check_rates
@@ -83,6 +86,16 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         row = still(mechanism, self.loads, "t", unit("s"), actuation(mechanism, [*self.motion], []).closure)
         return replace(row, further=event_columns(self.events, [()], np.zeros(1, dtype=np.intp)))
+
+    def declaration(self) -> Declaration:
+        """Return what the problem says about coordinates."""
+        return Declaration(
+            self._without, laws=self.motion, span=(self.time.start, self.time.end),
+            watched=[event.when for event in self.events.values()], loads=self.loads, integrated=True,
+        )  # fmt: skip
+
+    def _without(self, names: Collection[str]) -> Forward:
+        return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names), loads={})
 
     def prepare(self, mechanism: Mechanism, place: Place, accuracy: Accuracy = DEFAULT) -> Journey:
         """Check all names and units; return what is to be integrated."""

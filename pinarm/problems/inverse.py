@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Annotated, ClassVar
 
 import msgspec
+from msgspec.structs import replace as replace_fields
 
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.newton import start_configuration
@@ -21,6 +23,7 @@ from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.imposed_laws import laws_of
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import bind_loads, still
@@ -49,6 +52,18 @@ class Inverse(Model, frozen=True, tag_field="kind", tag="inverse"):
     def still(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         return still(mechanism, self.loads, "t", unit("s"), actuation(mechanism, self.drives, [*self.motion]).closure)
+
+    def declaration(self) -> Declaration:
+        """Return what the problem says about coordinates."""
+        return Declaration(
+            self._without, laws=self.motion, span=(self.time.start, self.time.end), drives=self.drives, loads=self.loads
+        )
+
+    def _without(self, names: Collection[str]) -> Inverse:
+        drives = [name for name in self.drives if name not in names]
+        return replace_fields(
+            self, motion=others(self.motion, names), start=others(self.start, names), drives=drives, loads={}
+        )
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement]]:
         """Check all names and units; return the imposed coordinates, the drives and the forces."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Annotated, ClassVar
 
 import msgspec
+from msgspec.structs import replace as replace_fields
 
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import Imposed
@@ -19,6 +21,7 @@ from pinarm.input.yaml.schema import Level, Model
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.imposed_laws import laws_of
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.time_grid import TimeGrid
@@ -44,6 +47,13 @@ class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):
     def still(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         return replace(Trajectory.still(mechanism, "t", unit("s")), unasked=KINEMATIC)
+
+    def declaration(self) -> Declaration:
+        """Return what the problem says about coordinates."""
+        return Declaration(self._without, laws=self.motion, span=(self.time.start, self.time.end), massless=True)
+
+    def _without(self, names: Collection[str]) -> Kinematics:
+        return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names))
 
     def prepare(self, mechanism: Mechanism, place: Place) -> Imposed:
         """Check all names and units; return the imposed coordinates."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace as replace_fields
 
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.newton import start_configuration
@@ -24,6 +25,7 @@ from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.mechanics.laws.motion_law import RENAMED, Grid, MotionLaw
 from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.imposed_laws import laws_of
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import bind_constant_loads, still
@@ -71,6 +73,16 @@ class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
         closure = actuation(mechanism, self.drives, [*self.over, *self.hold]).closure
         return replace(still(mechanism, self.loads, *_parameter(self.over, mechanism), closure), separate=True)
 
+    def declaration(self) -> Declaration:
+        """Return what the problem says about coordinates."""
+        return Declaration(self._without, held=self.hold, moved=self.over, drives=self.drives, loads=self.loads)
+
+    def _without(self, names: Collection[str]) -> Statics:
+        drives = [name for name in self.drives if name not in names]
+        return replace_fields(
+            self, hold=others(self.hold, names), start=others(self.start, names), drives=drives, loads={}
+        )
+
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement]]:
         """Check all names and units; return the imposed coordinates, the drives and the forces."""
         imposed = _imposed(mechanism, self.over, self.hold, place)
@@ -115,6 +127,24 @@ class State(Model, frozen=True, tag_field="kind", tag="state"):
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         closure = actuation(mechanism, self.drives, [*self.over, *self.hold]).closure
         return replace(still(mechanism, self.loads, *_parameter(self.over, mechanism), closure), separate=True)
+
+    def declaration(self) -> Declaration:
+        """Return what the problem says about coordinates."""
+        rates = (*self.velocity.items(), *self.acceleration.items())
+        moving = [name for name in self.hold if any(rate for given, rate in rates if given == name)]
+        return Declaration(
+            self._without, held=others(self.hold, moving), moved=[*self.over, *moving], drives=self.drives,
+            loads=self.loads,
+        )  # fmt: skip
+
+    def _without(self, names: Collection[str]) -> State:
+        hold, velocity, acceleration, start = (
+            others(given, names) for given in (self.hold, self.velocity, self.acceleration, self.start)
+        )
+        drives = [name for name in self.drives if name not in names]
+        return replace_fields(
+            self, hold=hold, velocity=velocity, acceleration=acceleration, start=start, drives=drives, loads={}
+        )
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement], Rates]:
         """Check all names and units; return the imposed coordinates, the drives, the forces, and the given rates."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +23,7 @@ from pinarm.mechanics.forces import ForceElement
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.laws import Constant, Over
 from pinarm.mechanics.laws.motion_law import MotionLaw
+from pinarm.problems.declaration import Declaration
 from pinarm.problems.imposed_laws import laws_of
 from pinarm.problems.simplify.model_reduction import Removed
 
@@ -31,34 +31,32 @@ ABSENT = 1e-12
 """Entry of a row, relative to the largest, that is 0 but for rounding: the joint has no part in it."""
 
 
-def known_laws(told: Mapping[str, Any], mechanism: Mechanism, place: Place) -> dict[str, MotionLaw]:
+def known_laws(declared: Declaration, mechanism: Mechanism, place: Place) -> dict[str, MotionLaw]:
     """Return the coordinates whose motion is known beforehand, with their laws.
 
     Args:
-        told: The keys of a problem.
+        declared: What a problem says about coordinates.
         mechanism: The mechanism.
         place: Gives errors their place.
 
     Raises:
         InputError: A law has a mistake.
     """
-    span = (told["time"].start, told["time"].end) if "time" in told else (0.0, 0.0)
-    moving = {name for key in ("velocity", "acceleration") for name, rate in told.get(key, {}).items() if rate}
-    held = {name: Constant(value=value) for name, value in told.get("hold", {}).items() if name not in moving}
-    return {**held, **laws_of(mechanism, told.get("motion", {}), place, span)}
+    held = {name: Constant(value=value) for name, value in declared.held.items()}
+    return {**held, **laws_of(mechanism, declared.laws, place, declared.span)}
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class KnownMotion:
     """What is known of the motion of a mechanism before anything is solved.
 
     Attributes:
-        told: The keys of the problem.
+        declared: What the problem says about coordinates.
         mechanism: The mechanism.
         laws: Coordinate -> its law.
     """
 
-    told: Mapping[str, Any]
+    declared: Declaration
     mechanism: Mechanism = field(repr=False)
     laws: Mapping[str, MotionLaw]
 
@@ -102,23 +100,19 @@ class Known:
     @cached_property
     def imposed(self) -> dict[str, Coordinate]:
         """Coordinates that the question makes follow laws, or go through a range."""
-        names = [name for key in ("hold", "over", "motion") for name in self.told.get(key, {})]
-        return {name: self.mechanism.coordinates[name] for name in names}
+        return {name: self.mechanism.coordinates[name] for name in self.declared.imposed}
 
     @cached_property
     def watched(self) -> dict[str, Coordinate]:
         """Coordinates that have to be there for another reason."""
-        told, motion = self.told, self.told.get("motion", {}).values()
-        names = [*told.get("over", {}), *(law.of for law in motion if isinstance(law, Over))]
-        names += [event.when for event in told.get("events", {}).values()]
+        drivers = (law.of for law in self.declared.laws.values() if isinstance(law, Over))
+        names = [*self.declared.moved, *drivers, *self.declared.watched]
         return {name: self.mechanism.coordinates[name] for name in names}
 
     @cached_property
     def guided(self) -> set[str]:
         """Coordinates of a task along which drives may act: these load every joint before the link that they move."""
-        drives = self.told.get("drives", []) or (
-            [] if followers_of(self.mechanism.constraints) is not None else self.imposed
-        )
+        drives = self.declared.drives or ([] if followers_of(self.mechanism.constraints) is not None else self.imposed)
         return {name for name in drives if not isinstance(self.mechanism.coordinates[name], LinearCoordinate)}
 
     @cached_property
@@ -182,12 +176,11 @@ class Known:
 
 
 def removable(
-    kind: str, known: Known, forces: Mapping[str, ForceElement], asked: Collection[str]
+    known: KnownMotion, forces: Mapping[str, ForceElement], asked: Collection[str]
 ) -> tuple[Removed, Indices] | None:
     """Return what a question can do without, and the joints whose effort is what the motion asks at them.
 
     Args:
-        kind: Kind of the problem.
         known: What is known of its motion.
         forces: All force elements of the run.
         asked: Names of the joints at which forces are asked.
@@ -195,30 +188,30 @@ def removable(
     Returns:
         ``None`` where nothing can be removed.
     """
-    if not _open_to_it(kind, known):
+    if not _open_to_it(known):
         return None
     from pinarm.mechanics.forces.joint_springs import BallSpring, DryFriction, SpringDamper
 
     stay = known.staying(asked)
     locked = {v: law for v, law in known.still.items() if v not in stay}
     single = all(isinstance(one, SpringDamper | DryFriction | BallSpring) for one in forces.values())
-    dropped = known.unrelated(stay, () if kind == "kinematics" else stay) if single else {}
+    dropped = known.unrelated(stay, () if known.declared.massless else stay) if single else {}
     settled = [name for name, joints in known.settled.items() if not joints & stay]
     gone = {*locked, *dropped}
     left = [one for one in known.imposed.values() if not (isinstance(one, LinearCoordinate) and one.joint in gone)]
-    if not (stay and gone and (left or kind == "forward") and _driven_alike(known, settled)):
+    if not (stay and gone and (left or known.declared.integrated) and _driven_alike(known, settled)):
         return None
     geared = set().union(*(joints for name, joints in known.settled.items() if name not in settled))
     answered = np.array(sorted(set(known.own) - known.bound - geared), dtype=np.intp)
     return Removed(locked, dropped, settled), answered
 
 
-def _open_to_it(kind: str, known: Known) -> bool:
+def _open_to_it(known: KnownMotion) -> bool:
     """Tell whether joints can be removed at all."""
-    drives = set(known.told.get("drives", []))
+    drives = set(known.declared.drives)
     if drives and drives != set(known.imposed):
         return False
-    if kind != "forward":
+    if not known.declared.integrated:
         return True
     # integrated with loops, the error of a step is measured over all coordinates: fewer of them take other steps
     straight = all(isinstance(one, LinearCoordinate) for one in known.imposed.values())
@@ -226,10 +219,10 @@ def _open_to_it(kind: str, known: Known) -> bool:
     return straight and len(couplings) == len(known.mechanism.constraints) and independent(couplings)
 
 
-def _driven_alike(known: Known, settled: Collection[str]) -> bool:
+def _driven_alike(known: KnownMotion, settled: Collection[str]) -> bool:
     """Tell whether drives act on the part as on the whole, where none are named."""
     constraints = known.mechanism.constraints
     left = [one for one in constraints if one.name not in settled]
-    if known.told.get("drives", []) or (followers_of(left) is None) == (followers_of(constraints) is None):
+    if known.declared.drives or (followers_of(left) is None) == (followers_of(constraints) is None):
         return True
     return all(isinstance(one, LinearCoordinate) and one.joint is not None for one in known.imposed.values())

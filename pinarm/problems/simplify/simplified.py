@@ -7,11 +7,10 @@ before it but where only the motion is asked. See ``problems.removal`` for what 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Literal
 
-import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
@@ -25,7 +24,7 @@ from pinarm.problems import Problem
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.loads import bind_loads
 from pinarm.problems.simplify.model_reduction import Part
-from pinarm.problems.simplify.removal import Known, known_laws, removable
+from pinarm.problems.simplify.removal import KnownMotion, known_laws, removable
 
 
 @dataclass(frozen=True)
@@ -77,21 +76,24 @@ class Scene:
         Raises:
             InputError: The question has a mistake.
         """
-        told = msgspec.structs.asdict(cast(msgspec.Struct, problem))
-        known = Known(told, mechanism, known_laws(told, mechanism, place))
-        stay = {mechanism.joints[name].v for name in asked if name in mechanism.joints}
-        if problem.kind == "equilibria" or known.own.keys() | known.still.keys() <= stay:
+        declared = problem.declaration()
+        if declared is None:
             return cls.whole(problem, mechanism)
-        forces = bind_loads(mechanism, told.get("loads", {}), place)
+        known = KnownMotion(declared, mechanism, known_laws(declared, mechanism, place))
+        stay = {mechanism.joints[name].v for name in asked if name in mechanism.joints}
+        if known.own.keys() | known.still.keys() <= stay:
+            return cls.whole(problem, mechanism)
+        forces = bind_loads(mechanism, declared.loads, place)
         try:
-            found = removable(problem.kind, known, forces, asked)
+            found = removable(known, forces, asked)
         except KeyError:  # a name that does not exist: the question tells of it when it is solved
             found = None
         if found is None:
             return cls.whole(problem, mechanism)
         problem.prepare(mechanism, place)
         part = Part(mechanism, forces, *found)
-        return cls(problem, mechanism, _of_part(problem, told, part), part)
+        removed = mechanism.coordinates.keys() - part.mechanism.coordinates.keys()
+        return cls(problem, mechanism, declared.without(removed), part)
 
     def solve(self, accuracy: Accuracy, place: Place) -> tuple[Outcome, Outcome]:
         """Return what came out for the mechanism that was solved, and the same of the whole mechanism.
@@ -163,20 +165,3 @@ def in_short(removals: Sequence[Removal]) -> list[str]:
     reasons = {"locked": "held still", "dropped": "moved by laws, and nothing that is free or asked depends on it"}
     names = {how: [one.joint for one in removals if one.how == how] for how in reasons}
     return [f"{how}: {listed('joint', joints)} ({reasons[how]})" for how, joints in names.items() if joints]
-
-
-def _of_part(problem: Problem, told: Mapping[str, Any], part: Part) -> Problem:
-    """Return the question about the part: without what is said of removed joints; loads are the part's own forces."""
-    named = part.whole.coordinates
-    gone = {name for name in named if name not in part.mechanism.coordinates}
-
-    def kept(given: Any) -> Any:
-        if isinstance(given, dict):
-            return {name: value for name, value in given.items() if name not in gone}
-        return [name for name in given if name not in gone]
-
-    keys = ("motion", "hold", "start", "velocity", "acceleration", "drives")
-    changes = {key: kept(told[key]) for key in keys if key in told}
-    if "loads" in told:
-        changes["loads"] = {}
-    return cast(Problem, msgspec.structs.replace(cast(msgspec.Struct, problem), **changes))

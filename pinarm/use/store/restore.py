@@ -17,14 +17,12 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.problems.loads import bind_loads
 from pinarm.problems.simplify.simplified import Removal
 from pinarm.use.result.result import MEASURES, Result
 from pinarm.use.scenario.scenario import Scenario
@@ -146,7 +144,7 @@ def _rows(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array])
     Raises:
         InputError: The arrays are not those of this mechanism.
     """
-    problem, place, n = scenario.problem, scenario.document.locating, len(arrays["t"])
+    problem, n = scenario.problem, len(arrays["t"])
     guides = [str(name) for name in arrays["guides"].reshape(-1)]
     closure = mechanism.closure.with_guides(guides, [mechanism.coordinate(name) for name in guides])
     still, (nq, nv) = problem.still(mechanism), (mechanism.model.nq, mechanism.model.nv)
@@ -157,11 +155,10 @@ def _rows(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array])
         raise InputError("the states of this result are not those of its model", hint=AGAIN)
     further = {name: replace(series, values=row)
                for (name, series), row in zip(still.further.items(), arrays["further"], strict=False)}  # fmt: skip
-    loads = bind_loads(mechanism, getattr(problem, "loads", {}), lambda *at: place("problem", *at))
     lam = Multipliers.known(arrays["lam"], mechanism.closure.size)
     return replace(
         still, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], tau=arrays["tau"], lam=lam,
-        closure=closure, dynamics=Dynamics.of(mechanism.model, loads), further=further,
+        closure=closure, further=further,
     )  # fmt: skip
 
 
