@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.json_schema import schema
     from pinarm.use.scenario.scenario import Scenario, load
+    from pinarm.use.store.restore import replay
     from pinarm.use.study.accuracy.tradeoff import Tradeoff, tradeoff
     from pinarm.use.study.answers.check import check
     from pinarm.use.study.batch.batch import Batch, batch
     from pinarm.use.study.explain import explain
     from pinarm.use.study.run import run, validate
     from pinarm.use.study.sweep.sweep import Sweep, sweep
-    from pinarm.use.views import replay
 
 __version__ = "0.1.0"
 
@@ -45,7 +45,7 @@ _HOMES = {
     "Sweep": "pinarm.use.study.sweep.sweep",
     "Tradeoff": "pinarm.use.study.accuracy.tradeoff",
     "load": "pinarm.use.scenario.scenario",
-    "replay": "pinarm.use.views",
+    "replay": "pinarm.use.store.restore",
     "rooted": "pinarm.input.roots",
     "run": "pinarm.use.study.run",
     "schema": "pinarm.use.scenario.json_schema",

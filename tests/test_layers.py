@@ -30,7 +30,7 @@ FLOOR_PLAN = {
 EXCEPTIONS = {
     ("engine.mechanism", "engine.quantities.states"): "Mechanism's methods for states given as arrays forward there",
     ("use.result.result", "use.views"): "Result.plot, sketch, replay and save: views of a result, as methods for users",
-    ("use.scenario.scenario", "use.study.run"): "Scenario.run and verified: run and verified, as methods for users",
+    ("use.scenario.scenario", "use.study.accuracy.solved"): "Scenario.run and verified, as methods for users",
 }
 """Imports that go upwards, inside functions, and why."""
 

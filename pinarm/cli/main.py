@@ -205,10 +205,9 @@ def _assignments(texts: Sequence[str]) -> dict[str, str]:
 
 def _replay(options: argparse.Namespace) -> int:
     from pinarm.use.store.restore import restore
-    from pinarm.use.views import replay
 
     result = restore(options.result)
-    shown = replay(result, traces=options.trace, arrows=options.arrows, plots=options.plot)
+    shown = result.replay(traces=options.trace, arrows=options.arrows, plots=options.plot)
     target = options.output or options.result / ("replay.png" if options.png else "replay.html")
     if options.png or options.video:
         from pinarm.use.show.replay import pictures

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pinarm.errors import PinarmError
-from pinarm.use.result.result import Result
 
 if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
     from pinarm.use.show.plot import Picture
     from pinarm.use.show.replay.page import Replay
 
@@ -37,31 +37,11 @@ def sketch(result: Result) -> Picture:
     return sketch.sketch(result)
 
 
-def replay(
-    result: Result | str | Path,
-    *,
-    traces: Sequence[str] = (),
-    arrows: Sequence[str] = (),
-    plots: Sequence[str] | None = None,
-) -> Replay:
-    """Return the moving picture of a result.
+def replay(result: Result, traces: Sequence[str], arrows: Sequence[str], plots: Sequence[str] | None) -> Replay:
+    """Return the moving picture of the run; see ``Result.replay``."""
+    from pinarm.use.show.replay import page
 
-    Args:
-        result: The result, or the folder that it was written to.
-        traces: Links whose origins leave a path; ``com`` for the centre of mass.
-        arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
-        plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
-
-    Raises:
-        InputError: A name is unknown, the run does not have what is asked, or the folder is no result.
-    """
-    from pinarm.use.show.replay.page import replay_page
-
-    if not isinstance(result, Result):
-        from pinarm.use.store.restore import restore
-
-        result = restore(result)
-    return replay_page(result, traces=traces, arrows=arrows, plots=plots)
+    return page.replay_page(result, traces=traces, arrows=arrows, plots=plots)
 
 
 def save(result: Result, folder: Path, *, plots: bool) -> Path:

@@ -20,6 +20,7 @@ from pinarm.errors import DynamicsError
 from pinarm.mechanics.joints import spelled
 from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplified import Removal
+from pinarm.use.result.measures import COSTS, MEASURES
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -141,7 +142,7 @@ class Result:
         """
         from pinarm.use import views
 
-        shown = views.replay(self, traces=traces, arrows=arrows, plots=plots)
+        shown = views.replay(self, traces, arrows, plots)
         if path is not None:
             shown.save(path)
         return shown
@@ -262,27 +263,3 @@ class Result:
 
 PLATEAU = 1e-12
 """Relative difference below which neighbouring rows share an extreme: the first of them is named."""
-
-RESIDUALS = {
-    "equilibrium": "virtual power for every unit velocity, relative to its terms",
-    "power": "balance of power along the motion, relative to its terms",
-    "energy": "energy that nothing accounts for, relative to the energy exchanged",
-    "return trip": "accelerations from the efforts by forward dynamics, relative to the largest",
-    "bodies": "Newton's and Euler's equations of every body with the reactions, relative to their terms",
-}
-CLOSURES = {
-    "closure": "largest gap of a loop [m or rad]",
-    "closure rate": "largest velocity against a loop [m/s or rad/s]",
-    "closure acceleration": "largest acceleration against a loop [m/s^2 or rad/s^2]",
-}
-MEASURES = {
-    **RESIDUALS,
-    **CLOSURES,
-    "regularity": "smallest singular value of the loops' rows relative to the largest: 0 at a singular position",
-    "least regular at": "where along the run that is",
-    "condition": "condition number of the mass matrix of the free motions, scaled to a diagonal of ones",
-}
-"""Figures that tell the accuracy of a run, and what they mean."""
-
-COSTS = ("steps", "evaluations", "rejected steps", "steps at the noise floor")
-"""Figures that count work; what is neither is part of the answer."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +14,9 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, Key, within
 from pinarm.use.result.expectation import in_si
-from pinarm.use.result.result import Result
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
 
 POINTS, ROUNDS = 17, 14
 """A bracket is cut in 16 parts 14 times: 16^14 is beyond the digits of a double, so it ends at rounding."""

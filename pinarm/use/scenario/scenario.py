@@ -212,9 +212,9 @@ class Scenario:
         Raises:
             PinarmError: The input is impossible, or the numerics failed; then ``partial`` holds the result until there.
         """
-        from pinarm.use.study.run import run
+        from pinarm.use.study.accuracy.solved import solved
 
-        return run(self)
+        return solved(self)
 
     def verified(self) -> Result:
         """Return the result with its global error estimated, and every row of it checked.
@@ -222,7 +222,7 @@ class Scenario:
         Raises:
             PinarmError: See ``run``.
         """
-        from pinarm.use.study.run import verified
+        from pinarm.use.study.accuracy.solved import verified
 
         return verified(self)
 

@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
@@ -19,8 +19,10 @@ from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import ROW, Series
 from pinarm.input.units import Unit
 from pinarm.use.result.expectation import in_si
-from pinarm.use.result.result import Result
 from pinarm.use.result.row_lookup import at
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's palette."""

@@ -6,7 +6,7 @@ import itertools
 import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
@@ -16,12 +16,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.use.result.result import Result
 from pinarm.use.show.plot import COLOURS, STYLE, Picture, plain, shown, symbol
 from pinarm.use.show.replay.framing import framing, upwards
 from pinarm.use.show.replay.overlays import Pair, Point, pairs
 from pinarm.use.show.replay.sticks import cuboid, reach, sticks
 from pinarm.use.show.replay.tracks import nodes_of, placed
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
 
 BETWEEN = 4
 """Positions between start and end."""

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from pinarm.engine.motion.trajectory import Series
 from pinarm.errors import printable
 from pinarm.problems.simplify.simplified import in_short
-from pinarm.use.result.result import CLOSURES, COSTS, MEASURES, RESIDUALS, Result
+from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, RESIDUALS
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
 
 FEW = 6
 """Rows that are shown beside each other."""

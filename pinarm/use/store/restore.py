@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,8 +24,12 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.simplify.simplified import Removal
-from pinarm.use.result.result import MEASURES, Result
+from pinarm.use.result.measures import MEASURES
+from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
+
+if TYPE_CHECKING:
+    from pinarm.use.show.replay.page import Replay
 
 NEEDED = ("scenario.yaml", "mechanism.yaml", "trajectory.npz", "summary.json")
 """Files without which a folder is no result."""
@@ -58,6 +62,30 @@ def restore(folder: str | Path) -> Result:
     name, kind = str(summary["scenario"]), scenario.problem.kind
     data, told = scenario.document.data, {key: summary[key] for key in ("errors", "setting", "removals")}
     return Result(name, kind, content, data, outcome, quantities, figures, folder, **told)
+
+
+def replay(
+    result: Result | str | Path,
+    *,
+    traces: Sequence[str] = (),
+    arrows: Sequence[str] = (),
+    plots: Sequence[str] | None = None,
+) -> Replay:
+    """Return the moving picture of a result.
+
+    Args:
+        result: The result, or the folder that it was written to.
+        traces: Links whose origins leave a path; ``com`` for the centre of mass.
+        arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
+        plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
+
+    Raises:
+        InputError: A name is unknown, the run does not have what is asked, or the folder is no result.
+    """
+    from pinarm.use.show.replay.page import replay_page
+
+    given = result if isinstance(result, Result) else restore(result)
+    return replay_page(given, traces=traces, arrows=arrows, plots=plots)
 
 
 def _summary(path: Path) -> dict[str, Any]:

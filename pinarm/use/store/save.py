@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -17,8 +17,10 @@ from pinarm.engine.model_source import Source
 from pinarm.engine.motion.trajectory import Series
 from pinarm.errors import InputError
 from pinarm.mechanics.loading.pinocchio_model import ending
-from pinarm.use.result.result import Result
 from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
 
 
 def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, float] | None = None) -> Path:

@@ -1,16 +1,9 @@
-"""One call to solve a scenario at the accuracy that it asks for, and one to check it without solving.
-
-What a scenario needs beyond one solution is put together here: the search for the setting that reaches
-``accuracy.target``, and the second solution that the global error is estimated from.
-"""
+"""One call to solve a scenario, and one to check it without solving."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
-from pinarm.engine.checks.balance import power_balance
-from pinarm.engine.checks.residuals import table_figures
 from pinarm.errors import InputError
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario, load
@@ -27,30 +20,7 @@ def run(scenario: Scenario | str | Path, overrides: list[str] | None = None) -> 
         PinarmError: The input has a mistake or is impossible, or the numerics failed; then ``partial`` holds the result
             until there.
     """
-    scenario = load(scenario, overrides)
-    if scenario.content.accuracy.target is None:
-        return scenario.solve()
-    from pinarm.use.study.accuracy.tolerance_search import reach
-
-    return reach(scenario)
-
-
-def verified(scenario: Scenario | str | Path) -> Result:
-    """Solve a scenario, estimate the global error of its outputs, and check all its rows.
-
-    Raises:
-        PinarmError: See ``run``.
-    """
-    from pinarm.use.study.accuracy.error_estimate import estimated
-
-    scenario = load(scenario)
-    result = run(scenario)
-    solved, rows = result.trajectory, len(result)
-    figures = {**result.figures, **power_balance(solved, rows), **table_figures(solved, result.outcome.motion, rows)}
-    if result.errors:
-        return replace(result, figures=figures)
-    errors, setting = estimated(scenario, result)
-    return replace(result, figures=figures, errors=errors, setting=setting)
+    return load(scenario, overrides).run()
 
 
 def validate(scenario: Scenario | str | Path) -> list[Scenario]:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +17,6 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.engine.motion.trajectory import Series, Trajectory
 from pinarm.errors import InputError
-from pinarm.use.result.result import Result
 from pinarm.use.show.replay import overlays
 from pinarm.use.show.replay.framing import Framing, framing
 from pinarm.use.show.replay.meshes import thinned
@@ -25,6 +24,9 @@ from pinarm.use.show.replay.packing import Packing, compressed
 from pinarm.use.show.replay.shapes import Shape, visuals
 from pinarm.use.show.replay.sticks import sticks
 from pinarm.use.show.replay.tracks import Node, nodes_of, placed, rows_shown
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
 
 FILES = Path(__file__).parent / "page"
 SCRIPTS = ("data.js", "motion.js", "solids.js", "view.js", "overlays.js", "plots.js", "main.js")

@@ -9,7 +9,7 @@ the finer one; where a motion is chaotic, it grows in the difference as it does 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,9 +17,11 @@ from pinarm.arrays import Indices
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import NumericsError
 from pinarm.input.units import Unit
-from pinarm.use.result.result import Result
-from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.accuracy.integration_settings import comparable, patience, spoken, varied
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario
 
 ZERO = 1e-12
 """Size of an output, relative to what the masses, lengths and times of the run make of its unit, that is 0."""

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pinarm.engine.integration import SETTING, MethodName
 from pinarm.problems.accuracy import Accuracy, setting_keys
-from pinarm.use.result.result import Result
-from pinarm.use.scenario.scenario import Scenario
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario
 
 FINER = 100.0
 """Quotient of the tolerances of a solution and of the finer one that it is compared with."""

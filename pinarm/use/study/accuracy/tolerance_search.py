@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,10 +11,12 @@ from pinarm.engine.integration import MethodName
 from pinarm.engine.integration.methods.explicit import LIMITED
 from pinarm.errors import NumericsError
 from pinarm.problems.forward import Forward
-from pinarm.use.result.result import Result
-from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.accuracy.error_estimate import differences, estimated
 from pinarm.use.study.accuracy.integration_settings import Ladder, patience, spoken, varied
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario
 
 FIRST = 2
 """The coarsest rung."""

@@ -9,7 +9,8 @@ import numpy as np
 from pinarm.engine.motion.trajectory import Series
 from pinarm.errors import InputError, NumericsError
 from pinarm.input.units import DIMENSIONLESS
-from pinarm.use.result.result import COSTS, MEASURES, Result
+from pinarm.use.result.measures import COSTS, MEASURES
+from pinarm.use.result.result import Result
 from pinarm.use.store import case_columns as columns
 from pinarm.use.store.files import json_text, write, write_arrays, write_parts
 from pinarm.use.store.save import arrays, csv

@@ -16,7 +16,8 @@ from pinarm.input.roots import noting_files, rooted
 from pinarm.input.units import Unit
 from pinarm.input.yaml.document import Document
 from pinarm.use.result import row_lookup
-from pinarm.use.result.result import MEASURES, Result
+from pinarm.use.result.measures import MEASURES
+from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
 from pinarm.use.study.sweep.axes import Value

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import IO, TYPE_CHECKING
 
-from pinarm.use.result.result import CLOSURES, RESIDUALS
+from pinarm.use.result.measures import CLOSURES, RESIDUALS
 from pinarm.use.show.terminal import aligned
 from pinarm.use.store.case_columns import statistics_rows
 from pinarm.use.study.sweep.case_solver import Progress
