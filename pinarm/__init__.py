@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.motion.trajectory import Series, Trajectory
     from pinarm.errors import PinarmError
-    from pinarm.input.roots import rooted
+    from pinarm.input.roots import file_root
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.json_schema import schema
     from pinarm.use.scenario.scenario import Scenario, load
@@ -46,7 +46,7 @@ _HOMES = {
     "Tradeoff": "pinarm.use.study.accuracy.tradeoff",
     "load": "pinarm.use.scenario.scenario",
     "replay": "pinarm.use.store.restore",
-    "rooted": "pinarm.input.roots",
+    "file_root": "pinarm.input.roots",
     "run": "pinarm.use.study.run",
     "schema": "pinarm.use.scenario.json_schema",
     "sweep": "pinarm.use.study.sweep.sweep",
@@ -55,8 +55,26 @@ _HOMES = {
 }
 
 __all__ = [
-    "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "Series", "Sweep", "Tradeoff", "Trajectory", "batch",
-    "check", "explain", "load", "replay", "rooted", "run", "schema", "sweep", "tradeoff", "validate",
+    "Batch",
+    "Mechanism",
+    "PinarmError",
+    "Result",
+    "Scenario",
+    "Series",
+    "Sweep",
+    "Tradeoff",
+    "Trajectory",
+    "batch",
+    "check",
+    "explain",
+    "file_root",
+    "load",
+    "replay",
+    "run",
+    "schema",
+    "sweep",
+    "tradeoff",
+    "validate",
 ]  # fmt: skip
 
 

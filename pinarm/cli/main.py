@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from pinarm.cli.options import add
 from pinarm.errors import InputError, NumericsError, PinarmError, printable
-from pinarm.input.roots import rooted
+from pinarm.input.roots import file_root
 
 if TYPE_CHECKING:
     from pinarm.use.study.answers.check import Finding
@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:
-        with rooted(options.root):
+        with file_root(options.root):
             return int(options.command(options))
     except PinarmError as error:
         if options.traceback:

@@ -33,7 +33,7 @@ class Problem(Protocol):
         """Name of the kind."""
         ...
 
-    def still(self, mechanism: Mechanism) -> Trajectory:
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         ...
 

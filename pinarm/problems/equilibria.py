@@ -28,7 +28,7 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.imposed_laws import laws_of
 from pinarm.problems.joint_values import check_levels
-from pinarm.problems.loads import bind_constant_loads, still
+from pinarm.problems.loads import bind_constant_loads, schema_row
 
 
 class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
@@ -54,11 +54,11 @@ class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
     hold: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
-    def still(self, mechanism: Mechanism) -> Trajectory:
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         free = mechanism.model.nv - len(self.hold)
         units = _units(mechanism, free)
-        row = still(mechanism, self.loads, ROW, unit("1"), actuation(mechanism, [*self.hold], []).closure)
+        row = schema_row(mechanism, self.loads, ROW, unit("1"), actuation(mechanism, [*self.hold], []).closure)
         further = {name: Series(name, measured, np.zeros(1)) for name, measured in units.items()}
         return replace(row, further=further, separate=True)
 

@@ -19,10 +19,10 @@ from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.bifurcation import undetermined_rest
-from pinarm.engine.motion.hybrid_motion import Journey, Known
+from pinarm.engine.motion.hybrid_motion import FirstSegment, HybridSystem
 from pinarm.engine.motion.integrated_motion import IntegratedMotion, event_columns
 from pinarm.engine.motion.outcome import Outcome
-from pinarm.engine.motion.segments import Course
+from pinarm.engine.motion.segments import SegmentedMotion
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import actuation
@@ -37,7 +37,7 @@ from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
 from pinarm.problems.imposed_laws import laws_of
 from pinarm.problems.joint_values import check_levels, check_rates
-from pinarm.problems.loads import bind_loads, still
+from pinarm.problems.loads import bind_loads, schema_row
 from pinarm.problems.time_grid import TimeGrid
 
 DEFAULT = Accuracy()
@@ -82,9 +82,9 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
     events: dict[str, Event] = {}
     end_stops: dict[str, EndStop] = {}
 
-    def still(self, mechanism: Mechanism) -> Trajectory:
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        row = still(mechanism, self.loads, "t", unit("s"), actuation(mechanism, [*self.motion], []).closure)
+        row = schema_row(mechanism, self.loads, "t", unit("s"), actuation(mechanism, [*self.motion], []).closure)
         return replace(row, further=event_columns(self.events, [()], np.zeros(1, dtype=np.intp)))
 
     def declaration(self) -> Declaration:
@@ -97,7 +97,7 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
     def _without(self, names: Collection[str]) -> Forward:
         return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names), loads={})
 
-    def prepare(self, mechanism: Mechanism, place: Place, accuracy: Accuracy = DEFAULT) -> Journey:
+    def prepare(self, mechanism: Mechanism, place: Place, accuracy: Accuracy = DEFAULT) -> HybridSystem:
         """Check all names and units; return what is to be integrated."""
         motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, place))
@@ -110,12 +110,12 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
                     raise InputError(f"'{name}' follows a law", expected="end stops of free joints only")
         with place("motion"):
             imposed = Imposed.some(mechanism, motion)
-            journey = Journey(
+            hybrid = HybridSystem(
                 mechanism.closure, dynamics, imposed, initial, (self.time.start, self.time.end), bounds, watches,
                 accuracy.integrator(), accuracy.max_steps,
             )  # fmt: skip
-            journey.system()
-        return journey
+            hybrid.system()
+        return hybrid
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the motion, with what its energy says of its accuracy.
@@ -125,57 +125,59 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
             IntegrationError: The motion could not be followed to its end, or is not determined from some instant on;
                 ``partial`` holds it until then.
         """
-        journey = self.prepare(mechanism, place, accuracy)
+        hybrid = self.prepare(mechanism, place, accuracy)
         with place("initial"):
-            q, v = journey.begin(journey.initial)
-        return self.followed(mechanism, journey, q, v)
+            q, v = hybrid.begin(hybrid.initial)
+        return self.solve_from(mechanism, hybrid, q, v)
 
-    def followed(
-        self, mechanism: Mechanism, journey: Journey, q: Array, v: Array, ahead: Known | None = None
+    def solve_from(
+        self, mechanism: Mechanism, hybrid: HybridSystem, q: Array, v: Array, first: FirstSegment | None = None
     ) -> Outcome:
-        """Return the motion from an assembled state, whose first leg may be known; see ``solve``."""
-        laid = self.require_masses(mechanism, journey, q[None])
+        """Return the motion from an assembled state; see ``solve``, and ``HybridSystem.integrate`` for ``first``."""
+        closure = self.require_masses(mechanism, hybrid, q[None])
         try:
-            course = journey.travel(q, v, ahead)
+            motion = hybrid.integrate(q, v, first)
         except (IntegrationError, Interrupted) as error:
             if error.partial is not None:
-                reached = IntegratedMotion(mechanism, journey, error.partial)
-                grid = journey.grid(self.time.instants(), error.partial.seams).until(error.partial.end)
+                reached = IntegratedMotion(mechanism, hybrid, error.partial)
+                grid = hybrid.grid(self.time.instants(), error.partial.seams).until(error.partial.end)
                 error.partial = replace(reached.outcome(grid), notes=tuple(error.partial.doubts()))
             raise
-        self._require_branch(mechanism, journey, laid, course)
-        t, end = self.time.instants(), course.end
-        grid = journey.grid(t if end == t[-1] else np.array([*t[t < end], end]), course.seams)
-        whole = IntegratedMotion(mechanism, journey, course).outcome(grid)
-        energy = {} if self.motion else energy_of(course)
-        notes = course.doubts() or _lost(energy.get("energy", 0.0))
-        return replace(whole, figures={**course.cost(), **energy}, notes=(*_changed(mechanism, journey, v), *notes))
+        self._require_branch(mechanism, hybrid, closure, motion)
+        t, end = self.time.instants(), motion.end
+        grid = hybrid.grid(t if end == t[-1] else np.array([*t[t < end], end]), motion.seams)
+        whole = IntegratedMotion(mechanism, hybrid, motion).outcome(grid)
+        energy = {} if self.motion else energy_of(motion)
+        notes = motion.doubts() or _lost(energy.get("energy", 0.0))
+        return replace(whole, figures={**motion.cost(), **energy}, notes=(*_changed(mechanism, hybrid, v), *notes))
 
-    def require_masses(self, mechanism: Mechanism, journey: Journey, q: Array) -> Closure:
+    def require_masses(self, mechanism: Mechanism, hybrid: HybridSystem, q: Array) -> Closure:
         """Return the constraints and the coordinates that follow laws, where masses determine the accelerations.
 
         Args:
             mechanism: What moves.
-            journey: What is to be integrated.
+            hybrid: What is to be integrated.
             q: Configurations, shape (n, nq).
 
         Raises:
             DynamicsError: They do not.
         """
-        laid = mechanism.closure.with_guides(journey.imposed.names, journey.imposed.coordinates)
-        known = q.shape[1] == len(journey.initial.q)
-        require_masses(laid, q if known else journey.initial.q[None], self.time.start)
-        return laid
+        closure = mechanism.closure.with_guides(hybrid.imposed.names, hybrid.imposed.coordinates)
+        known = q.shape[1] == len(hybrid.initial.q)
+        require_masses(closure, q if known else hybrid.initial.q[None], self.time.start)
+        return closure
 
-    def _require_branch(self, mechanism: Mechanism, journey: Journey, laid: Closure, course: Course) -> None:
+    def _require_branch(
+        self, mechanism: Mechanism, hybrid: HybridSystem, closure: Closure, motion: SegmentedMotion
+    ) -> None:
         """Raise where rounding has chosen between motions that meet; the motion until then is kept."""
-        rest = undetermined_rest(laid, course)
+        rest = undetermined_rest(closure, motion)
         if rest is None:
             return
         kept = None
         if rest.t > self.time.start:
-            grid = journey.grid(self.time.instants(), course.seams).until(rest.t)
-            kept = IntegratedMotion(mechanism, journey, course).outcome(grid)
+            grid = hybrid.grid(self.time.instants(), motion.seams).until(rest.t)
+            kept = IntegratedMotion(mechanism, hybrid, motion).outcome(grid)
         raise IntegrationError(
             f"from t = {rest.t:.9g} s on the motion is not determined: it all but stops at "
             f"{rest.regularity:.1g} of its usual regularity, where several motions meet and rounding would choose one",
@@ -205,17 +207,19 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
         return Initial(q, v, positions, velocities)
 
 
-def _changed(mechanism: Mechanism, journey: Journey, v: Array) -> list[str]:
+def _changed(mechanism: Mechanism, hybrid: HybridSystem, v: Array) -> list[str]:
     """Return what is to be said of given velocities that loops do not allow; v are those of the start."""
-    given, told = journey.initial, []
+    given, changes = hybrid.initial, []
     if len(v) < len(given.v):  # laws and couplings have been eliminated: what contradicts them is refused
         return []
     for index in given.velocities:
         if abs(v[index] - given.v[index]) > CONSISTENT * max(1.0, abs(v[index])):
             joint = coordinate_name(mechanism.model, index)
             measured = mechanism.joints[joint].unit if joint in mechanism.joints else "rad"
-            told.append(f"{joint} has {v[index]:.6g} {measured}/s at the start where {given.v[index]:.6g} was given")
-    return [f"the loops do not allow the given velocities, the closest are taken: {', '.join(told)}"] if told else []
+            changes.append(f"{joint} has {v[index]:.6g} {measured}/s at the start where {given.v[index]:.6g} was given")
+    return (
+        [f"the loops do not allow the given velocities, the closest are taken: {', '.join(changes)}"] if changes else []
+    )
 
 
 CONSISTENT = 1e-9

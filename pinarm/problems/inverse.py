@@ -26,7 +26,7 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.imposed_laws import laws_of
 from pinarm.problems.joint_values import check_levels
-from pinarm.problems.loads import bind_loads, still
+from pinarm.problems.loads import bind_loads, schema_row
 from pinarm.problems.time_grid import TimeGrid
 
 
@@ -49,9 +49,11 @@ class Inverse(Model, frozen=True, tag_field="kind", tag="inverse"):
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
-    def still(self, mechanism: Mechanism) -> Trajectory:
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        return still(mechanism, self.loads, "t", unit("s"), actuation(mechanism, self.drives, [*self.motion]).closure)
+        return schema_row(
+            mechanism, self.loads, "t", unit("s"), actuation(mechanism, self.drives, [*self.motion]).closure
+        )
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""

@@ -44,9 +44,9 @@ class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):
     motion: Annotated[dict[str, Motion], msgspec.Meta(min_length=1)]
     start: dict[str, Level] = {}
 
-    def still(self, mechanism: Mechanism) -> Trajectory:
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        return replace(Trajectory.still(mechanism, "t", unit("s")), unasked=KINEMATIC)
+        return replace(Trajectory.schema_row(mechanism, "t", unit("s")), unasked=KINEMATIC)
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""

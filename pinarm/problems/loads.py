@@ -46,7 +46,7 @@ def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -
     return forces
 
 
-def still(
+def schema_row(
     mechanism: Mechanism, loads: Mapping[str, Force], parameter: str, measured: Unit, closure: Closure
 ) -> Trajectory:
     """Return one row at the neutral configuration, under the forces of a run: enough to see which quantities there are.
@@ -55,5 +55,5 @@ def still(
         InputError: A load names something that does not exist.
     """
     forces = bind_loads(mechanism, loads, lambda *path: nullcontext())
-    row = Trajectory.still(mechanism, parameter, measured, closure)
+    row = Trajectory.schema_row(mechanism, parameter, measured, closure)
     return replace(row, dynamics=Dynamics.of(mechanism.model, forces))

@@ -28,7 +28,7 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.imposed_laws import laws_of
 from pinarm.problems.joint_values import check_levels
-from pinarm.problems.loads import bind_constant_loads, still
+from pinarm.problems.loads import bind_constant_loads, schema_row
 
 
 class Range(Model, frozen=True, rename=RENAMED):
@@ -68,10 +68,10 @@ class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
-    def still(self, mechanism: Mechanism) -> Trajectory:
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         closure = actuation(mechanism, self.drives, [*self.over, *self.hold]).closure
-        return replace(still(mechanism, self.loads, *_parameter(self.over, mechanism), closure), separate=True)
+        return replace(schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), closure), separate=True)
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""
@@ -123,10 +123,10 @@ class State(Model, frozen=True, tag_field="kind", tag="state"):
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
-    def still(self, mechanism: Mechanism) -> Trajectory:
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         closure = actuation(mechanism, self.drives, [*self.over, *self.hold]).closure
-        return replace(still(mechanism, self.loads, *_parameter(self.over, mechanism), closure), separate=True)
+        return replace(schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), closure), separate=True)
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""

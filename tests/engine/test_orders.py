@@ -115,12 +115,12 @@ def test_on_rotations(case):
 def test_on_loops_with_projection(case, model):
     method, order, _, _, _, counts = case
     mechanism, end = Mechanism.load(MODELS / model / "mechanism.yaml"), 0.4
-    journey = Forward(time=TimeGrid(end=end), **FREE_LOOPS[model]).prepare(mechanism, lambda *path: nullcontext())
-    system, (q, v) = journey.system(), journey.begin(journey.initial)
-    reference = integrate([system.stretch(journey.dynamics, 0.0, end)], system.manifold, q, v, Adaptive(1e-13))
+    hybrid = Forward(time=TimeGrid(end=end), **FREE_LOOPS[model]).prepare(mechanism, lambda *path: nullcontext())
+    system, (q, v) = hybrid.system(), hybrid.begin(hybrid.initial)
+    reference = integrate([system.stretch(hybrid.dynamics, 0.0, end)], system.manifold, q, v, Adaptive(1e-13))
     last, ends = np.hstack(reference.states(np.array([end])))[0], []
     for n in counts:
-        _, found = equal_steps(method, system.stretch(journey.dynamics, 0.0, end), system.manifold, q, v, n)
+        _, found = equal_steps(method, system.stretch(hybrid.dynamics, 0.0, end), system.manifold, q, v, n)
         ends.append((np.abs(found - last) / (1.0 + np.abs(last))).max())
     assert min(ends) > 3e-13  # the reference is right to 1e-13
     assert slope(counts, ends) > order - 0.8

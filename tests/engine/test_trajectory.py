@@ -3,7 +3,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from pinarm.engine.motion.outcome import on_stretch, positions_by_stretch
+from pinarm.engine.motion.outcome import on_interval, positions_by_interval
 from pinarm.engine.motion.trajectory import Series
 from pinarm.input.units import unit
 from pinarm.mechanics.laws import Constant, Harmonic, Trapezoid
@@ -58,7 +58,7 @@ def test_direction_at_rest_is_none(arm):
 def test_the_same_motion_at_other_instants_of_a_stretch(solved, run, stretch):
     cuts = run.grid.cuts
     t = np.linspace(cuts[stretch], cuts[stretch + 1], 5)
-    part = on_stretch(solved.motion, cuts, stretch, t)
+    part = on_interval(solved.motion, cuts, stretch, t)
     s, ds, dds = LAW.on(cuts[stretch], cuts[stretch + 1])(t)
     assert part.grid.t.tolist() == t.tolist()
     for found, expected in ((part.q, s), (part.v, ds), (part.a, dds)):
@@ -71,7 +71,7 @@ def test_a_forward_run_at_other_instants_is_its_dense_output(arm):
     time = TimeGrid(end=2.0, samples=3)
     coarse = outcome(Forward(time=time), arm)
     fine = solve(Forward(time=TimeGrid(end=2.0, samples=33)), arm)
-    part = on_stretch(coarse.motion, coarse.rows.grid.cuts, 0, np.linspace(0.0, 2.0, 33))
+    part = on_interval(coarse.motion, coarse.rows.grid.cuts, 0, np.linspace(0.0, 2.0, 33))
     for name in ("q", "v", "a"):
         assert np.array_equal(getattr(part, name), getattr(fine, name))
 
@@ -81,7 +81,7 @@ def test_positions_are_those_of_the_stretch_that_each_instant_lies_in(solved):
     t = np.random.default_rng(3).uniform(0.0, 3.0, 20)
     begun, left = np.clip(t - 0.5, 0.0, None), np.clip(2.5 - t, 0.0, None)
     wanted = np.where(t < 1.5, 0.5 * begun**2, 1.0 - 0.5 * left**2)
-    for found in (solved.motion.positions(t), positions_by_stretch(solved.motion, solved.rows.grid.cuts, t)):
+    for found in (solved.motion.positions(t), positions_by_interval(solved.motion, solved.rows.grid.cuts, t)):
         assert found[:, 0] == pytest.approx(wanted, abs=1e-15)
 
 

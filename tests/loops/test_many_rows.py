@@ -10,7 +10,7 @@ from pinarm.engine.constraints.batch_jacobians import BLOCK, Measures
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspace import Split
 from pinarm.engine.constraints.nullspace_batch import free_motions
-from pinarm.engine.kinematics.continuation_batch import Sweep
+from pinarm.engine.kinematics.continuation_batch import BatchContinuation
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.systems.batch_rows import Together
 from pinarm.errors import InputError
@@ -32,7 +32,7 @@ def test_a_motion_and_its_efforts_are_those_found_row_by_row(name, tmp_path, mon
     mechanism = linkage().build(tmp_path, cut)
     motion = {drive: Harmonic(amplitude=0.3, pulsation=5.0 + k) for k, drive in enumerate(drives)}
     together = driven(mechanism, motion, samples=40, drives=drives)
-    monkeypatch.setattr(Sweep, "of", lambda *_: None)
+    monkeypatch.setattr(BatchContinuation, "of", lambda *_: None)
     monkeypatch.setattr(Measures, "of", lambda *_: None)
     monkeypatch.setattr(closure, "MANY", 1_000)
     alone = driven(mechanism, motion, samples=40, drives=drives)

@@ -8,7 +8,7 @@ import pytest
 
 import pinarm
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.outcome import on_stretch
+from pinarm.engine.motion.outcome import on_interval
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError, UnitError
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Trapezoid
@@ -86,7 +86,7 @@ def test_the_start_chooses_the_branch():
 
 def test_the_same_motion_at_other_instants():
     solved = outcome(arm(), LIFT, start=ELBOW)
-    between = on_stretch(solved.motion, solved.rows.grid.cuts, 0, np.array([0.333, 1.777]))
+    between = on_interval(solved.motion, solved.rows.grid.cuts, 0, np.array([0.333, 1.777]))
     y = 0.05 + 0.1 * np.sin(3.0 * between.grid.t)
     assert between.q[:, 1] == pytest.approx(-2 * np.arccos(np.hypot(0.3, y) / 0.5), abs=1e-13)
 

@@ -221,4 +221,4 @@ LOADS = pushes(Constant(value=1.0))
     Statics(loads=LOADS), State(loads=LOADS), Equilibria(starts=[{"arm": 0.0}], loads=LOADS),
 ], ids=lambda one: one.kind)  # fmt: skip
 def test_the_power_of_a_load_is_known_before_anything_is_solved(arm, problem):
-    assert str(Quantities(problem.still(arm))["power.torque"].unit) == "W"
+    assert str(Quantities(problem.schema_row(arm))["power.torque"].unit) == "W"

@@ -14,7 +14,7 @@ import pytest
 import pinarm
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
-from pinarm.problems.simplify.model_reduction import Part, Removed
+from pinarm.problems.simplify.model_reduction import ReducedMechanism, Removed
 from pinarm.problems.simplify.simplified import Scene
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.show.terminal import report
@@ -426,7 +426,7 @@ def test_a_body_left_out_that_matters_is_noticed(scene):
     asked = scene(inverse(waist=MOVES), "joint.waist.effort")
     mechanism, problem = asked.mechanism, asked.problem
     laws = {mechanism.joints[name].v: problem.motion[name] for name in ("shoulder_b", "elbow_b")}
-    part = Part(mechanism, mechanism.forces, Removed({}, laws), np.array([], dtype=int))
+    part = ReducedMechanism(mechanism, mechanism.forces, Removed({}, laws), np.array([], dtype=int))
     kept = {name: law for name, law in problem.motion.items() if not name.endswith("_b")}
     wrong = Scene(problem, mechanism, msgspec.structs.replace(problem, motion=kept), part)
     right = asked.run()

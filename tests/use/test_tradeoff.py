@@ -8,7 +8,7 @@ from scipy.special import ellipj, ellipk
 
 from pinarm.cli.main import main
 from pinarm.errors import InputError
-from pinarm.use.study.accuracy.setting_errors import Point, recommended
+from pinarm.use.study.accuracy.setting_errors import TriedSetting, recommended
 from pinarm.use.study.accuracy.tradeoff import tradeoff
 from pinarm.use.study.accuracy.variant_errors import variants
 
@@ -55,7 +55,7 @@ def test_errors_of_settings_are_those_against_the_closed_form(scenario):
 
 def test_the_cheapest_setting_that_is_good_enough_is_recommended():
     """Not the most accurate, and none whose error the reference cannot tell from the wanted one."""
-    tried = [Point("m", name, {"x": error, "y": 0.0}, cost, 1.0)
+    tried = [TriedSetting("m", name, {"x": error, "y": 0.0}, cost, 1.0)
              for name, error, cost in [("a", 1e-2, 10), ("b", 1e-7, 90), ("c", 9e-7, 80), ("d", 1e-12, 500)]
              ]  # fmt: skip
     assert recommended(tried, 1e-13, 1e-6).setting == "c"

@@ -12,7 +12,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration import Solution
-from pinarm.engine.motion.segments import Course
+from pinarm.engine.motion.segments import SegmentedMotion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_placements import Links, moving, supports
 from pinarm.mechanics.geometry.vectors import crossed
@@ -174,12 +174,12 @@ class Account:
         return np.asarray(0.5 * h * (powers.reshape(-1, GAUSS_NODES) @ weights))
 
 
-def energy_of(course: Course) -> dict[str, float]:
+def energy_of(motion: SegmentedMotion) -> dict[str, float]:
     """Return the energy balance of a motion whose segments have been integrated; see ``energy_balance``."""
     accounts = []
-    for leg in course.legs:
-        local = [course.dynamics.on(stretch.start, stretch.end) for stretch in leg.solution.stretches]
-        accounts.append(Account(leg.solution, local, leg.system.whole))
+    for segment in motion.segments:
+        local = [motion.dynamics.on(stretch.start, stretch.end) for stretch in segment.solution.stretches]
+        accounts.append(Account(segment.solution, local, segment.system.whole))
     return energy_balance(*accounts)
 
 

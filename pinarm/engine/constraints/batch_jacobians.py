@@ -31,7 +31,7 @@ UNIVERSE = 0
 """Index of the world's frame."""
 
 
-class Measured(Protocol):
+class MeasuredRows(Protocol):
     """The rows of one constraint or coordinate, at many configurations."""
 
     def gap(self) -> list[Array]:
@@ -220,7 +220,7 @@ class MeasuredAll:
         parts: First row of each measure, and its rows.
     """
 
-    parts: list[tuple[int, Measured]]
+    parts: list[tuple[int, MeasuredRows]]
 
     def gap(self) -> list[Array]:
         """Return the value of every row [m or rad], shape (n,) or (1,)."""

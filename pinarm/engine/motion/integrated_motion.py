@@ -9,10 +9,10 @@ import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.hybrid_motion import Journey
+from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.outcome import Outcome
-from pinarm.engine.motion.segments import Course
-from pinarm.engine.motion.systems import Motion
+from pinarm.engine.motion.segments import SegmentedMotion
+from pinarm.engine.motion.systems import CompletedStates
 from pinarm.engine.motion.trajectory import Happening, Series, Trajectory
 from pinarm.input.units import unit
 from pinarm.mechanics.laws.motion_law import Grid
@@ -24,34 +24,34 @@ class IntegratedMotion:
 
     Attributes:
         mechanism: What moves.
-        journey: What was integrated.
-        course: The integrated states.
+        hybrid: What was integrated.
+        motion: The integrated states.
     """
 
     mechanism: Mechanism
-    journey: Journey
-    course: Course
+    hybrid: HybridSystem
+    motion: SegmentedMotion
 
     def outcome(self, grid: Grid) -> Outcome:
         """Return the motion with its states at the rows of a grid."""
-        return Outcome(self.at(grid), self, happenings=tuple(self.course.happenings))
+        return Outcome(self.at(grid), self, happenings=tuple(self.motion.happenings))
 
     def at(self, grid: Grid) -> Trajectory:
         """Return the states at the rows of a grid; accelerations are those of the equation of motion there."""
-        rows = states(self.mechanism, self.journey, grid, self.course.complete(grid))
+        rows = states(self.mechanism, self.hybrid, grid, self.motion.complete(grid))
         alike = np.zeros(len(grid.t), dtype=np.intp)
-        return replace(rows, further=event_columns(self.journey.watches, [self.course.happenings], alike))
+        return replace(rows, further=event_columns(self.hybrid.watches, [self.motion.happenings], alike))
 
     def positions(self, t: Array) -> Array:
         """Return the configurations at instants, shape (n,), as they were integrated, shape (n, nq)."""
-        return self.course.positions(t)
+        return self.motion.positions(t)
 
 
-def states(mechanism: Mechanism, journey: Journey, grid: Grid, motion: Motion) -> Trajectory:
+def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: CompletedStates) -> Trajectory:
     """Return completed states as a table."""
     return Trajectory(
         mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau, motion.lam,
-        journey.system().closure, journey.dynamics,
+        hybrid.system().closure, hybrid.dynamics,
     )  # fmt: skip
 
 

@@ -44,7 +44,7 @@ class Outcome:
     notes: tuple[str, ...] = ()
 
 
-def on_stretch(motion: SolvedMotion, cuts: Sequence[float], stretch: int, t: Array) -> Trajectory:
+def on_interval(motion: SolvedMotion, cuts: Sequence[float], stretch: int, t: Array) -> Trajectory:
     """Return a motion at values of one stretch; at its ends they are the values of this side of a jump.
 
     Args:
@@ -56,7 +56,7 @@ def on_stretch(motion: SolvedMotion, cuts: Sequence[float], stretch: int, t: Arr
     return motion.at(Grid(t, (cuts[stretch], cuts[stretch + 1]), (0, len(t))))
 
 
-def positions_by_stretch(motion: SolvedMotion, cuts: Sequence[float], t: Array) -> Array:
+def positions_by_interval(motion: SolvedMotion, cuts: Sequence[float], t: Array) -> Array:
     """Return the configurations of a motion at values of its parameter, solved stretch by stretch.
 
     Args:
@@ -70,5 +70,5 @@ def positions_by_stretch(motion: SolvedMotion, cuts: Sequence[float], t: Array) 
     sign = 1.0 if cuts[0] <= cuts[-1] else -1.0
     stretches = np.searchsorted(sign * np.array(cuts[1:-1]), sign * t)
     rows = [(k, np.flatnonzero(stretches == k)) for k in np.unique(stretches).tolist()]
-    parts = [on_stretch(motion, cuts, k, t[here]).q for k, here in rows]
+    parts = [on_interval(motion, cuts, k, t[here]).q for k, here in rows]
     return np.concatenate(parts)[np.argsort(np.concatenate([here for _, here in rows]))]

@@ -13,7 +13,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.joint_motion import follow, joint_rates
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.outcome import Outcome, positions_by_stretch
+from pinarm.engine.motion.outcome import Outcome, positions_by_interval
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation
 from pinarm.input.units import Unit
@@ -102,4 +102,4 @@ class PrescribedMotion:
 
     def positions(self, t: Array) -> Array:
         """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""
-        return positions_by_stretch(self, self.cuts, t)
+        return positions_by_interval(self, self.cuts, t)

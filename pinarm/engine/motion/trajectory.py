@@ -107,7 +107,9 @@ class Trajectory:
     separate: bool = False
 
     @classmethod
-    def still(cls, mechanism: Mechanism, parameter: str, measured: Unit, closure: Closure | None = None) -> Trajectory:
+    def schema_row(
+        cls, mechanism: Mechanism, parameter: str, measured: Unit, closure: Closure | None = None
+    ) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are.
 
         Args:

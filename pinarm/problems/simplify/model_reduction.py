@@ -19,7 +19,7 @@ from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_stretch
+from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_interval
 from pinarm.engine.motion.trajectory import Happening, Trajectory
 from pinarm.mechanics.ball_joints import ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
@@ -31,7 +31,7 @@ from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 
 @dataclass(frozen=True, eq=False)
 class Removed:
-    """What is removed of a mechanism. Joints are told by their index in v.
+    """What is removed of a mechanism. Joints are named by their index in v.
 
     Attributes:
         locked: Joint -> the law that it stands still by.
@@ -50,7 +50,7 @@ class Removed:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class ReducedMechanism:
     """A part of a mechanism.
 
     Attributes:
@@ -249,7 +249,7 @@ class RestoredMotion:
         cuts: Bounds of the stretches between jumps.
     """
 
-    part: Part
+    part: ReducedMechanism
     motion: SolvedMotion
     cuts: Sequence[float]
 
@@ -259,7 +259,7 @@ class RestoredMotion:
 
     def positions(self, t: Array) -> Array:
         """Return the configurations of the whole at values of the parameter, shape (n,), of shape (n, nq)."""
-        return positions_by_stretch(self, self.cuts, t)
+        return positions_by_interval(self, self.cuts, t)
 
 
 @dataclass(frozen=True, eq=False)

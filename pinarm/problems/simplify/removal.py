@@ -1,4 +1,4 @@
-"""Which joints of a mechanism a question can be answered without. Joints are told by their index in v.
+"""Which joints of a mechanism a question can be answered without. Joints are named by their index in v.
 
 In doubt a joint stays: one that a loop or a sum of coordinates has in it, at which a force is asked, or that an event
 looks at; and all of them, where drives are named that act along other coordinates than those that follow laws.
@@ -126,11 +126,11 @@ class KnownMotion:
                 found |= self.joints_of(self._rows[rows])
         return found
 
-    def staying(self, asked: Collection[str]) -> set[int]:
+    def staying(self, requested: Collection[str]) -> set[int]:
         """Return the joints that have to stay, where forces are asked at those that are named."""
         mechanism = self.mechanism
         stay = self.bound | (set(range(mechanism.model.nv)) - set(self.own) - set(self.still))
-        stay |= {mechanism.joints[name].v for name in asked if name in mechanism.joints}
+        stay |= {mechanism.joints[name].v for name in requested if name in mechanism.joints}
         for one in self.watched.values():
             stay |= self._behind(one) - (set() if isinstance(one, LinearCoordinate) else set(self.still))
         for one in self.imposed.values():
@@ -176,14 +176,14 @@ class KnownMotion:
 
 
 def removable(
-    known: KnownMotion, forces: Mapping[str, ForceElement], asked: Collection[str]
+    known: KnownMotion, forces: Mapping[str, ForceElement], requested: Collection[str]
 ) -> tuple[Removed, Indices] | None:
     """Return what a question can do without, and the joints whose effort is what the motion asks at them.
 
     Args:
         known: What is known of its motion.
         forces: All force elements of the run.
-        asked: Names of the joints at which forces are asked.
+        requested: Names of the joints at which forces are asked.
 
     Returns:
         ``None`` where nothing can be removed.
@@ -192,7 +192,7 @@ def removable(
         return None
     from pinarm.mechanics.forces.joint_springs import BallSpring, DryFriction, SpringDamper
 
-    stay = known.staying(asked)
+    stay = known.staying(requested)
     locked = {v: law for v, law in known.still.items() if v not in stay}
     single = all(isinstance(one, SpringDamper | DryFriction | BallSpring) for one in forces.values())
     dropped = known.unrelated(stay, () if known.declared.massless else stay) if single else {}

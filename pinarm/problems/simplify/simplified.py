@@ -23,7 +23,7 @@ from pinarm.mechanics.loading.model_tree import listed
 from pinarm.problems import Problem
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.loads import bind_loads
-from pinarm.problems.simplify.model_reduction import Part
+from pinarm.problems.simplify.model_reduction import ReducedMechanism
 from pinarm.problems.simplify.removal import KnownMotion, known_laws, removable
 
 
@@ -56,7 +56,7 @@ class Scene:
     question: Problem
     mechanism: Mechanism
     problem: Problem
-    part: Part | None = None
+    part: ReducedMechanism | None = None
 
     @classmethod
     def whole(cls, problem: Problem, mechanism: Mechanism) -> Scene:
@@ -64,13 +64,13 @@ class Scene:
         return cls(problem, mechanism, problem)
 
     @classmethod
-    def required(cls, problem: Problem, mechanism: Mechanism, asked: Collection[str], place: Place) -> Scene:
+    def required(cls, problem: Problem, mechanism: Mechanism, requested: Collection[str], place: Place) -> Scene:
         """Return what a question requires.
 
         Args:
             problem: The question.
             mechanism: The mechanism.
-            asked: Names of the joints at which forces are asked.
+            requested: Names of the joints at which forces are asked.
             place: Gives errors their place.
 
         Raises:
@@ -80,18 +80,18 @@ class Scene:
         if declared is None:
             return cls.whole(problem, mechanism)
         known = KnownMotion(declared, mechanism, known_laws(declared, mechanism, place))
-        stay = {mechanism.joints[name].v for name in asked if name in mechanism.joints}
+        stay = {mechanism.joints[name].v for name in requested if name in mechanism.joints}
         if known.own.keys() | known.still.keys() <= stay:
             return cls.whole(problem, mechanism)
         forces = bind_loads(mechanism, declared.loads, place)
         try:
-            found = removable(known, forces, asked)
+            found = removable(known, forces, requested)
         except KeyError:  # a name that does not exist: the question tells of it when it is solved
             found = None
         if found is None:
             return cls.whole(problem, mechanism)
         problem.prepare(mechanism, place)
-        part = Part(mechanism, forces, *found)
+        part = ReducedMechanism(mechanism, forces, *found)
         removed = mechanism.coordinates.keys() - part.mechanism.coordinates.keys()
         return cls(problem, mechanism, declared.without(removed), part)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.outcome import SolvedMotion, on_stretch
+from pinarm.engine.motion.outcome import SolvedMotion, on_interval
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, Key, within
@@ -73,12 +73,12 @@ class Lookup:
             return self.run.grid.stretches()
         return [(t, t, slice(k, k + 1)) for k, t in enumerate(self.run.grid.t.tolist())]
 
-    def asked(self, stretch: int, t: Array) -> Quantities:
+    def quantities_at(self, stretch: int, t: Array) -> Quantities:
         """Return the quantities at values of the parameter in one stretch, shape (n,)."""
         if self.motion is None:
             rows = self.run.some(np.full(len(t), stretch))
         else:
-            rows = on_stretch(self.motion, self.run.grid.cuts, stretch, t)
+            rows = on_interval(self.motion, self.run.grid.cuts, stretch, t)
         return Quantities(rows, self.quantities.symbols)
 
     def at(self, where: str | dict[str, str | int | float], name: str) -> Quantities:
@@ -101,7 +101,7 @@ class Lookup:
         return self._choose(spots, where, name, f"{along} = {text}")
 
     def _row(self, stretch: int, t: float) -> Quantities:
-        return self.asked(stretch, np.array([t]))
+        return self.quantities_at(stretch, np.array([t]))
 
     def _on_parameter(self, value: float) -> list[Spot]:
         spots = []
@@ -119,7 +119,7 @@ class Lookup:
             t = np.concatenate(
                 [t[:0] if len(t) and t[0] == start else [start], t, [] if len(t) and t[-1] == end else [end]]
             )
-            difference = self.asked(stretch, t)[along].values - value
+            difference = self.quantities_at(stretch, t)[along].values - value
             for k in range(len(t) - 1):
                 if difference[k] == 0.0:
                     spots.append((stretch, float(t[k])))
@@ -178,7 +178,7 @@ class Lookup:
         (low, high), spot, top = bracket, bracket[0], -np.inf
         for _ in range(ROUNDS // 2):  # near a maximum only half of the digits of its place matter
             t = np.linspace(low, high, POINTS)
-            heights = height(self.asked(stretch, t)[name].values)
+            heights = height(self.quantities_at(stretch, t)[name].values)
             peak = int(heights.argmax())
             if heights[peak] > top:
                 spot, top = float(t[peak]), float(heights[peak])
@@ -190,7 +190,7 @@ class Lookup:
         low, high = bracket
         for _ in range(ROUNDS):
             t = np.linspace(low, high, POINTS)
-            difference = self.asked(stretch, t)[along].values - value
+            difference = self.quantities_at(stretch, t)[along].values - value
             change = np.flatnonzero((difference[:-1] == 0.0) | (difference[:-1] * difference[1:] < 0.0))
             if not len(change):
                 break

@@ -30,7 +30,7 @@ from pinarm.mechanics.joints import spelled
 from pinarm.mechanics.payloads import Payload
 from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.simplify.requested_joints import joints_asked
+from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplified import Scene
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.result import Result
@@ -203,8 +203,8 @@ class Scenario:
         if self.content.modelled == "whole":
             return Scene.whole(self.problem, self.mechanism)
         expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
-        asked = joints_asked([*self.content.outputs, *expected], self.symbols, self.mechanism)
-        return Scene.required(self.problem, self.mechanism, asked, self._place)
+        requested = requested_joints([*self.content.outputs, *expected], self.symbols, self.mechanism)
+        return Scene.required(self.problem, self.mechanism, requested, self._place)
 
     def run(self) -> Result:
         """Solve the problem; with ``accuracy.target``, at the cheapest setting whose error is below it.
@@ -247,19 +247,19 @@ class Scenario:
                 error.partial = self.result(error.partial)
             raise
 
-    def _found(self, asked: Find) -> Result:
+    def _found(self, search: Find) -> Result:
         """Find the unknown values and solve the problem with them."""
         bare = replace(
             self, document=replace(self.document, data={k: v for k, v in self.document.data.items() if k != "find"})
         )
 
         def residuals(values: Mapping[str, str]) -> dict[str, Array]:
-            return bare.varied(values)._left(asked)
+            return bare.varied(values)._left(search)
 
         with self.document.locating("find"):
-            found = find(asked, residuals)
+            found = find(search, residuals)
         result = bare.varied(found.values).solve()
-        starts = zip(asked.unknown.items(), found.numbers, strict=True)
+        starts = zip(search.unknown.items(), found.numbers, strict=True)
         figures = {f"{path} [{start.unit or '1'}]" if isinstance(start, Measured) else path: value
                    for (path, start), value in starts}  # fmt: skip
         left = {
@@ -267,12 +267,12 @@ class Scenario:
         }
         return replace(result, figures={**result.figures, **figures, **left})
 
-    def _left(self, asked: Find) -> dict[str, Array]:
+    def _left(self, search: Find) -> dict[str, Array]:
         """Return the wanted quantities less their targets, at all rows."""
         _, outcome = self.scene.solve(self.content.accuracy, self._place)
         quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
         left = {}
-        for name, target in asked.wanted.items():
+        for name, target in search.wanted.items():
             series = quantities[name]
             if isinstance(target, Measured) and series.unit:
                 target.check(series.unit)
@@ -347,7 +347,7 @@ class Scenario:
 
     def quantities(self) -> Quantities:
         """Return the quantities of one row, with nothing solved: enough to see which there are, and their units."""
-        return Quantities(self.problem.still(self.mechanism), self.symbols, self.content.undetermined)
+        return Quantities(self.problem.schema_row(self.mechanism), self.symbols, self.content.undetermined)
 
     def _place(self, *path: str | int) -> AbstractContextManager[None]:
         return self.document.locating("problem", *path)

@@ -60,8 +60,9 @@ def restore(folder: str | Path) -> Result:
     outcome = Outcome(rows, None if rows.numbered else SolvedAnew(scenario, mechanism, rows.grid.cuts))
     quantities = Quantities(rows, scenario.symbols, content.undetermined)
     name, kind = str(summary["scenario"]), scenario.problem.kind
-    data, told = scenario.document.data, {key: summary[key] for key in ("errors", "setting", "removals")}
-    return Result(name, kind, content, data, outcome, quantities, figures, folder, **told)
+    data = scenario.document.data
+    measured = {key: summary[key] for key in ("errors", "setting", "removals")}
+    return Result(name, kind, content, data, outcome, quantities, figures, folder, **measured)
 
 
 def replay(
@@ -175,7 +176,7 @@ def _rows(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array])
     problem, n = scenario.problem, len(arrays["t"])
     guides = [str(name) for name in arrays["guides"].reshape(-1)]
     closure = mechanism.closure.with_guides(guides, [mechanism.coordinate(name) for name in guides])
-    still, (nq, nv) = problem.still(mechanism), (mechanism.model.nq, mechanism.model.nv)
+    still, (nq, nv) = problem.schema_row(mechanism), (mechanism.model.nq, mechanism.model.nv)
     wanted = {"q": (n, nq), "v": (n, nv), "a": (n, nv), "tau": (n, nv), "lam": (n, closure.size), "t": (n,)}
     wanted |= {"further": (len(still.further), n)} if still.further else {}
     grid = Grid(arrays["t"], tuple(arrays["cuts"].tolist()), tuple(int(row) for row in arrays["rows"]))

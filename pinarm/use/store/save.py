@@ -136,9 +136,9 @@ def _resolved(result: Result, folder: Path) -> str:
 
 def _mechanism(source: Source, folder: Path, model: str) -> str:
     """Return the mechanism file for the model beside it, which has no arguments any more."""
-    told = {key: value for key, value in _moved(source.data, source.folder, folder).items() if key != "arguments"}
+    data = {key: value for key, value in _moved(source.data, source.folder, folder).items() if key != "arguments"}
     base = {"base": source.base} if source.base else {}
-    return yaml_text({**told, "robot": model, **base, "defects": source.defects})
+    return yaml_text({**data, "robot": model, **base, "defects": source.defects})
 
 
 _MESH = re.compile(r"""(<mesh\b[^>]*?\bfilename\s*=\s*)(["'])(?!\w+://|/)(.*?)\2""", re.DOTALL)

@@ -15,12 +15,12 @@ from pinarm.engine.motion.systems.constrained import ConstrainedSystem
 from pinarm.engine.motion.systems.free import FreeSystem
 from pinarm.engine.motion.systems.partitioned import FreePart, ReducedSystem
 from pinarm.engine.motion.systems.point_constrained import PointSystem
-from pinarm.engine.motion.systems.system import Initial, Motion, System
+from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings import Coupling, independent
 from pinarm.mechanics.laws import Constant
 
-__all__ = ["Initial", "Motion", "System", "system_of"]
+__all__ = ["CompletedStates", "Initial", "System", "system_of"]
 
 
 def system_of(closure: Closure, dynamics: Dynamics, imposed: Imposed, initial: Initial) -> System:

@@ -27,7 +27,7 @@ from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.motion.systems.batch_rows import CLOSED, ITERATIONS, ROUNDED, TURNED, Solved, Together
 from pinarm.engine.motion.systems.row_motion import RowMotion
-from pinarm.engine.motion.systems.system import Initial, Motion
+from pinarm.engine.motion.systems.system import CompletedStates, Initial
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.ball_joints import coordinate_at, coordinate_name
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -197,7 +197,7 @@ class ConstrainedSystem:
     def _together(self) -> Together | None:
         return Together.of(self.rows, self.own.size)
 
-    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
+    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         """Return the motion, closed at every row, with accelerations, efforts and multipliers."""
         k, together = len(self.imposed.names), self._together
         w = np.array([grid.evaluate(law) for law in self.imposed.laws]).reshape(k, 3, len(q)).swapaxes(0, 1)
@@ -223,14 +223,16 @@ class ConstrainedSystem:
         efforts = splits.multipliers(np.matvec(mass, a) - force)[:, self.own.size :] if w.size else w[0]
         return some, (q, v, a, efforts)
 
-    def _with_efforts(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array, efforts: Array) -> Motion:
+    def _with_efforts(
+        self, dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array, efforts: Array
+    ) -> CompletedStates:
         """Return a motion with the efforts of the imposed coordinates, shape (n, k): at joints and along others."""
         demand = np.concatenate([local.inverse(grid.t[rows], q[rows], v[rows], a[rows])
                                  for rows, local in parts(dynamics, grid)])  # fmt: skip
         others = self.closure.size - self.own.size
         weights = [one.weights for one in self.imposed.coordinates if isinstance(one, LinearCoordinate)]
         tau = efforts[:, others:] @ np.reshape(weights, (-1, v.shape[1]))
-        return Motion(q, v, a, tau, Multipliers.least(self.closure, q, demand - tau, efforts[:, :others]))
+        return CompletedStates(q, v, a, tau, Multipliers.least(self.closure, q, demand - tau, efforts[:, :others]))
 
 
 def _moved(model: pin.Model, q: Array, x: Array) -> Array:

@@ -15,7 +15,7 @@ from pinarm.engine.dynamics.pinocchio_constraints import PointClosure
 from pinarm.engine.integration import Acceleration, Manifold, Stretch
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
 from pinarm.engine.motion.systems.row_motion import require_met
-from pinarm.engine.motion.systems.system import Initial, Motion
+from pinarm.engine.motion.systems.system import CompletedStates, Initial
 from pinarm.mechanics.laws.motion_law import Grid
 
 ITERATIONS = 12
@@ -84,7 +84,7 @@ class PointSystem:
         """Return the states themselves."""
         return q, v
 
-    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
+    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         """Return the motion, closed at every row, with accelerations and multipliers."""
         return self.general.complete(dynamics, grid, q, v)
 

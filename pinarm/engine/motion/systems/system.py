@@ -31,7 +31,7 @@ class Initial:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class CompletedStates:
     """The motion of a mechanism at the rows of a grid.
 
     Attributes:
@@ -78,6 +78,6 @@ class System(Protocol):
         """Return the mechanism's states, shapes (..., n, nq) and (..., n, nv), from integrated ones at n times t."""
         ...
 
-    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
+    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         """Return the motion of the mechanism at the rows of a grid, from the integrated states there."""
         ...

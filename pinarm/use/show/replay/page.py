@@ -35,7 +35,7 @@ LINKS = 6.0
 """Typical links along the extent of a mechanism; one of more has smaller marks."""
 
 VIEW = ("up", "eye", "low", "high", "outline")
-"""What the page is told of the framing."""
+"""What the page gets of the framing."""
 
 DEGREE = 0.017453292519943295
 
@@ -166,7 +166,7 @@ def _detail(nodes: Sequence[Node], seen: Framing) -> float:
     return min(seen.size, LINKS * float(np.median(links))) if links else seen.size
 
 
-def _trace(path: Sequence[tuple[overlays.Point, float]]) -> Plain:
+def _trace(path: Sequence[tuple[overlays.BodyPoint, float]]) -> Plain:
     if len(path) == 1:
         return path[0][0].plain()
     return {"masses": [{**point.plain(), "mass": mass} for point, mass in path]}
@@ -181,18 +181,18 @@ def _paths(traces: Sequence[str]) -> list[Plain]:
 
 def _families(acting: Sequence[overlays.Arrow], largest: Mapping[tuple[str, bool], float]) -> list[Plain]:
     """Return what the colours of the arrows mean, and what the longest of each kind stands for."""
-    told: list[Plain] = []
+    legend: list[Plain] = []
     for (kind, moment), size in largest.items():
         partial = any(arrow.partial for arrow in acting if arrow.of == kind)
         name = overlays.ARROWS[kind] + (" (components that rigid bodies determine)" if partial else "")
         number = f"{float(f'{size:.4g}'):g}"
-        told.append(
+        legend.append(
             {"arrow": kind, "text": f"{name}: full arc {number} N·m" if moment else f"{name}: longest arrow {number} N"}
         )
-    return told
+    return legend
 
 
-def _marks(joined: Sequence[overlays.Pair]) -> list[Plain]:
+def _marks(joined: Sequence[overlays.Connection]) -> list[Plain]:
     """Return what the marks mean."""
     return [{"loop": True, "text": "loop joint"}] if any(pair.kind == "loop" for pair in joined) else []
 

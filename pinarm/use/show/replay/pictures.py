@@ -96,9 +96,9 @@ def video(
             pass  # ffmpeg says why
         finally:
             progress("")
-            _, told = encoder.communicate()
+            _, complaint = encoder.communicate()
     if encoder.returncode:
-        last = told.decode(errors="replace").strip().splitlines()[-1:] or ["it does not say why"]
+        last = complaint.decode(errors="replace").strip().splitlines()[-1:] or ["it does not say why"]
         raise PinarmError(f"ffmpeg could not write {target}: {last[0]}")
     return target
 

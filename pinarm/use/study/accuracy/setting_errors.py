@@ -25,7 +25,7 @@ MOST = 5000
 
 
 @dataclass(frozen=True)
-class Point:
+class TriedSetting:
     """A setting, its error and its price.
 
     Attributes:
@@ -84,31 +84,33 @@ def reference(scenario: Scenario) -> Reference:
                            hint="a shorter time, away from singular positions")  # fmt: skip
 
 
-def points(scenario: Scenario, against: Reference) -> list[Point]:
+def points(scenario: Scenario, against: Reference) -> list[TriedSetting]:
     """Return all settings that are tried, method by method, the coarsest first."""
     found, most = [], max(MOST, patience(against.result, scenario.content.accuracy.max_steps))
     for method, settings in ladders(against.result).items():
         for setting in settings:
-            asked = varied(scenario, setting, most)
-            assert asked.mechanism  # loaded before the clock runs
-            found.append(_point(asked, method, spoken(setting), against))
+            variant = varied(scenario, setting, most)
+            assert variant.mechanism  # loaded before the clock runs
+            found.append(_tried(variant, method, spoken(setting), against))
     return found
 
 
-def _point(asked: Scenario, method: str, words: str, against: Reference) -> Point:
+def _tried(variant: Scenario, method: str, words: str, against: Reference) -> TriedSetting:
     seconds: list[float] = []
     while sum(seconds) < LONG:
         begin = time.perf_counter()
         try:
-            result = asked.solve()
+            result = variant.solve()
         except NumericsError:
-            return Point(method, words, dict.fromkeys(asked.content.outputs, np.inf), 0, time.perf_counter() - begin)
+            return TriedSetting(
+                method, words, dict.fromkeys(variant.content.outputs, np.inf), 0, time.perf_counter() - begin
+            )
         seconds.append(time.perf_counter() - begin)
     errors = differences(against.result, result)
-    return Point(method, words, errors, int(result.figures["evaluations"]), min(seconds))
+    return TriedSetting(method, words, errors, int(result.figures["evaluations"]), min(seconds))
 
 
-def recommended(points: Sequence[Point], bound: float, wanted: float) -> Point | None:
+def recommended(points: Sequence[TriedSetting], bound: float, wanted: float) -> TriedSetting | None:
     """Return the cheapest setting, by its evaluations, whose error is below what is wanted, whatever the reference's.
 
     Evaluations decide because they are the same on every machine.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pinarm.errors import InputError
 from pinarm.use.scenario.scenario import Scenario, load
 from pinarm.use.store.files import json_text, write
-from pinarm.use.study.accuracy.setting_errors import WANTED, Point, Reference, points, recommended, reference
+from pinarm.use.study.accuracy.setting_errors import WANTED, Reference, TriedSetting, points, recommended, reference
 from pinarm.use.study.accuracy.variant_errors import Variant, variants
 
 if TYPE_CHECKING:
@@ -29,10 +29,10 @@ class Tradeoff:
 
     scenario: Scenario
     reference: Reference | None
-    points: list[Point] = field(default_factory=list)
+    points: list[TriedSetting] = field(default_factory=list)
     variants: list[Variant] = field(default_factory=list)
 
-    def recommended(self) -> dict[float, Point | None]:
+    def recommended(self) -> dict[float, TriedSetting | None]:
         """Return the cheapest setting for every wanted error."""
         bound = self.reference.bound if self.reference else 0.0
         return {wanted: recommended(self.points, bound, wanted) for wanted in WANTED}

@@ -27,8 +27,8 @@ def settings(trade: Tradeoff) -> list[list[str]]:
     for point in trade.points:
         worst = max(point.errors, key=lambda name: point.errors[name])
         error = f"{point.error:.1e}" if point.error > trade.reference.bound else f"< {trade.reference.bound:.0e}"
-        told = [error, worst[:24]] if math.isfinite(point.error) else ["failed", ""]
-        rows.append([point.setting, *told, f"{point.evaluations}", f"{1e3 * point.seconds:.1f}"])
+        cells = [error, worst[:24]] if math.isfinite(point.error) else ["failed", ""]
+        rows.append([point.setting, *cells, f"{point.evaluations}", f"{1e3 * point.seconds:.1f}"])
     return rows
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from pinarm.engine.motion.trajectory import Series
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DynamicsError, InputError, Location, PinarmError
-from pinarm.input.roots import noting_files, rooted
+from pinarm.input.roots import file_root, noting_files
 from pinarm.input.units import Unit
 from pinarm.input.yaml.document import Document
 from pinarm.use.result import row_lookup
@@ -164,7 +164,7 @@ def solve_case(task: Task, values: Mapping[str, Value]) -> Row:
     Returns:
         The row; that of a case that fails says why.
     """
-    with rooted(task.root), noting_files() as files:
+    with file_root(task.root), noting_files() as files:
         try:
             result = run(Scenario.of(task.document.varied(values), task.folder))
             numbers = [number for entry in task.wanted for number in entry.numbers(result)]
