@@ -301,10 +301,10 @@ def test_a_motor_with_losses_is_that_of_its_own_motion(scenario):
 
 
 def test_who_interrupts_is_not_told_of_a_motion_that_failed(scenario, monkeypatch):
-    def followed(*_):
+    def solve_from(*_):
         raise Interrupted("interrupted at t = 0.1 s")
 
-    monkeypatch.setattr(Forward, "followed", followed)
+    monkeypatch.setattr(Forward, "solve_from", solve_from)
     with pytest.raises(Interrupted):
         _ = pinarm.batch(scenario(text=LOOP), velocity={"upright_0": 1.0}).failures
 
