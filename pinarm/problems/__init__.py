@@ -19,7 +19,7 @@ KINDS = {
     "state": ("states", "State"),
     "inverse": ("inverse", "Inverse"),
     "forward": ("forward", "Forward"),
-    "kinematics": ("kinematics", "Kinematics"),
+    "kinematics": ("kinematics", "KinematicMotion"),
     "equilibria": ("equilibria", "Equilibria"),
 }
 """Kind, and its module and class. A new kind is one class and one entry."""
@@ -54,10 +54,10 @@ if TYPE_CHECKING:  # mypy compares the kinds with the protocol, which are import
     from pinarm.problems.equilibria import Equilibria
     from pinarm.problems.forward import Forward
     from pinarm.problems.inverse import Inverse
-    from pinarm.problems.kinematics import Kinematics
+    from pinarm.problems.kinematics import KinematicMotion
     from pinarm.problems.states import State, Statics
 
-    _PROBLEMS: tuple[type[Problem], ...] = (Statics, State, Inverse, Forward, Kinematics, Equilibria)
+    _PROBLEMS: tuple[type[Problem], ...] = (Statics, State, Inverse, Forward, KinematicMotion, Equilibria)
 
 
 def problem_class(kind: object) -> type[Any]:

@@ -27,7 +27,7 @@ from pinarm.problems.joint_values import check_levels
 from pinarm.problems.time_grid import TimeGrid
 
 
-class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):
+class KinematicMotion(Model, frozen=True, tag_field="kind", tag="kinematics"):
     """Motion under laws on as many coordinates as the mechanism has degrees of freedom; masses play no part.
 
     With the imposed coordinates w: ``w(q) = w_d(t)``, ``J v = w_d'`` and ``J a = w_d'' - J' v``. Models without any
@@ -52,7 +52,7 @@ class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):
         """Return what the problem says about coordinates."""
         return Declaration(self._without, laws=self.motion, span=(self.time.start, self.time.end), massless=True)
 
-    def _without(self, names: Collection[str]) -> Kinematics:
+    def _without(self, names: Collection[str]) -> KinematicMotion:
         return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names))
 
     def prepare(self, mechanism: Mechanism, place: Place) -> Imposed:

@@ -8,7 +8,7 @@ from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
-from pinarm.problems.kinematics import Kinematics
+from pinarm.problems.kinematics import KinematicMotion
 from pinarm.problems.time_grid import TimeGrid
 
 LIMIT = '<limit lower="-1000" upper="1000" effort="1000" velocity="1000"/>'
@@ -63,7 +63,7 @@ def test_limits_that_are_not_given_are_not_passed(swung):
 
 
 def test_efforts_that_were_not_asked_for_do_not_count(swung):
-    found = [excess.of for excess in excesses(swung('velocity="1" effort="1e-3"', Kinematics))]
+    found = [excess.of for excess in excesses(swung('velocity="1" effort="1e-3"', KinematicMotion))]
     assert found == ["velocity"]
 
 

@@ -1,4 +1,4 @@
-"""Kinematics: the motion of inverse dynamics without its forces, for models without mass too."""
+"""KinematicMotion: the motion of inverse dynamics without its forces, for models without mass too."""
 
 from contextlib import nullcontext
 from pathlib import Path
@@ -15,7 +15,7 @@ from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Trapezoid
 from pinarm.problems import problem_class
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
-from pinarm.problems.kinematics import Kinematics
+from pinarm.problems.kinematics import KinematicMotion
 from pinarm.problems.time_grid import TimeGrid
 
 ROOT = Path(pinarm.__file__).parents[1]
@@ -32,7 +32,7 @@ def arm(**arguments):
     return Mechanism.load(ROOT / "models" / "gen411_arm" / "mechanism.yaml", arguments)
 
 
-def outcome(mechanism, motion, *, kind=Kinematics, start=None, time=None):
+def outcome(mechanism, motion, *, kind=KinematicMotion, start=None, time=None):
     problem = kind(time=time or TimeGrid(end=2.0, samples=41), motion=motion, start=start or {})
     return problem.solve(mechanism, Accuracy(), place)
 
@@ -42,7 +42,7 @@ def solve(mechanism, motion, **given):
 
 
 def test_the_kind_is_known():
-    assert problem_class("kinematics") is Kinematics
+    assert problem_class("kinematics") is KinematicMotion
 
 
 def test_a_task_motion_of_a_massless_arm_is_that_of_its_two_circles():
@@ -72,7 +72,7 @@ def test_masses_play_no_part():
 @pytest.mark.parametrize("motion", [LIFT, {"O": Trapezoid(start=0.2, end=1.0, acceleration=4.0, begin=0.5),
                                            "phi": ConstantSpeed(speed=-1.0)}], ids=["task", "joints"])  # fmt: skip
 def test_the_motion_is_that_of_inverse_dynamics(motion):
-    moved, driven = (solve(arm(), motion, kind=kind, start=ELBOW) for kind in (Kinematics, Inverse))
+    moved, driven = (solve(arm(), motion, kind=kind, start=ELBOW) for kind in (KinematicMotion, Inverse))
     for name in ("q", "v", "a"):
         assert np.array_equal(getattr(moved, name), getattr(driven, name)), name
     assert np.array_equal(moved.grid.t, driven.grid.t)

@@ -12,7 +12,7 @@ from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Over, Polyn
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
-from pinarm.problems.kinematics import Kinematics
+from pinarm.problems.kinematics import KinematicMotion
 from pinarm.problems.time_grid import TimeGrid
 
 TIME = TimeGrid(end=2.0, samples=41)
@@ -33,7 +33,7 @@ def arm(mechanism, chain):
     return mechanism(chain(*BODIES[:2]), gravity={"direction": "-y", "magnitude": "9.81 m/s^2"})
 
 
-@pytest.mark.parametrize("kind", [Inverse, Kinematics])
+@pytest.mark.parametrize("kind", [Inverse, KinematicMotion])
 def test_an_imposed_motion_is_that_of_the_composed_law(arm, kind):
     profiled = kind(time=TIME, motion={"arm": Over(of="crank", profile=SWING), "crank": TURN})
     plain = kind(time=TIME, motion={"crank": TURN, "arm": SAME})
@@ -90,7 +90,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-@pytest.mark.parametrize("kind", [Inverse, Kinematics])
+@pytest.mark.parametrize("kind", [Inverse, KinematicMotion])
 def test_what_is_refused(arm, kind, case):
     motion, message = REFUSED[case]
     with pytest.raises(InputError, match=message):
