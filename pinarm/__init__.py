@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pinarm.use.scenario.json_schema import schema
     from pinarm.use.scenario.scenario import Scenario, load
     from pinarm.use.show.replay.page import replay
+    from pinarm.use.store.examples import examples
     from pinarm.use.study.accuracy.tradeoff import Tradeoff, tradeoff
     from pinarm.use.study.answers.check import check
     from pinarm.use.study.batch.batch import Batch, batch
@@ -39,6 +40,7 @@ _HOMES = {
     "Batch": "pinarm.use.study.batch.batch",
     "batch": "pinarm.use.study.batch.batch",
     "check": "pinarm.use.study.answers.check",
+    "examples": "pinarm.use.store.examples",
     "explain": "pinarm.use.study.explain",
     "Result": "pinarm.use.result.result",
     "Scenario": "pinarm.use.scenario.scenario",
@@ -56,7 +58,7 @@ _HOMES = {
 
 __all__ = [
     "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "Series", "Sweep", "Tradeoff", "Trajectory", "batch",
-    "check", "explain", "load", "replay", "rooted", "run", "schema", "sweep", "tradeoff", "validate",
+    "check", "examples", "explain", "load", "replay", "rooted", "run", "schema", "sweep", "tradeoff", "validate",
 ]  # fmt: skip
 
 
