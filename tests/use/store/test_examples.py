@@ -63,7 +63,7 @@ def test_the_command_says_where_they_are(tmp_path: Path, shipped: Path, capsys: 
 
 def test_a_folder_that_cannot_be_written_is_an_input_error(tmp_path: Path, shipped: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(InputError, match="examples cannot be written to .*file") as caught:
+    with pytest.raises(InputError, match=r"examples cannot be written to .*file") as caught:
         pinarm.examples(tmp_path / "file")
     assert "-o DIR" in str(caught.value)
 
