@@ -1,10 +1,11 @@
 """Draw the rooms of the package and the imports between them: ``python docs/architecture.py`` writes architecture.svg.
 
 A room is a folder of a layer with all below it, such as ``engine/dynamics``. The modules that stand directly in a layer
-are a room too; they are two where some of them import rooms of the layer and rooms import others of them. An arrow from
-a room down to another says that a module of the first imports one of the second, inside functions too. Arrows that
-follow from others are left out (transitive reduction), as are those to ``errors`` and ``arrays``, which all may import.
-The imports that close a circle, of each circle the fewest, are dashed and point upwards.
+are a room too, or several: those that rooms of the layer import stand apart from those that import rooms. An arrow from
+a room down to another says that a module of the first imports one of the second, inside functions too, but not for
+annotations only. Arrows that follow from others are left out (transitive reduction), as are those to ``errors`` and
+``arrays``, which all may import. The imports that close a circle, of each circle the fewest, are dashed and point
+upwards.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ COLOURS = {
     "input": "#0369a1",
 }  # fmt: skip
 """Layers from above to below, and their colours."""
-LOWER = " (lower)"
-"""Ends the name of the room of those modules of a layer that its other rooms import."""
+MIDDLE, LOWER = " (middle)", " (lower)"
+"""End the names of the rooms of those modules of a layer that its other rooms import, and that do or do not import any
+of these themselves."""
 
 
 @dataclass(frozen=True)
@@ -48,11 +50,11 @@ class Package:
 
     @cached_property
     def imports(self) -> dict[str, set[str]]:
-        """Modules of the package that each module imports, those inside functions and for types only included."""
+        """Modules of the package that each module imports, inside functions too, but not for annotations only."""
         return {module: set(self._imported(file)) - {module} for module, file in self.files.items()}
 
     def _imported(self, file: Path) -> Iterator[str]:
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        for node in _run(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 yield from (alias.name for alias in node.names if alias.name in self.files)
             elif isinstance(node, ast.ImportFrom) and node.module in self.files:
@@ -67,10 +69,13 @@ class Package:
         for layer in COLOURS:
             own = {m for m, room in rooms.items() if room == layer and self.files[m].name != "__init__.py"}
             inner = {m for m, room in rooms.items() if room.startswith(f"{layer}/")}
-            upper = {m for m in own if reached(m, self._edges(own | inner)) & inner}
-            lower = own - upper
-            if upper and any(self.imports[m] & lower for m in inner):
-                rooms |= dict.fromkeys(lower, f"{layer}{LOWER}")
+            edges = self._edges(own | inner)
+            above = {m for m in own if reached(m, edges) & inner}
+            below = {other for m in inner for other in reached(m, edges) & own}
+            if above and below:
+                rooms |= dict.fromkeys(above & below, f"{layer}{MIDDLE}") | dict.fromkeys(
+                    below - above, f"{layer}{LOWER}"
+                )
         return rooms
 
     def _edges(self, modules: set[str]) -> set[Edge]:
@@ -91,6 +96,14 @@ class Package:
         rooms = self.rooms
         pairs = ((rooms[a], rooms.get(b)) for a in rooms for b in sorted(self.imports[a]))
         return Counter((a, b) for a, b in pairs if b is not None and a != b)
+
+
+def _run(tree: ast.AST) -> Iterator[ast.AST]:
+    """Yield the nodes of a tree that run, those under ``if TYPE_CHECKING`` do not."""
+    for node in ast.iter_child_nodes(tree):
+        if not (isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"):
+            yield node
+            yield from _run(node)
 
 
 def reached(start: str, edges: Iterable[Edge]) -> set[str]:
@@ -128,7 +141,7 @@ def picture(package: Package) -> str:
     down, back = circles_cut(package.arrows)
     boxes = []
     for room in sorted({room for edge in package.arrows for room in edge}):
-        own = room.removesuffix(LOWER)
+        own = room.partition(" (")[0]
         title = f"{own}/" if "/" in own else f"{own}/*.py"
         boxes.append(Box(room, own.partition("/")[0], title, package.text(room)))
     return Drawing(tuple(boxes), COLOURS, frozenset(reduced(down)), frozenset(back)).svg()

@@ -24,7 +24,8 @@ def package(tmp_path: Path) -> Package:
         "engine/dynamics/__init__": '"""Solves ``M a = f``. More of it."""',
         "engine/dynamics/equation": "import pinarm.errors\ndef f(): from pinarm.engine.constraints.rows import rows",
         "engine/constraints/__init__": '"""Rows."""',
-        "engine/constraints/rows": "from pinarm.engine.source import Source\nimport pinarm.input.units\nimport numpy",
+        "engine/constraints/rows": "from pinarm.engine.source import Source\nimport pinarm.input.units\nimport numpy\n"
+        "if TYPE_CHECKING:\n    from pinarm.engine.mechanism import Mechanism",
         "input/units": "",
     }  # fmt: skip
     for name, text in texts.items():
