@@ -17,7 +17,7 @@ from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.states import Statics
 
-MODELS = Path(__file__).parents[2] / "models"
+MODELS = Path(__file__).parents[3] / "models"
 HONEST = 1e-13
 """Sums of a few dozen terms, relative to their size."""
 

@@ -14,7 +14,7 @@ from pinarm.use.study.accuracy import tolerance_search as target_search
 from pinarm.use.study.accuracy.error_estimate import differences, estimated, scales
 from pinarm.use.study.accuracy.tolerance_search import _ordered
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[4]
 FILES = sorted((ROOT / "scenarios").glob("*.yaml"))
 
 

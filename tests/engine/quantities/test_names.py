@@ -13,7 +13,7 @@ from pinarm.mechanics.laws import Harmonic, Trapezoid
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.inverse import Inverse
 
-MODELS = Path(__file__).parents[2] / "models"
+MODELS = Path(__file__).parents[3] / "models"
 L0, L1, L2, M_A, M_BA, M_B, G = 0.5, 0.25, 0.25, 0.1, 1.0, 0.5, 9.81
 MOTION = {
     "O": Harmonic(amplitude=0.8, pulsation=3.0, phase=0.3),

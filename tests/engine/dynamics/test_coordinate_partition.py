@@ -25,7 +25,7 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.common import Accuracy, TimeGrid
 from pinarm.problems.forward import Forward, InitialState
 
-MODELS = Path(__file__).parents[2] / "models"
+MODELS = Path(__file__).parents[3] / "models"
 FINE = Accuracy(tolerance=1e-13)
 L1 = L2 = 0.25
 TOTAL, FIRST, SECOND, G = 0.5 + 1.0 + 0.1, (0.5 + 0.1) * L2, (1.0 / 3 + 0.1) * L2**2, 9.81
