@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
-    from pinarm.engine.motion.trajectory import Series, Trajectory
+    from pinarm.engine.motion.trajectory import Trajectory
+    from pinarm.engine.series import Series
     from pinarm.errors import PinarmError
     from pinarm.input.roots import file_root
     from pinarm.use.result.result import Result
@@ -34,7 +35,7 @@ if "pinocchio" not in sys.modules and "OMP_WAIT_POLICY" not in os.environ:
 
 _HOMES = {
     "Mechanism": "pinarm.engine.mechanism",
-    "Series": "pinarm.engine.motion.trajectory",
+    "Series": "pinarm.engine.series",
     "Trajectory": "pinarm.engine.motion.trajectory",
     "PinarmError": "pinarm.errors",
     "Batch": "pinarm.use.study.batch.batch",

@@ -69,7 +69,7 @@ def _run(options: argparse.Namespace) -> int:
     from pinarm.use.store.save import save
 
     begin = time.perf_counter()
-    scenario = load(options.scenario, options.overrides)
+    scenario = load(options.scenario, options.values)
     folder = options.output or Path("results") / scenario.name
     options.output = folder
     result = scenario.verified() if options.verify else scenario.run()
@@ -84,7 +84,6 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from pinarm.use.scenario.scenario import load
     from pinarm.use.study.answers.check import check, misses
     from pinarm.use.study.answers.verdict_table import plain, verdicts
     from pinarm.use.study.run import scenario_files
@@ -94,7 +93,7 @@ def _check(options: argparse.Namespace) -> int:
     for path in [file for given in options.paths for file in scenario_files(given)]:
         _progress(f"check {path}")
         try:
-            findings += check(load(path, options.overrides))
+            findings += check(path, options.values)
         except PinarmError as error:
             if options.traceback:
                 raise
@@ -118,7 +117,7 @@ def _validate(options: argparse.Namespace) -> int:
     mistakes = []
     for path in [file for given in options.paths for file in scenario_files(given)]:
         try:
-            load(path, options.overrides).validate()
+            load(path, options.values).validate()
         except PinarmError as error:
             if options.traceback:
                 raise
@@ -136,7 +135,7 @@ def _validate(options: argparse.Namespace) -> int:
 def _explain(options: argparse.Namespace) -> int:
     from pinarm.use.study.explain import explain
 
-    found = explain(options.path, options.overrides)
+    found = explain(options.path, options.values)
     if options.json:
         import msgspec
 
@@ -153,7 +152,7 @@ def _sweep(options: argparse.Namespace) -> int:
     from pinarm.use.study.sweep.sweep_files import summary
     from pinarm.use.study.sweep.sweep_text import progress_bar, report
 
-    scenario = load(options.scenario, options.overrides)
+    scenario = load(options.scenario, options.values)
     folder = options.output or Path("results") / f"{scenario.name}-sweep"
     with progress_bar(sys.stderr) as progress:
         swept = sweep(
@@ -175,7 +174,7 @@ def _tradeoff(options: argparse.Namespace) -> int:
     from pinarm.use.study.accuracy.tradeoff import tradeoff
     from pinarm.use.study.accuracy.tradeoff_text import report
 
-    scenario = load(options.scenario, options.overrides)
+    scenario = load(options.scenario, options.values)
     folder = options.output or Path("results") / f"{scenario.name}-tradeoff"
     trade = tradeoff(scenario)
     trade.save(folder, plots=not options.no_plots)

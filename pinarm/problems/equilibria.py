@@ -15,7 +15,8 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
-from pinarm.engine.motion.trajectory import ROW, Series, Trajectory
+from pinarm.engine.motion.trajectory import ROW, Trajectory
+from pinarm.engine.series import Series
 from pinarm.engine.statics.actuation import actuation
 from pinarm.engine.statics.equilibrium import Balance, Equilibrium
 from pinarm.errors import AssemblyError, InputError, Key, Place

@@ -52,7 +52,7 @@ def ball(folder: Path, inertia: tuple[float, float, float], place: str = "0 0 0"
     (folder / "ball.xml").write_text(
         f'<mujoco><worldbody><body name="body"><joint name="ball" type="ball"/>'
         f'<inertial pos="{place}" mass="1" diaginertia="{size}"/></body></worldbody></mujoco>')  # fmt: skip
-    return Mechanism.load(folder / "ball.xml", gravity=gravity)
+    return Mechanism.load(folder / "ball.xml", values={"gravity": gravity} if gravity else None)
 
 
 def spun(*rates: float) -> dict[str, float]:

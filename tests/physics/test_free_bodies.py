@@ -170,7 +170,7 @@ def test_damping_of_a_joint_with_several_coordinates_brakes_each_of_them(mechani
 
 
 def test_floating_robot_that_moves_its_limbs_keeps_its_momenta():
-    robot = Mechanism.load("solo12", gravity="none")
+    robot = Mechanism.load("solo12", values={"gravity": "none"})
     kick = {"FL_HFE": 3.0, "HR_KFE": -4.0, "FR_HAA": 2.0, "root.y": 0.4, "root.angular_velocity.x": 1.0}
     free = run(robot, 0.3, samples=11, tolerance=1e-10, initial={"position": {"FL_HFE": 0.8}, "velocity": kick})
     found = Quantities(free)

@@ -13,7 +13,8 @@ from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.segments import SegmentedMotion
 from pinarm.engine.motion.systems import CompletedStates
-from pinarm.engine.motion.trajectory import Happening, Series, Trajectory
+from pinarm.engine.motion.trajectory import Happening, Trajectory
+from pinarm.engine.series import Series
 from pinarm.input.units import unit
 from pinarm.mechanics.laws.motion_law import Grid
 

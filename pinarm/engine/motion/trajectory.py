@@ -13,6 +13,7 @@ from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
+from pinarm.engine.series import Series
 from pinarm.input.units import Unit
 from pinarm.mechanics.laws.motion_law import Grid
 
@@ -24,33 +25,6 @@ ROW = "row"
 
 STANDSTILL = 1e-12
 """Velocity, relative to the largest of the run, that rounding leaves where a motion begins or ends."""
-
-
-@dataclass(frozen=True)
-class Series:
-    """A named array with its unit.
-
-    Attributes:
-        name: As it was asked for.
-        unit: SI unit of the values; ``None`` where an argument of unknown unit takes part.
-        values: One per row of the trajectory, shape (n,), or per state, of the shape in which states were given.
-        doubt: Why the values are one choice of many; empty where they are determined.
-    """
-
-    name: str
-    unit: Unit | None
-    values: Array
-    doubt: str = ""
-
-    @property
-    def label(self) -> str:
-        """Name and unit, for headings."""
-        text = str(self.unit) if self.unit else "?"
-        return self.name if text == "1" else f"{self.name} [{text}]"
-
-    def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> Array:
-        """Let numpy take the values."""
-        return np.array(self.values, dtype=dtype, copy=copy)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,9 +16,10 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
-from pinarm.engine.motion.trajectory import Series, Trajectory
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.broadcasting import Leading
 from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
 from pinarm.engine.statics.actuation import actuation, everywhere
 from pinarm.errors import InputError
 from pinarm.input.units import unit

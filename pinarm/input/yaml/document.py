@@ -92,19 +92,6 @@ class Document:
         except PinarmError as error:
             raise error.at(self.locate((*path, *error.path))) from error.__cause__
 
-    def override(self, assignment: str) -> Document:
-        """Return the document with one value replaced, as ``--set problem.time.end='3 s'`` asks.
-
-        Raises:
-            InputError: The text is no assignment, or its path does not lead into the document.
-        """
-        name, equals, text = assignment.partition("=")
-        option = Location(f"--set {assignment}")
-        if not equals or not name.strip():
-            raise InputError("this is no assignment", expected="path.to.key=value").at(option)
-        value, _, _ = _built(text, option.source)
-        return self.assigned(name.strip(), value, option)
-
     def assigned(self, name: str, value: Any, option: Location) -> Document:
         """Return the document with the value at a path such as ``problem.time.end`` replaced.
 
@@ -120,9 +107,9 @@ class Document:
         path: Path_ = ()
         *parents, last = name.split(".")
         for key in parents:
-            node = _step(data, key, option, create=True)
+            node = step_into(data, key, option, create=True)
             data, path = data[node], (*path, node)
-        node = _step(data, last, option, create=True)
+        node = step_into(data, last, option, create=True)
         data[node] = value
         path = (*path, node)
         made = {path[:k]: option for k in range(1, len(path))}
@@ -131,13 +118,6 @@ class Document:
             for known in (self.places, self.keys)
         )
         return replace(self, data=copied, places=places, keys=keys)
-
-    def varied(self, values: Mapping[str, Any]) -> Document:
-        """Return the document with other values: path -> value as a file would have it; see ``assigned``."""
-        document = self
-        for path, value in values.items():
-            document = document.assigned(path, value, Location(f"{path}={value}"))
-        return document
 
     def part(self, key: str) -> Document:
         """Return what stands below a key, as a document of its own."""
@@ -200,13 +180,13 @@ def _merged(data: Any, changes: Any, place: Location) -> Any:
         return changes
     merged = data.copy()
     for key, value in changes.items():
-        step: Any = _step(data, key, place, create=False)
+        step: Any = step_into(data, key, place, create=False)
         found = data.get(step) if isinstance(data, dict) else data[step]
         merged[step] = _merged(found, value, place)
     return merged
 
 
-def _step(data: Any, key: str, option: Location, *, create: bool) -> str | int:
+def step_into(data: Any, key: str, option: Location, *, create: bool) -> str | int:
     """Return the key or index by which to step into ``data``; with ``create`` a missing key becomes an empty map."""
     if isinstance(data, list):
         if re.fullmatch(r"-?[0-9]{1,9}", key) and -len(data) <= int(key) < len(data):

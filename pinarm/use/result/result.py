@@ -14,8 +14,9 @@ import numpy as np
 
 from pinarm.engine.checks.limits import Excess, excesses
 from pinarm.engine.motion.outcome import Outcome
-from pinarm.engine.motion.trajectory import Happening, Series, Trajectory
+from pinarm.engine.motion.trajectory import Happening, Trajectory
 from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.joints import spelled
 from pinarm.mechanics.perturbation import coarse_angles

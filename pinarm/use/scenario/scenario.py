@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,7 +16,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import table_figures
-from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.mechanism import Mechanism, mechanism_document, read_mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DynamicsError, InputError, MethodError, NumericsError
@@ -25,6 +25,7 @@ from pinarm.input.roots import inside, root_of
 from pinarm.input.units import read_quantity
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.schema import Measured, Model
+from pinarm.input.yaml.values import Values, varied, written_unit
 from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.joints import spelled
 from pinarm.mechanics.payloads import Payload
@@ -117,18 +118,14 @@ class Scenario:
     seed: int | None = None
 
     @classmethod
-    def load(cls, path: str | Path, overrides: list[str] | None = None) -> Scenario:
-        """Read a scenario file.
-
-        Args:
-            path: The file.
-            overrides: Assignments such as ``problem.time.end=3 s`` that replace values of the file.
+    def load(cls, path: str | Path, values: Values | None = None) -> Scenario:
+        """Read a scenario file; see ``pinarm.load``.
 
         Raises:
             InputError: The file cannot be read or has a mistake; the message says where.
         """
-        document = Document.read(Path(path), source=str(path))
-        return cls.of(_overridden(document, overrides), Path(path).parent)
+        document, folder = Document.read(Path(path), source=str(path)), Path(path).parent
+        return cls.of(_varied(document, folder, values) if values else document, folder)
 
     @classmethod
     def of(cls, document: Document, folder: Path) -> Scenario:
@@ -140,24 +137,17 @@ class Scenario:
         content = document.validate(ScenarioFile)
         return cls(document, content, _problem(document, content.problem), folder)
 
-    def varied(self, values: Mapping[str, Any]) -> Scenario:
+    def varied(self, values: Values) -> Scenario:
         """Return the scenario with other values.
 
         Args:
-            values: Path -> value as a file would have it, such as ``{"arguments.m_A": "0.2 kg"}``.
+            values: Path -> value as a file would have it, such as ``{"arguments.m_A": "0.2 kg"}``, or texts such as
+                ``["arguments.m_A=0.2 kg"]``; see ``input.yaml.values``.
 
         Raises:
             InputError: A path leads nowhere, or a value is wrong there.
         """
-        return self._of(self.document.varied(values))
-
-    def overridden(self, overrides: list[str] | None) -> Scenario:
-        """Return the scenario with assignments made to it; see ``load``.
-
-        Raises:
-            InputError: A path leads nowhere, or a value is wrong there.
-        """
-        return self._of(_overridden(self.document, overrides)) if overrides else self
+        return self._of(_varied(self.document, self.folder, values)) if values else self
 
     def merged(self, changes: Mapping[str, Any]) -> Scenario:
         """Return the scenario with the values that ``changes`` has at the same paths, as a file would have them."""
@@ -182,7 +172,7 @@ class Scenario:
             if Path(wanted).suffix:
                 source = inside((self.folder / wanted).absolute(), root_of(self.folder), {})
             changes = self.document.part("changes") if self.content.changes else None
-            loaded = Mechanism.load(
+            loaded = read_mechanism(
                 source, self.content.arguments, gravity=gravity, payloads=self.content.payloads, changes=changes,
                 locate=self.document.locating,
             )  # fmt: skip
@@ -353,10 +343,31 @@ class Scenario:
         return self.document.locating("problem", *path)
 
 
-def _overridden(document: Document, overrides: list[str] | None) -> Document:
-    for assignment in overrides or []:
-        document = document.override(assignment)
-    return document
+def _varied(document: Document, folder: Path, values: Values) -> Document:
+    """Return the scenario in a document with other values; what it does not say itself, its mechanism file may."""
+    return varied(document, values, partial(declared_unit, document.data, folder))
+
+
+def declared_unit(data: Mapping[str, Any], folder: Path, path: str) -> str:
+    """Return the unit in which a scenario's mechanism file has the value at a path; empty for none.
+
+    Args:
+        data: The scenario as plain data.
+        folder: Folder that paths in it are relative to.
+        path: Path in the scenario: below ``arguments`` or ``changes``.
+    """
+    part, _, rest = path.partition(".")
+    wanted = data.get("mechanism")
+    if part not in ("arguments", "changes") or not isinstance(wanted, str) or not Path(wanted).suffix:
+        return ""
+    try:
+        file = mechanism_document(inside((folder / wanted).absolute(), root_of(folder), {})).data
+    except InputError:  # whoever needs the mechanism says what is wrong with it
+        return ""
+    if part == "changes":
+        return written_unit(file, rest)
+    declared = file.get("arguments") if isinstance(file, dict) else None
+    return str(declared.get(rest, "")) if isinstance(declared, dict) else ""
 
 
 def _problem(document: Document, given: object) -> Problem:
@@ -385,6 +396,17 @@ def _beyond(outcome: Outcome) -> DynamicsError:
     return DynamicsError(f"the numbers of this run are too large to be checked, from {where}", partial=outcome)
 
 
-def load(scenario: Scenario | str | Path, overrides: list[str] | None = None) -> Scenario:
-    """Read a scenario file; see ``Scenario.load``. Of a scenario that has been read, replace values."""
-    return scenario.overridden(overrides) if isinstance(scenario, Scenario) else Scenario.load(scenario, overrides)
+def load(scenario: Scenario | str | Path, values: Values | None = None) -> Scenario:
+    """Read and check a scenario file; nothing is computed before ``run``.
+
+    Args:
+        scenario: The file; or a scenario that has been read, of which values are to be replaced.
+        values: Other values than those of the file: ``{"problem.time.end": "3 s", "arguments.m_A": 0.2}``, or texts
+            ``["problem.time.end=3 s"]``. A bare number is in SI, and allowed where the file has an SI unit or none.
+
+    Raises:
+        InputError: The file cannot be read or has a mistake, or a path leads nowhere; the message says where.
+    """
+    if isinstance(scenario, Scenario):
+        return scenario.varied(values) if values else scenario
+    return Scenario.load(scenario, values)

@@ -16,7 +16,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.trajectory import ROW, Series
+from pinarm.engine.motion.trajectory import ROW
+from pinarm.engine.series import Series
 from pinarm.input.units import Unit
 from pinarm.use.result.expectation import in_si
 from pinarm.use.result.row_lookup import at

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.errors import printable
 from pinarm.problems.simplify.simplified import in_short
 from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, RESIDUALS

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.use.store.files import cell
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")

@@ -17,7 +17,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.mechanism import Mechanism, read_mechanism
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
@@ -125,9 +125,9 @@ def _arrays(path: Path) -> dict[str, Array]:
 
 def _mechanism(folder: Path, scenario: Scenario) -> Mechanism:
     """Return the mechanism, whose arguments the text of the model no longer has."""
-    mechanism = Mechanism.load(folder / "mechanism.yaml", gravity=scenario.content.gravity,
-                               payloads=scenario.content.payloads)  # fmt: skip
-    given = scenario.content.arguments
+    content = scenario.content
+    mechanism = read_mechanism(folder / "mechanism.yaml", gravity=content.gravity, payloads=content.payloads)
+    given = content.arguments
     units = {name: value.unit for name, value in given.items() if value.unit is not None}
     arguments: Mapping[str, float] = {name: float(value) for name, value in given.items()}
     return replace(mechanism, arguments=arguments, argument_units=units)

@@ -12,7 +12,6 @@ from pinarm.engine.dynamics.parallel import Parallel
 from pinarm.engine.integration import Flat
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError
-from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.forces.joint_springs import SpringDamper
 from pinarm.mechanics.laws import Harmonic
@@ -265,8 +264,8 @@ class TestGravity:
 
     def test_a_caller_replaces_that_of_the_file(self):
         file = MODELS / "gen411_arm" / "mechanism.yaml"
-        assert Mechanism.load(file, gravity="none").gravity == 0.0
-        up = Mechanism.load(file, gravity=Gravity(direction="y", magnitude=2.0))
+        assert Mechanism.load(file, values={"gravity": "none"}).gravity == 0.0
+        up = Mechanism.load(file, values={"gravity": {"direction": "y", "magnitude": "2 m/s^2"}})
         assert up.model.gravity.linear.tolist() == [0.0, 2.0, 0.0]
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pinarm.engine.motion.outcome import on_interval, positions_by_interval
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.input.units import unit
 from pinarm.mechanics.laws import Constant, Harmonic, Trapezoid
 from pinarm.problems.accuracy import Accuracy

@@ -29,7 +29,7 @@ def four_bar():
 
 
 def flying():
-    mechanism = Mechanism.load("panda", base="floating")
+    mechanism = Mechanism.load("panda", values={"base": "floating"})
     names = ("root.x", "root.angular_velocity.y", *(f"panda_joint{k}" for k in range(1, 8)))
     v, a = (mechanism.rates(dict(zip(names, x, strict=True))) for x in ANY.normal(size=(2, len(names), 12)))
     q = np.array([pin.integrate(mechanism.model, pin.neutral(mechanism.model), row) for row in 0.7 * v])
@@ -68,7 +68,7 @@ def test_a_single_state_has_no_leading_axis(case):
 
 
 def test_names_give_states_of_the_shape_of_their_values():
-    robot = Mechanism.load("panda", base="floating")
+    robot = Mechanism.load("panda", values={"base": "floating"})
     bend, height = np.linspace(0.1, 0.3, 3)[:, None], np.linspace(1.0, 2.0, 4)
     q = robot.configurations({"root.z": height, "panda_joint2": bend})  # a grid, as numpy has it
     turned = robot.configurations({"root.yaw": bend, "root.z": height})

@@ -9,6 +9,7 @@ import pytest
 from pinarm.errors import InputError, Key, Location, within
 from pinarm.input.yaml.document import MAX_BYTES, Document
 from pinarm.input.yaml.schema import Model, Time
+from pinarm.input.yaml.values import varied
 
 
 def parse(text: str) -> Any:
@@ -238,7 +239,7 @@ BASE = "title: arm\nproblem: {time: {end: 3 s}}\nexpect:\n  - {value: 1}\n  - {v
 )  # fmt: skip
 def test_an_override_replaces_one_value(assignment: str, path: list[str | int], value: Any) -> None:
     document = Document.parse(BASE, source="f.yaml")
-    changed = document.override(assignment)
+    changed = varied(document, [assignment])
     node = changed.data
     for key in path:
         node = node[key]
@@ -248,7 +249,7 @@ def test_an_override_replaces_one_value(assignment: str, path: list[str | int], 
 
 
 def test_overrides_leave_the_places_of_the_rest() -> None:
-    changed = Document.parse(BASE, source="f.yaml").override("problem.time.samples=5").override("title=b")
+    changed = varied(Document.parse(BASE, source="f.yaml"), ["problem.time.samples=5", "title=b"])
     assert changed.locate(("problem", "time", "end")).line == 2
     assert changed.locate(("expect", 1, "value")).line == 5
 
@@ -266,7 +267,7 @@ def test_overrides_leave_the_places_of_the_rest() -> None:
 )  # fmt: skip
 def test_overrides_that_lead_nowhere(assignment: str, says: str) -> None:
     with pytest.raises(InputError) as caught:
-        Document.parse(BASE).override(assignment)
+        varied(Document.parse(BASE), [assignment])
     assert says in caught.value.message
     assert caught.value.location is not None
     assert caught.value.location.source == f"--set {assignment}"

@@ -117,7 +117,7 @@ def test_gravity_is_that_of_the_file_unless_the_mechanism_says_otherwise(tmp_pat
     option = '<option gravity="0 3 -4"/>'
     (tmp_path / "m.xml").write_text(model(body(HINGE + SPHERE), before=option))
     assert Mechanism.load(tmp_path / "m.xml").model.gravity.linear.tolist() == [0.0, 3.0, -4.0]
-    assert Mechanism.load(tmp_path / "m.xml", gravity="none").gravity == 0.0
+    assert Mechanism.load(tmp_path / "m.xml", values={"gravity": "none"}).gravity == 0.0
     off = build_model(model(body(HINGE + SPHERE), before='<option><flag gravity="disable"/></option>'))
     assert off.gravity.tolist() == [0.0, 0.0, 0.0]
     assert build_model(model(body(HINGE + SPHERE))).gravity.tolist() == [0.0, 0.0, -9.81]

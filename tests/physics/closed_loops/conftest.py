@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import pinarm
-from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.mechanism import read_mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.problems import problem_class
 from pinarm.problems.accuracy import Accuracy
@@ -30,7 +30,7 @@ def outcome():
     def solve(model, kind, *, arguments=None, gravity=None, end=1.0, samples=101, tolerance=1e-12, **content):
         mechanism = model
         if isinstance(model, str):
-            mechanism = Mechanism.load(MODELS / model / "mechanism.yaml", arguments or {}, gravity=gravity)
+            mechanism = read_mechanism(MODELS / model / "mechanism.yaml", arguments or {}, gravity=gravity)
         if kind in ("inverse", "forward", "kinematics"):
             content["time"] = TimeGrid(end=end, samples=samples)
         problem = problem_class(kind)(**content)

@@ -458,7 +458,7 @@ def test_results_of_the_whole_mechanism_say_nothing(scene):
 
 def test_a_robot_with_one_arm_in_motion_is_that_arm(scene):
     """Mass, centre and moments of what is locked stay: the arm's torques are those of the whole robot."""
-    joints = pinarm.Mechanism.load("talos", base="fixed").joints.values()
+    joints = pinarm.Mechanism.load("talos", values={"base": "fixed"}).joints.values()
     motion = {one.name: dict(MOVES) if "arm_right" in one.name else {"law": "constant", "value": f"0.1 {one.unit}"}
               for one in joints if "gripper" not in one.name}  # fmt: skip
     motion |= {one.name: {"law": "constant", "value": f"0.1 {one.unit}"} for one in joints if "gripper" in one.name}

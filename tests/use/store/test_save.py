@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.use.store.save import csv
 

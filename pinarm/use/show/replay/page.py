@@ -15,7 +15,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.motion.trajectory import Series, Trajectory
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.use.show.replay import overlays
 from pinarm.use.show.replay.framing import Framing, framing

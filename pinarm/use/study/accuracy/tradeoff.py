@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pinarm.errors import InputError
+from pinarm.input.yaml.values import Values
 from pinarm.use.scenario.scenario import Scenario, load
 from pinarm.use.store.files import json_text, write
 from pinarm.use.study.accuracy.setting_errors import WANTED, Reference, TriedSetting, points, recommended, reference
@@ -91,17 +92,18 @@ class Tradeoff:
         return blocks(*parts)
 
 
-def tradeoff(scenario: Scenario | str | Path) -> Tradeoff:
+def tradeoff(scenario: Scenario | str | Path, values: Values | None = None) -> Tradeoff:
     """Measure what accuracy costs: of settings, where the scenario is integrated over time, and of its variants.
 
     Args:
         scenario: The scenario, or its file.
+        values: Other values than those of the file, such as ``{"problem.time.end": "3 s"}``; see ``pinarm.load``.
 
     Raises:
         InputError: Neither is there to be traded.
         PinarmError: The scenario cannot be solved.
     """
-    scenario = load(scenario)
+    scenario = load(scenario, values)
     integrated = scenario.problem.kind == "forward"
     if not integrated and not scenario.content.variants:
         raise InputError(f"there is nothing to trade: a problem of kind {scenario.problem.kind} is solved to rounding, "

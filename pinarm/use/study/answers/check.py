@@ -18,6 +18,7 @@ from pinarm.arrays import Array
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, half_last_digit
+from pinarm.input.yaml.values import Values
 from pinarm.use.result import row_lookup
 from pinarm.use.result.expectation import Expectation, in_si
 from pinarm.use.result.result import Result
@@ -82,18 +83,20 @@ class Findings(tuple[Finding, ...]):
         return blocks(table([list(HEADING), *rows(self)]), lines(remarks(self)))
 
 
-def check(scenario: Scenario | str | Path, result: Result | None = None) -> Findings:
+def check(scenario: Scenario | str | Path, values: Values | None = None, *, result: Result | None = None) -> Findings:
     """Solve scenarios and compare them with their answer keys.
 
     Args:
         scenario: The scenario, its file, or a folder of them.
-        result: What came out of it, where that is known.
+        values: Other values for each of them, such as ``{"problem.time.end": "3 s"}``; see ``pinarm.load``.
+        result: What came out of a scenario that is solved already.
 
     Raises:
         InputError: An expectation asks for something that does not exist; the message says where.
+        PinarmError: A scenario cannot be solved.
     """
     findings = []
-    for one in scenarios(scenario):
+    for one in scenarios(scenario, values):
         solved = result or run(one)
         for index, expectation in enumerate(one.content.expect):
             with one.document.locating("expect", index):

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.errors import InputError, NumericsError
+from pinarm.input.yaml.values import Values
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario, load
 from pinarm.use.study.batch.block import Block, Question, answered
@@ -89,16 +90,19 @@ class Batch:
                 pass
         return dict(sorted(self._failures.items()))
 
-    def __getitem__(self, name: str) -> Array:
-        """Return a quantity of all motions, shape (b, n), not a number beyond the end of a motion.
+    def __getitem__(self, name: str) -> Series:
+        """Return a quantity of all motions with its unit, shape (b, n), not a number beyond the end of a motion.
+
+        Args:
+            name: A quantity, a symbol or a formula, as of a result.
 
         Raises:
             InputError: There is no quantity of that name.
         """
-        return np.asarray(self.values(name)[0])
+        return replace(self._require([name])[name], name=name, values=self.values(name)[0])
 
     def values(self, *names: str) -> Array:
-        """Return several quantities of all motions, shape (k, b, n); see ``batch[name]``.
+        """Return several quantities of all motions in SI, shape (k, b, n), solved for at once; see ``batch[name]``.
 
         Raises:
             InputError: There is no quantity of a name.
@@ -228,7 +232,7 @@ class Batch:
 
 def batch(
     scenario: Scenario | str | Path, position: Mapping[str, ArrayLike] | None = None,
-    velocity: Mapping[str, ArrayLike] | None = None, *, overrides: list[str] | None = None, workers: int = 1,
+    velocity: Mapping[str, ArrayLike] | None = None, *, values: Values | None = None, workers: int = 1,
 ) -> Batch:  # fmt: skip
     """Ask a scenario of kind ``forward`` from many initial states.
 
@@ -237,7 +241,7 @@ def batch(
         position: Joint -> its initial coordinates [rad or m], shape (b,) or one for all; other joints begin as in the
             scenario.
         velocity: Joint -> its initial velocities [rad/s or m/s], likewise.
-        overrides: Assignments such as ``problem.time.end=3 s`` that replace values of the scenario.
+        values: Other values than those of the file, such as ``{"problem.time.end": "3 s"}``; see ``pinarm.load``.
         workers: Processes that solve the motions, as pays where loops are taken one by one; the numbers are the same.
 
     Raises:
@@ -247,6 +251,6 @@ def batch(
     """
     if workers < 1:
         raise InputError(f"{workers} workers solve nothing", expected="at least 1")
-    question = Question.of(load(scenario, overrides))
+    question = Question.of(load(scenario, values))
     starts = Starts.of(question.scenario.scene.solved, question.hybrid, position or {}, velocity or {})
     return Batch(question, starts, *question.begin(starts.initial(question.hybrid)), workers)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.errors import InputError, NumericsError
 from pinarm.input.units import DIMENSIONLESS
 from pinarm.use.result.measures import COSTS, MEASURES

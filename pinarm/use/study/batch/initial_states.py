@@ -12,9 +12,9 @@ from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.systems import Initial
-from pinarm.engine.motion.trajectory import Series
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.quantities.states import columns_of
+from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices
 from pinarm.mechanics.joints import Joint
 

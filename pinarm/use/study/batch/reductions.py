@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices
 from pinarm.input.units import Unit
 from pinarm.use.study.batch.block import Block

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.use.study.sweep.axes import Cases, Value
 from pinarm.use.study.sweep.cases import WORTH, Row, Task, solve_case

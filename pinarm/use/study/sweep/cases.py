@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from pinarm.engine.motion.trajectory import Series
 from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError, InputError, Location, PinarmError
 from pinarm.input.roots import file_root, noting_files
 from pinarm.input.units import Unit
 from pinarm.input.yaml.document import Document
+from pinarm.input.yaml.values import varied
 from pinarm.use.result import row_lookup
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result
@@ -166,7 +167,7 @@ def solve_case(task: Task, values: Mapping[str, Value]) -> Row:
     """
     with file_root(task.root), noting_files() as files:
         try:
-            result = run(Scenario.of(task.document.varied(values), task.folder))
+            result = run(Scenario.of(varied(task.document, values), task.folder))
             numbers = [number for entry in task.wanted for number in entry.numbers(result)]
             if result.missed:
                 target = result.content.accuracy.target

@@ -154,4 +154,4 @@ def test_misses_are_counted(scenario: Callable[..., Any]) -> None:
 
 def test_a_result_that_is_there_is_not_computed_again(scenario: Callable[..., Any]) -> None:
     one, other = scenario("statics"), scenario("statics", "expect:\n  - {quantity: M, value: 1 N*m, source: s}\n")
-    assert len(pinarm.check(other, one.run())) == 1
+    assert len(pinarm.check(other, result=one.run())) == 1
