@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.json_schema import schema
     from pinarm.use.scenario.scenario import Scenario, load
+    from pinarm.use.store.examples import examples
     from pinarm.use.store.restore import replay
     from pinarm.use.study.accuracy.tradeoff import Tradeoff, tradeoff
     from pinarm.use.study.answers.check import check
@@ -32,6 +33,7 @@ _HOMES = {
     "Batch": "pinarm.use.study.batch.batch",
     "batch": "pinarm.use.study.batch.batch",
     "check": "pinarm.use.study.answers.check",
+    "examples": "pinarm.use.store.examples",
     "explain": "pinarm.use.study.explain",
     "Result": "pinarm.use.result.result",
     "Scenario": "pinarm.use.scenario.scenario",
@@ -48,26 +50,8 @@ _HOMES = {
 }
 
 __all__ = [
-    "Batch",
-    "Mechanism",
-    "PinarmError",
-    "Result",
-    "Scenario",
-    "Series",
-    "Sweep",
-    "Tradeoff",
-    "Trajectory",
-    "batch",
-    "check",
-    "explain",
-    "file_root",
-    "load",
-    "replay",
-    "run",
-    "schema",
-    "sweep",
-    "tradeoff",
-    "validate",
+    "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "Series", "Sweep", "Tradeoff", "Trajectory", "batch",
+    "check", "examples", "explain", "file_root", "load", "replay", "run", "schema", "sweep", "tradeoff", "validate",
 ]  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""The command line: ``run``, ``check``, ``validate``, ``explain``, ``sweep``, ``tradeoff``, ``replay``, ``schema``.
+"""The command line: ``run``, ``check``, ``validate``, ``explain``, ``sweep``, ``tradeoff``, ``replay``, ``schema`` ...
 
 Exit codes: 0 all is well, 1 an expectation or the wanted accuracy is missed, 2 the input has a mistake, 3 the numerics
 failed (what was computed until then is kept) or a case of a sweep did, 130 interrupted. Results go to stdout; progress
@@ -231,6 +231,17 @@ def _schema(options: argparse.Namespace) -> int:
     return OK
 
 
+def _examples(options: argparse.Namespace) -> int:
+    from pinarm.use.store.examples import examples
+
+    folder = examples(options.output)
+    if options.json:
+        _print_json({"folder": str(folder)})
+    else:
+        print(f"written to {folder}")
+    return OK
+
+
 def _keep_partial(error: PinarmError, options: argparse.Namespace) -> int:
     """Write what was computed before the numerics failed; return the exit code."""
     from pinarm.use.result.result import Result
@@ -270,5 +281,6 @@ COMMANDS = {
     "tradeoff": (_tradeoff, "error against cost of settings, of models"),
     "replay": (_replay, "show the motion of a result in a web page"),
     "schema": (_schema, "print the JSON Schema for editors"),
+    "examples": (_examples, "copy the models, scenarios and examples of pinarm to a folder"),
 }
 """Name -> what does it, and what it does."""

@@ -56,6 +56,11 @@ def _schema(schema: ArgumentParser) -> None:
     schema.add_argument("of", nargs="?", choices=["scenario", "mechanism"], default="scenario")
 
 
+def _examples(examples: ArgumentParser) -> None:
+    examples.add_argument("-o", "--output", type=Path, default=Path("pinarm-examples"),
+                          help="folder (default: pinarm-examples); files that exist are left as they are")  # fmt: skip
+
+
 def _sweep(sweep: ArgumentParser) -> None:
     sweep.add_argument("scenario", type=Path)
     sweep.add_argument("--over", action="append", default=[], metavar="PATH=VALUES",
@@ -93,6 +98,6 @@ def _replay(replay: ArgumentParser) -> None:
 
 OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
     "run": _run, "check": _check, "validate": _validate, "explain": _explain, "sweep": _sweep, "tradeoff": _tradeoff,
-    "replay": _replay, "schema": _schema,
+    "replay": _replay, "schema": _schema, "examples": _examples,
 }  # fmt: skip
 """Command -> what adds its own options."""

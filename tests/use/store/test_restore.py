@@ -12,7 +12,7 @@ from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.use.store.restore import restore
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.mark.parametrize(

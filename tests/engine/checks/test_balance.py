@@ -18,7 +18,7 @@ from pinarm.problems.inverse import Inverse
 from pinarm.problems.states import Statics
 from pinarm.problems.time_grid import TimeGrid
 
-MODELS = Path(__file__).parents[2] / "models"
+MODELS = Path(__file__).parents[3] / "models"
 HONEST = 1e-13
 """Sums of a few dozen terms, relative to their size."""
 

@@ -19,7 +19,7 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.time_grid import TimeGrid
 
-MODELS = Path(__file__).parents[2] / "models"
+MODELS = Path(__file__).parents[3] / "models"
 
 # two bodies of unequal mass in the vertical plane x-y, y up: lengths, mass centres, moments about the mass centre
 L1, C1, C2, M1, M2, I1, I2, G = 0.8, 0.3, 0.45, 1.3, 2.1, 0.07, 0.19, 9.81

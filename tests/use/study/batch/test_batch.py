@@ -19,7 +19,7 @@ from pinarm.use.study.batch import worker_blocks as remote
 from pinarm.use.study.batch.block import Block
 from pinarm.use.study.sweep.process_pool import Death
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[4]
 SWING = """\
 pinarm: 1
 mechanism: models/gen411_arm/mechanism.yaml

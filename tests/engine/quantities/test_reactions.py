@@ -8,7 +8,7 @@ import pytest
 import pinarm
 from pinarm.engine.quantities.reactions import Reactions
 
-SCENARIOS = Path(__file__).parents[2] / "scenarios"
+SCENARIOS = Path(__file__).parents[3] / "scenarios"
 TWO_POINT = """\
 pinarm: 1
 mechanism: panda

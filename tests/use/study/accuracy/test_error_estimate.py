@@ -14,7 +14,7 @@ from pinarm.use.study.accuracy.error_estimate import differences, estimated, sca
 from pinarm.use.study.accuracy.integration_settings import varied
 from pinarm.use.study.accuracy.tolerance_search import _ordered
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[4]
 FILES = sorted((ROOT / "scenarios").glob("*.yaml"))
 
 

@@ -12,7 +12,7 @@ from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Cycloidal, Harmonic, Polynomial, Trapezoid
 from pinarm.mechanics.laws.motion_law import Grid
 
-MODELS = Path(__file__).parents[2] / "models"
+MODELS = Path(__file__).parents[3] / "models"
 SHIN, THIGH, ANKLE_Y = 0.518, 0.431, -0.15
 BENT = {"ankle": 0.7, "knee": 1.3, "hip": -2.0}
 BENT_BACK = {"ankle": 2.2, "knee": -1.3, "hip": -0.9}

@@ -14,7 +14,7 @@ from pinarm.errors import PinarmError
 from pinarm.input.xacro import templates
 from pinarm.input.xacro.expansion import expand
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
 
 

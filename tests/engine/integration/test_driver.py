@@ -10,7 +10,7 @@ from pinarm.engine.integration import Adaptive, Flat, Radau, Stretch, integrate
 from pinarm.engine.integration.methods.tableaus import DOPRI5
 from pinarm.errors import IntegrationError, Interrupted
 
-from .known_motions import ATTITUDE, MOMENTS, PLANE, SPIN, attraction, body, orbit, turned
+from .methods.known_motions import ATTITUDE, MOMENTS, PLANE, SPIN, attraction, body, orbit, turned
 
 
 def deviation(solution, t):

@@ -14,7 +14,7 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
 
-MODELS = Path(__file__).parents[2] / "models"
+MODELS = Path(__file__).parents[3] / "models"
 L0, L1, L2, M_A, M_BA, M_B, G = 0.5, 0.25, 0.25, 0.1, 1.0, 0.5, 9.81
 MOTION = {
     "O": Harmonic(amplitude=0.8, pulsation=3.0, phase=0.3),

@@ -26,7 +26,7 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.time_grid import TimeGrid
 
-MODELS = Path(__file__).parents[2] / "models"
+MODELS = Path(__file__).parents[3] / "models"
 FINE = Accuracy(tolerance=1e-13)
 L1 = L2 = 0.25
 TOTAL, FIRST, SECOND, G = 0.5 + 1.0 + 0.1, (0.5 + 0.1) * L2, (1.0 / 3 + 0.1) * L2**2, 9.81
