@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -26,12 +24,6 @@ if TYPE_CHECKING:
     from pinarm.use.study.sweep.sweep import Sweep, sweep
 
 __version__ = "0.1.0"
-
-if "pinocchio" not in sys.modules and "OMP_WAIT_POLICY" not in os.environ:
-    # threads of OpenMP that wait busily cost others their cores, and calls milliseconds; to wake them up costs 75 us:
-    # GNU's wait busily for 0.4 ms, from one call of a batch to the next
-    os.environ["OMP_WAIT_POLICY"] = "passive"
-    os.environ.setdefault("GOMP_SPINCOUNT", "20000")
 
 _HOMES = {
     "Mechanism": "pinarm.engine.mechanism",
@@ -68,3 +60,8 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'pinarm' has no attribute '{name}'")
     return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return [*__all__, "__version__"]
