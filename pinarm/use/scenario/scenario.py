@@ -26,6 +26,7 @@ from pinarm.input.units import read_quantity
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.schema import Measured, Model
 from pinarm.mechanics.description import Gravity
+from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import spelled
 from pinarm.mechanics.payloads import Payload
 from pinarm.problems import KINDS, Problem, problem_class
@@ -377,6 +378,8 @@ def _beyond(run: Trajectory) -> DynamicsError:
     state = np.hstack([run.q, run.v, run.a, run.tau])
     row = int((~(np.abs(state) < CHECKABLE)).any(axis=1).argmax())
     where = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit} on, where {spelled(run.mechanism.model, run.q[row])}"
+    if reasons := refusals(run.dynamics.forces, run.q[row]):
+        return DynamicsError(f"there is no load from {where}{reasons}", partial=run)
     return DynamicsError(f"the numbers of this run are too large to be checked, from {where}", partial=run)
 
 
