@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """The components of a deflection: displacements along the axes, then those of the rotation vector."""
 
-NEAR = math.radians(1.0)
-"""How close to ``REACH`` a motion at least comes that ends there [rad]."""
+NEAR = math.radians(5.0)
+"""How close to ``REACH`` the last state of a motion is that ends because of it, unless its steps are coarse [rad]."""
 
 SEMIDEFINITE = 1e-9
 """Negative eigenvalue that rounding of typed digits explains, of a matrix scaled to a diagonal of ones."""
@@ -75,7 +75,7 @@ class LinearBushing(ForceElement):
             return
         placement, jacobian = self._relative(q)
         turn = placement.rotation
-        tau += (self._wrench(placement, jacobian, v).reshape(2, 3) @ turn).ravel() @ jacobian
+        tau += self._wrench(placement, jacobian, v).reshape(2, 3).dot(turn).ravel().dot(jacobian)
 
     def _add_many(self, q: Array, v: Array, tau: Array) -> None:
         """Add the loads at n configurations."""
@@ -166,14 +166,14 @@ class LinearBushing(ForceElement):
         first, second = (pin.updateFramePlacement(model, data, frame) for frame in self.frames)
         own, other = (pin.getFrameJacobian(model, data, frame, pin.LOCAL).reshape(6, -1) for frame in self.frames)
         placement = first.actInv(second)
-        return placement, other - placement.toActionMatrixInverse() @ own
+        return placement, other - placement.toActionMatrixInverse().dot(own)
 
     def _wrench(self, placement: pin.SE3, jacobian: Array, v: Array) -> Array:
         """Return [f; m] on frame 2 at its origin [N, N*m], axes of frame 1, shape (6,)."""
         apart = Deflection.one(placement)
-        pull = self.stiffness @ np.array([*apart.d, *apart.phi])
+        pull = self.stiffness.dot([*apart.d, *apart.phi])
         if self._damped:
-            pull += self.damping @ _rate(apart, placement, jacobian, v)
+            pull += self.damping.dot(_rate(apart, placement, jacobian, v))
         fx, fy, fz, mx, my, mz = (-pull).tolist()
         force, moment = apart.wrench((fx, fy, fz), (mx, my, mz))
         return np.array([*force, *moment])
@@ -201,8 +201,9 @@ class LinearBushing(ForceElement):
 
 def _rate(apart: Deflection[float], placement: pin.SE3, jacobian: Array, v: Array) -> Array:
     """Return d' and phi' [m/s, rad/s], shape (6,); the Jacobian is that of the twist in the axes of frame 2."""
-    dp, w = ((jacobian @ v).reshape(2, 3) @ placement.rotation.T).tolist()
-    return np.concatenate(apart.rate(tuple(dp), tuple(w)))
+    dp, w = jacobian.dot(v).reshape(2, 3).dot(placement.rotation.T).tolist()
+    rates = apart.rate(tuple(dp), tuple(w))
+    return np.array([*rates[0], *rates[1]])
 
 
 def _rows(values: Array) -> Array:

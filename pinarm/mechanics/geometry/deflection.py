@@ -76,7 +76,8 @@ class Deflection(Generic[Number]):
 
     @staticmethod
     def _of(p: Vector[Number], phi: Vector[Number], half: Number, sine: Number, cosine: Number) -> Deflection[Number]:
-        axis = _times(0.5 / half, phi)
+        per = 0.5 / half
+        axis = per * phi[0], per * phi[1], per * phi[2]
         return Deflection(_turned(p, axis, -sine, cosine), phi, axis, sine, cosine, half / sine)
 
     def backwards(self, a: Vector[Number]) -> Vector[Number]:
@@ -86,8 +87,8 @@ class Deflection(Generic[Number]):
     def rate(self, dp: Vector[Number], w: Vector[Number]) -> tuple[Vector[Number], Vector[Number]]:
         """Return d' [m/s] and phi' [rad/s] from p' and w in the axes of frame 1."""
         dp, w = self.backwards(dp), self.backwards(w)
-        halfway = _times(0.5, _minus(w, _times(self._lag, _cross(self.axis, w))))
-        return _minus(dp, _cross(halfway, self.d)), self._mapped(w)
+        halfway = _sum(0.5, w, -0.5 * self._lag, _cross(self.axis, w))
+        return _sum(1.0, dp, 1.0, _cross(self.d, halfway)), self._mapped(w)
 
     def wrench(self, f: Vector[Number], m: Vector[Number]) -> tuple[Vector[Number], Vector[Number]]:
         """Return the force on frame 2 and the moment at its origin, in the axes of frame 1: the transpose of ``rate``.
@@ -96,8 +97,8 @@ class Deflection(Generic[Number]):
         ``c m + (1 - c) u (u . m) - (g - tan(theta / 4) g x u) / 2``.
         """
         g = _cross(self.d, f)
-        lever = _times(0.5, _minus(g, _times(self._lag, _cross(g, self.axis))))
-        moment = _minus(self._mapped(m), lever)
+        lever = _sum(0.5, g, -0.5 * self._lag, _cross(g, self.axis))
+        moment = _sum(1.0, self._mapped(m), -1.0, lever)
         return _turned(f, self.axis, self.sine, self.cosine), _turned(moment, self.axis, self.sine, self.cosine)
 
     @property
@@ -107,8 +108,7 @@ class Deflection(Generic[Number]):
 
     def _mapped(self, w: Vector[Number]) -> Vector[Number]:
         """Return ``c w + (1 - c) u (u . w)``: a symmetric map."""
-        along = (1.0 - self.scale) * _dot(self.axis, w)
-        return _plus(_times(self.scale, w), _times(along, self.axis))
+        return _sum(self.scale, w, (1.0 - self.scale) * _dot(self.axis, w), self.axis)
 
 
 def _dot(a: Vector[Number], b: Vector[Number]) -> Number:
@@ -119,19 +119,12 @@ def _cross(a: Vector[Number], b: Vector[Number]) -> Vector[Number]:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def _times(factor: Number | float, a: Vector[Number]) -> Vector[Number]:
-    return factor * a[0], factor * a[1], factor * a[2]
-
-
-def _plus(a: Vector[Number], b: Vector[Number]) -> Vector[Number]:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-def _minus(a: Vector[Number], b: Vector[Number]) -> Vector[Number]:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+def _sum(a: Number | float, x: Vector[Number], b: Number | float, y: Vector[Number]) -> Vector[Number]:
+    """Return ``a x + b y``."""
+    return a * x[0] + b * y[0], a * x[1] + b * y[1], a * x[2] + b * y[2]
 
 
 def _turned(a: Vector[Number], axis: Vector[Number], sine: Number, cosine: Number) -> Vector[Number]:
     """Return a vector turned about an axis (Rodrigues)."""
-    along = (1.0 - cosine) * _dot(axis, a)
-    return _plus(_plus(_times(cosine, a), _times(sine, _cross(axis, a))), _times(along, axis))
+    across = _sum(cosine, a, sine, _cross(axis, a))
+    return _sum(1.0, across, (1.0 - cosine) * _dot(axis, a), axis)

@@ -378,9 +378,8 @@ def _beyond(run: Trajectory) -> DynamicsError:
     state = np.hstack([run.q, run.v, run.a, run.tau])
     row = int((~(np.abs(state) < CHECKABLE)).any(axis=1).argmax())
     where = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit} on, where {spelled(run.mechanism.model, run.q[row])}"
-    if reasons := refusals(run.dynamics.forces, run.q[row]):
-        return DynamicsError(f"there is no load from {where}{reasons}", partial=run)
-    return DynamicsError(f"the numbers of this run are too large to be checked, from {where}", partial=run)
+    reasons = refusals(run.dynamics.forces, run.q[row])
+    return DynamicsError(f"the numbers of this run are too large to be checked, from {where}{reasons}", partial=run)
 
 
 def load(scenario: Scenario | str | Path, overrides: list[str] | None = None) -> Scenario:
