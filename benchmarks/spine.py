@@ -18,7 +18,9 @@ import pinocchio as pin
 
 import pinarm
 from pinarm.engine.dynamics.equation import Dynamics
-from pinarm.engine.integration import Adaptive, Stretch, integrate
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Stretch
+from pinarm.engine.integration.methods.explicit import Adaptive
 
 ROOT = Path(__file__).parents[1]
 END_OF_DOUBLE_PENDULUM = np.array([0.522210808870693, 1.436052080126094])

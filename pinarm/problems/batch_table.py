@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pinarm.arrays import Indices
-from pinarm.engine.integration import Ensemble
+from pinarm.engine.integration.batch_solution import Ensemble
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.hybrid_motion import Journey
 from pinarm.engine.motion.trajectory import Trajectory

@@ -10,7 +10,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.integration import Watch
+from pinarm.engine.integration.events import Watch
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.end_stops import Bound
 from pinarm.errors import InputError, Key

@@ -8,7 +8,9 @@ import pytest
 
 from pinarm.engine.checks.balance import Account, energy_balance, power_balance
 from pinarm.engine.dynamics.equation import Dynamics
-from pinarm.engine.integration import Adaptive, Stretch, integrate
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Stretch
+from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.laws import Constant, Harmonic, Polynomial, Trapezoid

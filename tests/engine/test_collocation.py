@@ -9,8 +9,10 @@ from scipy.special import ellipj, ellipk
 
 import pinarm
 from pinarm.engine.checks.balance import Account, energy_balance
-from pinarm.engine.integration import Adaptive, Collocation, Flat, Stretch, integrate
-from pinarm.engine.integration.integrator import Count
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Count, Flat, Stretch
+from pinarm.engine.integration.methods.collocation import Collocation
+from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.integration.methods.gauss_legendre import gauss
 from pinarm.errors import IntegrationError, MethodError
 from pinarm.mechanics.forces import JointEffort, JointSpring

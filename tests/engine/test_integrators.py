@@ -6,8 +6,11 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from pinarm.engine.dynamics.configuration_space import JointSpace
-from pinarm.engine.integration import Adaptive, Flat, Radau, Stretch, integrate
-from pinarm.engine.integration.methods.tableaus import DOPRI5
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Flat, Stretch
+from pinarm.engine.integration.methods.explicit import Adaptive
+from pinarm.engine.integration.methods.stiff import radau_of
+from pinarm.engine.integration.tableaus import DOPRI5
 from pinarm.errors import IntegrationError, Interrupted
 
 from .known_motions import ATTITUDE, MOMENTS, PLANE, SPIN, attraction, body, orbit, turned
@@ -49,7 +52,7 @@ class TestDenseOutput:
             assert np.array_equal(solution.states(np.array([instant]))[0][0], together[0][k])
 
     @pytest.mark.parametrize(
-        "method", [Adaptive(1e-9), Adaptive(1e-6, DOPRI5), Radau.of(1e-6)], ids=lambda one: one.name
+        "method", [Adaptive(1e-9), Adaptive(1e-6, DOPRI5), radau_of(1e-6)], ids=lambda one: one.name
     )
     def test_of_many_steps_at_once_is_that_of_each(self, top, method):
         """Further stages of all steps are computed together, where accelerations are known of many states at once."""

@@ -11,7 +11,9 @@ from scipy.integrate import solve_ivp
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.coordinate_partition import Reduction, solved
 from pinarm.engine.dynamics.equation import Dynamics
-from pinarm.engine.integration import Adaptive, Flat, integrate
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Flat
+from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.systems import Initial, system_of

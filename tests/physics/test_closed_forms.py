@@ -6,7 +6,9 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from pinarm.engine.dynamics.equation import Dynamics
-from pinarm.engine.integration import Adaptive, Stretch, integrate
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Stretch
+from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Trapezoid

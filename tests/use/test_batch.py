@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.integration import Adaptive, Flat, Stretch, advance, integrate
+from pinarm.engine.integration.batch_driver import advance
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Flat, Stretch
+from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.errors import InputError, Interrupted, NumericsError
 from pinarm.mechanics.forces.breakpoints import Pieces
 from pinarm.problems.forward import Forward

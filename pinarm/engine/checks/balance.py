@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.dynamics.equation import Dynamics
-from pinarm.engine.integration import Solution
+from pinarm.engine.integration.integrator import Solution
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_placements import Links, moving, supports
 from pinarm.mechanics.geometry.vectors import crossed

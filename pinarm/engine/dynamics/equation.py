@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.configuration_space import JointSpace
 from pinarm.engine.dynamics.parallel import Parallel
-from pinarm.engine.integration import SAME, Acceleration, Accelerations, Energy, Flat, Manifold
+from pinarm.engine.integration.integrator import SAME, Acceleration, Accelerations, Energy, Flat, Manifold
 from pinarm.errors import InputError
 from pinarm.mechanics.forces import ForceElement, summed
 from pinarm.mechanics.laws.motion_law import Grid

@@ -16,13 +16,13 @@ from pinarm.engine.integration.batch_solution import Ensemble, Round
 from pinarm.engine.integration.driver import PASSED, SHORTEST
 from pinarm.engine.integration.events import Watch, find, nodes, quiet
 from pinarm.engine.integration.first_step import first_step
-from pinarm.engine.integration.integrator import Manifold, Passes, Solution, Stretch, interpolated
-from pinarm.engine.integration.methods.explicit import HALVES, Adaptive, middle, terms_of
+from pinarm.engine.integration.integrator import EmbeddedPair, Manifold, Passes, Solution, Stretch, interpolated
+from pinarm.engine.integration.methods.explicit import HALVES, middle, terms_of
 from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, TINY, growth, shrinkage
 
 
 def advance(
-    stretches: Sequence[Stretch], manifold: Manifold, q: Array, v: Array, method: Adaptive, *,
+    stretches: Sequence[Stretch], manifold: Manifold, q: Array, v: Array, method: EmbeddedPair, *,
     max_steps: int = 1_000_000, watches: Sequence[Watch] = (), passes: Passes | None = None,
 ) -> Ensemble:  # fmt: skip
     """Integrate from many initial states; ``integrate`` does so from one, and takes the same steps.

@@ -8,8 +8,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.integration.integrator import Count, Crossing, Manifold, Solution, Step, Stretch, interpolated
-from pinarm.engine.integration.methods.explicit import Adaptive, terms_of
+from pinarm.engine.integration.integrator import (
+    Count,
+    Crossing,
+    EmbeddedPair,
+    Manifold,
+    Solution,
+    Step,
+    Stretch,
+    interpolated,
+)
+from pinarm.engine.integration.methods.explicit import terms_of
 from pinarm.errors import IntegrationError
 
 ROWS = 16384
@@ -69,7 +78,7 @@ class Ensemble:
         failures: Why motions could not be followed to their end, by their number.
     """
 
-    method: Adaptive
+    method: EmbeddedPair
     manifold: Manifold
     stretches: Sequence[Stretch]
     ends: Array

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
-from typing import Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
 from pinarm.arrays import Array, Indices
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.tableaus import Tableau
 
 Acceleration = Callable[[float, Array, Array], Array]
 """``(t, q, v) -> a``; q and v are buffers that the next call overwrites."""
@@ -207,6 +210,11 @@ class Method(Protocol):
         """What to try where it fails."""
         ...
 
+    @property
+    def pair(self) -> EmbeddedPair | None:
+        """The method itself where it is an embedded pair, with which many motions can be integrated at once."""
+        ...
+
     def prepare(self, stretches: Sequence[Stretch], q: Array, v: Array) -> Sequence[Stretch]:
         """Return the stretches as this method integrates them from an initial state."""
         ...
@@ -224,6 +232,20 @@ class Method(Protocol):
 
     def doubts(self, solution: Solution) -> list[str]:
         """Return what says that this method was a poor choice for what it has integrated."""
+        ...
+
+
+class EmbeddedPair(Method, Protocol):
+    """An explicit Runge-Kutta method with an error estimate, whose step follows the tolerance."""
+
+    @property
+    def tableau(self) -> Tableau:
+        """Coefficients."""
+        ...
+
+    @property
+    def tolerance(self) -> float:
+        """Local error per step, relative to ``1 + |y|`` in SI."""
         ...
 
 
@@ -332,13 +354,3 @@ def interpolated(base: Array, terms: Array, x: Array) -> Array:
     for degree in range(terms.shape[1] - 1, -1, -1):
         y = (y + terms[:, degree]) * (1.0 - passed if degree % 2 else passed)
     return np.where(passed == 0.0, base, base + y)  # where a step begins, whatever becomes of it
-
-
-MethodName = Literal["dop853", "dopri5", "rk4", "stiff", "conserving", "collocation"]
-"""Names of the methods that scenarios may choose."""
-
-SETTING: dict[MethodName, Literal["tolerance", "step"]] = {
-    "dop853": "tolerance", "dopri5": "tolerance", "rk4": "step", "stiff": "tolerance", "conserving": "tolerance",
-    "collocation": "tolerance",
-}  # fmt: skip
-"""What decides the error of each: its tolerance, or the length of its steps."""

@@ -13,7 +13,10 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.equation import Dynamics
-from pinarm.engine.integration import FixedStep, Method, Passes, Solution, Stretch, Watch, integrate
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.events import Watch
+from pinarm.engine.integration.integrator import Method, Passes, Solution, Stretch
+from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.motion.end_stops import RESTING, Bound, Contacts
 from pinarm.engine.motion.segments import Course, Leg
@@ -26,7 +29,7 @@ from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration import Ensemble
+    from pinarm.engine.integration.batch_solution import Ensemble
     from pinarm.engine.integration.integrator import Crossing
 
 Known = Callable[[], Solution]
@@ -127,10 +130,8 @@ class Journey:
     @property
     def together(self) -> bool:
         """Whether motions from several initial states can be integrated together."""
-        from pinarm.engine.integration import Adaptive
-
         free = self.system().manifold.nv > 0  # what laws determine altogether takes no steps
-        return free and isinstance(self.method, Adaptive) and all(stretch.together for stretch in self._stretches)
+        return free and self.method.pair is not None and all(stretch.together for stretch in self._stretches)
 
     def abreast(self, q: Array, v: Array) -> Ensemble | None:
         """Return the first legs from many initial states that touch no stop; ``None`` where each has to be taken alone.
@@ -139,17 +140,17 @@ class Journey:
             q: Configurations, shape (b, nq), assembled.
             v: Velocities, shape (b, nv).
         """
-        from pinarm.engine.integration import Adaptive, advance
+        from pinarm.engine.integration.batch_driver import advance
 
-        system, stretches = self.system(), self._stretches
-        if not isinstance(self.method, Adaptive) or not self.together:
+        system, stretches, pair = self.system(), self._stretches, self.method.pair
+        if pair is None or not self.together:
             return None
         watches = [_of_mechanism(one, system) for _, one in self._watched(frozenset(), q[0], v[0])]
         return advance(
             stretches,
             system.manifold,
             *system.part(q, v),
-            self.method,
+            pair,
             max_steps=self.max_steps,
             watches=watches,
             passes=self._passes(system),

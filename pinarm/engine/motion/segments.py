@@ -10,7 +10,7 @@ from pinarm.arrays import Array
 from pinarm.engine.checks.balance import Account, energy_balance
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.equation import Dynamics
-from pinarm.engine.integration import Solution
+from pinarm.engine.integration.integrator import Solution
 from pinarm.engine.motion.systems import Motion, System
 from pinarm.engine.motion.trajectory import Happening
 from pinarm.mechanics.laws.motion_law import Grid

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from pinarm.engine.integration import SETTING, MethodName
+from pinarm.engine.integration.methods import METHODS, MethodName
 from pinarm.problems.common import Accuracy
 from pinarm.use.result.result import Result
 
@@ -25,7 +25,7 @@ PATIENCE = 10.0
 
 def setting(method: MethodName, value: float) -> dict[str, Any]:
     """Return a setting from a method and its tolerance, or its step [s]."""
-    return {"method": method, "step": f"{value!r} s"} if SETTING[method] == "step" else {
+    return {"method": method, "step": f"{value!r} s"} if METHODS[method].setting == "step" else {
         "method": method, "tolerance": value}  # fmt: skip
 
 
@@ -61,7 +61,7 @@ class Ladder:
     @property
     def halving(self) -> bool:
         """Whether the rungs are steps."""
-        return SETTING[self.method] == "step"
+        return METHODS[self.method].setting == "step"
 
     @property
     def last(self) -> int:
@@ -110,8 +110,8 @@ def references() -> list[dict[str, Any]]:
 def ladders(result: Result) -> dict[str, list[dict[str, Any]]]:
     """Return the settings that are worth trying on a motion, by method, the coarsest first."""
     t = result.trajectory.grid.t
-    down: dict[MethodName, int] = {"dop853": 12, "dopri5": 10, "rk4": 7, "stiff": 7}
     return {
-        method: [Ladder(method, float(t[-1] - t[0])).setting(rung) for rung in range(2, last + 1)]
-        for method, last in down.items()
+        method: [Ladder(method, float(t[-1] - t[0])).setting(rung) for rung in range(2, entry.finest + 1)]
+        for method, entry in METHODS.items()
+        if entry.finest
     }

@@ -11,6 +11,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.integration.first_step import first_step
 from pinarm.engine.integration.integrator import SAME, Count, Manifold, Solution, Step, Stretch
+from pinarm.engine.integration.methods import for_all_motions
 from pinarm.engine.integration.methods.collocation_window import Course, Window
 from pinarm.engine.integration.methods.gauss_legendre import gauss
 from pinarm.errors import MethodError
@@ -70,6 +71,7 @@ class Collocation:
     nodes: int = 16
     name = "Gauss-Legendre collocation"
     remedy = "a wider tolerance"
+    pair = None
 
     @property
     def order(self) -> int:
@@ -91,7 +93,7 @@ class Collocation:
             raise MethodError(
                 "the method collocation needs the accelerations of many states at once, as of open chains; here loops, "
                 "or coordinates that follow laws beside them, are closed state by state",
-                expected="dop853, dopri5, rk4 or stiff", hint="accuracy.method: dop853",
+                expected=f"one of {', '.join(for_all_motions())}", hint="accuracy.method: dop853",
             )  # fmt: skip
         return stretches
 

@@ -39,6 +39,7 @@ class Conserving:
 
     tolerance: float
     parts = 4
+    pair = None
 
     @property
     def steps(self) -> Adaptive:

@@ -15,8 +15,8 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.integration.first_step import first_step
 from pinarm.engine.integration.integrator import Count, Manifold, Solution, Step, Stretch
-from pinarm.engine.integration.methods.tableaus import DOP853, RK4, Tableau
 from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, TINY, growth, shrinkage
+from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4, Tableau
 
 NOISE = 1e-6
 """Error of a step, relative to ``1 + |y|``, that blown-up rounding explains close to a singular position."""
@@ -60,6 +60,11 @@ class Adaptive:
     tableau: Tableau = DOP853
     parts = 4
     remedy = "a wider tolerance"
+
+    @property
+    def pair(self) -> Adaptive:
+        """The method itself."""
+        return self
 
     @property
     def name(self) -> str:
@@ -106,6 +111,11 @@ class Adaptive:
         ]
 
 
+def dopri5(tolerance: float) -> Adaptive:
+    """Return Dormand and Prince's pair of order 5."""
+    return Adaptive(tolerance, DOPRI5)
+
+
 @dataclass(frozen=True)
 class FixedStep:
     """Steps of one length, whatever the error; each stretch is divided evenly into steps no longer than asked for.
@@ -125,6 +135,7 @@ class FixedStep:
     tableau: Tableau = RK4
     parts = 4
     remedy = "a shorter accuracy.step, or an adaptive method"
+    pair = None
 
     @property
     def name(self) -> str:

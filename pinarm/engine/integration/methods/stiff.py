@@ -51,11 +51,7 @@ class Radau:
     stages: int
     parts = 4
     remedy = "a wider tolerance"
-
-    @classmethod
-    def of(cls, tolerance: float) -> Radau:
-        """Return the method with the stages that suit a tolerance."""
-        return cls(tolerance, next(stages for above, stages in STAGES if tolerance > above))
+    pair = None
 
     @property
     def name(self) -> str:
@@ -82,6 +78,11 @@ class Radau:
     def doubts(self, solution: Solution) -> list[str]:
         """Return nothing: it may cost more than needed, but it does not break."""
         return []
+
+
+def radau_of(tolerance: float) -> Radau:
+    """Return the method with the number of stages that suits a tolerance; see ``STAGES``."""
+    return Radau(tolerance, next(stages for above, stages in STAGES if tolerance > above))
 
 
 class RadauStepper:

@@ -20,7 +20,7 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspace import RANK, Split, Splits
 from pinarm.engine.dynamics.equation import Dynamics, mass_matrices, mass_matrix, parts
 from pinarm.engine.dynamics.masses import require_masses
-from pinarm.engine.integration import Energy, Manifold, Stretch
+from pinarm.engine.integration.integrator import Energy, Manifold, Stretch
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.motion.systems.batch_rows import CLOSED, ITERATIONS, ROUNDED, TURNED, Solved, Together

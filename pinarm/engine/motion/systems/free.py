@@ -10,7 +10,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.equation import Dynamics, parts
-from pinarm.engine.integration import Manifold, Stretch
+from pinarm.engine.integration.integrator import Manifold, Stretch
 from pinarm.engine.motion.systems.system import Initial, Motion
 from pinarm.mechanics.laws.motion_law import Grid
 

@@ -11,7 +11,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.coordinate_partition import Reduction
 from pinarm.engine.dynamics.equation import Dynamics, parts
-from pinarm.engine.integration import Acceleration, Accelerations, Energy, Manifold, Stretch
+from pinarm.engine.integration.integrator import Acceleration, Accelerations, Energy, Manifold, Stretch
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.motion.systems.system import Initial, Motion
 from pinarm.errors import InputError

@@ -12,7 +12,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.equation import Dynamics
 from pinarm.engine.dynamics.pinocchio_constraints import PointClosure
-from pinarm.engine.integration import Acceleration, Manifold, Stretch
+from pinarm.engine.integration.integrator import Acceleration, Manifold, Stretch
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
 from pinarm.engine.motion.systems.row_motion import require_met
 from pinarm.engine.motion.systems.system import Initial, Motion

@@ -9,7 +9,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.equation import Dynamics
-from pinarm.engine.integration import Manifold, Stretch
+from pinarm.engine.integration.integrator import Manifold, Stretch
 from pinarm.mechanics.laws.motion_law import Grid
 
 
