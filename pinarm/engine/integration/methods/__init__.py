@@ -29,8 +29,8 @@ class Entry:
         factory: Class or function in the module that returns the method, of the tolerance or of the longest step [s].
         setting: Which of the two it takes.
         summary: Its order and its use, for the JSON Schema.
-        finest: Finest setting worth trying in a trade-off: the tolerance ``10^-finest``, or the span by ``16 2^finest``;
-            0 where trade-offs, and the search for a tolerance, leave the method out.
+        finest: Finest setting that a trade-off tries: the tolerance ``10^-finest``, or the span by ``16 2^finest``. 0
+            leaves the method out of trade-offs, and of the search for a tolerance.
         requires: The motions that it is restricted to; empty where it integrates all.
     """
 
