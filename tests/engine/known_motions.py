@@ -80,12 +80,12 @@ def equal_steps(method, stretch, manifold, q, v, n):
     return solution, stepper.y.copy()
 
 
-def measurable(errors, floor, ceiling, first=4, most=300):
+def measurable(method, errors, floor, ceiling, first=4):
     """Return numbers of steps, and what ``errors`` says of each: those whose first error is between the bounds.
 
-    Each number is 1.2 times the one before; of those up to ``most`` the last five, where powers of h are purest.
+    Each number is 1.2 times the one before; the last five are kept, where powers of h are purest.
     """
-    tried, n = [], first
+    tried, n, most = [], first, 300 if method.order > 3 else 4000
     while n <= most and (not tried or tried[-1][1][0] > floor):
         with suppress(ArithmeticError):  # too few steps for the iteration of an implicit method
             tried.append((n, errors(n)))

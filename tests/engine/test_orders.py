@@ -93,7 +93,9 @@ def test_in_the_plane(method):
         between = np.abs(np.hstack(solution.states(t)) - np.hstack(orbit(t))).max()
         return np.abs(last - np.hstack(orbit(6.0))).max(), between, dense_order(solution, method)
 
-    counts, (ends, between, dense) = measurable(errors, 2e-12, 1e-4)  # iterations end, and rounding begins, at 1e-12
+    counts, (ends, between, dense) = measurable(
+        method, errors, 2e-12, 1e-4
+    )  # iterations end, and rounding begins, at 1e-12
     assert slope(counts, ends) > method.order - 0.8  # dopri5: 4.3, its error changes sign nearby
     assert slope(counts, between) > dense[0] - 0.7  # 7 stages: 7.4 of 8, the steps are long
 
@@ -107,7 +109,7 @@ def test_on_rotations(method):
         between = np.abs(np.hstack(solution.states(t)) - turned()(t).T).max()
         return np.abs(last - turned()(4.0)).max(), between, dense_order(solution, method)
 
-    counts, (ends, between, dense) = measurable(errors, 5e-12, 1e-4)  # the reference is right to 1e-12
+    counts, (ends, between, dense) = measurable(method, errors, 5e-12, 1e-4)  # the reference is right to 1e-12
     assert slope(counts, ends) > method.order - 0.3
     assert slope(counts, between) > dense[0] - 0.4  # conserving: 7.69 of 8
 
@@ -130,5 +132,5 @@ def test_on_loops_with_projection(method, model):
         _, reached = equal_steps(method, system.stretch(journey.dynamics, 0.0, end), system.manifold, q, v, n)
         return ((np.abs(reached - last) / (1.0 + np.abs(last))).max(),)
 
-    counts, (ends,) = measurable(errors, 2e-12, 1e-4, first=20)  # iterations end at 1e-12
+    counts, (ends,) = measurable(method, errors, 2e-12, 1e-4, first=20)  # iterations end at 1e-12
     assert slope(counts, ends) > method.order - 0.8
