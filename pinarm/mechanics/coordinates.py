@@ -16,7 +16,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError, Key, within
 from pinarm.input.units import Unit
-from pinarm.input.yaml.schema import Model
+from pinarm.input.yaml.schema import InputStruct
 from pinarm.mechanics.geometry.link_placements import Links
 from pinarm.mechanics.geometry.parallel_axes import check_parallel
 from pinarm.mechanics.geometry.vectors import MEETING, crossed, direction
@@ -237,7 +237,7 @@ def rate_of_b(w: Array, rate: Array) -> Array:
     return np.asarray(0.5 * turned + growth * (skew @ skew) + c * (turned @ skew + skew @ turned))
 
 
-class AngleSum(Model, frozen=True, tag_field="kind", tag="sum"):
+class AngleSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
     """Sum of joint coordinates about parallel axes of one sense: the absolute angle of a link, turns counted."""
 
     of: Annotated[list[str], msgspec.Meta(min_length=1)]
@@ -250,7 +250,7 @@ class AngleSum(Model, frozen=True, tag_field="kind", tag="sum"):
             return found
 
 
-class PointCoordinate(Model, frozen=True, tag_field="kind", tag="point"):
+class PointCoordinate(InputStruct, frozen=True, tag_field="kind", tag="point"):
     """Position of a link's origin along a direction of the world, e.g. a height, or the place on a line.
 
     Attributes:
@@ -269,7 +269,7 @@ class PointCoordinate(Model, frozen=True, tag_field="kind", tag="point"):
             return FrameCoordinate(frame_of(model, self.point), axis)
 
 
-class Distance(Model, frozen=True, tag_field="kind", tag="distance"):
+class Distance(InputStruct, frozen=True, tag_field="kind", tag="distance"):
     """Distance between the origins of two links."""
 
     between: tuple[str, str]
@@ -279,7 +279,7 @@ class Distance(Model, frozen=True, tag_field="kind", tag="distance"):
         return DistanceCoordinate(*frames_of(model, self.between))
 
 
-class Rotation(Model, frozen=True, tag_field="kind", tag="rotation"):
+class Rotation(InputStruct, frozen=True, tag_field="kind", tag="rotation"):
     """Component of a link's rotation vector, along an axis of the world.
 
     The rotation vector has the direction of the axis about which the link is turned from the world's axes, and the

@@ -11,7 +11,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
-from pinarm.input.yaml.schema import AnyQuantity, Lead, Measured, Model
+from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Lead, Measured
 from pinarm.mechanics.coordinates import LinearCoordinate, sum_of
 from pinarm.mechanics.geometry.link_placements import Links
 from pinarm.mechanics.joints import METRE, RADIAN, Joint, joint_of
@@ -59,7 +59,7 @@ class Coupling:
         return {}
 
 
-class Gear(Model, frozen=True, tag_field="kind", tag="gear"):
+class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
     """The second joint moves ``ratio`` times as far as the first: ``q2 = ratio q1 + offset``.
 
     For joints of one kind, such as two wheels; the ratio is negative where they mesh from outside.
@@ -93,7 +93,7 @@ class Gear(Model, frozen=True, tag_field="kind", tag="gear"):
         return _coupled(joints, model, name, "gear", (one, two), float(self.ratio), float(self.offset))
 
 
-class Screw(Model, frozen=True, tag_field="kind", tag="screw"):
+class Screw(InputStruct, frozen=True, tag_field="kind", tag="screw"):
     """The second joint slides by ``lead`` per turn of the first; a rack's lead is its pinion's circumference.
 
     Attributes:

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.input.yaml.schema import Acceleration, Model, Positive
+from pinarm.input.yaml.schema import Acceleration, InputStruct, Positive
 from pinarm.mechanics.coordinates import CoordinateDefinition
 from pinarm.mechanics.couplings import CouplingDefinition
 from pinarm.mechanics.drives import Drive
@@ -22,7 +22,7 @@ STANDARD_GRAVITY = 9.81
 """Magnitude used where a file gives only a direction [m/s^2]."""
 
 
-class Gravity(Model, frozen=True):
+class Gravity(InputStruct, frozen=True):
     """A uniform field.
 
     Attributes:
@@ -50,7 +50,7 @@ def field_of(gravity: Gravity | Literal["none"] | None, otherwise: Array | None)
     return np.zeros(3) if isinstance(gravity, str) else gravity.vector()
 
 
-class MechanismDescription(Model, frozen=True):
+class MechanismDescription(InputStruct, frozen=True):
     """Content of a mechanism file.
 
     Attributes:

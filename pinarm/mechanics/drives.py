@@ -10,10 +10,10 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
-from pinarm.input.yaml.schema import Inertia, Model
+from pinarm.input.yaml.schema import Inertia, InputStruct
 
 
-class Drive(Model, frozen=True):
+class Drive(InputStruct, frozen=True):
     """A motor that turns ``ratio`` times as fast as its joint, through a gear of constant efficiency.
 
     With tau the effort at the joint, v its velocity and N the ratio: the motor turns at ``N v`` and gives

@@ -8,12 +8,12 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.errors import InputError, within
-from pinarm.input.yaml.schema import Inertia, Mass, Model
+from pinarm.input.yaml.schema import Inertia, InputStruct, Mass
 from pinarm.mechanics.joints import frame_of
 from pinarm.mechanics.loading.model_tree import TRIANGLE
 
 
-class Payload(Model, frozen=True):
+class Payload(InputStruct, frozen=True):
     """A body fixed to a link, its centre of mass at the link's origin.
 
     Attributes:

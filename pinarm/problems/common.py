@@ -20,7 +20,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Key, within
 from pinarm.input.units import Unit
-from pinarm.input.yaml.schema import Duration, Model, Time, check_unit
+from pinarm.input.yaml.schema import Duration, InputStruct, Time, check_unit
 from pinarm.mechanics.ball_joints import positions_of, unit_of, velocities_of
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.forces.force_element import check_new
@@ -31,7 +31,7 @@ Place = Callable[..., AbstractContextManager[None]]
 """``with place("motion", "theta"):`` gives errors of the block that place of the problem in its file."""
 
 
-class TimeGrid(Model, frozen=True):
+class TimeGrid(InputStruct, frozen=True):
     """Evenly spaced instants; those at which a law or load jumps are added, twice each: just before and just after.
 
     Attributes:
@@ -61,7 +61,7 @@ TOLERANCE = 1e-9
 """Tolerance of an adaptive method where none is given."""
 
 
-class Accuracy(Model, frozen=True):
+class Accuracy(InputStruct, frozen=True):
     """How accurate the result is wanted.
 
     Attributes:

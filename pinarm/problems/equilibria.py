@@ -19,7 +19,7 @@ from pinarm.engine.statics.actuation import actuation
 from pinarm.engine.statics.equilibrium import Balance, Equilibrium
 from pinarm.errors import AssemblyError, InputError, Key
 from pinarm.input.units import Unit, unit
-from pinarm.input.yaml.schema import Level, Model
+from pinarm.input.yaml.schema import InputStruct, Level
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Constant
@@ -27,7 +27,7 @@ from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, laws_of, still
 
 
-class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
+class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
     """Configurations at rest at which the generalised force of weights and loads vanishes; drives give none.
 
     With the potential energy U the force is ``f = -dU/dq``, the stiffness ``K = -df/dq``, and small motions about an

@@ -26,7 +26,7 @@ from pinarm.engine.motion.trajectory import Happening, Series, Trajectory
 from pinarm.engine.statics.actuation import actuation
 from pinarm.errors import InputError, IntegrationError, Interrupted, Key
 from pinarm.input.units import unit
-from pinarm.input.yaml.schema import Level, Model, Rate
+from pinarm.input.yaml.schema import InputStruct, Level, Rate
 from pinarm.mechanics.ball_joints import coordinate_name, indices_of, velocity
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.laws import Motion
@@ -40,7 +40,7 @@ LOST = 1e-3
 """Energy that nothing accounts for, relative to the energy exchanged, from which on this is noted."""
 
 
-class InitialState(Model, frozen=True):
+class InitialState(InputStruct, frozen=True):
     """State at the first instant; what is not given is 0.
 
     Attributes:
@@ -53,7 +53,7 @@ class InitialState(Model, frozen=True):
     velocity: dict[str, Rate] = {}
 
 
-class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
+class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
     """Motion from an initial state under the mechanism's forces and the given loads; some coordinates may follow laws.
 
     Attributes:

@@ -19,7 +19,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
 from pinarm.input.units import Unit, unit
-from pinarm.input.yaml.schema import Level, Model
+from pinarm.input.yaml.schema import InputStruct, Level
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid
@@ -28,7 +28,7 @@ from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_
 Rates = tuple[Array, Array]
 
 
-class Inverse(Model, frozen=True, tag_field="kind", tag="inverse"):
+class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     """Efforts for a motion that laws impose on as many coordinates as the mechanism has degrees of freedom.
 
     Attributes:

@@ -11,7 +11,7 @@ from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.input.units import unit
-from pinarm.input.yaml.schema import Level, Model
+from pinarm.input.yaml.schema import InputStruct, Level
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.common import Accuracy, Place, TimeGrid, check_levels, laws_of
@@ -20,7 +20,7 @@ from pinarm.problems.inverse import driven
 UNASKED = "the problem is kinematic and asks for no forces"
 
 
-class Kinematics(Model, frozen=True, tag_field="kind", tag="kinematics"):
+class Kinematics(InputStruct, frozen=True, tag_field="kind", tag="kinematics"):
     """Motion under laws on as many coordinates as the mechanism has degrees of freedom; masses play no part.
 
     With the imposed coordinates w: ``w(q) = w_d(t)``, ``J v = w_d'`` and ``J a = w_d'' - J' v``. Models without any

@@ -15,7 +15,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
 from pinarm.errors import InputError, Key, choices
 from pinarm.input.units import Unit, unit
-from pinarm.input.yaml.schema import Level, Model, Rate, SecondRate, check_unit
+from pinarm.input.yaml.schema import InputStruct, Level, Rate, SecondRate, check_unit
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.mechanics.laws.motion_law import RENAMED, Grid, MotionLaw
@@ -23,7 +23,7 @@ from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_l
 from pinarm.problems.inverse import Rates, driven
 
 
-class Range(Model, frozen=True, rename=RENAMED):
+class Range(InputStruct, frozen=True, rename=RENAMED):
     """Evenly spaced values of a coordinate.
 
     Attributes:
@@ -42,7 +42,7 @@ class Range(Model, frozen=True, rename=RENAMED):
             raise InputError("the range begins and ends at the same value")
 
 
-class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
+class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
     """Holding efforts, at rest: over the range of one coordinate, or at one position.
 
     Attributes:
@@ -81,7 +81,7 @@ class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
                           *_parameter(self.over, mechanism), rates=(still, still))  # fmt: skip
 
 
-class State(Model, frozen=True, tag_field="kind", tag="state"):
+class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
     """Efforts at given velocities and accelerations: over the range of one coordinate, or at one position.
 
     Every row is a state of its own. What is not given is 0.

@@ -8,7 +8,7 @@ import pytest
 
 from pinarm.errors import InputError, Key, Location, within
 from pinarm.input.yaml.document import MAX_BYTES, Document
-from pinarm.input.yaml.schema import Model, Time
+from pinarm.input.yaml.schema import InputStruct, Time
 
 
 def parse(text: str) -> Any:
@@ -275,14 +275,14 @@ def test_overrides_that_lead_nowhere(assignment: str, says: str) -> None:
 # ---------------------------------------------------------------------------------------------------- validation
 
 
-class Inner(Model):
+class Inner(InputStruct):
     """A part."""
 
     end: Time
     samples: int = 3
 
 
-class Whole(Model):
+class Whole(InputStruct):
     """A document."""
 
     time: Inner

@@ -19,14 +19,14 @@ import msgspec
 from pinarm.errors import InputError, Key, Location, PinarmError
 from pinarm.input.roots import similar_file
 from pinarm.input.yaml.parser import Builder, Path_
-from pinarm.input.yaml.schema import Model, convert, reading_from
+from pinarm.input.yaml.schema import InputStruct, convert, reading_from
 from pinarm.input.yaml.validation_messages import explain, failing_path, unknown_key
 
 MAX_BYTES = 1_000_000
 """Longer tables belong in CSV files; a reader in Python needs about a minute per ten megabytes."""
 
 
-ModelT = TypeVar("ModelT", bound=Model)
+ModelT = TypeVar("ModelT", bound=InputStruct)
 
 
 @dataclass(frozen=True)

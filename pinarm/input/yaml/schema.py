@@ -122,7 +122,7 @@ Span, Lead = quantity("m", above=0.0), quantity("m")
 Stiffness, Damping = quantity("N/m", least=0.0), quantity("N*s/m", least=0.0)
 
 
-class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class InputStruct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """An immutable piece of input; keys it does not know are errors."""
 
     def __post_init__(self) -> None:
@@ -164,7 +164,7 @@ def convert(kind: type, value: object) -> object:
 
 
 @cache
-def _fields(model: type[Model]) -> tuple[msgspec.structs.FieldInfo, ...]:
+def _fields(model: type[InputStruct]) -> tuple[msgspec.structs.FieldInfo, ...]:
     return msgspec.structs.fields(model)
 
 
@@ -190,7 +190,7 @@ def check_each(values: Sequence[float], *expected: Unit) -> None:
 
 
 @cache
-def measured_fields(model: type[Model]) -> dict[str, type[Measured]]:
+def measured_fields(model: type[InputStruct]) -> dict[str, type[Measured]]:
     """Return the fields of a class that hold one quantity each, with what is expected of them."""
     found = {}
     for field in _fields(model):

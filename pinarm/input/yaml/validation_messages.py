@@ -10,7 +10,7 @@ from typing import Any, Literal, Union, get_args, get_origin
 import msgspec
 
 from pinarm.errors import InputError, PinarmError, choices
-from pinarm.input.yaml.schema import Model, convert
+from pinarm.input.yaml.schema import InputStruct, convert
 
 Keys = tuple[str | int, ...]
 _STEP = re.compile(r"\.(?P<key>[^.\[\]]+)|\[(?P<index>\d+)\]|\[(?P<any>\.\.\.)\]")
@@ -24,7 +24,7 @@ _WORDS = {
 }
 
 
-def failing_path(error: msgspec.ValidationError, data: Any, model: type[Model]) -> Keys:
+def failing_path(error: msgspec.ValidationError, data: Any, model: type[InputStruct]) -> Keys:
     """Return the keys and indices that lead to a mistake.
 
     The error names fields and indices, but not the keys of maps: those are found by trying the map with one key a time.
@@ -39,7 +39,7 @@ def failing_path(error: msgspec.ValidationError, data: Any, model: type[Model]) 
     return tuple(path)
 
 
-def _failing_key(message: str, data: Any, path: list[str | int], model: type[Model]) -> str:
+def _failing_key(message: str, data: Any, path: list[str | int], model: type[InputStruct]) -> str:
     node = _at(data, path)
     for key, value in node.items():
         try:
@@ -50,7 +50,7 @@ def _failing_key(message: str, data: Any, path: list[str | int], model: type[Mod
     return str(next(iter(node)))
 
 
-def explain(error: msgspec.ValidationError, data: Any, path: Keys, model: type[Model]) -> PinarmError:
+def explain(error: msgspec.ValidationError, data: Any, path: Keys, model: type[InputStruct]) -> PinarmError:
     """Return the error to raise for a mistake at a path of the data."""
     cause, (message, _, _) = error.__cause__, str(error).partition(" - at `$")
     if isinstance(cause, PinarmError):
@@ -101,7 +101,7 @@ def _kinds(annotation: Any, data: Any, path: Keys) -> Iterator[Any]:
         return
     first, rest = path[0], path[1:]
     inner = _at(data, [first])
-    if isinstance(annotation, type) and issubclass(annotation, Model):
+    if isinstance(annotation, type) and issubclass(annotation, InputStruct):
         for field in msgspec.structs.fields(annotation):
             if field.encode_name == first:
                 yield from _kinds(field.type, inner, rest)
@@ -111,17 +111,17 @@ def _kinds(annotation: Any, data: Any, path: Keys) -> Iterator[Any]:
 
 def _is_other(member: Any, data: Any) -> bool:
     """Tell whether a union's member is excluded by the tag in the data."""
-    if not (isinstance(member, type) and issubclass(member, Model) and isinstance(data, dict)):
+    if not (isinstance(member, type) and issubclass(member, InputStruct) and isinstance(data, dict)):
         return False
     config = member.__struct_config__
     return config.tag_field in data and data[config.tag_field] != config.tag
 
 
-def _structs(model: type[Model], data: Any, path: Keys) -> list[type[Model]]:
-    return [kind for kind in _kinds(model, data, path) if isinstance(kind, type) and issubclass(kind, Model)]
+def _structs(model: type[InputStruct], data: Any, path: Keys) -> list[type[InputStruct]]:
+    return [kind for kind in _kinds(model, data, path) if isinstance(kind, type) and issubclass(kind, InputStruct)]
 
 
-def _keys(model: type[Model], data: Any, path: Keys) -> list[str]:
+def _keys(model: type[InputStruct], data: Any, path: Keys) -> list[str]:
     names: list[str] = []
     for struct in _structs(model, data, path):
         names += [field.encode_name for field in msgspec.structs.fields(struct)]
@@ -129,11 +129,11 @@ def _keys(model: type[Model], data: Any, path: Keys) -> list[str]:
     return names
 
 
-def _tags(model: type[Model], data: Any, path: Keys) -> list[str]:
+def _tags(model: type[InputStruct], data: Any, path: Keys) -> list[str]:
     return [str(struct.__struct_config__.tag_field) for struct in _structs(model, data, path)]
 
 
-def _values(model: type[Model], data: Any, path: Keys) -> list[str]:
+def _values(model: type[InputStruct], data: Any, path: Keys) -> list[str]:
     """Return what may stand at a path: the tags of a union, or literals."""
     kinds = [kind for kind in _kinds(model, data, path) if get_origin(kind) is Literal]
     names = [str(literal) for kind in kinds for literal in get_args(kind)]

@@ -14,7 +14,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import DynamicsError, within
 from pinarm.input.units import DIMENSIONLESS
-from pinarm.input.yaml.schema import Damping, Force, Length, Model, Moment, Stiffness
+from pinarm.input.yaml.schema import Damping, Force, InputStruct, Length, Moment, Stiffness
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.geometry.vectors import combined, cross, dot
 from pinarm.mechanics.joints import Joint, frame_of, frames_of, spelled
@@ -251,7 +251,7 @@ def _end(model: pin.Model, data: pin.Data, index: int) -> End:
     return moving
 
 
-class Wrench(Model, frozen=True, tag_field="kind", tag="wrench"):
+class Wrench(InputStruct, frozen=True, tag_field="kind", tag="wrench"):
     """Force and moment at the origin of a link.
 
     Attributes:
@@ -280,7 +280,7 @@ class Wrench(Model, frozen=True, tag_field="kind", tag="wrench"):
         return AppliedWrench(model, frame, axes, wrench, self.factor, model.createData())
 
 
-class PointSpring(Model, frozen=True, tag_field="kind", tag="point_spring"):
+class PointSpring(InputStruct, frozen=True, tag_field="kind", tag="point_spring"):
     """Spring, damper and constant pull between the origins of two links."""
 
     between: tuple[str, str]

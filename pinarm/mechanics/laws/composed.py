@@ -12,14 +12,14 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
-from pinarm.input.yaml.schema import Abscissa, Extent, Level, Model, check_unit
+from pinarm.input.yaml.schema import Abscissa, Extent, InputStruct, Level, check_unit
 from pinarm.mechanics.laws.interpolated import SpeedPoints, Spline, Steps, Table
 from pinarm.mechanics.laws.motion_law import RENAMED, SECOND, MotionLaw, Piece, Values, polynomial
 from pinarm.mechanics.laws.rest_to_rest import Cycloidal, Polynomial, SCurve, Trapezoid
 from pinarm.mechanics.laws.steady import Constant, ConstantAcceleration, ConstantSpeed, Harmonic
 
 
-class Segment(Model, frozen=True):
+class Segment(InputStruct, frozen=True):
     """A law for a while.
 
     Attributes:

@@ -19,7 +19,7 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, unit
-from pinarm.input.yaml.schema import Model, check_unit, measured_fields
+from pinarm.input.yaml.schema import InputStruct, check_unit, measured_fields
 
 RENAMED = {"start": "from", "end": "to"}
 """Keys of files that are words of Python."""
@@ -76,7 +76,7 @@ def _horner(c: Array, x: Array) -> Array:
     return total
 
 
-class MotionLaw(Model, frozen=True, dict=True):
+class MotionLaw(InputStruct, frozen=True, dict=True):
     """Base of the laws: their fields say which derivative of the coordinate they measure, ``pieces`` what they do."""
 
     @abstractmethod

@@ -17,7 +17,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
-from pinarm.input.yaml.schema import Extent, Model, check_unit
+from pinarm.input.yaml.schema import Extent, InputStruct, check_unit
 from pinarm.mechanics.laws.composed import CONTINUOUS, Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, Piece, Values
 
@@ -127,7 +127,7 @@ class Driven(MotionLaw, frozen=True):
         return self.parts
 
 
-class Over(Model, frozen=True, tag_field="law", tag="over"):
+class Over(InputStruct, frozen=True, tag_field="law", tag="over"):
     """The value of one coordinate as a function of another one that follows a law, such as of a cam and its follower.
 
     Attributes:

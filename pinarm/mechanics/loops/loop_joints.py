@@ -14,7 +14,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
-from pinarm.input.yaml.schema import Model, Span
+from pinarm.input.yaml.schema import InputStruct, Span
 from pinarm.mechanics.geometry.link_placements import Links
 from pinarm.mechanics.geometry.vectors import cross, crossed
 from pinarm.mechanics.joints import METRE, RADIAN, Direction, frame_of, unit_vector
@@ -108,7 +108,7 @@ def _placed(one: pin.SE3, two: pin.SE3) -> tuple[Array, Array]:
     return between.translation, np.asarray(between.rotation.T)
 
 
-class LoopDefinition(Model, frozen=True):
+class LoopDefinition(InputStruct, frozen=True):
     """What every loop joint says.
 
     Attributes:

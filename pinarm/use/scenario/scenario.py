@@ -24,7 +24,7 @@ from pinarm.input.formulas.expressions import Expression
 from pinarm.input.roots import inside, root_of
 from pinarm.input.units import read_quantity
 from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.schema import Measured, Model
+from pinarm.input.yaml.schema import InputStruct, Measured
 from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.joints import spelled
 from pinarm.mechanics.payloads import Payload
@@ -55,7 +55,7 @@ class Argument(Measured):
         return measured
 
 
-class ScenarioFile(Model, frozen=True):
+class ScenarioFile(InputStruct, frozen=True):
     """Content of a scenario file.
 
     Attributes:
