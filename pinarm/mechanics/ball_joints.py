@@ -16,7 +16,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, choices
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, rate_of_b
-from pinarm.mechanics.geometry.link_placements import Links
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import METRE, RADIAN, Joint
 
 ANGLES = ("roll", "pitch", "yaw")
@@ -109,7 +109,7 @@ class BallCoordinate:
         w, b = pin.log3(turn), pin.Jlog3(turn)
         return float((rate_of_b(w, b @ omega) @ omega)[self.component])
 
-    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
         """Return nothing: the moment acts between the links of the joint."""
         return {}
 

@@ -17,7 +17,7 @@ from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError, Key, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct
-from pinarm.mechanics.geometry.link_placements import Links
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.parallel_axes import check_parallel
 from pinarm.mechanics.geometry.vectors import MEETING, crossed, direction
 from pinarm.mechanics.joints import METRE, RADIAN, Direction, Joint, frame_of, frames_of, joint_of, unit_vector
@@ -43,7 +43,7 @@ class Coordinate(Protocol):
         """Return J' v; ``data`` holds the forward kinematics of (q, v, 0)."""
         ...
 
-    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
         """Return what forces along the coordinate, shape (n,), do to links from outside of their joints.
 
         Joint index -> [f; m] at the world's origin, world axes, shape (n, 6).
@@ -83,7 +83,7 @@ class LinearCoordinate:
         """Return 0: the row is constant."""
         return 0.0
 
-    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
         """Return nothing: the efforts act between the links of the joints."""
         return {}
 
@@ -116,7 +116,7 @@ class FrameCoordinate:
         acceleration = pin.getFrameClassicalAcceleration(model, data, self.frame, pin.LOCAL_WORLD_ALIGNED)
         return float(self.axis @ acceleration.linear)
 
-    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
         """Return the force along the axis at the link's origin."""
         return pull(links, self.frame, effort[:, None] * self.axis)
 
@@ -158,7 +158,7 @@ class DistanceCoordinate:
         length = max(self.value(data, np.empty(0)), MEETING)
         return float(along @ (a2 - a1) + (rate @ rate - (along @ rate) ** 2) / length)
 
-    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
         """Return the forces that push the two points apart."""
         apart = links.frame(self.second)[1] - links.frame(self.first)[1]
         force = (effort * direction(apart.T)).T
@@ -205,7 +205,7 @@ class RotationCoordinate:
         rate = b @ omega
         return float((b @ alpha + rate_of_b(w, rate) @ omega)[self.component])
 
-    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
         """Return the moment with the same power, ``effort B^T e_k`` in the link's axes."""
         turns = links.frame(self.frame)[0]
         ways = np.array([turn @ pin.Jlog3(turn)[self.component] for turn in turns])
@@ -213,7 +213,7 @@ class RotationCoordinate:
         return {links.model.frames[self.frame].parentJoint: wrench}
 
 
-def pull(links: Links, frame: int, force: Array) -> dict[int, Array]:
+def pull(links: LinkPlacements, frame: int, force: Array) -> dict[int, Array]:
     """Return forces at a frame's origin, shape (n, 3), as what they do to its link.
 
     Joint index -> [f; m] at the world's origin, world axes, shape (n, 6).

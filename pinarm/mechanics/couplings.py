@@ -13,7 +13,7 @@ from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Lead, Measured
 from pinarm.mechanics.coordinates import LinearCoordinate, sum_of
-from pinarm.mechanics.geometry.link_placements import Links
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import METRE, RADIAN, Joint, joint_of
 from pinarm.mechanics.loading.model_tree import Mimic
 
@@ -54,7 +54,7 @@ class Coupling:
         """Return 0."""
         return np.zeros(1)
 
-    def wrenches(self, links: Links, lam: Array) -> dict[int, Array]:
+    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         """Return nothing: the efforts act between the links of the coupled joints."""
         return {}
 
@@ -126,7 +126,7 @@ class Screw(InputStruct, frozen=True, tag_field="kind", tag="screw"):
         return _coupled(joints, model, name, "screw", (turns, slides), self.lead / (2.0 * np.pi), float(self.offset))
 
 
-def mimicry(mimic: Mimic, joints: Mapping[str, Joint], model: pin.Model) -> Coupling:
+def mimic_coupling(mimic: Mimic, joints: Mapping[str, Joint], model: pin.Model) -> Coupling:
     """Return the coupling of a joint that, as its model says, mimics another one."""
     leader, follower = joint_of(joints, mimic.of), joint_of(joints, mimic.joint)
     name = f"{follower.name} mimics {leader.name}"

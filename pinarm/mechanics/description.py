@@ -38,7 +38,7 @@ class Gravity(InputStruct, frozen=True):
         return np.array(AXES[self.direction], float) * float(self.magnitude)
 
 
-def field_of(gravity: Gravity | Literal["none"] | None, otherwise: Array | None) -> Array:
+def gravity_vector(gravity: Gravity | Literal["none"] | None, otherwise: Array | None) -> Array:
     """Return the gravity of a mechanism [m/s^2], world axes, shape (3,).
 
     Args:

@@ -65,7 +65,7 @@ def joints_of(model: pin.Model) -> dict[str, Joint]:
     return found
 
 
-def spelled(model: pin.Model, q: Array) -> str:
+def format_configuration(model: pin.Model, q: Array) -> str:
     """Return a configuration in words, such as ``track = 0.2 m, pivot = 1 rad``; q has the shape (nq,)."""
     single, words = joints_of(model), []
     for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):

@@ -35,7 +35,7 @@ class Payload(InputStruct, frozen=True):
             raise InputError(f"the moment of inertia {large:g} kg*m^2 is more than the sum of the other two")
 
 
-def laden(model: pin.Model, payloads: Iterable[Payload]) -> pin.Model:
+def with_payloads(model: pin.Model, payloads: Iterable[Payload]) -> pin.Model:
     """Return a copy of a model whose links carry payloads.
 
     With ``jMp`` the placement of the link in its joint's frame, the body of the joint gets ``jMp.act(I)`` added, as if

@@ -18,12 +18,12 @@ from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Level, Rate, SecondRate, check_unit
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Constant, ConstantSpeed
-from pinarm.mechanics.laws.motion_law import RENAMED, Grid, MotionLaw
+from pinarm.mechanics.laws.motion_law import FILE_KEYS, Grid, MotionLaw
 from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, laws_of, still
 from pinarm.problems.inverse import Rates, driven
 
 
-class Range(InputStruct, frozen=True, rename=RENAMED):
+class Range(InputStruct, frozen=True, rename=FILE_KEYS):
     """Evenly spaced values of a coordinate.
 
     Attributes:

@@ -13,7 +13,7 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.dynamics.equation import Dynamics
 from pinarm.engine.integration.integrator import Solution
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.mechanics.geometry.link_placements import Links, moving, supports
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving, supports
 from pinarm.mechanics.geometry.vectors import crossed
 
 Whole = Callable[[Array, Array, Array], tuple[Array, Array]]
@@ -80,7 +80,7 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
     return supplied - asked.sum(axis=(0, 2)), terms
 
 
-def _weights(links: Links, columns: Array, moved: Flags) -> Array:
+def _weights(links: LinkPlacements, columns: Array, moved: Flags) -> Array:
     """Return the most that weights can do: m g times the paths of mass centres when one joint moves, shape (n, nv)."""
     inertias = links.model.inertias.tolist()
     masses, levers = np.array([one.mass for one in inertias]), np.array([one.lever for one in inertias])
@@ -91,7 +91,7 @@ def _weights(links: Links, columns: Array, moved: Flags) -> Array:
     return np.asarray(masses @ lengths * np.linalg.norm(links.model.gravity.linear))
 
 
-def demands(model: pin.Model, links: Links, twists: Array, rates: Array) -> Array:
+def demands(model: pin.Model, links: LinkPlacements, twists: Array, rates: Array) -> Array:
     """Return what the motion of every link demands, by Newton's and Euler's equations, in the link's own frame.
 
     Args:

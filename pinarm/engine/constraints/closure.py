@@ -17,7 +17,7 @@ from pinarm.engine.constraints.batch_jacobians import Measures
 from pinarm.engine.constraints.constraint import Constraint, Guide
 from pinarm.engine.constraints.nullspace import Splits
 from pinarm.mechanics.coordinates import Coordinate
-from pinarm.mechanics.geometry.link_placements import Links, supports
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, supports
 
 MANY, KEPT = 8, 64
 """Number of configurations from which on it pays to look at them together, and up to which this is kept."""
@@ -187,7 +187,7 @@ class Closure:
         pin.forwardKinematics(self.model, self.data, q, v, np.zeros(self.model.nv))
         return np.concatenate([np.zeros(0), *(one.drift(self.model, self.data) for one in self.constraints)])
 
-    def wrenches(self, links: Links, lam: Array) -> Array:
+    def wrenches(self, links: LinkPlacements, lam: Array) -> Array:
         """Return what multipliers, shape (n, m), do to the links, shape (n, njoints, 6).
 
         [f; m] at the world's origin, world axes [N, N*m]. Couplings, which act within joints, do nothing to them.
@@ -198,7 +198,7 @@ class Closure:
                 total[:, joint] += wrench
         return total
 
-    def load(self, links: Links, columns: Array, q: Array, lam: Array) -> Array:
+    def load(self, links: LinkPlacements, columns: Array, q: Array, lam: Array) -> Array:
         """Return G^T lam, through the links' Jacobians, shape (n, nv).
 
         Couplings, which act within joints, have no wrenches and contribute by their rows.

@@ -23,7 +23,7 @@ from pinarm.errors import AssemblyError
 from pinarm.mechanics.ball_joints import configuration
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings import Coupling
-from pinarm.mechanics.joints import spelled
+from pinarm.mechanics.joints import format_configuration
 
 CLOSED = 1e-12
 """Largest gap of a solved position, relative to ``1 + |w|``; Newton's method ends near 1e-16."""
@@ -247,7 +247,7 @@ class Solver:
         wanted = "a motion that the mechanism can follow" if self.coordinates else "loops that close"
         return AssemblyError(
             f"{what}: {worst[0]} {missed} by {sizes[worst]:.3g} {worst[1]}{beside}",
-            expected=f"{wanted}; the closest it comes is {spelled(self.model, q)}",
+            expected=f"{wanted}; the closest it comes is {format_configuration(self.model, q)}",
             hint="other values of the law, or another start that chooses the branch",
             t=t, q=q, gap=gap,
         )  # fmt: skip

@@ -17,7 +17,7 @@ from pinarm.input.units import DIMENSIONLESS
 from pinarm.input.yaml.schema import Damping, Force, InputStruct, Length, Moment, Stiffness
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.geometry.vectors import combined, cross, dot
-from pinarm.mechanics.joints import Joint, frame_of, frames_of, spelled
+from pinarm.mechanics.joints import Joint, format_configuration, frame_of, frames_of
 from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, Values
 
@@ -230,7 +230,7 @@ class TwoPointSpring(ForceElement):
     def _meeting(self, q: Array) -> DynamicsError:
         names = " and ".join(self.model.frames[frame].name for frame in self.frames)
         said = f"the points {names} of a two-point spring meet: its direction is undetermined"
-        return DynamicsError(f"{said} where {spelled(self.model, q)}", q=q)
+        return DynamicsError(f"{said} where {format_configuration(self.model, q)}", q=q)
 
 
 End = Callable[[Array], tuple[Array, Array]]

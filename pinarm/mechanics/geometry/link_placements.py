@@ -12,7 +12,7 @@ from pinarm.mechanics.geometry.vectors import crossed
 
 
 @dataclass(frozen=True, eq=False)
-class Links:
+class LinkPlacements:
     """The placements of the joints' frames in the world, one of each link, at n configurations.
 
     Attributes:
@@ -26,7 +26,7 @@ class Links:
     places: Array
 
     @classmethod
-    def at(cls, model: pin.Model, q: Array) -> Links:
+    def at(cls, model: pin.Model, q: Array) -> LinkPlacements:
         """Return the placements at configurations, shape (n, nq)."""
         data, shape = model.createData(), (len(q), model.njoints)
         turns, places = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
@@ -36,9 +36,9 @@ class Links:
             turns[k], places[k] = [joint.rotation for joint in joints], [joint.translation for joint in joints]
         return cls(model, turns, places)
 
-    def some(self, rows: Indices) -> Links:
+    def some(self, rows: Indices) -> LinkPlacements:
         """Return the placements at some of the configurations."""
-        return Links(self.model, self.turns[rows], self.places[rows])
+        return LinkPlacements(self.model, self.turns[rows], self.places[rows])
 
     def frame(self, index: int) -> tuple[Array, Array]:
         """Return the rotation matrices, shape (n, 3, 3), and the origins, shape (n, 3), of a frame."""
@@ -64,7 +64,7 @@ class Links:
         return np.concatenate([np.matvec(turns, forces), np.matvec(turns, moments)], axis=-1)
 
 
-def moving(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[Links, Array, Array, Array]:
+def moving(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, Array, Array, Array]:
     """Return where links are, their twists, the rates of these, and the Jacobian, by forward kinematics.
 
     Args:
@@ -86,7 +86,7 @@ def moving(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[Links, Array
         joints, columns[k] = data.oMi.tolist(), data.J.reshape(6, -1)
         turns[k], places[k] = [joint.rotation for joint in joints], [joint.translation for joint in joints]
         twists[k], rates[k] = [one.vector for one in data.v.tolist()], [one.vector for one in data.a.tolist()]
-    return Links(model, turns, places), twists, rates, columns
+    return LinkPlacements(model, turns, places), twists, rates, columns
 
 
 def supports(model: pin.Model) -> Flags:

@@ -14,7 +14,7 @@ from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Abscissa, Extent, InputStruct, Level, check_unit
 from pinarm.mechanics.laws.interpolated import SpeedPoints, Spline, Steps, Table
-from pinarm.mechanics.laws.motion_law import RENAMED, SECOND, MotionLaw, Piece, Values, polynomial
+from pinarm.mechanics.laws.motion_law import FILE_KEYS, SECOND, MotionLaw, Piece, Values, polynomial
 from pinarm.mechanics.laws.rest_to_rest import Cycloidal, Polynomial, SCurve, Trapezoid
 from pinarm.mechanics.laws.steady import Constant, ConstantAcceleration, ConstantSpeed, Harmonic
 
@@ -31,7 +31,7 @@ class Segment(InputStruct, frozen=True):
     motion: Law
 
 
-class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rename=RENAMED):
+class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rename=FILE_KEYS):
     """Laws end to end: each begins where the one before has come to, and its speed must be that of the one before.
 
     A law whose own values begin at 0 counts from there; one that begins elsewhere has to begin there, as a constant
@@ -63,12 +63,12 @@ class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rena
     def pieces(self) -> Sequence[Piece]:
         """Return the pieces of all the laws, moved in time and value."""
         t, v, now = float(self.begin), 0.0, np.array([0.0])
-        first = self.segments[0].motion.settled
-        s = float(own_piece(first, 0.0)(now)[0][0]) if self.start is None else float(self.start)
+        first = self.segments[0].motion.smooth_pieces
+        s = float(piece_after(first, 0.0)(now)[0][0]) if self.start is None else float(self.start)
         found, size = [_rest_at(t, s)], abs(s)
         for row, segment in enumerate(self.segments):
-            own = segment.motion.settled
-            value, speed = (float(part[0]) for part in own_piece(own, 0.0)(now)[:2])
+            own = segment.motion.smooth_pieces
+            value, speed = (float(part[0]) for part in piece_after(own, 0.0)(now)[:2])
             with within("segments", row, "motion"):
                 if abs(speed - v) > CONTINUOUS * max(abs(speed), abs(v)):
                     raise InputError(f"the speed jumps from {v:.6g} to {speed:.6g} where segment {row + 1} begins")
@@ -104,7 +104,7 @@ def _rest_at(end: float, value: float) -> Piece:
     return Piece(-math.inf, end, polynomial(0.0, value))
 
 
-def own_piece(pieces: Sequence[Piece], t: float) -> Callable[[Array], Values]:
+def piece_after(pieces: Sequence[Piece], t: float) -> Callable[[Array], Values]:
     """Return the piece that holds just after an instant."""
     return next(piece.function for piece in pieces if t < piece.end)
 

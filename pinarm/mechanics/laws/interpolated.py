@@ -15,10 +15,10 @@ from pinarm.errors import InputError, UnitError, within
 from pinarm.input.roots import inside, root_of
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Abscissa, Level, Rate, check_each, folder_read
-from pinarm.mechanics.laws.motion_law import RENAMED, SECOND, MotionLaw, Piece, Values, polynomial
+from pinarm.mechanics.laws.motion_law import FILE_KEYS, SECOND, MotionLaw, Piece, Values, polynomial
 
 
-class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", rename=RENAMED):
+class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", rename=FILE_KEYS):
     """Speed linear between given instants, constant before the first and after the last; ``from`` at the first.
 
     The acceleration jumps at every point.
@@ -73,7 +73,7 @@ class Steps(MotionLaw, frozen=True, tag_field="law", tag="steps"):
         return [Piece(start, end, level) for (start, end), level in zip(pairwise(bounds), levels, strict=True)]
 
 
-class Spline(MotionLaw, frozen=True, tag_field="law", tag="spline", rename=RENAMED):
+class Spline(MotionLaw, frozen=True, tag_field="law", tag="spline", rename=FILE_KEYS):
     """Cubic spline through points, s'' continuous inside, with given speeds at its ends; constant speed beyond them.
 
     Attributes:
@@ -120,11 +120,11 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
         with within("file"):
             path = inside((folder / self.file).absolute(), root_of(folder))
             msgspec.structs.force_setattr(self, "file", str(path))
-            read_once(self.file)
+            cached_table(self.file)
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
         """Check the column's unit and the end speeds; see ``MotionLaw.check_units``."""
-        _, _, *units = read_once(self.file)
+        _, _, *units = cached_table(self.file)
         for column, (found, wanted) in enumerate(zip(units, (along, of), strict=True), 1):
             if found.dimension != wanted.dimension:
                 with within("file"):
@@ -135,11 +135,11 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
 
     def pieces(self) -> Sequence[Piece]:
         """Return constant speed, the spline, constant speed."""
-        times, values, _, _ = read_once(self.file)
+        times, values, _, _ = cached_table(self.file)
         return spline_pieces(np.array(times), np.array(values), self.speeds)
 
 
-def read_once(path: str) -> tuple[tuple[float, ...], tuple[float, ...], Unit, Unit]:
+def cached_table(path: str) -> tuple[tuple[float, ...], tuple[float, ...], Unit, Unit]:
     """Return the two columns of a table and their units; it is read again only when the file has changed."""
     from pinarm.input.motion_tables import read_table
 

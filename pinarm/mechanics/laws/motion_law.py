@@ -21,7 +21,7 @@ from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, check_unit, measured_fields
 
-RENAMED = {"start": "from", "end": "to"}
+FILE_KEYS = {"start": "from", "end": "to"}
 """Keys of files that are words of Python."""
 
 Values = tuple[Array, Array, Array]
@@ -84,7 +84,7 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
         """Return the smooth pieces, end to end, from ``-inf`` to ``inf``."""
 
     @cached_property
-    def settled(self) -> Sequence[Piece]:
+    def smooth_pieces(self) -> Sequence[Piece]:
         """The pieces, made once."""
         return self.pieces()
 
@@ -99,7 +99,7 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
             UnitError: A field has another dimension.
         """
         for name, kind in measured_fields(type(self)).items():
-            with within(RENAMED.get(name, name)):
+            with within(FILE_KEYS.get(name, name)):
                 if kind.order is not None:
                     check_unit(getattr(self, name), of / along**kind.order if kind.order else of)
                 elif kind.along is not None:
@@ -107,19 +107,19 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
 
     def breakpoints(self) -> list[float]:
         """Return the instants at which one piece meets the next [s]."""
-        return [piece.start for piece in self.settled[1:]]
+        return [piece.start for piece in self.smooth_pieces[1:]]
 
     def jumps(self) -> list[float]:
         """Return the breakpoints at which s, s' or s'' itself jumps, not only a higher derivative."""
         return [t for t, jumping in self._jumping() if jumping.any()]
 
-    def leaps(self) -> list[float]:
+    def value_jumps(self) -> list[float]:
         """Return the breakpoints at which s itself jumps: a load may, a position never."""
         return [t for t, jumping in self._jumping() if jumping[0]]
 
     def _jumping(self) -> Iterator[tuple[float, Flags]]:
         """Yield the breakpoints, and which of s, s' and s'' jump there."""
-        for before, after in pairwise(self.settled):
+        for before, after in pairwise(self.smooth_pieces):
             instant = np.array([after.start])
             left, right = np.array(before.function(instant)), np.array(after.function(instant))
             size = np.maximum(before.size(), after.size())
@@ -134,7 +134,7 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
         Raises:
             InputError: Says where the first one is.
         """
-        for t in self.leaps():
+        for t in self.value_jumps():
             raise InputError(
                 f"the value jumps at {t:.6g} {along}",
                 expected="a law without jumps: those are for loads over time",
@@ -142,8 +142,8 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
 
     def on(self, start: float, end: float) -> Callable[[Array], Values]:
         """Return the smooth function that holds between two neighbouring breakpoints, both ends included."""
-        place = bisect_left(self.settled, 0.5 * (start + end), key=lambda piece: piece.end)
-        return self.settled[place].function
+        place = bisect_left(self.smooth_pieces, 0.5 * (start + end), key=lambda piece: piece.end)
+        return self.smooth_pieces[place].function
 
 
 @dataclass(frozen=True)

@@ -50,8 +50,8 @@ class Profile:
     def of(cls, law: MotionLaw, period: float | None = None) -> Profile:
         """Return the profile that a law describes from 0 to its period, or everywhere."""
         if period is None:
-            return cls(tuple(law.settled))
-        inside = [piece for piece in law.settled if piece.end > 0.0 and piece.start < period]
+            return cls(tuple(law.smooth_pieces))
+        inside = [piece for piece in law.smooth_pieces if piece.end > 0.0 and piece.start < period]
         return cls(tuple(Piece(max(p.start, 0.0), min(p.end, period), p.function) for p in inside), period)
 
     def __call__(self, w: Array) -> Values:
@@ -177,9 +177,9 @@ class Over(InputStruct, frozen=True, tag_field="law", tag="over"):
         """
         profile = Profile.of(self.profile, self.period)
         parts: list[Piece] = []
-        for piece in drive.settled:
+        for piece in drive.smooth_pieces:
             low, high = max(piece.start, start), min(piece.end, end)
-            cuts = passages(profile, piece.function, low, high) if low < high else []
+            cuts = passing_times(profile, piece.function, low, high) if low < high else []
             if len(parts) + len(cuts) > MANY:
                 raise InputError("the profile's breakpoints are passed too often", expected="a shorter motion")
             for first, last in pairwise([piece.start, *cuts, piece.end]):
@@ -200,7 +200,7 @@ def _chained(profile: Profile, drive: Callable[[Array], Values], middle: float) 
     return function
 
 
-def passages(profile: Profile, drive: Callable[[Array], Values], low: float, high: float) -> list[float]:
+def passing_times(profile: Profile, drive: Callable[[Array], Values], low: float, high: float) -> list[float]:
     """Return the instants between low and high at which a smooth motion passes breakpoints of a profile, ascending."""
     t = np.linspace(low, high, SAMPLES)
     speed = drive(t)[1]

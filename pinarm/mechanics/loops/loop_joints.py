@@ -15,7 +15,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct, Span
-from pinarm.mechanics.geometry.link_placements import Links
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import cross, crossed
 from pinarm.mechanics.joints import METRE, RADIAN, Direction, frame_of, unit_vector
 from pinarm.mechanics.loops.pairs import ALL, NOTHING, Cross, LowerPair, Pair, Tie, normals
@@ -79,14 +79,14 @@ class LoopJoint:
         e, w = self.pair.directions(p, axes)
         return np.asarray(np.concatenate([e @ ddp, w @ domega]) + np.concatenate(self.pair.bend(p, axes, dp, omega)))
 
-    def wrenches(self, links: Links, lam: Array) -> dict[int, Array]:
+    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         """Return what multipliers, shape (n, m), do to links: joint index -> [f; m] at the world's origin, (n, 6)."""
         wrench, place = self.wrench(links, lam), links.frame(self.second)[1]
         moved = np.concatenate([wrench[:, :3], wrench[:, 3:] + crossed(place, wrench[:, :3])], axis=1)
         frames = links.model.frames
         return {frames[self.second].parentJoint: moved, frames[self.first].parentJoint: -moved}
 
-    def wrench(self, links: Links, lam: Array) -> Array:
+    def wrench(self, links: LinkPlacements, lam: Array) -> Array:
         """Return [f; m] of the first link on the second, at the origin of frame 2, world axes [N, N*m], (n, 6)."""
         (turn, origin), (other, place) = links.frame(self.first), links.frame(self.second)
         axes = (turn.swapaxes(1, 2) @ other).transpose(2, 1, 0)

@@ -16,7 +16,7 @@ from pinarm.engine.checks.limits import Excess, excesses
 from pinarm.engine.motion.trajectory import Series, Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.joints import spelled
+from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplified import Removal
 
@@ -168,7 +168,8 @@ class Result:
                 else "a body without mass that is free to move, or a formula that divides by zero there"
             )
             raise DynamicsError(
-                f"{name} is not finite at {where}, where {spelled(run.mechanism.model, run.q[bad[0]])}{more}",
+                f"{name} is not finite at {where}, where "
+                f"{format_configuration(run.mechanism.model, run.q[bad[0]])}{more}",
                 hint=hint, partial=self, t=float(run.grid.t[bad[0]]), q=run.q[bad[0]],
             )  # fmt: skip
 

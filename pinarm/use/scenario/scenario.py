@@ -26,7 +26,7 @@ from pinarm.input.units import read_quantity
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.schema import InputStruct, Measured
 from pinarm.mechanics.description import Gravity
-from pinarm.mechanics.joints import spelled
+from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.payloads import Payload
 from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.common import Accuracy
@@ -186,7 +186,7 @@ class Scenario:
                 source, self.content.arguments, gravity=gravity, payloads=self.content.payloads, changes=changes,
                 locate=self.document.locating,
             )  # fmt: skip
-        return loaded if self.seed is None else loaded.shaken(self.seed)
+        return loaded if self.seed is None else loaded.perturbed(self.seed)
 
     @cached_property
     def symbols(self) -> Mapping[str, Expression]:
@@ -376,7 +376,8 @@ def _beyond(run: Trajectory) -> DynamicsError:
     """Return the error of a run whose numbers are too large to be checked: says from where on."""
     state = np.hstack([run.q, run.v, run.a, run.tau])
     row = int((~(np.abs(state) < CHECKABLE)).any(axis=1).argmax())
-    where = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit} on, where {spelled(run.mechanism.model, run.q[row])}"
+    state_there = format_configuration(run.mechanism.model, run.q[row])
+    where = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit} on, where {state_there}"
     return DynamicsError(f"the numbers of this run are too large to be checked, from {where}", partial=run)
 
 
