@@ -6,11 +6,11 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from pinarm.errors import Location, ModelError
-from pinarm.input.roots import inside
+from pinarm.input.roots import contained_file
 from pinarm.input.xml_text import MAX_BYTES, Survey, read
 
 
-def included(text: str, path: Path, root: Path) -> str:
+def resolve_includes(text: str, path: Path, root: Path) -> str:
     """Return MJCF text with the content of the files that it includes; any other model comes back as it is.
 
     Args:
@@ -35,7 +35,7 @@ def included(text: str, path: Path, root: Path) -> str:
                 waiting.append(element)
                 continue
             name = element.get("file", "")
-            file = inside(path.parent.absolute() / name, root)
+            file = contained_file(path.parent.absolute() / name, root)
             if file in known:
                 raise ModelError(f"the file '{name}' is included twice", expected="each file once").at(
                     Location(str(path))

@@ -63,7 +63,7 @@ def robot(name: str) -> Path:
     raise ModelError(f"there is no robot '{name}'", expected=f"a file, or {expected}", hint=hint)
 
 
-def floats(file: Path) -> bool:
+def is_floating(file: Path) -> bool:
     """Tell whether the robot of a model file of the package moves freely: stands on legs, or flies."""
     folder = file.parents[1].name.removesuffix("_description")
     return folder in FLOATING and file.stem not in HELD

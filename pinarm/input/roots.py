@@ -78,7 +78,7 @@ def root_of(path: Path) -> Path:
     return Path(folder)
 
 
-def inside(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKAGES) -> Path:
+def contained_file(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKAGES) -> Path:
     """Return the regular file that a path leads to.
 
     Args:
@@ -89,7 +89,7 @@ def inside(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKA
     Raises:
         InputError: The path leads elsewhere, or to no regular file.
     """
-    resolved = contained(path, root, packages)
+    resolved = contained_path(path, root, packages)
     if not resolved.is_file():
         if resolved.exists():
             raise InputError(f"the file {str(path)!r} is not a regular file")
@@ -107,8 +107,8 @@ def similar_file(path: Path) -> str:
     return str(path.parent / close) if close else ""
 
 
-def contained(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKAGES) -> Path:
-    """Return what a path leads to, which need not exist; see ``inside``.
+def contained_path(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKAGES) -> Path:
+    """Return what a path leads to, which need not exist; see ``contained_file``.
 
     Raises:
         InputError: It leads out of the root and of the packages, or is no path.

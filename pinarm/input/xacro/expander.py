@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from pinarm.errors import Location, ModelError, PinarmError, choices
 from pinarm.input.formulas.grammar import MANY
-from pinarm.input.roots import contained, inside
+from pinarm.input.roots import contained_file, contained_path
 from pinarm.input.xacro.arithmetic import Names, Scalars, evaluate
 from pinarm.input.xacro.expression_tape import OPEN, Tape
 from pinarm.input.xacro.sandboxed_xacro import OURS, private_xacro
@@ -138,7 +138,7 @@ class Expander:
         if not path.exists():
             self.xacro.filestack.pop()  # as xacro does: where an include is optional, it goes on from here
             raise self.xacro.XacroException(f"there is no file {filename}", exc=FileNotFoundError())
-        text = read(inside(path, self.root, self.packages), source, MAX_BYTES - self.size)
+        text = read(contained_file(path, self.root, self.packages), source, MAX_BYTES - self.size)
         self.size += len(text)
         self.texts[filename] = text
         lines = Survey.of(text, source).lines
@@ -260,7 +260,7 @@ class Expander:
             raise ModelError(f"'{name[:60]}' has wildcards", expected="the name of one file")
         base = "" if "://" in name else Path(self.xacro.filestack[-1]).parent
         wanted = str(base / Path(name)) if base else name
-        path = self.includes[wanted] = str(contained(wanted, self.root, self.packages))
+        path = self.includes[wanted] = str(contained_path(wanted, self.root, self.packages))
         if path in self.xacro.filestack:
             raise ModelError(f"the file '{name}' includes itself")
         yield path

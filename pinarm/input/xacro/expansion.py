@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from pinarm.errors import InputError, Location, ModelError, choices
-from pinarm.input.roots import NO_PACKAGES, inside
+from pinarm.input.roots import NO_PACKAGES, contained_file
 from pinarm.input.xacro.expander import Expansion
 from pinarm.input.xacro.expression_tape import CLOSE, OPEN, Number
 from pinarm.input.xacro.templates import Request, expanded
@@ -35,7 +35,7 @@ def expand(
         InputError: A file is missing or lies elsewhere, or an expression is wrong.
     """
     source = str(path)
-    path = inside(path.absolute(), root, packages)
+    path = contained_file(path.absolute(), root, packages)
     given = {name: _argument(name, value) for name, value in arguments.items()}
     if path.suffix != ".xacro":
         text = read(path, source, MAX_BYTES)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pinarm.errors import ModelError, PinarmError
-from pinarm.input.roots import contained
+from pinarm.input.roots import contained_path
 from pinarm.input.xacro.expander import Expander, Expansion
 from pinarm.input.xacro.expression_tape import OPEN, UNRECORDABLE, Number, Tape, Traced, joined, marks
 from pinarm.input.xml_text import MAX_BYTES, Survey, bound, read
@@ -115,7 +115,7 @@ class Template:
             PinarmError: A file may not be read any more.
         """
         for name, path in self.includes.items():
-            if str(contained(name, request.root, request.packages)) != path:
+            if str(contained_path(name, request.root, request.packages)) != path:
                 return False
         return all(_text(Path(path)) == text for path, text in self.texts.items())
 

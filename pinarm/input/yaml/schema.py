@@ -29,7 +29,7 @@ def reading_from(folder: Path) -> Iterator[None]:
         _folder.reset(token)
 
 
-def folder_read() -> Path | None:
+def current_folder() -> Path | None:
     """Return the folder of the file that is being read; ``None`` where Python builds the objects."""
     return _folder.get()
 
@@ -127,7 +127,7 @@ class InputStruct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         """Hold what Python gave to the annotations, as files are held to them; then check what the class adds."""
-        if folder_read() is None:
+        if current_folder() is None:
             for field in _fields(type(self)):
                 given = getattr(self, field.name)
                 held = hold(given, field)
@@ -159,7 +159,7 @@ def hold(value: object, field: msgspec.structs.FieldInfo) -> object:
 def convert(kind: type, value: object) -> object:
     """Turn plain data into the types that msgspec does not know."""
     if issubclass(kind, Measured):
-        return kind.read(value, bare=folder_read() is None)
+        return kind.read(value, bare=current_folder() is None)
     raise NotImplementedError(kind)
 
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, UnitError, within
-from pinarm.input.roots import inside, root_of
+from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import Unit
-from pinarm.input.yaml.schema import Abscissa, Level, Rate, check_each, folder_read
+from pinarm.input.yaml.schema import Abscissa, Level, Rate, check_each, current_folder
 from pinarm.mechanics.laws.motion_law import FILE_KEYS, SECOND, MotionLaw, Piece, Values, polynomial
 
 
@@ -116,9 +116,9 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
 
     def check(self) -> None:
         """Read the table, so that its mistakes are found with those of the file that names it."""
-        folder = folder_read() or Path(self.file).absolute().parent
+        folder = current_folder() or Path(self.file).absolute().parent
         with within("file"):
-            path = inside((folder / self.file).absolute(), root_of(folder))
+            path = contained_file((folder / self.file).absolute(), root_of(folder))
             msgspec.structs.force_setattr(self, "file", str(path))
             cached_table(self.file)
 

@@ -16,9 +16,9 @@ import pinocchio as pin
 
 from pinarm.errors import ModelError
 from pinarm.mechanics.loading.mjcf_geoms import geom_inertia
-from pinarm.mechanics.loading.mjcf_joints import joint_chain, within
+from pinarm.mechanics.loading.mjcf_joints import elements_of, joint_chain
 from pinarm.mechanics.loading.mjcf_settings import Attributes, Settings, number, numbers
-from pinarm.mechanics.loading.model_tree import Mimic, Tree, TreeJoint, checked_mimics, defect, inertia, several
+from pinarm.mechanics.loading.model_tree import Mimic, Tree, TreeJoint, checked_mimics, inertia, inertia_defect, several
 
 WORLD = "world"
 GENERATED = ("replicate", "attach", "composite", "flexcomp", "flex", "plugin")
@@ -93,7 +93,7 @@ def _body(reader: _Reader, body: Element, parent: str, frame: pin.SE3, childclas
         reader.note("gravity compensation is not modelled", name)
     childclass = body.get("childclass", childclass)
     place = frame * settings.placement(body.attrib, where)
-    joints = [*within(settings, body, childclass, "joint", "freejoint")]
+    joints = [*elements_of(settings, body, childclass, "joint", "freejoint")]
     reader.links[name] = pin.Inertia.Zero()
     if not joints:
         reader.joints.append(_fixed(f"{name}_fixed", parent, name, place))
@@ -122,13 +122,13 @@ def _inertia(reader: _Reader, body: Element, childclass: str, where: str, moves:
     if not moves and not reader.settings.total_mass:
         return pin.Inertia.Zero()
     settings = reader.settings
-    inertials = [*within(settings, body, childclass, "inertial")]
+    inertials = [*elements_of(settings, body, childclass, "inertial")]
     if settings.source == "inertial" or (settings.source == "auto" and inertials):
         if not inertials:
             raise ModelError(f"{where}: it has no <inertial>, and inertiafromgeom is false")
         return _bounded(reader, _inertial(inertials[0].given, settings, where), where)
     total = pin.Inertia.Zero()
-    for geom in within(settings, body, childclass, "geom"):
+    for geom in elements_of(settings, body, childclass, "geom"):
         shape = geom_inertia(geom.given, settings, f"{where}: geom '{geom.given.get('name', '')}'")
         total += geom.frame.act(shape)
     return _bounded(reader, total, where)
@@ -150,7 +150,7 @@ def _inertial(given: Attributes, settings: Settings, where: str) -> pin.Inertia:
 def _bounded(reader: _Reader, body: pin.Inertia, where: str) -> pin.Inertia:
     """Return an inertia with the least mass and moments that the model asks for."""
     settings = reader.settings
-    if wrong := defect(body.inertia):
+    if wrong := inertia_defect(body.inertia):
         reader.defects.append(f"{where}: {wrong}")
     moments = body.inertia
     if settings.least_inertia:

@@ -31,7 +31,7 @@ SWITCHES: dict[str, frozenset[str]] = {
 
 
 @dataclass(frozen=True)
-class Part:
+class BodyElement:
     """An element that belongs to a body.
 
     Attributes:
@@ -45,7 +45,7 @@ class Part:
     frame: pin.SE3
 
 
-def within(settings: Settings, body: Element, childclass: str, *tags: str) -> Iterator[Part]:
+def elements_of(settings: Settings, body: Element, childclass: str, *tags: str) -> Iterator[BodyElement]:
     """Yield the elements of some kinds that belong to a body itself, those in frames with the frame's placement."""
     waiting = [(body, pin.SE3.Identity(), childclass)]
     while waiting:
@@ -53,14 +53,19 @@ def within(settings: Settings, body: Element, childclass: str, *tags: str) -> It
         for child in element:
             if child.tag in tags:
                 plain = child.tag in ("freejoint", "inertial")
-                yield Part(child.tag, child.attrib if plain else settings.attributes(child, inherited), place)
+                yield BodyElement(child.tag, child.attrib if plain else settings.attributes(child, inherited), place)
             elif child.tag == "frame":
                 inner = place * settings.placement(child.attrib, f"a frame of body '{body.get('name', '')}'")
                 waiting.append((child, inner, child.get("childclass", inherited)))
 
 
 def joint_chain(
-    settings: Settings, joints: Sequence[Part], parent: str, body: str, place: pin.SE3, notes: dict[str, list[str]]
+    settings: Settings,
+    joints: Sequence[BodyElement],
+    parent: str,
+    body: str,
+    place: pin.SE3,
+    notes: dict[str, list[str]],
 ) -> Iterator[TreeJoint]:
     """Yield the joints of a body, which move one after the other, each in the frame that those before leave.
 
@@ -87,7 +92,7 @@ def joint_chain(
         parent, place = child, pin.SE3.Identity()
 
 
-def _joint(settings: Settings, part: Part, name: str, kind: Kind, notes: dict[str, list[str]]) -> TreeJoint:
+def _joint(settings: Settings, part: BodyElement, name: str, kind: Kind, notes: dict[str, list[str]]) -> TreeJoint:
     """Return a joint in its body, with what its attributes say of its forces and limits."""
     where, given = f"joint '{name}'", part.given
     for key in sorted(given.keys() - KNOWN):

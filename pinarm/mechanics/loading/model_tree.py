@@ -133,7 +133,7 @@ def inertia(mass: float, centre: Array, moments: Array) -> pin.Inertia:
     return made
 
 
-def defect(moments: Array) -> str:
+def inertia_defect(moments: Array) -> str:
     """Return what is wrong with an inertia, in words; nothing for one that a body can have.
 
     Args:

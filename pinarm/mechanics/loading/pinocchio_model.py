@@ -77,7 +77,7 @@ def build_model(
     Raises:
         ModelError: The text is no model, or has a mass, inertia, axis or other number that no body or joint can have.
     """
-    tree = _based(_read(xml), base)
+    tree = _with_base(_read(xml), base)
     if tree.defects and defects == "refused":
         raise ModelError(tree.defects[0], hint="mend the model, or say 'defects: noted' in the mechanism file")
     model = _assembled(tree)
@@ -103,7 +103,7 @@ def _read(xml: str) -> Tree:
     return urdf_tree(root)
 
 
-def _based(tree: Tree, base: Base | None) -> Tree:
+def _with_base(tree: Tree, base: Base | None) -> Tree:
     """Return the tree with its root held or afloat."""
     if base is None:
         return tree
@@ -253,6 +253,6 @@ def _said(tree: Tree, creep: float) -> Iterator[str]:
         yield f"limits of {listed('joint', limited)} are not watched: they have several coordinates"
 
 
-def ending(xml: str) -> str:
+def file_suffix(xml: str) -> str:
     """Return the ending of the name of a file with a model's text."""
     return ".xml" if ElementTree.fromstring(xml).tag == "mujoco" else ".urdf"

@@ -19,8 +19,8 @@ from pinarm.mechanics.loading.model_tree import (
     Tree,
     TreeJoint,
     checked_mimics,
-    defect,
     inertia,
+    inertia_defect,
     listed,
     several,
 )
@@ -50,7 +50,7 @@ def urdf_tree(robot: Element) -> Tree:
     joints = {name: _joint(joint, name, links) for name, joint in elements.items()}
     root, order = _ordered(links, joints)
     mimics, orphans = checked_mimics([*_mimics(elements)], {name: joint.kind for name, joint in joints.items()})
-    notes += _said_of_limits(elements, joints)
+    notes += _limit_notes(elements, joints)
     if any(float(spring.text or 0) for spring in robot.iter("springStiffness") if _is_number(spring.text)):
         notes.append("springs that the model gives to its joints for Gazebo are not modelled")
     if geared := [*_geared(robot)]:
@@ -98,7 +98,7 @@ def _inertia(link: Element, name: str, defects: list[str], notes: list[str]) -> 
     xx, yy, zz = (_number(element, key, f"{where}: {key}") for key in ("ixx", "iyy", "izz"))
     xy, xz, yz = (_number(element, key, f"{where}: {key}", default=0.0) for key in ("ixy", "ixz", "iyz"))
     moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    if wrong := defect(moments):
+    if wrong := inertia_defect(moments):
         defects.append(f"{where}: {wrong}")
     return inertia(mass, place.translation, place.rotation @ moments @ place.rotation.T)
 
@@ -148,7 +148,7 @@ def _bounds(joint: Element, where: str) -> Bounds:
     return Bounds(lower, upper, velocity, effort)
 
 
-def _said_of_limits(elements: Mapping[str, Element], joints: Mapping[str, TreeJoint]) -> list[str]:
+def _limit_notes(elements: Mapping[str, Element], joints: Mapping[str, TreeJoint]) -> list[str]:
     """Return notes on limits that are 0 or missing, one for each kind."""
     missing: dict[str, list[str]] = {"position": [], "effort": [], "velocity": []}
     for name, joint in joints.items():

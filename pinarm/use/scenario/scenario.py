@@ -21,7 +21,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DynamicsError, InputError, MethodError, NumericsError
 from pinarm.input.formulas.expressions import Expression
-from pinarm.input.roots import inside, root_of
+from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import read_quantity
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.schema import InputStruct, Measured
@@ -180,7 +180,7 @@ class Scenario:
         with self.document.locating("mechanism"):
             source: str | Path = wanted
             if Path(wanted).suffix:
-                source = inside((self.folder / wanted).absolute(), root_of(self.folder), {})
+                source = contained_file((self.folder / wanted).absolute(), root_of(self.folder), {})
             changes = self.document.part("changes") if self.content.changes else None
             loaded = Mechanism.load(
                 source, self.content.arguments, gravity=gravity, payloads=self.content.payloads, changes=changes,
