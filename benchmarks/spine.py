@@ -19,7 +19,7 @@ import pinocchio as pin
 import pinarm
 from pinarm.engine.dynamics.equation import Dynamics
 from pinarm.engine.integration.driver import integrate
-from pinarm.engine.integration.integrator import Stretch
+from pinarm.engine.integration.integrator import Interval
 from pinarm.engine.integration.methods.explicit import Adaptive
 
 ROOT = Path(__file__).parents[1]
@@ -78,8 +78,8 @@ def free_motion() -> tuple[float, float]:
     dynamics, samples = Dynamics.of(model), np.linspace(0.0, 10.0, 21)
 
     def ours(tolerance: float) -> np.ndarray:
-        stretch = Stretch(0.0, 10.0, dynamics.acceleration())
-        return integrate([stretch], dynamics.manifold, start, idle, Adaptive(tolerance)).states(samples)[0][-1]
+        interval = Interval(0.0, 10.0, dynamics.acceleration())
+        return integrate([interval], dynamics.manifold, start, idle, Adaptive(tolerance)).states(samples)[0][-1]
 
     def rate(t: float, y: np.ndarray) -> np.ndarray:
         return np.concatenate([y[2:], pin.aba(model, data, y[:2], y[2:], idle)])

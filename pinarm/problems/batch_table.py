@@ -18,7 +18,7 @@ from pinarm.problems.forward import Forward, further, told
 
 @dataclass(frozen=True, eq=False)
 class Abreast:
-    """Rows of motions, those of a stretch between jumps together.
+    """Rows of motions, those of an interval between jumps together.
 
     Attributes:
         run: The rows.
@@ -42,7 +42,7 @@ class Abreast:
         """
         grid = journey.once(problem.time.instants())
         reached = ensemble.reached(grid.t)
-        parts = [np.nonzero(reached[:, rows]) for _, _, rows in grid.stretches()]
+        parts = [np.nonzero(reached[:, rows]) for _, _, rows in grid.intervals()]
         motion = np.concatenate([motions for motions, _ in parts])
         instant = np.concatenate([low + instants for low, (_, instants) in zip(grid.rows, parts, strict=False)])
         rows = Grid(grid.t[instant], grid.cuts, (0, *map(int, np.cumsum([len(some) for some, _ in parts]))))

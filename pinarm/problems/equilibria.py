@@ -120,7 +120,7 @@ def _units(mechanism: Mechanism, free: int) -> dict[str, Unit | None]:
 
 
 def trajectory(balance: Balance, found: Sequence[Equilibrium]) -> Trajectory:
-    """Return the equilibria as rows from 1 on, each a stretch of its own: there is nothing between them."""
+    """Return the equilibria as rows from 1 on, each an interval of its own: there is nothing between them."""
     numbers = np.arange(1.0, len(found) + 1.0)
     cuts = (0.5, *(float(number) + 0.5 for number in numbers))
     figures = {"equilibria": float(len(found)), "stable": float(sum(one.modes.stability == 1 for one in found))}
@@ -133,7 +133,7 @@ def trajectory(balance: Balance, found: Sequence[Equilibrium]) -> Trajectory:
 
 
 def _at(balance: Balance, found: Sequence[Equilibrium], grid: Grid) -> Trajectory:
-    """Return the trajectory on a grid: all of a stretch is the row in its middle."""
+    """Return the trajectory on a grid: all of an interval is the row in its middle."""
     bounds = zip(grid.cuts, grid.cuts[1:], grid.rows, grid.rows[1:], strict=False)
     rows = [found[round(0.5 * (start + end)) - 1] for start, end, low, high in bounds for _ in range(low, high)]
     q = np.array([one.q for one in rows])

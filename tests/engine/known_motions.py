@@ -63,14 +63,14 @@ def turned():
     return solve_ivp(rate, (0, 4), start, "DOP853", rtol=1e-13, atol=1e-14, dense_output=True).sol
 
 
-def equal_steps(method, stretch, manifold, q, v, n):
+def equal_steps(method, interval, manifold, q, v, n):
     """Return the solution of n equal steps of any method, and its last state."""
-    (stretch,) = method.prepare([stretch], q, v)
-    solution, h = Solution(method, manifold, [stretch]), (stretch.end - stretch.start) / n
+    (interval,) = method.prepare([interval], q, v)
+    solution, h = Solution(method, manifold, [interval]), (interval.end - interval.start) / n
     stepper = method.stepper(manifold, solution.count)
-    stepper.begin(stretch, np.concatenate([q, v]))
+    stepper.begin(interval, np.concatenate([q, v]))
     for k in range(n):
-        t = stretch.start + k * h
+        t = interval.start + k * h
         if np.isnan(stepper.attempt(t, h)):  # an old Jacobian
             stepper.retry(h, np.nan)
             if not np.isfinite(stepper.attempt(t, h)):

@@ -5,7 +5,7 @@ import pytest
 
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.events import Watch
-from pinarm.engine.integration.integrator import Flat, Stretch
+from pinarm.engine.integration.integrator import Flat, Interval
 from pinarm.engine.integration.methods import METHODS
 from pinarm.engine.integration.methods.explicit import Adaptive
 
@@ -16,10 +16,10 @@ LOOSE = {"tolerance": 1e-9, "step": 1e-3}
 
 def oscillator(end, watches, method=TIGHT):
     """The unit oscillator from (0, 1): q = sin t."""
-    stretch = Stretch(
+    interval = Interval(
         0.0, end, lambda t, q, v: -q, energy=lambda q, v: (0.5 * v @ v, 0.5 * q @ q), together=lambda t, q, v: -q
     )
-    return integrate([stretch], LINE, np.zeros(1), np.ones(1), method, watches=watches)
+    return integrate([interval], LINE, np.zeros(1), np.ones(1), method, watches=watches)
 
 
 def position(level, direction=0, stops=False):
@@ -61,7 +61,7 @@ def test_what_would_come_after_the_stop_is_not_listed():
 
 def test_two_crossings_within_one_long_step_are_both_found():
     """A free flight is one step of any length; its top is passed through 1e-6 below, in a millionth of the step."""
-    flight = Stretch(0.0, 10.0, lambda t, q, v: np.array([-2.0]))
+    flight = Interval(0.0, 10.0, lambda t, q, v: np.array([-2.0]))
     height = 25.0 - 1e-6  # of q = 10 t - t^2, whose top is at t = 5
     solution = integrate([flight], LINE, np.zeros(1), np.array([10.0]), Adaptive(1e-6), watches=[position(height)])
     assert max(step.h for step in solution.steps) > 1.0
@@ -69,10 +69,10 @@ def test_two_crossings_within_one_long_step_are_both_found():
 
 
 def test_a_crossing_at_the_end_of_a_step_is_found_once():
-    stretches = [Stretch(low, low + 0.5, lambda t, q, v: 0.0 * q) for low in (0.0, 0.5)]
+    intervals = [Interval(low, low + 0.5, lambda t, q, v: 0.0 * q) for low in (0.0, 0.5)]
     start = (np.array([-0.5]), np.ones(1))
     for level in (0.0, 1e-17, -1e-17):
-        found = integrate(stretches, LINE, *start, Adaptive(1e-9), watches=[position(level)]).crossings
+        found = integrate(intervals, LINE, *start, Adaptive(1e-9), watches=[position(level)]).crossings
         assert [one.t for one in found] == pytest.approx([0.5], abs=1e-15)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import pinarm
 from pinarm.engine.integration.driver import integrate
-from pinarm.engine.integration.integrator import Flat, Stretch
+from pinarm.engine.integration.integrator import Flat, Interval
 from pinarm.engine.integration.methods import METHODS
 from pinarm.errors import InputError, MethodError
 from pinarm.problems.common import Accuracy
@@ -20,7 +20,7 @@ ROOT = Path(pinarm.__file__).parents[1]
 
 
 def oscillator(**more):
-    return Stretch(0.0, 1.0, lambda t, q, v: -q, **more)
+    return Interval(0.0, 1.0, lambda t, q, v: -q, **more)
 
 
 def solved(name, value, **more):

@@ -8,7 +8,7 @@ import pytest
 
 import pinarm
 from pinarm.engine.integration.driver import integrate
-from pinarm.engine.integration.integrator import Stretch
+from pinarm.engine.integration.integrator import Interval
 from pinarm.engine.integration.methods import METHODS, collocation, stiff
 from pinarm.engine.integration.methods.collocation import Collocation
 from pinarm.engine.integration.methods.explicit import Adaptive
@@ -80,16 +80,16 @@ def test_the_declared_order_is_the_published_one(name):
 
 def dense_order(solution, method):
     """Power of h of the error between steps: the dense output's degree and one, or less where the steps are."""
-    terms = method.interpolants(solution.stretches[0], solution.manifold, solution.steps[:1])
+    terms = method.interpolants(solution.intervals[0], solution.manifold, solution.steps[:1])
     return min(method.order, terms.shape[1] + 1)
 
 
 def test_in_the_plane(method):
     t = np.linspace(0.0, 6.0, 997)
-    stretch = Stretch(0.0, 6.0, attraction, energy=orbital_energy, together=attractions)
+    interval = Interval(0.0, 6.0, attraction, energy=orbital_energy, together=attractions)
 
     def errors(n):
-        solution, last = equal_steps(method, stretch, PLANE, *orbit(0.0), n)
+        solution, last = equal_steps(method, interval, PLANE, *orbit(0.0), n)
         between = np.abs(np.hstack(solution.states(t)) - np.hstack(orbit(t))).max()
         return np.abs(last - np.hstack(orbit(6.0))).max(), between, dense_order(solution, method)
 
@@ -102,10 +102,10 @@ def test_in_the_plane(method):
 
 def test_on_rotations(method):
     dynamics, t = body(), np.linspace(0.0, 4.0, 997)
-    stretch = Stretch(0.0, 4.0, dynamics.acceleration(), energy=dynamics.conserved, together=dynamics.forward)
+    interval = Interval(0.0, 4.0, dynamics.acceleration(), energy=dynamics.conserved, together=dynamics.forward)
 
     def errors(n):
-        solution, last = equal_steps(method, stretch, dynamics.manifold, ATTITUDE, SPIN, n)
+        solution, last = equal_steps(method, interval, dynamics.manifold, ATTITUDE, SPIN, n)
         between = np.abs(np.hstack(solution.states(t)) - turned()(t).T).max()
         return np.abs(last - turned()(4.0)).max(), between, dense_order(solution, method)
 
@@ -125,11 +125,11 @@ def test_on_loops_with_projection(method, model):
     mechanism, end = Mechanism.load(MODELS / model / "mechanism.yaml"), 0.4
     journey = Forward(time=TimeGrid(end=end), **FREE_LOOPS[model]).prepare(mechanism, lambda *path: nullcontext())
     system, (q, v) = journey.system(), journey.begin(journey.initial)
-    reference = integrate([system.stretch(journey.dynamics, 0.0, end)], system.manifold, q, v, Adaptive(1e-13))
+    reference = integrate([system.interval(journey.dynamics, 0.0, end)], system.manifold, q, v, Adaptive(1e-13))
     last = np.hstack(reference.states(np.array([end])))[0]
 
     def errors(n):
-        _, reached = equal_steps(method, system.stretch(journey.dynamics, 0.0, end), system.manifold, q, v, n)
+        _, reached = equal_steps(method, system.interval(journey.dynamics, 0.0, end), system.manifold, q, v, n)
         return ((np.abs(reached - last) / (1.0 + np.abs(last))).max(),)
 
     counts, (ends,) = measurable(method, errors, 2e-12, 1e-4, first=20)  # iterations end at 1e-12

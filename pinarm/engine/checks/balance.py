@@ -120,7 +120,7 @@ class Account:
 
     Attributes:
         solution: The motion.
-        dynamics: The equation of motion on each of its stretches.
+        dynamics: The equation of motion on each of its intervals.
         whole: Integrated states to those of the mechanism, where they are not the same.
     """
 
@@ -137,16 +137,16 @@ class Account:
         kinetic, potential = self.dynamics[0].energy(q, v)
         lost = np.zeros(len(h))
         for number, (dynamics, changing) in enumerate(zip(self.dynamics, varying, strict=True)):
-            rows = np.flatnonzero(self._stretches[index] == number)
+            rows = np.flatnonzero(self._intervals[index] == number)
             if dynamics.steady.any() and q.shape == v.shape:
                 lost[rows] -= np.diff(q, axis=0)[rows] @ dynamics.steady
-            if changing and len(rows):  # an event may have ended the motion before this stretch
+            if changing and len(rows):  # an event may have ended the motion before this interval
                 lost[rows] += self._losses(changing, index[rows], start[rows], h[rows])
         return kinetic, potential, np.concatenate([[0.0], np.cumsum(lost)])
 
     @cached_property
-    def _stretches(self) -> Indices:
-        return np.array([step.stretch for step in self.solution.steps])
+    def _intervals(self) -> Indices:
+        return np.array([step.interval for step in self.solution.steps])
 
     def _even(self, every: bool) -> list[int]:
         """Return steps that are looked into in any case: all of them, or an even choice."""

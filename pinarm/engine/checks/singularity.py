@@ -92,6 +92,6 @@ def _positions(run: Trajectory, t: Array) -> Array:
     ways = cuts if cuts[0] <= cuts[-1] else -cuts
     owners = np.searchsorted(ways[1:-1], t if ways is cuts else -t)
     q = np.empty((len(t), run.q.shape[1]))
-    for stretch in np.unique(owners):
-        q[owners == stretch] = run.within(int(stretch), t[owners == stretch]).q
+    for interval in np.unique(owners):
+        q[owners == interval] = run.within(int(interval), t[owners == interval]).q
     return q

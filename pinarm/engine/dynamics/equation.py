@@ -71,7 +71,7 @@ class Dynamics:
         return summed(self.forces.values())
 
     def on(self, start: float, end: float) -> Dynamics:
-        """Return the dynamics as it is on a stretch of time in which no load jumps; buffers are shared."""
+        """Return the dynamics as it is on an interval of time in which no load jumps; buffers are shared."""
         if not any(force.laws() for force in self.forces.values()):
             return self
         here = {name: force.on(start, end) for name, force in self.forces.items()}
@@ -316,5 +316,5 @@ def _triangle(n: int) -> tuple[Array, Array]:
 
 
 def parts(dynamics: Dynamics, grid: Grid) -> list[tuple[slice, Dynamics]]:
-    """Return the rows of every stretch of a grid, each with the dynamics that holds there."""
-    return [(rows, dynamics.on(start, end)) for start, end, rows in grid.stretches()]
+    """Return the rows of every interval of a grid, each with the dynamics that holds there."""
+    return [(rows, dynamics.on(start, end)) for start, end, rows in grid.intervals()]

@@ -16,19 +16,19 @@ from pinarm.engine.integration.batch_solution import Ensemble, Round
 from pinarm.engine.integration.driver import PASSED, SHORTEST
 from pinarm.engine.integration.events import Watch, find, nodes, quiet
 from pinarm.engine.integration.first_step import first_step
-from pinarm.engine.integration.integrator import EmbeddedPair, Manifold, Passes, Solution, Stretch, interpolated
+from pinarm.engine.integration.integrator import EmbeddedPair, Interval, Manifold, Passes, Solution, interpolated
 from pinarm.engine.integration.methods.explicit import HALVES, middle, terms_of
 from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, TINY, growth, shrinkage
 
 
 def advance(
-    stretches: Sequence[Stretch], manifold: Manifold, q: Array, v: Array, method: EmbeddedPair, *,
+    intervals: Sequence[Interval], manifold: Manifold, q: Array, v: Array, method: EmbeddedPair, *,
     max_steps: int = 1_000_000, watches: Sequence[Watch] = (), passes: Passes | None = None,
 ) -> Ensemble:  # fmt: skip
     """Integrate from many initial states; ``integrate`` does so from one, and takes the same steps.
 
     Args:
-        stretches: Consecutive intervals with the accelerations of many states at once, and no constraints to settle on.
+        intervals: Consecutive intervals with the accelerations of many states at once, and no constraints to settle on.
         manifold: The space of configurations.
         q: Initial configurations, shape (b, nq).
         v: Initial velocities, shape (b, nv).
@@ -39,7 +39,7 @@ def advance(
     """
     y, none = np.vstack([manifold.project(q).T, v.T]), np.zeros(len(q), dtype=np.intp)
     ensemble = Ensemble(
-        method, manifold, stretches, np.full(len(q), -np.inf), y.copy(), none, none.copy(), [[] for _ in q]
+        method, manifold, intervals, np.full(len(q), -np.inf), y.copy(), none, none.copy(), [[] for _ in q]
     )
     _Advance(ensemble, max_steps, watches, passes).through(y)
     return ensemble
@@ -47,7 +47,7 @@ def advance(
 
 @dataclass(eq=False)
 class _Going:
-    """Motions on their way through a stretch; the last axis of every array is theirs.
+    """Motions on their way through an interval; the last axis of every array is theirs.
 
     Attributes:
         number: Which motions they are, ascending.
@@ -78,17 +78,17 @@ class _Advance:
     def __init__(self, ensemble: Ensemble, max_steps: int, watches: Sequence[Watch], passes: Passes | None) -> None:
         self.ensemble, self.manifold, self.method = ensemble, ensemble.manifold, ensemble.method
         self.max_steps, self.watches, self.passes = max_steps, watches, passes
-        self.stretch, self.index = Stretch(0.0, 0.0, lambda t, q, v: 0.0 * v), -1
+        self.interval, self.index = Interval(0.0, 0.0, lambda t, q, v: 0.0 * v), -1
         self.tries = np.zeros_like(ensemble.rejected)
 
     def through(self, y: Array) -> None:
-        """Step through all stretches from the states y, shape (nq + nv, b)."""
+        """Step through all intervals from the states y, shape (nq + nv, b)."""
         number, h = np.arange(y.shape[1]), np.zeros(y.shape[1])
-        for index, stretch in enumerate(self.ensemble.stretches):
+        for index, interval in enumerate(self.ensemble.intervals):
             if not len(number):
                 return
-            self.index, self.stretch = index, stretch
-            t, slope = np.full(len(number), self.stretch.start), np.empty_like(y)
+            self.index, self.interval = index, interval
+            t, slope = np.full(len(number), self.interval.start), np.empty_like(y)
             self.slope_at(t, t, y, slope)
             self.ensemble.evaluations[number] += 1
             going = _Going(number, t, h, np.full(len(number), FASTEST), y, slope)
@@ -100,7 +100,7 @@ class _Advance:
 
     def first(self, going: _Going) -> Array:
         """Return the first steps [s]."""
-        start, end, method = self.stretch.start, self.stretch.end, self.method
+        start, end, method = self.interval.start, self.interval.end, self.method
 
         def rates(t: Array, y: Array) -> Array:
             slope = np.empty_like(going.slope)
@@ -115,11 +115,11 @@ class _Advance:
         nq = self.manifold.nq
         q, v = self.manifold.project(y[:nq].T), y[nq:].T
         y[:nq] = q.T
-        slope[:nq], slope[nq:] = self.manifold.velocity(q, v).T, self.stretch.accelerations(start, t, q, v).T
+        slope[:nq], slope[nq:] = self.manifold.velocity(q, v).T, self.interval.accelerations(start, t, q, v).T
 
     def along(self, going: _Going) -> tuple[Indices, Array, Array]:
-        """Step through the stretch; return the motions that reach its end, their next steps and their states."""
-        arrived, end = [going.only(np.zeros(len(going.number), dtype=bool))], self.stretch.end
+        """Step through the interval; return the motions that reach its end, their next steps and their states."""
+        arrived, end = [going.only(np.zeros(len(going.number), dtype=bool))], self.interval.end
         while len(going.number):
             last = going.t + 1.01 * going.h >= end
             h, until = np.where(last, end - going.t, going.h), np.where(last, end, going.t + going.h)
@@ -173,7 +173,7 @@ class _Advance:
         ])  # fmt: skip
 
     def adapted(self, going: _Going, h: Array, error: Array, cut: Flags) -> Array:
-        """Return the next steps [s]; those that the end of the stretch has cut say little of them."""
+        """Return the next steps [s]; those that the end of the interval has cut say little of them."""
         order = self.method.tableau.error_order + 1
         with np.errstate(divide="ignore", invalid="ignore"):
             grown = h * growth(error, order, going.ceiling, np.minimum, np.maximum)
@@ -182,8 +182,8 @@ class _Advance:
 
     def able(self, going: _Going) -> _Going:
         """Return the motions that can go on; the others have failed."""
-        stretch = self.stretch
-        smallest = SHORTEST * np.spacing(np.maximum(np.abs(going.t), stretch.end - stretch.start))
+        interval = self.interval
+        smallest = SHORTEST * np.spacing(np.maximum(np.abs(going.t), interval.end - interval.start))
         going = self.without(going, going.h < smallest, "the acceleration grows without bound or is not finite")
         return self.without(going, self.tries[going.number] >= self.max_steps, f"it has taken {self.max_steps} steps")
 
@@ -212,7 +212,7 @@ class _Advance:
         """Return in which steps a watched value may cross zero."""
         m, x, nq = len(taken.h), nodes(self.method.parts), self.manifold.nq
         base, known = taken.y.T, taken.slopes.transpose(2, 0, 1)
-        terms = terms_of(self.method.tableau, self.stretch, self.manifold, taken.t, taken.h, base, known)
+        terms = terms_of(self.method.tableau, self.interval, self.manifold, taken.t, taken.h, base, known)
         rows, passed = np.repeat(np.arange(m), len(x)), np.tile(x, m)
         y = interpolated(base[rows], terms[rows], passed)
         states = taken.t[rows] + taken.h[rows] * passed, self.manifold.project(y[:, :nq]), y[:, nq:]
@@ -223,7 +223,7 @@ class _Advance:
         """Look for crossings in a step; return whether its motion ends at one."""
         ensemble, number = self.ensemble, int(taken.number[place])
         step = taken.step(number)
-        alone = Solution(self.method, self.manifold, ensemble.stretches, [step] if step else [])
+        alone = Solution(self.method, self.manifold, ensemble.intervals, [step] if step else [])
         stops = find(alone, self.watches, new)
         ensemble.crossings[number].extend(alone.crossings)
         if stops:

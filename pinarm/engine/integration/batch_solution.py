@@ -12,10 +12,10 @@ from pinarm.engine.integration.integrator import (
     Count,
     Crossing,
     EmbeddedPair,
+    Interval,
     Manifold,
     Solution,
     Step,
-    Stretch,
     interpolated,
 )
 from pinarm.engine.integration.methods.explicit import terms_of
@@ -36,7 +36,7 @@ class Round:
         until: Where they end [s], shape (m,); see ``Step``.
         y: States [q, v] at the starts, shape (nq + nv, m).
         slopes: Slopes at the method's stages, shape (s + 1, nq + nv, m).
-        stretch: Index of the stretch that they belong to.
+        interval: Index of the interval that they belong to.
     """
 
     number: Indices
@@ -45,12 +45,12 @@ class Round:
     until: Array
     y: Array
     slopes: Array
-    stretch: int
+    interval: int
 
     def only(self, which: Flags | Indices) -> Round:
         """Return some of them."""
         t, h, until = self.t[which], self.h[which], self.until[which]
-        return Round(self.number[which], t, h, until, self.y[:, which], self.slopes[..., which], self.stretch)
+        return Round(self.number[which], t, h, until, self.y[:, which], self.slopes[..., which], self.interval)
 
     def step(self, number: int) -> Step | None:
         """Return that of a motion; ``None`` where it took none."""
@@ -58,7 +58,7 @@ class Round:
         if place == len(self.number) or self.number[place] != number or self.until[place] == self.t[place]:
             return None
         t, h, until = (float(x[place]) for x in (self.t, self.h, self.until))
-        return Step(t, h, until, self.y[:, place].copy(), self.slopes[..., place].copy(), self.stretch)
+        return Step(t, h, until, self.y[:, place].copy(), self.slopes[..., place].copy(), self.interval)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class Ensemble:
     Attributes:
         method: The method.
         manifold: The space of configurations.
-        stretches: The intervals that were integrated.
+        intervals: The intervals that were integrated.
         ends: The last times reached [s], shape (b,); -inf where no step was taken.
         last: States there, shape (nq + nv, b).
         evaluations: Number of accelerations computed for each, shape (b,).
@@ -80,7 +80,7 @@ class Ensemble:
 
     method: EmbeddedPair
     manifold: Manifold
-    stretches: Sequence[Stretch]
+    intervals: Sequence[Interval]
     ends: Array
     last: Array
     evaluations: Indices
@@ -97,7 +97,7 @@ class Ensemble:
         """
         steps = [step for one in self.rounds if (step := one.step(number))]
         count = Count(int(self.evaluations[number]), int(self.rejected[number]))
-        solution = Solution(self.method, self.manifold, self.stretches, steps, self.crossings[number], count)
+        solution = Solution(self.method, self.manifold, self.intervals, steps, self.crossings[number], count)
         if number in self.failures:
             raise IntegrationError(self.failures[number], hint=self.method.remedy, partial=solution, t=solution.end)
         return solution
@@ -138,8 +138,8 @@ class Ensemble:
         if not len(held):
             return
         few = one.only(held)
-        base, known, stretch = few.y.T, few.slopes.transpose(2, 0, 1), self.stretches[one.stretch]
-        terms = terms_of(self.method.tableau, stretch, self.manifold, few.t, few.h, base, known)
+        base, known, interval = few.y.T, few.slopes.transpose(2, 0, 1), self.intervals[one.interval]
+        terms = terms_of(self.method.tableau, interval, self.manifold, few.t, few.h, base, known)
         for begin in range(0, len(row), ROWS):
             part = slice(begin, begin + ROWS)
             here = where[part]

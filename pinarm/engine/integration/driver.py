@@ -1,4 +1,4 @@
-"""From step to step, over all stretches, with any method."""
+"""From step to step, over all intervals, with any method."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.integration.events import Watch, find
-from pinarm.engine.integration.integrator import Manifold, Method, Passes, Solution, Step, Stepper, Stretch
+from pinarm.engine.integration.integrator import Interval, Manifold, Method, Passes, Solution, Step, Stepper
 from pinarm.errors import IntegrationError, Interrupted
 
 PASSED = 1e12
@@ -20,13 +20,13 @@ SHORTEST = 16.0
 
 
 def integrate(
-    stretches: Sequence[Stretch], manifold: Manifold, q: Array, v: Array, method: Method, *,
+    intervals: Sequence[Interval], manifold: Manifold, q: Array, v: Array, method: Method, *,
     max_steps: int = 1_000_000, watches: Sequence[Watch] = (), passes: Passes | None = None,
 ) -> Solution:  # fmt: skip
-    """Integrate with steps that end exactly where one stretch meets the next.
+    """Integrate with steps that end exactly where one interval meets the next.
 
     Args:
-        stretches: Consecutive intervals with their accelerations.
+        intervals: Consecutive intervals with their accelerations.
         manifold: The space of configurations.
         q: Initial configuration, shape (nq,).
         v: Initial velocity, shape (nv,).
@@ -43,7 +43,7 @@ def integrate(
             solution until then.
     """
     q, v = manifold.project(np.asarray(q, float)), np.asarray(v, float)
-    solution = Solution(method, manifold, method.prepare(stretches, q, v))
+    solution = Solution(method, manifold, method.prepare(intervals, q, v))
     march = _March(solution, method.stepper(manifold, solution.count), max_steps, watches, passes)
     try:
         march.through(np.concatenate([q, v]))
@@ -63,22 +63,22 @@ class _March:
         self.h, self.stopped = 0.0, False
 
     def through(self, y: Array) -> None:
-        """Step through all stretches from the state y."""
-        for index, stretch in enumerate(self.solution.stretches):
-            self.stepper.begin(stretch, y)
+        """Step through all intervals from the state y."""
+        for index, interval in enumerate(self.solution.intervals):
+            self.stepper.begin(interval, y)
             if not self.stepper.finite:
-                raise _not_finite(self.solution, stretch.start, self.stepper.y)
+                raise _not_finite(self.solution, interval.start, self.stepper.y)
             self.h = self.stepper.first(self.h)
-            self.along(stretch, index)
+            self.along(interval, index)
             if self.stopped:
                 return
             y = self.stepper.y.copy()
 
-    def along(self, stretch: Stretch, index: int) -> None:
-        """Step through one stretch."""
-        t, end, stepper = stretch.start, stretch.end, self.stepper
+    def along(self, interval: Interval, index: int) -> None:
+        """Step through one interval."""
+        t, end, stepper = interval.start, interval.end, self.stepper
         while t < end and not self.stopped:
-            self.check(t, stretch)
+            self.check(t, interval)
             last = t + 1.01 * self.h >= end
             taken = end - t if last else self.h
             error = stepper.attempt(t, taken)
@@ -107,10 +107,10 @@ class _March:
         self.solution.count.passing += 1
         return error
 
-    def check(self, t: float, stretch: Stretch) -> None:
+    def check(self, t: float, interval: Interval) -> None:
         """Raise where the steps have become too short or too many."""
         solution = self.solution
-        if self.h < SHORTEST * math.ulp(max(abs(t), stretch.end - stretch.start)):
+        if self.h < SHORTEST * math.ulp(max(abs(t), interval.end - interval.start)):
             raise _stuck(solution, t, self.h, self.stepper)
         if len(solution.steps) + solution.count.rejected >= self.max_steps:
             raise _too_many(solution, t, self.h, self.max_steps)

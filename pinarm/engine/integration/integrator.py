@@ -74,7 +74,7 @@ class Flat:
 
 
 @dataclass(frozen=True)
-class Stretch:
+class Interval:
     """An interval of time on which the acceleration is smooth.
 
     Attributes:
@@ -121,7 +121,7 @@ class Step(NamedTuple):
         until: Where it ends [s]: ``t + h`` to rounding, or earlier where an event cut it short.
         y: State [q, v] at the start, shape (nq + nv,).
         slopes: Slopes at the method's stages, shape (s, nq + nv).
-        stretch: Index of the stretch that it belongs to.
+        interval: Index of the interval that it belongs to.
     """
 
     t: float
@@ -129,7 +129,7 @@ class Step(NamedTuple):
     until: float
     y: Array
     slopes: Array
-    stretch: int
+    interval: int
 
 
 @dataclass
@@ -162,12 +162,12 @@ class Stepper(Protocol):
         """Whether the slopes last computed are finite."""
         ...
 
-    def begin(self, stretch: Stretch, y: Array) -> None:
-        """Stand at the first instant of a stretch with the state y."""
+    def begin(self, interval: Interval, y: Array) -> None:
+        """Stand at the first instant of an interval with the state y."""
         ...
 
     def first(self, h: float) -> float:
-        """Return the first step in the stretch [s]; h is what the stretch before would have gone on with, or 0."""
+        """Return the first step in the interval [s]; h is what the interval before would have gone on with, or 0."""
         ...
 
     def attempt(self, t: float, h: float) -> float:
@@ -215,16 +215,16 @@ class Method(Protocol):
         """The method itself where it is an embedded pair, with which many motions can be integrated at once."""
         ...
 
-    def prepare(self, stretches: Sequence[Stretch], q: Array, v: Array) -> Sequence[Stretch]:
-        """Return the stretches as this method integrates them from an initial state."""
+    def prepare(self, intervals: Sequence[Interval], q: Array, v: Array) -> Sequence[Interval]:
+        """Return the intervals as this method integrates them from an initial state."""
         ...
 
     def stepper(self, manifold: Manifold, count: Count) -> Stepper:
         """Return the method at work on a manifold."""
         ...
 
-    def interpolants(self, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
-        """Return the terms r of the dense output of steps in one stretch, shape (n, d, nq + nv).
+    def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
+        """Return the terms r of the dense output of steps in one interval, shape (n, d, nq + nv).
 
         With ``x = (t - step.t) / h`` it is ``y + x (r_0 + (1 - x) (r_1 + x (r_2 + (1 - x) (...))))``.
         """
@@ -273,7 +273,7 @@ class Solution:
     Attributes:
         method: The method.
         manifold: The space of configurations.
-        stretches: The intervals that were integrated.
+        intervals: The intervals that were integrated.
         steps: Accepted steps, in order of time.
         crossings: What was watched for, in order of time.
         count: Work done.
@@ -281,7 +281,7 @@ class Solution:
 
     method: Method
     manifold: Manifold
-    stretches: Sequence[Stretch]
+    intervals: Sequence[Interval]
     steps: list[Step] = field(default_factory=list)
     crossings: list[Crossing] = field(default_factory=list)
     count: Count = field(default_factory=Count)
@@ -291,7 +291,7 @@ class Solution:
     @property
     def end(self) -> float:
         """Return the last time reached [s]."""
-        return self.steps[-1].until if self.steps else self.stretches[0].start
+        return self.steps[-1].until if self.steps else self.intervals[0].start
 
     def states(self, t: Array) -> tuple[Array, Array]:
         """Return the states at many times, to the order of the dense output.
@@ -334,10 +334,10 @@ class Solution:
         return sorted(self._interpolants)
 
     def _interpolate(self, indices: list[int]) -> None:
-        """Compute the terms of the interpolants of steps, those of a stretch together."""
-        for number, group in groupby(indices, lambda i: self.steps[i].stretch):
+        """Compute the terms of the interpolants of steps, those of an interval together."""
+        for number, group in groupby(indices, lambda i: self.steps[i].interval):
             here = list(group)
-            terms = self.method.interpolants(self.stretches[number], self.manifold, [self.steps[i] for i in here])
+            terms = self.method.interpolants(self.intervals[number], self.manifold, [self.steps[i] for i in here])
             self._interpolants.update(zip(here, terms, strict=True))
 
 

@@ -15,7 +15,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.equation import Dynamics
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.events import Watch
-from pinarm.engine.integration.integrator import Method, Passes, Solution, Stretch
+from pinarm.engine.integration.integrator import Interval, Method, Passes, Solution
 from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.motion.end_stops import RESTING, Bound, Contacts
@@ -98,7 +98,7 @@ class Journey:
 
     @cached_property
     def cuts(self) -> tuple[float, ...]:
-        """Return the bounds of the stretches on which all laws are smooth [s]."""
+        """Return the bounds of the intervals on which all laws are smooth [s]."""
         return self.grid(np.array(self.time)).cuts
 
     @cached_property
@@ -124,14 +124,14 @@ class Journey:
         return whole_q[0], whole_v[0]
 
     @cached_property
-    def _stretches(self) -> list[Stretch]:
-        return [self.system().stretch(self.dynamics, *span) for span in pairwise(self.cuts)]
+    def _intervals(self) -> list[Interval]:
+        return [self.system().interval(self.dynamics, *span) for span in pairwise(self.cuts)]
 
     @property
     def together(self) -> bool:
         """Whether motions from several initial states can be integrated together."""
         free = self.system().manifold.nv > 0  # what laws determine altogether takes no steps
-        return free and self.method.pair is not None and all(stretch.together for stretch in self._stretches)
+        return free and self.method.pair is not None and all(interval.together for interval in self._intervals)
 
     def abreast(self, q: Array, v: Array) -> Ensemble | None:
         """Return the first legs from many initial states that touch no stop; ``None`` where each has to be taken alone.
@@ -142,12 +142,12 @@ class Journey:
         """
         from pinarm.engine.integration.batch_driver import advance
 
-        system, stretches, pair = self.system(), self._stretches, self.method.pair
+        system, intervals, pair = self.system(), self._intervals, self.method.pair
         if pair is None or not self.together:
             return None
         watches = [_of_mechanism(one, system) for _, one in self._watched(frozenset(), q[0], v[0])]
         return advance(
-            stretches,
+            intervals,
             system.manifold,
             *system.part(q, v),
             pair,
@@ -194,11 +194,11 @@ class Journey:
         """Add a leg to the course, which may be known; return what ended it before its time."""
         system, watched = self.system(held), self._watched(held, q, v)
         spans = [(max(low, t), high) for low, high in pairwise(self.cuts) if high > t]
-        stretches = [system.stretch(self.dynamics, *span) for span in spans]
+        intervals = [system.interval(self.dynamics, *span) for span in spans]
         watches = [_of_mechanism(one, system) for _, one in watched]
         steps = self.max_steps - int(sum(course.cost()[name] for name in ("steps", "rejected steps")))
         method = self.method if system.manifold.nv else FixedStep(self.time[1] - self.time[0])
-        given, passes = (stretches, system.manifold, *system.part(q, v), method), self._passes(system)
+        given, passes = (intervals, system.manifold, *system.part(q, v), method), self._passes(system)
         try:
             solution = ahead() if ahead else integrate(*given, max_steps=steps, watches=watches, passes=passes)
         except (IntegrationError, Interrupted) as error:

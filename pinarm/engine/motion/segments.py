@@ -54,7 +54,7 @@ class Course:
         return [leg.solution.end for leg in self.legs[:-1]]
 
     def complete(self, grid: Grid) -> Motion:
-        """Return the motion at the rows of a grid whose stretches do not reach over seams."""
+        """Return the motion at the rows of a grid whose intervals do not reach over seams."""
         bounds = np.array(self.seams)
         middles = 0.5 * (np.array(grid.cuts[1:]) + np.array(grid.cuts[:-1]))
         owners = np.searchsorted(bounds, middles)
@@ -90,7 +90,7 @@ class Course:
         return energy_balance(*(self._account(leg) for leg in self.legs))
 
     def _account(self, leg: Leg) -> Account:
-        local = [self.dynamics.on(stretch.start, stretch.end) for stretch in leg.solution.stretches]
+        local = [self.dynamics.on(interval.start, interval.end) for interval in leg.solution.intervals]
         return Account(leg.solution, local, leg.system.whole)
 
     def doubts(self) -> list[str]:

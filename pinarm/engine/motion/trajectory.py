@@ -73,7 +73,7 @@ class Trajectory:
         mechanism: What moves.
         parameter: Name of what runs along the rows: ``t``, or the coordinate that is swept.
         unit: Unit of the parameter.
-        grid: Its values, with the stretches between jumps.
+        grid: Its values, with the intervals between jumps.
         q: Configurations, shape (n, nq).
         v: Velocities, shape (n, nv).
         a: Accelerations, shape (n, nv).
@@ -140,18 +140,18 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.grid.t)
 
-    def stretches(self) -> list[tuple[slice, Dynamics]]:
+    def intervals(self) -> list[tuple[slice, Dynamics]]:
         """Return the rows between jumps, each with the dynamics that holds there."""
         return parts(self.dynamics, self.grid)
 
     def gather(self, value: Callable[[Dynamics, slice], Array]) -> Array:
-        """Return an array over all rows from a function of the dynamics on each stretch and its rows."""
-        return np.concatenate([value(dynamics, rows) for rows, dynamics in self.stretches()])
+        """Return an array over all rows from a function of the dynamics on each interval and its rows."""
+        return np.concatenate([value(dynamics, rows) for rows, dynamics in self.intervals()])
 
     def direction(self, index: int) -> Array:
         """Return the sign of a joint's motion at every row, shape (n,).
 
-        At standstill it is that of the motion about to begin, at the end of a stretch that of the motion just ended,
+        At standstill it is that of the motion about to begin, at the end of an interval that of the motion just ended,
         and 0 at rest. Of a state that is no part of a motion it is that of the motion about to begin.
         """
         v, a = self.v[:, index], self.a[:, index]
@@ -162,7 +162,7 @@ class Trajectory:
         beside[np.array(self.grid.rows[1:]) - 1] *= -1.0
         return np.where(standstill, beside, np.sign(v))
 
-    def within(self, stretch: int, t: Array) -> Trajectory:
-        """Return the same motion at other instants of one stretch; its ends are this side's values."""
-        start, end = self.grid.cuts[stretch], self.grid.cuts[stretch + 1]
+    def within(self, interval: int, t: Array) -> Trajectory:
+        """Return the same motion at other instants of one interval; its ends are this side's values."""
+        start, end = self.grid.cuts[interval], self.grid.cuts[interval + 1]
         return self.again(Grid(t, (start, end), (0, len(t))))

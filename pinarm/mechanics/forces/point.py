@@ -47,7 +47,7 @@ class AppliedWrench(ForceElement):
         axes: Index of the frame in whose axes it is given.
         wrench: [force; moment] [N, N*m], shape (6,).
         law: Factor over time.
-        function: The smooth piece of the law on the present stretch.
+        function: The smooth piece of the law on the present interval.
         data: Buffers of its own.
     """
 
@@ -102,7 +102,7 @@ class AppliedWrench(ForceElement):
         return [self.law]
 
     def on(self, start: float, end: float) -> AppliedWrench:
-        """Return the element with the piece of its law on the stretch."""
+        """Return the element with the piece of its law on the interval."""
         return replace(self, function=self.law.on(start, end))
 
     def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
@@ -120,7 +120,7 @@ class AppliedWrench(ForceElement):
 
     def _factor(self, t: Array | float) -> Array:
         if self.function is None:
-            raise ValueError("a law is evaluated on a stretch of time: take the element's on(start, end)")
+            raise ValueError("a law is evaluated on an interval of time: take the element's on(start, end)")
         return self.function(np.asarray(t, float))[0]
 
 

@@ -38,7 +38,7 @@ JUMP = 1e-9
 
 @dataclass(frozen=True)
 class Piece:
-    """A smooth stretch of a law.
+    """A smooth interval of a law.
 
     Attributes:
         start: First instant [s]; ``-inf`` where it has always been so.
@@ -148,15 +148,15 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
 
 @dataclass(frozen=True)
 class Grid:
-    """Instants at which a problem is solved, cut into stretches on which every law is one smooth piece.
+    """Instants at which a problem is solved, cut into intervals on which every law is one smooth piece.
 
-    An instant at which s, s' or s'' of a law jumps stands twice: as the end of one stretch and as the start of the
-    next. Other cuts, where pieces meet smoothly, need no row of their own; a stretch between them may have no row.
+    An instant at which s, s' or s'' of a law jumps stands twice: as the end of one interval and as the start of the
+    next. Other cuts, where pieces meet smoothly, need no row of their own; an interval between them may have no row.
 
     Attributes:
         t: Instants [s], or values of the coordinate swept, shape (n,).
-        cuts: Bounds of the stretches, shape (m + 1,).
-        rows: First row of each stretch, and n; shape (m + 1,).
+        cuts: Bounds of the intervals, shape (m + 1,).
+        rows: First row of each interval, and n; shape (m + 1,).
     """
 
     t: Array
@@ -184,8 +184,8 @@ class Grid:
         rows = np.cumsum([0, *(len(part) for part in parts)])
         return cls(np.concatenate(parts), cuts, tuple(int(row) for row in rows))
 
-    def stretches(self) -> list[tuple[float, float, slice]]:
-        """Return start, end and rows of every stretch."""
+    def intervals(self) -> list[tuple[float, float, slice]]:
+        """Return start, end and rows of every interval."""
         return [
             (start, end, slice(low, high))
             for (start, end), (low, high) in zip(pairwise(self.cuts), pairwise(self.rows), strict=True)
@@ -193,25 +193,25 @@ class Grid:
 
     def evaluate(self, law: MotionLaw) -> Values:
         """Return s, s', s'' of a law at every row, each side of a jump by its own piece."""
-        parts = [law.on(start, end)(self.t[rows]) for start, end, rows in self.stretches()]
+        parts = [law.on(start, end)(self.t[rows]) for start, end, rows in self.intervals()]
         s, ds, dds = (np.concatenate([part[k] for part in parts]) for k in range(3))
         return s, ds, dds
 
     def part(self, first: int, last: int) -> Grid:
-        """Return the stretches from the first to the last of the given indices."""
+        """Return the intervals from the first to the last of the given indices."""
         low, high = self.rows[first], self.rows[last + 1]
         rows = tuple(row - low for row in self.rows[first : last + 2])
         return Grid(self.t[low:high], self.cuts[first : last + 2], rows)
 
     def until(self, end: float) -> Grid:
         """Return the grid up to an instant, which becomes its last cut."""
-        kept = [(start, min(stop, end), rows) for start, stop, rows in self.stretches() if start < end or start == stop]
+        kept = [(start, min(stop, end), rows) for start, stop, rows in self.intervals() if start < end or start == stop]
         ends = [rows.start + int((self.t[rows] <= end).sum()) for _, _, rows in kept]
         return Grid(self.t[: ends[-1]], (self.cuts[0], *(stop for _, stop, _ in kept)), (0, *ends))
 
 
 def _rows_between(t: Array, start: float, end: float, doubled: set[float], slack: float) -> Array:
-    """Return the instants of one stretch: its ends where they stand twice, and what was asked for in between."""
+    """Return the instants of one interval: its ends where they stand twice, and what was asked for in between."""
     below = t < end - slack if end in doubled else t <= end + slack
     inside = t[(t > start + slack) & below]
     return np.concatenate([[start] if start in doubled else [], inside, [end] if end in doubled else []])

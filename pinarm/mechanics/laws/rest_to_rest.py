@@ -113,7 +113,7 @@ class Cycloidal(MotionLaw, frozen=True, tag_field="law", tag="cycloidal", rename
 
 
 class SCurve(MotionLaw, frozen=True, tag_field="law", tag="s_curve", rename=FILE_KEYS):
-    """From rest to rest with a bounded jerk: seven stretches of constant jerk, fewer where a limit is not reached.
+    """From rest to rest with a bounded jerk: seven intervals of constant jerk, fewer where a limit is not reached.
 
     The acceleration is continuous. Limits of acceleration and speed that are left out do not bind.
     """
@@ -132,16 +132,16 @@ class SCurve(MotionLaw, frozen=True, tag_field="law", tag="s_curve", rename=FILE
             raise InputError("an s_curve that goes somewhere needs limits other than 0")
 
     def pieces(self) -> Sequence[Piece]:
-        """Return rest, the stretches of constant jerk that take any time, rest."""
+        """Return rest, the intervals of constant jerk that take any time, rest."""
         distance = self.end - self.start
         if distance == 0.0:
             return [Piece(-math.inf, math.inf, polynomial(0.0, self.start))]
         ramp, hold, cruise = self._durations(abs(distance))
         jerk = math.copysign(abs(self.jerk), distance)
-        stretches = [(ramp, jerk), (hold, 0.0), (ramp, -jerk), (cruise, 0.0), (ramp, -jerk), (hold, 0.0), (ramp, jerk)]
+        intervals = [(ramp, jerk), (hold, 0.0), (ramp, -jerk), (cruise, 0.0), (ramp, -jerk), (hold, 0.0), (ramp, jerk)]
         total = 4 * ramp + 2 * hold + cruise
         moving, t, state = [], self.begin, (self.start, 0.0, 0.0)
-        for duration, j in stretches:
+        for duration, j in intervals:
             if duration > ROUNDING * total:
                 s, v, a = state
                 function = polynomial(t, s, v, a / 2, j / 6)

@@ -56,7 +56,7 @@ def at(quantities: Quantities, where: str | dict[str, str | int | float], name: 
 
 
 Spot = tuple[int, float]
-"""A stretch of the run and a value of its parameter within it."""
+"""An interval of the run and a value of its parameter within it."""
 
 
 def _on_parameter(run: Trajectory, value: float) -> list[Spot]:
@@ -71,19 +71,19 @@ def _on_parameter(run: Trajectory, value: float) -> list[Spot]:
 def _crossings(quantities: Quantities, along: str, value: float) -> list[Spot]:
     """Return where a quantity takes a value, in order."""
     run, spots = quantities.trajectory, []
-    for stretch, (start, end, rows) in enumerate(run.grid.stretches()):
+    for interval, (start, end, rows) in enumerate(run.grid.intervals()):
         t = run.grid.t[rows]
         t = np.concatenate(
             [t[:0] if len(t) and t[0] == start else [start], t, [] if len(t) and t[-1] == end else [end]]
         )
-        difference = _asked(quantities, stretch, t)[along].values - value
+        difference = _asked(quantities, interval, t)[along].values - value
         for k in range(len(t) - 1):
             if difference[k] == 0.0:
-                spots.append((stretch, float(t[k])))
+                spots.append((interval, float(t[k])))
             elif difference[k] * difference[k + 1] < 0.0:
-                spots.append((stretch, _root(quantities, stretch, along, value, (t[k], t[k + 1]))))
+                spots.append((interval, _root(quantities, interval, along, value, (t[k], t[k + 1]))))
         if difference[-1] == 0.0:
-            spots.append((stretch, float(t[-1])))
+            spots.append((interval, float(t[-1])))
     return spots
 
 
@@ -125,35 +125,35 @@ def _extreme(quantities: Quantities, which: str, name: str) -> Quantities:
     best = int(values.argmax())
     low, high = sorted((run.grid.t[max(best - 1, 0)], run.grid.t[min(best + 1, len(values) - 1)]))
     spots = []
-    for stretch, (start, end, _) in enumerate(run.grid.stretches()):
+    for interval, (start, end, _) in enumerate(run.grid.intervals()):
         bracket = max(low, min(start, end)), min(high, max(start, end))
         if bracket[0] <= bracket[1]:
-            spots.append(_refined(quantities, stretch, name, height, bracket))
-    _, stretch, t = max(spots, key=lambda spot: spot[0])
-    return _at_row(quantities, stretch, t)
+            spots.append(_refined(quantities, interval, name, height, bracket))
+    _, interval, t = max(spots, key=lambda spot: spot[0])
+    return _at_row(quantities, interval, t)
 
 
 def _refined(
-    quantities: Quantities, stretch: int, name: str, height: Callable[[Array], Array], bracket: tuple[float, float]
+    quantities: Quantities, interval: int, name: str, height: Callable[[Array], Array], bracket: tuple[float, float]
 ) -> tuple[float, int, float]:
-    """Return the largest height in a bracket of one stretch, the stretch, and where it is."""
+    """Return the largest height in a bracket of one interval, the interval, and where it is."""
     (low, high), spot, top = bracket, bracket[0], -np.inf
     for _ in range(ROUNDS // 2):  # near a maximum only half of the digits of its place matter
         t = np.linspace(low, high, POINTS)
-        heights = height(_asked(quantities, stretch, t)[name].values)
+        heights = height(_asked(quantities, interval, t)[name].values)
         peak = int(heights.argmax())
         if heights[peak] > top:
             spot, top = float(t[peak]), float(heights[peak])
         low, high = t[max(peak - 1, 0)], t[min(peak + 1, POINTS - 1)]
-    return top, stretch, spot
+    return top, interval, spot
 
 
-def _root(quantities: Quantities, stretch: int, along: str, value: float, bracket: tuple[float, float]) -> float:
+def _root(quantities: Quantities, interval: int, along: str, value: float, bracket: tuple[float, float]) -> float:
     """Return where a quantity takes a value between two neighbouring samples."""
     low, high = bracket
     for _ in range(ROUNDS):
         t = np.linspace(low, high, POINTS)
-        difference = _asked(quantities, stretch, t)[along].values - value
+        difference = _asked(quantities, interval, t)[along].values - value
         change = np.flatnonzero((difference[:-1] == 0.0) | (difference[:-1] * difference[1:] < 0.0))
         if not len(change):
             break
@@ -163,9 +163,9 @@ def _root(quantities: Quantities, stretch: int, along: str, value: float, bracke
     return 0.5 * float(low + high)
 
 
-def _asked(quantities: Quantities, stretch: int, t: Array) -> Quantities:
-    return Quantities(quantities.trajectory.within(stretch, t), quantities.symbols)
+def _asked(quantities: Quantities, interval: int, t: Array) -> Quantities:
+    return Quantities(quantities.trajectory.within(interval, t), quantities.symbols)
 
 
-def _at_row(quantities: Quantities, stretch: int, t: float) -> Quantities:
-    return _asked(quantities, stretch, np.array([t]))
+def _at_row(quantities: Quantities, interval: int, t: float) -> Quantities:
+    return _asked(quantities, interval, np.array([t]))

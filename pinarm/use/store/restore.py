@@ -131,7 +131,7 @@ def _trajectory(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, A
 
 
 def _fits(grid: Grid) -> bool:
-    """Tell whether the stretches of a grid cover its rows, in order."""
+    """Tell whether the intervals of a grid cover its rows, in order."""
     rows = np.array(grid.rows)
     covers = len(rows) == len(grid.cuts) >= 2 and rows[0] == 0 and rows[-1] == len(grid.t)
     return bool(covers and (np.diff(rows) >= 0).all())

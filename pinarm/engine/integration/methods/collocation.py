@@ -10,7 +10,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.integration.first_step import first_step
-from pinarm.engine.integration.integrator import SAME, Count, Manifold, Solution, Step, Stretch
+from pinarm.engine.integration.integrator import SAME, Count, Interval, Manifold, Solution, Step
 from pinarm.engine.integration.methods import for_all_motions
 from pinarm.engine.integration.methods.collocation_window import Course, Window
 from pinarm.engine.integration.methods.gauss_legendre import gauss
@@ -83,25 +83,25 @@ class Collocation:
         """Parts of a window: the dense output has the degree s."""
         return max(4, (self.nodes + 1) // 2)
 
-    def prepare(self, stretches: Sequence[Stretch], q: Array, v: Array) -> Sequence[Stretch]:
-        """Return the stretches as they are.
+    def prepare(self, intervals: Sequence[Interval], q: Array, v: Array) -> Sequence[Interval]:
+        """Return the intervals as they are.
 
         Raises:
             MethodError: Accelerations are known of one state at a time only, or states have to be settled.
         """
-        if any(stretch.together is None or stretch.settle for stretch in stretches):
+        if any(interval.together is None or interval.settle for interval in intervals):
             raise MethodError(
                 "the method collocation needs the accelerations of many states at once, as of open chains; here loops, "
                 "or coordinates that follow laws beside them, are closed state by state",
                 expected=f"one of {', '.join(for_all_motions())}", hint="accuracy.method: dop853",
             )  # fmt: skip
-        return stretches
+        return intervals
 
     def stepper(self, manifold: Manifold, count: Count) -> CollocationStepper:
         """Return the method at work."""
         return CollocationStepper(self, manifold, count)
 
-    def interpolants(self, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
+    def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
         """Return the terms of the collocation polynomial."""
         table = gauss(self.nodes)
         slopes, h = np.array([step.slopes for step in steps]), np.array([step.h for step in steps])
@@ -136,30 +136,27 @@ class CollocationStepper:
         """Whether the accelerations last computed are finite."""
         return bool(np.isfinite(self.window.accelerations).all())
 
-    def begin(self, stretch: Stretch, y: Array) -> None:
-        """Stand at the first instant of a stretch."""
-        self.stretch, self.last, self.refused = stretch, None, None
-        self.together = stretch.unchecked or stretch.together or self._one_by_one
+    def begin(self, interval: Interval, y: Array) -> None:
+        """Stand at the first instant of an interval."""
+        self.interval, self.last, self.refused = interval, None, None
+        self.together = interval.unchecked or interval.together or self._one_by_one
         self.y[:] = y
-        self.slope = self._slope(stretch.start, self.y)
+        self.slope = self._slope(interval.start, self.y)
         self.window.slopes[:] = self.slope
 
     def _one_by_one(self, t: Array, q: Array, v: Array) -> Array:
-        return np.array([self.stretch.acceleration(float(at), *state) for at, *state in zip(t, q, v, strict=True)])
+        return np.array([self.interval.acceleration(float(at), *state) for at, *state in zip(t, q, v, strict=True)])
 
     def _slope(self, t: float, y: Array) -> Array:
         nq = self.manifold.nq
         q, v = self.manifold.project(y[:nq]), y[nq:]
         self.count.evaluations += 1
-        return np.concatenate([self.manifold.velocity(q, v), self.stretch.acceleration(t, q, v)])
+        return np.concatenate([self.manifold.velocity(q, v), self.interval.acceleration(t, q, v)])
 
     def first(self, h: float) -> float:
-        """Return the window of the stretch before, or one from two slopes."""
-        stretch = self.stretch
-        order = len(self.window.t) - 1
-        return h or float(
-            first_step(stretch.start, stretch.end, self.y, self.slope, self._slope, self.tolerance, order)
-        )
+        """Return the window of the interval before, or one from two slopes."""
+        start, end, order = self.interval.start, self.interval.end, len(self.window.t) - 1
+        return h or float(first_step(start, end, self.y, self.slope, self._slope, self.tolerance, order))
 
     def attempt(self, t: float, h: float) -> float:
         """Compute a window from the present state; return its error, infinite where the sweeps do not converge."""
@@ -209,7 +206,7 @@ class CollocationStepper:
     def _agrees(self) -> bool:
         """Return whether the last acceleration of those of all nodes at once is that of the state alone."""
         window = self.window
-        alone = self.stretch.acceleration(float(window.t[-1]), window.on[-1], window.v[-1])
+        alone = self.interval.acceleration(float(window.t[-1]), window.on[-1], window.v[-1])
         return bool(np.abs(window.accelerations[-1] - alone).max() <= SAME * np.abs(alone).max())
 
     def along(self, t: float, h: float) -> tuple[Array, Array]:
@@ -240,5 +237,5 @@ class CollocationStepper:
         self.count.limited += error < NEEDLESS and possible < wider
         h *= min(wider, possible, self.ceiling)
         self.ceiling = FASTEST
-        left = self.stretch.end - t
+        left = self.interval.end - t
         return self.window.slopes.copy(), left / math.ceil(left / h) if left > h else h

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pinarm.arrays import Array
-from pinarm.engine.integration.integrator import Count, Energy, Manifold, Settle, Solution, Step, Stretch
+from pinarm.engine.integration.integrator import Count, Energy, Interval, Manifold, Settle, Solution, Step
 from pinarm.engine.integration.methods.explicit import Adaptive, AdaptiveStepper
 from pinarm.errors import MethodError
 
@@ -61,28 +61,28 @@ class Conserving:
         """What to try where it fails."""
         return self.steps.remedy
 
-    def prepare(self, stretches: Sequence[Stretch], q: Array, v: Array) -> Sequence[Stretch]:
-        """Return the stretches with states settled onto the energy of the start.
+    def prepare(self, intervals: Sequence[Interval], q: Array, v: Array) -> Sequence[Interval]:
+        """Return the intervals with states settled onto the energy of the start.
 
         Raises:
             MethodError: The energy is not constant.
         """
-        if any(stretch.energy is None for stretch in stretches):
+        if any(interval.energy is None for interval in intervals):
             raise MethodError(
                 "the conserving integrator is for free motions: dampers, drives, loads over time and coordinates that "
                 "follow laws exchange energy",
                 hint="accuracy.method: dop853",
             )
-        level = sum(stretches[0].energy(q, v)) if stretches[0].energy else 0.0
-        return [replace(one, settle=_keeping(level, one.energy, one.settle)) for one in stretches if one.energy]
+        level = sum(intervals[0].energy(q, v)) if intervals[0].energy else 0.0
+        return [replace(one, settle=_keeping(level, one.energy, one.settle)) for one in intervals if one.energy]
 
     def stepper(self, manifold: Manifold, count: Count) -> AdaptiveStepper:
         """Return the method at work."""
         return self.steps.stepper(manifold, count)
 
-    def interpolants(self, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
+    def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
         """Return the terms of the dense output."""
-        return self.steps.interpolants(stretch, manifold, steps)
+        return self.steps.interpolants(interval, manifold, steps)
 
     def doubts(self, solution: Solution) -> list[str]:
         """Return a note where steps are limited by stability."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.integration.first_step import first_step
-from pinarm.engine.integration.integrator import Count, Manifold, Solution, Step, Stretch
+from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution, Step
 from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, TINY, growth, shrinkage
 from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4, Tableau
 
@@ -76,17 +76,17 @@ class Adaptive:
         """Order of the step."""
         return self.tableau.order
 
-    def prepare(self, stretches: Sequence[Stretch], q: Array, v: Array) -> Sequence[Stretch]:
-        """Return the stretches as they are."""
-        return stretches
+    def prepare(self, intervals: Sequence[Interval], q: Array, v: Array) -> Sequence[Interval]:
+        """Return the intervals as they are."""
+        return intervals
 
     def stepper(self, manifold: Manifold, count: Count) -> AdaptiveStepper:
         """Return the method at work."""
         return AdaptiveStepper(self, manifold, count)
 
-    def interpolants(self, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
+    def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
         """Return the terms of the dense output."""
-        return _terms(self.tableau, stretch, manifold, steps)
+        return _terms(self.tableau, interval, manifold, steps)
 
     def doubts(self, solution: Solution) -> list[str]:
         """Return a note where steps are limited by stability.
@@ -118,7 +118,7 @@ def dopri5(tolerance: float) -> Adaptive:
 
 @dataclass(frozen=True)
 class FixedStep:
-    """Steps of one length, whatever the error; each stretch is divided evenly into steps no longer than asked for.
+    """Steps of one length, whatever the error; each interval is divided evenly into steps no longer than asked for.
 
     With ``RK4`` the classical method: ``y + h (k_1 + 2 k_2 + 2 k_3 + k_4) / 6``, order 4, dense output the cubic
     through both ends and their slopes, whose error is of order 4 too. Source: Hairer, Norsett, Wanner, section II.1,
@@ -147,17 +147,17 @@ class FixedStep:
         """Order of the step."""
         return self.tableau.order
 
-    def prepare(self, stretches: Sequence[Stretch], q: Array, v: Array) -> Sequence[Stretch]:
-        """Return the stretches as they are."""
-        return stretches
+    def prepare(self, intervals: Sequence[Interval], q: Array, v: Array) -> Sequence[Interval]:
+        """Return the intervals as they are."""
+        return intervals
 
     def stepper(self, manifold: Manifold, count: Count) -> FixedStepper:
         """Return the method at work."""
         return FixedStepper(self, manifold, count)
 
-    def interpolants(self, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
+    def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
         """Return the terms of the dense output."""
-        return _terms(self.tableau, stretch, manifold, steps)
+        return _terms(self.tableau, interval, manifold, steps)
 
     def doubts(self, solution: Solution) -> list[str]:
         """Return a note where two halves of a step end elsewhere than the step."""
@@ -179,9 +179,9 @@ class FixedStep:
 
     def _error(self, solution: Solution, step: Step) -> float:
         """Return the difference of a step to two halves, which is its error but for a factor near 1."""
-        stretch, tableau = solution.stretches[step.stretch], self.tableau
+        interval, tableau = solution.intervals[step.interval], self.tableau
         stages = Stages(tableau, solution.manifold)
-        stages.start(step.t, step.y, stretch)
+        stages.start(step.t, step.y, interval)
         for half in range(2):
             stages.advance(step.t + 0.5 * half * step.h, 0.5 * step.h)
             stages.move()
@@ -198,7 +198,7 @@ class Stages:
 
     def __init__(self, tableau: Tableau, manifold: Manifold) -> None:
         s, n, nq = tableau.stages, manifold.nq + manifold.nv, manifold.nq
-        self.manifold, self.stretch = manifold, Stretch(0.0, 0.0, lambda t, q, v: 0.0 * v)
+        self.manifold, self.interval = manifold, Interval(0.0, 0.0, lambda t, q, v: 0.0 * v)
         rows = np.zeros((s + 3, n))
         self.ends, self.z = rows[:2], rows[1:]
         self.new, self.y, self.slopes = rows[0], rows[1], rows[2:]
@@ -215,9 +215,9 @@ class Stages:
         ]
         self.final = (self.weights[s, : s + 1], self.z[: s + 1], self.slopes[s, :nq], self.slopes[s, nq:])
 
-    def start(self, t: float, y: Array, stretch: Stretch) -> None:
+    def start(self, t: float, y: Array, interval: Interval) -> None:
         """Set the state and its slope."""
-        self.stretch = stretch
+        self.interval = interval
         self.y[:] = y
         self.slopes[0] = self.rates(t, self.y)
 
@@ -225,12 +225,12 @@ class Stages:
         """Return the slope of a state."""
         nq = self.manifold.nq
         q, v = self.manifold.project(y[:nq]), y[nq:]
-        return np.concatenate([self.manifold.velocity(q, v), self.stretch.acceleration(t, q, v)])
+        return np.concatenate([self.manifold.velocity(q, v), self.interval.acceleration(t, q, v)])
 
     def advance(self, t: float, h: float) -> None:
         """Compute the step from the present state, and the slope at its end."""
         dot, velocity, project, acceleration = (
-            np.dot, self.manifold.velocity, self.manifold.project, self.stretch.acceleration,
+            np.dot, self.manifold.velocity, self.manifold.project, self.interval.acceleration,
         )  # fmt: skip
         np.multiply(self.unscaled, h, out=self.scaled)
         stage, q, v = self.stage, self.stage_q, self.stage_v
@@ -261,11 +261,11 @@ class Stages:
 
     def settle(self, t: float) -> bool:
         """Bring the state onto the constraints, and its slope with it; return whether there are any."""
-        if self.stretch.settle is None:
+        if self.interval.settle is None:
             return False
         nq = self.manifold.nq
-        settled = self.stretch.settle(t, self.y[:nq].copy(), self.y[nq:].copy())
-        self.start(t, np.concatenate(settled), self.stretch)
+        settled = self.interval.settle(t, self.y[:nq].copy(), self.y[nq:].copy())
+        self.start(t, np.concatenate(settled), self.interval)
         return True
 
 
@@ -285,26 +285,26 @@ class AdaptiveStepper:
         """Whether the slopes last computed are finite."""
         return self.stages.finite
 
-    def begin(self, stretch: Stretch, y: Array) -> None:
-        """Stand at the first instant of a stretch."""
-        self.stages.start(stretch.start, y, stretch)
+    def begin(self, interval: Interval, y: Array) -> None:
+        """Stand at the first instant of an interval."""
+        self.stages.start(interval.start, y, interval)
         self.count.evaluations += 1
 
     def first(self, h: float) -> float:
-        """Return the step of the stretch before, or one from two slopes."""
+        """Return the step of the interval before, or one from two slopes."""
         if h:
             return h
         self.count.evaluations += 1
-        stretch, order = self.stages.stretch, self.tableau.error_order
+        interval, order = self.stages.interval, self.tableau.error_order
         slope, rates = self.stages.slopes[0], self.stages.rates
-        return float(first_step(stretch.start, stretch.end, self.y, slope, rates, self.tolerance, order))
+        return float(first_step(interval.start, interval.end, self.y, slope, rates, self.tolerance, order))
 
     def attempt(self, t: float, h: float) -> float:
         """Compute a step from the present state; return its error, 1 being the tolerance."""
         self.stages.advance(t, h)
         self.count.evaluations += self.tableau.stages
         error = self._error(h)
-        if 1.0 < error < NOISE / self.tolerance and h <= 1.001 * self.stages.stretch.floor():
+        if 1.0 < error < NOISE / self.tolerance and h <= 1.001 * self.stages.interval.floor():
             self.count.floored += 1
             return 1.0
         return error
@@ -331,7 +331,7 @@ class AdaptiveStepper:
     def retry(self, h: float, error: float) -> float:
         """Return a shorter step; an error that is not even a number is treated like a large one."""
         self.ceiling = 1.0
-        floor = self.stages.stretch.floor() if error < NOISE / self.tolerance else 0.0
+        floor = self.stages.interval.floor() if error < NOISE / self.tolerance else 0.0
         return max(h * (shrinkage(error, self.order) if error < HUGE else LOST), floor)
 
     def accept(self, t: float, h: float, error: float) -> tuple[Array, float]:
@@ -357,14 +357,14 @@ class FixedStepper:
         """Whether the slopes last computed are finite."""
         return self.stages.finite
 
-    def begin(self, stretch: Stretch, y: Array) -> None:
-        """Stand at the first instant of a stretch."""
-        self.stages.start(stretch.start, y, stretch)
+    def begin(self, interval: Interval, y: Array) -> None:
+        """Stand at the first instant of an interval."""
+        self.stages.start(interval.start, y, interval)
         self.count.evaluations += 1
 
     def first(self, h: float) -> float:
-        """Return the step that divides the stretch evenly."""
-        length = self.stages.stretch.end - self.stages.stretch.start
+        """Return the step that divides the interval evenly."""
+        length = self.stages.interval.end - self.stages.interval.start
         self.h = length / math.ceil(length / self.longest * (1.0 - 1e-12))
         return self.h
 
@@ -395,21 +395,21 @@ def middle(h: Array | float, y: Array, new: Array, slopes: Array) -> Array:
     return np.asarray(0.5 * (y + new) + 0.125 * h * (slopes[0] - slopes[-1]))
 
 
-def _terms(tableau: Tableau, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
+def _terms(tableau: Tableau, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
     """Return the terms of the dense output of steps."""
     t, h = np.array([step.t for step in steps]), np.array([step.h for step in steps])
     y, slopes = np.array([step.y for step in steps]), np.array([step.slopes for step in steps])
-    return terms_of(tableau, stretch, manifold, t, h, y, slopes)
+    return terms_of(tableau, interval, manifold, t, h, y, slopes)
 
 
 def terms_of(
-    tableau: Tableau, stretch: Stretch, manifold: Manifold, t: Array, h: Array, base: Array, known: Array
+    tableau: Tableau, interval: Interval, manifold: Manifold, t: Array, h: Array, base: Array, known: Array
 ) -> Array:
     """Return terms of dense output; Hairer, Norsett, Wanner, section II.6: alternating products of x and 1 - x.
 
     Args:
         tableau: The coefficients.
-        stretch: Where the steps are.
+        interval: Where the steps are.
         manifold: The space of configurations.
         t: Starts of the steps [s], shape (n,).
         h: Their lengths [s], shape (n,).
@@ -425,7 +425,7 @@ def terms_of(
     for k, (weights, c) in enumerate(zip(tableau.dense_a, tableau.dense_c, strict=True), s):
         y = base + h[:, None] * (weights[:k] @ slopes[:, :k])
         q, v = manifold.project(y[:, :nq]), y[:, nq:]
-        slopes[:, k, :nq], slopes[:, k, nq:] = manifold.velocity(q, v), stretch.accelerations(t, t + c * h, q, v)
+        slopes[:, k, :nq], slopes[:, k, nq:] = manifold.velocity(q, v), interval.accelerations(t, t + c * h, q, v)
     slopes *= h[:, None, None]
     change, first, last = tableau.b @ slopes[:, : s - 1], slopes[:, 0], slopes[:, s - 1]
     lowest = np.stack([change, first - change, 2 * change - first - last], axis=1)

@@ -10,7 +10,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.integration.first_step import first_step
-from pinarm.engine.integration.integrator import Count, Manifold, Solution, Step, Stretch
+from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution, Step
 from pinarm.engine.integration.methods.radau_coefficients import Complex, radau
 
 STAGES = ((3e-5, 3), (1e-7, 5), (0.0, 7))
@@ -63,15 +63,15 @@ class Radau:
         """Order of the step."""
         return 2 * self.stages - 1
 
-    def prepare(self, stretches: Sequence[Stretch], q: Array, v: Array) -> Sequence[Stretch]:
-        """Return the stretches as they are."""
-        return stretches
+    def prepare(self, intervals: Sequence[Interval], q: Array, v: Array) -> Sequence[Interval]:
+        """Return the intervals as they are."""
+        return intervals
 
     def stepper(self, manifold: Manifold, count: Count) -> RadauStepper:
         """Return the method at work."""
         return RadauStepper(self, manifold, count)
 
-    def interpolants(self, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
+    def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
         """Return the terms of the collocation polynomial, from its values at the stages less that at the start."""
         return np.asarray(radau(self.stages).terms @ np.array([step.slopes for step in steps]))
 
@@ -106,9 +106,9 @@ class RadauStepper:
         """Whether the slope at the present state is finite."""
         return bool(np.isfinite(self.slope).all())
 
-    def begin(self, stretch: Stretch, y: Array) -> None:
-        """Stand at the first instant of a stretch."""
-        self.stretch, self.t, self.jacobian, self.last_h = stretch, stretch.start, None, 0.0
+    def begin(self, interval: Interval, y: Array) -> None:
+        """Stand at the first instant of an interval."""
+        self.interval, self.t, self.jacobian, self.last_h = interval, interval.start, None, 0.0
         self.y[:] = y
         self.slope = self.rates(self.t, self.y)
 
@@ -117,11 +117,11 @@ class RadauStepper:
         nq = self.manifold.nq
         q, v = self.manifold.project(y[:nq]), y[nq:]
         self.count.evaluations += 1
-        return np.concatenate([self.manifold.velocity(q, v), self.stretch.acceleration(t, q, v)])
+        return np.concatenate([self.manifold.velocity(q, v), self.interval.acceleration(t, q, v)])
 
     def all_rates(self, t: Array, y: Array) -> Array:
         """Return f of many states, both of shape (k, nq + nv), at times t, shape (k,)."""
-        slopes, nq, acceleration = np.empty_like(y), self.manifold.nq, self.stretch.acceleration
+        slopes, nq, acceleration = np.empty_like(y), self.manifold.nq, self.interval.acceleration
         q, v = self.manifold.project(y[:, :nq]), y[:, nq:]
         self.count.evaluations += len(y)
         slopes[:, :nq] = self.manifold.velocity(q, v)
@@ -130,10 +130,9 @@ class RadauStepper:
         return slopes
 
     def first(self, h: float) -> float:
-        """Return the step of the stretch before, or one from two slopes."""
-        stretch = self.stretch
-        order = len(self.method.c)
-        return h or float(first_step(stretch.start, stretch.end, self.y, self.slope, self.rates, self.tolerance, order))
+        """Return the step of the interval before, or one from two slopes."""
+        start, end, order = self.interval.start, self.interval.end, len(self.method.c)
+        return h or float(first_step(start, end, self.y, self.slope, self.rates, self.tolerance, order))
 
     def attempt(self, t: float, h: float) -> float:
         """Compute a step from the present state; return its error, not a number where Newton's method fails."""
@@ -219,8 +218,8 @@ class RadauStepper:
         self.before, self.ceiling = (h, max(error, 1e-2)), FASTEST
         self.last_z, self.last_h = z, h
         self.y[:] = self.new
-        if self.stretch.settle is not None:
-            self.y[:] = np.concatenate(self.stretch.settle(t, self.y[:nq].copy(), self.y[nq:].copy()))
+        if self.interval.settle is not None:
+            self.y[:] = np.concatenate(self.interval.settle(t, self.y[:nq].copy(), self.y[nq:].copy()))
         self.t, self.slope = t, self.rates(t, self.y)
         self.fresh = False
         if self.rate > CONTRACTION:

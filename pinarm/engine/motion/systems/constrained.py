@@ -20,7 +20,7 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspace import RANK, Split, Splits
 from pinarm.engine.dynamics.equation import Dynamics, mass_matrices, mass_matrix, parts
 from pinarm.engine.dynamics.masses import require_masses
-from pinarm.engine.integration.integrator import Energy, Manifold, Stretch
+from pinarm.engine.integration.integrator import Energy, Interval, Manifold
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.motion.systems.batch_rows import CLOSED, ITERATIONS, ROUNDED, TURNED, Solved, Together
@@ -138,10 +138,10 @@ class ConstrainedSystem:
         nothing = np.zeros((*targets.shape[:-1], self.rows.size - targets.shape[-1]))
         return np.concatenate([nothing, targets], axis=-1)
 
-    def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
+    def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion on an interval without jumps."""
         motion = RowMotion(self.rows, self.settled, dynamics.on(start, end), self.imposed.on(start, end))
-        return Stretch(start, end, motion.acceleration, motion.settle, energy=self.energy(dynamics))
+        return Interval(start, end, motion.acceleration, motion.settle, energy=self.energy(dynamics))
 
     def energy(self, dynamics: Dynamics) -> Energy | None:
         """Return the energy of a state, as far as it is conserved."""

@@ -28,7 +28,7 @@ rounding, a linkage is known to the root of it."""
 
 
 class RowMotion:
-    """The motion on one stretch; it looks at accepted states whether rounding would choose the way on.
+    """The motion on one interval; it looks at accepted states whether rounding would choose the way on.
 
     Args:
         rows: The constraints, then the imposed coordinates.
