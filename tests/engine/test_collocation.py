@@ -28,13 +28,13 @@ TOLERANCES = 10.0 ** -np.arange(3, 13)
 
 
 def motion(dynamics, end, q, v, tolerance):
-    interval = Interval(0.0, end, dynamics.acceleration(), together=dynamics.forward, unchecked=dynamics.unchecked())
+    interval = Interval(0.0, end, dynamics.acceleration(), batch=dynamics.forward, unchecked_batch=dynamics.unchecked())
     return integrate([interval], dynamics.manifold, q, v, Collocation(tolerance))
 
 
 def on_a_line(acceleration, end, q=0.0, v=0.0, tolerance=1e-10, **given):
     """The motion of one coordinate; the acceleration takes one state as it takes many."""
-    interval = Interval(0.0, end, acceleration, together=lambda t, q, v: acceleration(t[:, None], q, v))
+    interval = Interval(0.0, end, acceleration, batch=lambda t, q, v: acceleration(t[:, None], q, v))
     return integrate([interval], LINE, np.array([q]), np.array([v]), Collocation(tolerance), **given)
 
 
@@ -58,7 +58,7 @@ class TestTolerance:
     def test_error_shrinks_with_it_in_the_plane_within_windows_too(self):
         t, errors = np.linspace(0.0, 20.0, 501), []
         for tolerance in TOLERANCES:
-            interval = Interval(0.0, 20.0, attraction, together=attractions)
+            interval = Interval(0.0, 20.0, attraction, batch=attractions)
             solution = integrate([interval], PLANE, *orbit(0.0), Collocation(tolerance))
             errors.append(np.abs(np.hstack(solution.states(t)) - np.hstack(orbit(t))).max())
             assert len(solution.steps) < 40
@@ -94,7 +94,7 @@ def test_loads_that_jump_are_met_between_windows():
     """The unit oscillator from rest under 1 from t = 1/3 to t = 2."""
     bounds, levels, t = (0.0, 1 / 3, 2.0, 5.0), (0.0, 1.0, 0.0), np.linspace(0.0, 5.0, 301)
     intervals = [
-        Interval(low, high, lambda t, q, v, x=x: x - q, together=lambda t, q, v, x=x: x - q)
+        Interval(low, high, lambda t, q, v, x=x: x - q, batch=lambda t, q, v, x=x: x - q)
         for low, high, x in zip(bounds, bounds[1:], levels, strict=False)
     ]
     solution = integrate(intervals, LINE, np.zeros(1), np.zeros(1), Collocation(1e-12))
@@ -144,8 +144,8 @@ class TestArm:
 
     def test_accelerations_that_lose_digits_together_are_computed_one_by_one(self, arm):
         alone = arm.dynamics.acceleration()
-        wrong = Interval(0.0, 1.0, alone, together=arm.dynamics.forward,
-                        unchecked=lambda t, q, v: arm.dynamics.forward(t, q, v) * (1.0 + 1e-10))  # fmt: skip
+        wrong = Interval(0.0, 1.0, alone, batch=arm.dynamics.forward,
+                        unchecked_batch=lambda t, q, v: arm.dynamics.forward(t, q, v) * (1.0 + 1e-10))  # fmt: skip
         q, v, end = np.array([1.2, 0.7]), np.array([0.5, -2.0]), np.array([1.0])
         found = integrate([wrong], arm.dynamics.manifold, q, v, Collocation(1e-13)).states(end)
         exact = integrate([Interval(0.0, 1.0, alone)], arm.dynamics.manifold, q, v, Adaptive(1e-14)).states(end)
@@ -178,7 +178,7 @@ def test_few_windows_are_refused():
 def test_states_along_a_window_are_on_the_motion():
     method, count = Collocation(1e-12), Count()
     stepper = method.stepper(PLANE, count)
-    stepper.begin(Interval(0.0, 6.0, attraction, together=attractions), np.hstack(orbit(0.0)))
+    stepper.begin(Interval(0.0, 6.0, attraction, batch=attractions), np.hstack(orbit(0.0)))
     assert stepper.attempt(0.0, 0.3) <= 1.0
     t, y = stepper.along(0.0, 0.3)
     assert t[[0, -1]].tolist() == [0.0, 0.3]

@@ -58,7 +58,7 @@ class TestDenseOutput:
         """Further stages of all steps are computed together, where accelerations are known of many states at once."""
         t = np.linspace(0.0, 4.0, 201)
         one, many = (
-            integrate([Interval(0.0, 4.0, top.acceleration(), together=together)], top.manifold, ATTITUDE, SPIN, method)
+            integrate([Interval(0.0, 4.0, top.acceleration(), batch=together)], top.manifold, ATTITUDE, SPIN, method)
             for together in (None, top.forward)
         )
         alone = np.array([np.hstack(one.states(np.array([instant])))[0] for instant in t])

@@ -35,9 +35,9 @@ def test_the_setting_of_the_entry_is_what_the_method_takes(name):
 
 @pytest.mark.parametrize("name", METHODS)
 def test_a_method_refuses_exactly_the_motions_that_its_entry_excludes(name):
-    known = {"energy": lambda q, v: (0.5 * v @ v, 0.5 * q @ q), "together": lambda t, q, v: -q}
+    known = {"energy": lambda q, v: (0.5 * v @ v, 0.5 * q @ q), "batch": lambda t, q, v: -q}
     assert len(solved(name, 1e-3, **known).steps) >= 1
-    missing = {"constant energy": "energy", "open chains": "together"}
+    missing = {"constant energy": "energy", "open chains": "batch"}
     for requirement, key in missing.items():
         rest = {k: value for k, value in known.items() if k != key}
         if METHODS[name].requires == requirement:

@@ -86,7 +86,7 @@ def dense_order(solution, method):
 
 def test_in_the_plane(method):
     t = np.linspace(0.0, 6.0, 997)
-    interval = Interval(0.0, 6.0, attraction, energy=orbital_energy, together=attractions)
+    interval = Interval(0.0, 6.0, attraction, energy=orbital_energy, batch=attractions)
 
     def errors(n):
         solution, last = equal_steps(method, interval, PLANE, *orbit(0.0), n)
@@ -102,7 +102,7 @@ def test_in_the_plane(method):
 
 def test_on_rotations(method):
     dynamics, t = body(), np.linspace(0.0, 4.0, 997)
-    interval = Interval(0.0, 4.0, dynamics.acceleration(), energy=dynamics.conserved, together=dynamics.forward)
+    interval = Interval(0.0, 4.0, dynamics.acceleration(), energy=dynamics.conserved, batch=dynamics.forward)
 
     def errors(n):
         solution, last = equal_steps(method, interval, dynamics.manifold, ATTITUDE, SPIN, n)

@@ -324,7 +324,7 @@ def test_many_states_have_the_accelerations_of_each(panda):
     interval = system_of(panda.closure, panda.dynamics, imposed, initial).interval(panda.dynamics, 0.0, 0.25)
     t, (q, v) = np.linspace(0.0, 0.25, 30), np.random.default_rng(1).normal(size=(2, 30, 6))
     alone = [interval.acceleration(*state) for state in zip(t, q, v, strict=True)]
-    assert interval.together(t, q, v) == pytest.approx(np.array(alone), rel=1e-10, abs=1e-10)  # M has condition 1e4
+    assert interval.batch(t, q, v) == pytest.approx(np.array(alone), rel=1e-10, abs=1e-10)  # M has condition 1e4
 
 
 def test_a_singular_state_leaves_the_others_their_accelerations():

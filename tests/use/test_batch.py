@@ -118,7 +118,7 @@ def test_events_and_stops_are_those_of_each_motion(scenario):
 def test_a_narrow_part_of_a_load_is_passed_unseen_by_none():
     """Points that fly evenly but for a push of 1 J between 3 and 3.02."""
     push = Interval(0.0, 1.0, lambda t, q, v: 100.0 * np.clip(1.0 - abs(q - 3.01) / 0.01, 0.0, None),
-                   together=lambda t, q, v: 100.0 * np.clip(1.0 - abs(q - 3.01) / 0.01, 0.0, None))  # fmt: skip
+                   batch=lambda t, q, v: 100.0 * np.clip(1.0 - abs(q - 3.01) / 0.01, 0.0, None))  # fmt: skip
     pieces, line = Pieces(np.array([3.0, 3.01, 3.02])), Flat(1, 1)
     given = {"max_steps": 300, "passes": lambda t, q, v: pieces.passed(q[:, 0])}
     speeds = np.array([[20.0], [2.0], [-5.0]])
@@ -439,7 +439,7 @@ def test_steps_do_not_depend_on_the_company(tolerance):
     def acceleration(t, q, v):
         return accelerations(np.array([t]), q[None], v[None])[0]
 
-    intervals = [Interval(a, b, acceleration, together=accelerations) for a, b in ((0.0, 0.9), (0.9, 2.0))]
+    intervals = [Interval(a, b, acceleration, batch=accelerations) for a, b in ((0.0, 0.9), (0.9, 2.0))]
     method, space = Adaptive(tolerance), Flat(2, 2)
     ensemble = advance(intervals, space, q, v, method)
     t = np.linspace(0.0, 2.0, 7)
@@ -458,7 +458,7 @@ def test_steps_are_limited_over_all_stretches():
     def pull(t, q, v):
         return -400.0 * q
 
-    halves = [Interval(t, t + 1.0, pull, together=pull) for t in (0.0, 1.0)]
+    halves = [Interval(t, t + 1.0, pull, batch=pull) for t in (0.0, 1.0)]
     ones, line, method = np.ones((2, 1)), Flat(1, 1), Adaptive(1e-10)
     first, both = (advance(some, line, ones, ones, method).solution(0) for some in (halves[:1], halves))
     most = len(both.steps) + both.count.rejected - 1

@@ -97,17 +97,17 @@ class Interval:
     settle: Settle | None = None
     floor: Callable[[], float] = float
     energy: Energy | None = None
-    since: Callable[[float], Acceleration] | None = None
-    together: Accelerations | None = None
-    unchecked: Accelerations | None = None
+    acceleration_of_step: Callable[[float], Acceleration] | None = None
+    batch: Accelerations | None = None
+    unchecked_batch: Accelerations | None = None
 
     def accelerations(self, start: Array, t: Array, q: Array, v: Array) -> Array:
         """Return the accelerations of many states, shape (n, nv), at times t in steps from ``start``, shape (n,)."""
-        if self.together is not None:
-            return self.together(t, q, v)
+        if self.batch is not None:
+            return self.batch(t, q, v)
         found = np.empty_like(v)
         for k, (begin, instant) in enumerate(zip(start.tolist(), t.tolist(), strict=True)):
-            acceleration = self.since(begin) if self.since else self.acceleration
+            acceleration = self.acceleration_of_step(begin) if self.acceleration_of_step else self.acceleration
             found[k] = acceleration(instant, q[k], v[k])
         return found
 

@@ -131,7 +131,7 @@ class Journey:
     def together(self) -> bool:
         """Whether motions from several initial states can be integrated together."""
         free = self.system().manifold.nv > 0  # what laws determine altogether takes no steps
-        return free and self.method.pair is not None and all(interval.together for interval in self._intervals)
+        return free and self.method.pair is not None and all(interval.batch for interval in self._intervals)
 
     def abreast(self, q: Array, v: Array) -> Ensemble | None:
         """Return the first legs from many initial states that touch no stop; ``None`` where each has to be taken alone.

@@ -89,7 +89,7 @@ class Collocation:
         Raises:
             MethodError: Accelerations are known of one state at a time only, or states have to be settled.
         """
-        if any(interval.together is None or interval.settle for interval in intervals):
+        if any(interval.batch is None or interval.settle for interval in intervals):
             raise MethodError(
                 "the method collocation needs the accelerations of many states at once, as of open chains; here loops, "
                 "or coordinates that follow laws beside them, are closed state by state",
@@ -139,7 +139,7 @@ class CollocationStepper:
     def begin(self, interval: Interval, y: Array) -> None:
         """Stand at the first instant of an interval."""
         self.interval, self.last, self.refused = interval, None, None
-        self.together = interval.unchecked or interval.together or self._one_by_one
+        self.together = interval.unchecked_batch or interval.batch or self._one_by_one
         self.y[:] = y
         self.slope = self._slope(interval.start, self.y)
         self.window.slopes[:] = self.slope

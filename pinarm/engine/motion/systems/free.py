@@ -35,8 +35,8 @@ class FreeSystem:
         """Return the motion of the free tree."""
         here = dynamics.on(start, end)
         return Interval(
-            start, end, here.acceleration(), energy=dynamics.conserved, together=here.accelerations(),
-            unchecked=here.unchecked(),
+            start, end, here.acceleration(), energy=dynamics.conserved, batch=here.accelerations(),
+            unchecked_batch=here.unchecked(),
         )  # fmt: skip
 
     def part(self, q: Array, v: Array) -> tuple[Array, Array]:

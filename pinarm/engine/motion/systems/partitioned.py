@@ -59,7 +59,7 @@ class ReducedSystem:
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion of the free coordinates."""
         together, energy = self._accelerations(dynamics, start, end), self._energy(dynamics)
-        return Interval(start, end, self._acceleration(dynamics, start, end), energy=energy, together=together)
+        return Interval(start, end, self._acceleration(dynamics, start, end), energy=energy, batch=together)
 
     def _energy(self, dynamics: Dynamics) -> Energy | None:
         """Return the energy of the free coordinates, as far as it is conserved."""
