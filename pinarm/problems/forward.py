@@ -124,7 +124,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         except (IntegrationError, Interrupted) as error:
             if error.partial is not None:
                 grid = journey.grid(self.time.instants(), error.partial.seams).until(error.partial.end)
-                doubts = tuple(error.partial.doubts())
+                doubts = tuple(error.partial.diagnose())
                 error.partial = replace(_at(mechanism, journey, error.partial, self.events, grid), notes=doubts)
             raise
         self._require_branch(mechanism, journey, laid, course)
@@ -132,7 +132,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         grid = journey.grid(t if end == t[-1] else np.array([*t[t < end], end]), course.seams)
         whole = _at(mechanism, journey, course, self.events, grid)
         energy = {} if self.motion else course.energy()
-        notes = course.doubts() or _lost(energy.get("energy", 0.0))
+        notes = course.diagnose() or _lost(energy.get("energy", 0.0))
         return replace(whole, figures={**course.cost(), **energy}, notes=(*_changed(mechanism, journey, v), *notes))
 
     def require_masses(self, mechanism: Mechanism, journey: Journey, q: Array) -> Closure:

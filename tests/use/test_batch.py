@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.integration.batch_driver import advance
+from pinarm.engine.integration.batch_driver import integrate_batch
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Flat, Interval
 from pinarm.engine.integration.methods.explicit import Adaptive
@@ -120,9 +120,9 @@ def test_a_narrow_part_of_a_load_is_passed_unseen_by_none():
     push = Interval(0.0, 1.0, lambda t, q, v: 100.0 * np.clip(1.0 - abs(q - 3.01) / 0.01, 0.0, None),
                    batch=lambda t, q, v: 100.0 * np.clip(1.0 - abs(q - 3.01) / 0.01, 0.0, None))  # fmt: skip
     pieces, line = Pieces(np.array([3.0, 3.01, 3.02])), Flat(1, 1)
-    given = {"max_steps": 300, "passes": lambda t, q, v: pieces.passed(q[:, 0])}
+    given = {"max_steps": 300, "steps_over": lambda t, q, v: pieces.passed(q[:, 0])}
     speeds = np.array([[20.0], [2.0], [-5.0]])
-    batch = advance([push], line, np.zeros((3, 1)), speeds, Adaptive(1e-10), **given)
+    batch = integrate_batch([push], line, np.zeros((3, 1)), speeds, Adaptive(1e-10), **given)
     for number, v in enumerate(speeds):
         expected = integrate([push], line, np.zeros(1), v, Adaptive(1e-10), **given)
         found = batch.solution(number)
@@ -441,7 +441,7 @@ def test_steps_do_not_depend_on_the_company(tolerance):
 
     intervals = [Interval(a, b, acceleration, batch=accelerations) for a, b in ((0.0, 0.9), (0.9, 2.0))]
     method, space = Adaptive(tolerance), Flat(2, 2)
-    ensemble = advance(intervals, space, q, v, method)
+    ensemble = integrate_batch(intervals, space, q, v, method)
     t = np.linspace(0.0, 2.0, 7)
     states = ensemble.states(t)
     for number in range(40):
@@ -460,7 +460,7 @@ def test_steps_are_limited_over_all_stretches():
 
     halves = [Interval(t, t + 1.0, pull, batch=pull) for t in (0.0, 1.0)]
     ones, line, method = np.ones((2, 1)), Flat(1, 1), Adaptive(1e-10)
-    first, both = (advance(some, line, ones, ones, method).solution(0) for some in (halves[:1], halves))
+    first, both = (integrate_batch(some, line, ones, ones, method).solution(0) for some in (halves[:1], halves))
     most = len(both.steps) + both.count.rejected - 1
     assert len(first.steps) + first.count.rejected < 0.6 * most
-    assert list(advance(halves, line, ones, ones, method, max_steps=most).failures) == [0, 1]
+    assert list(integrate_batch(halves, line, ones, ones, method, max_steps=most).failures) == [0, 1]

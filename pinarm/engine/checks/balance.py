@@ -131,7 +131,7 @@ class Account:
     def columns(self) -> tuple[Array, Array, Array]:
         """Return kinetic, potential and so far dissipated energy [J] at the ends of all parts, each of shape (n,)."""
         varying = [dynamics.exchanging for dynamics in self.dynamics]
-        index, start, h = self._parts(sorted({*self.solution.looked_into, *self._even(any(varying))}))
+        index, start, h = self._parts(sorted({*self.solution.interpolated_steps, *self._even(any(varying))}))
         ends, last = np.append(start, self.solution.end), index[-1:]
         q, v = self.whole(ends, *self.solution.states_in(np.concatenate([index, last]), ends))
         kinetic, potential = self.dynamics[0].energy(q, v)
@@ -157,7 +157,7 @@ class Account:
         """Return the step of every part, its start and its length [s], each of shape (n,)."""
         steps = self.solution.steps
         counts = np.ones(len(steps), dtype=np.intp)
-        counts[divided] = self.solution.method.parts
+        counts[divided] = self.solution.method.subdivisions
         index = np.repeat(np.arange(len(steps)), counts)
         part = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
         start, end = np.array([(step.t, step.until) for step in steps]).T

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.configuration_space import JointSpace
 from pinarm.engine.dynamics.parallel import Parallel
-from pinarm.engine.integration.integrator import SAME, Acceleration, Accelerations, Energy, Flat, Manifold
+from pinarm.engine.integration.integrator import BATCH_ROUNDING, Acceleration, Accelerations, Energy, Flat, Manifold
 from pinarm.errors import InputError
 from pinarm.mechanics.forces import ForceElement, summed
 from pinarm.mechanics.laws.motion_law import Grid
@@ -130,7 +130,7 @@ class Dynamics:
         for row in checked:
             exact = pin.aba(self.model, self.data, q[row], v[row], tau[row])
             apart = a[row] - exact
-            if not apart @ apart <= SAME**2 * (exact @ exact):
+            if not apart @ apart <= BATCH_ROUNDING**2 * (exact @ exact):
                 return np.array([pin.aba(self.model, self.data, *each) for each in zip(q, v, tau, strict=True)])
         return a
 

@@ -15,7 +15,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.equation import Dynamics
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.events import Watch
-from pinarm.engine.integration.integrator import Interval, Method, Passes, Solution
+from pinarm.engine.integration.integrator import Interval, Method, Solution, StepsOver
 from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.motion.end_stops import RESTING, Bound, Contacts
@@ -140,20 +140,20 @@ class Journey:
             q: Configurations, shape (b, nq), assembled.
             v: Velocities, shape (b, nv).
         """
-        from pinarm.engine.integration.batch_driver import advance
+        from pinarm.engine.integration.batch_driver import integrate_batch
 
         system, intervals, pair = self.system(), self._intervals, self.method.pair
         if pair is None or not self.together:
             return None
         watches = [_of_mechanism(one, system) for _, one in self._watched(frozenset(), q[0], v[0])]
-        return advance(
+        return integrate_batch(
             intervals,
             system.manifold,
             *system.part(q, v),
             pair,
             max_steps=self.max_steps,
             watches=watches,
-            passes=self._passes(system),
+            steps_over=self._steps_over(system),
         )
 
     def events(self, crossings: Sequence[Crossing]) -> list[Happening]:
@@ -198,9 +198,9 @@ class Journey:
         watches = [_of_mechanism(one, system) for _, one in watched]
         steps = self.max_steps - int(sum(course.cost()[name] for name in ("steps", "rejected steps")))
         method = self.method if system.manifold.nv else FixedStep(self.time[1] - self.time[0])
-        given, passes = (intervals, system.manifold, *system.part(q, v), method), self._passes(system)
+        given, steps_over = (intervals, system.manifold, *system.part(q, v), method), self._steps_over(system)
         try:
-            solution = ahead() if ahead else integrate(*given, max_steps=steps, watches=watches, passes=passes)
+            solution = ahead() if ahead else integrate(*given, max_steps=steps, watches=watches, steps_over=steps_over)
         except (IntegrationError, Interrupted) as error:
             if error.partial.steps:
                 course.legs.append(Leg(system, error.partial))
@@ -232,15 +232,15 @@ class Journey:
             error.data["q"], error.data["v"] = (x[0] for x in system.whole(*state))
             error.message += f", with {format_configuration(self.dynamics.model, error.data['q'])}"
 
-    def _passes(self, system: System) -> Passes | None:
+    def _steps_over(self, system: System) -> StepsOver | None:
         """Return whether a step in the integrated states may have gone past a piece of a load."""
         forces = [one for one in self.dynamics.forces.values() if one.in_pieces]
 
-        def passes(t: Array, q: Array, v: Array) -> bool:
+        def steps_over(t: Array, q: Array, v: Array) -> bool:
             whole = system.whole(t, q, v)
             return any(one.passed(*whole) for one in forces)
 
-        return passes if forces else None
+        return steps_over if forces else None
 
     def _watched(self, held: Held, q: Array, v: Array) -> list[tuple[str | int, Watch]]:
         """Return the events, free stops by their index, and those rested on by its complement.

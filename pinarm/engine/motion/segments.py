@@ -93,6 +93,6 @@ class Course:
         local = [self.dynamics.on(interval.start, interval.end) for interval in leg.solution.intervals]
         return Account(leg.solution, local, leg.system.whole)
 
-    def doubts(self) -> list[str]:
+    def diagnose(self) -> list[str]:
         """Return what says that the integrator was a poor choice."""
-        return list(dict.fromkeys(doubt for leg in self.legs for doubt in leg.solution.method.doubts(leg.solution)))
+        return list(dict.fromkeys(doubt for leg in self.legs for doubt in leg.solution.method.diagnose(leg.solution)))
