@@ -27,7 +27,7 @@ def resolve_includes(text: str, path: Path, root: Path) -> str:
     model = ElementTree.fromstring(text)
     if model.tag != "mujoco":
         return text
-    known, size, waiting = {path.resolve()}, len(text), [model]
+    included, size, waiting = {path.resolve()}, len(text), [model]
     while waiting:
         parent = waiting.pop()
         for element in list(parent):
@@ -36,11 +36,11 @@ def resolve_includes(text: str, path: Path, root: Path) -> str:
                 continue
             name = element.get("file", "")
             file = contained_file(path.parent.absolute() / name, root)
-            if file in known:
+            if file in included:
                 raise ModelError(f"the file '{name}' is included twice", expected="each file once").at(
                     Location(str(path))
                 )
-            known.add(file)
+            included.add(file)
             content = read(file, name, MAX_BYTES - size)
             size += len(content)
             Survey.of(content, name)

@@ -38,14 +38,14 @@ def robots() -> dict[str, Path]:
         ModelError: The package is not installed.
     """
     folder = example_robot_data() / "robots"
-    found: dict[str, Path] = {}
+    files: dict[str, Path] = {}
     for file in sorted(folder.glob("*/*/*.urdf")):
-        found.setdefault(file.stem, file)
-        found.setdefault(file.stem.removesuffix("_robot"), file)
-    found.update({name: found[stem] for name, stem in NAMES.items() if stem in found})
+        files.setdefault(file.stem, file)
+        files.setdefault(file.stem.removesuffix("_robot"), file)
+    files.update({name: files[stem] for name, stem in NAMES.items() if stem in files})
     if (other := folder / "anymal_c_simple_description" / "urdf" / "anymal.urdf").is_file():
-        found["anymal_c"] = other  # its file is called like that of the older one
-    return found
+        files["anymal_c"] = other  # its file is called like that of the older one
+    return files
 
 
 def robot(name: str) -> Path:
@@ -54,12 +54,12 @@ def robot(name: str) -> Path:
     Raises:
         ModelError: There is none of that name; the message lists what there is.
     """
-    known = robots()
-    if name in known:
-        return known[name]
+    files = robots()
+    if name in files:
+        return files[name]
     if name in {file.stem for file in (example_robot_data() / "robots").glob("*/*/*.sdf")}:
         raise ModelError(f"the robot '{name}' has an SDF file only, which is not read", expected="URDF, xacro or MJCF")
-    expected, hint = choices(name, known, most=100)
+    expected, hint = choices(name, files, most=100)
     raise ModelError(f"there is no robot '{name}'", expected=f"a file, or {expected}", hint=hint)
 
 

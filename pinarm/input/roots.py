@@ -127,10 +127,10 @@ def contained_path(path: str | Path, root: Path, packages: Mapping[str, Path] = 
             expected=f"a path under {' or '.join(allowed)}",
             hint="copy the file there, put an empty .pinarm-root in a folder above both, or say --root DIR",
         )
-    found = Path(resolved)
+    file = Path(resolved)
     if (noted := _noted.get()) is not None:
-        noted.add(found)
-    return found
+        noted.add(file)
+    return file
 
 
 def _local(text: str, packages: Mapping[str, Path]) -> Path:

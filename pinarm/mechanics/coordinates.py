@@ -1,6 +1,6 @@
-"""Coordinates: numbers that describe a configuration, and on which a motion can be imposed.
+"""Coordinates: functions w(q) of the configuration on which a motion can be prescribed.
 
-Each gives its value w(q), its row J with ``w' = J v``, and its drift ``J' v``, so that ``w'' = J a + drift``.
+Each has a value w(q), a row J with ``w' = J v``, and a drift ``J' v``, so that ``w'' = J a + drift``.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Coordinate(Protocol):
         ...
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        """Return what forces along the coordinate, shape (n,), do to links from outside of their joints.
+        """Return the wrenches on links of efforts along the coordinate, shape (n,), other than joint efforts.
 
         Joint index -> [f; m] at the world's origin, world axes, shape (n, 6).
         """
@@ -58,7 +58,7 @@ class LinearCoordinate:
     Attributes:
         unit: Unit of its value.
         weights: Shape (nv,).
-        places: Index in q of every index in v, shape (nv,).
+        places: Index in q for every index in v, shape (nv,).
     """
 
     unit: Unit
@@ -68,11 +68,11 @@ class LinearCoordinate:
     @property
     def joint(self) -> int | None:
         """Index in v of the joint whose own coordinate it is; ``None`` of a sum."""
-        found = np.flatnonzero(self.weights)
-        return int(found[0]) if len(found) == 1 and self.weights[found[0]] == 1.0 else None
+        weighted = np.flatnonzero(self.weights)
+        return int(weighted[0]) if len(weighted) == 1 and self.weights[weighted[0]] == 1.0 else None
 
     def value(self, data: pin.Data, q: Array) -> float:
-        """Return the weighted sum."""
+        """Return ``sum_i weight_i q_i``."""
         return float(self.weights @ q[self.places])
 
     def row(self, model: pin.Model, data: pin.Data) -> Array:
@@ -84,7 +84,7 @@ class LinearCoordinate:
         return 0.0
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
-        """Return nothing: the efforts act between the links of the joints."""
+        """Return nothing: the efforts act as joint efforts."""
         return {}
 
 
@@ -125,7 +125,7 @@ class FrameCoordinate:
 class DistanceCoordinate:
     """Distance between the origins of two links: ``w = |d|``, ``d = p_2 - p_1``, ``w' = u . d'`` with ``u = d / w``.
 
-    The drift is ``u . d'' + (|d'|^2 - (u . d')^2) / w`` with d'' for a = 0. Where the points meet u is any direction.
+    The drift is ``u . d'' + (|d'|^2 - (u . d')^2) / w`` with d'' for a = 0. Where they coincide, u is arbitrary.
 
     Attributes:
         first: Index of the first frame.
@@ -143,14 +143,14 @@ class DistanceCoordinate:
 
     def row(self, model: pin.Model, data: pin.Data) -> Array:
         """Return u . (J_2 - J_1)."""
-        one, two = (
+        first, second = (
             pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)[:3]
             for frame in (self.first, self.second)
         )
-        return np.asarray(direction(self._apart(data)) @ (two - one))
+        return np.asarray(direction(self._apart(data)) @ (second - first))
 
     def drift(self, model: pin.Model, data: pin.Data) -> float:
-        """Return the drift."""
+        """Return u . d'' + (|d'|^2 - (u . d')^2) / w with d'' for a = 0."""
         world, frames = pin.LOCAL_WORLD_ALIGNED, (self.first, self.second)
         v1, v2 = (pin.getFrameVelocity(model, data, frame, world).linear for frame in frames)
         a1, a2 = (pin.getFrameClassicalAcceleration(model, data, frame, world).linear for frame in frames)
@@ -196,7 +196,7 @@ class RotationCoordinate:
         return np.asarray(pin.Jlog3(data.oMf[self.frame].rotation)[self.component] @ jacobian)
 
     def drift(self, model: pin.Model, data: pin.Data) -> float:
-        """Return the drift."""
+        """Return component k of B alpha + B' omega, with alpha for a = 0."""
         turn = data.oMf[self.frame].rotation
         omega = pin.getFrameVelocity(model, data, self.frame, pin.LOCAL).angular
         alpha = pin.getFrameAcceleration(model, data, self.frame, pin.LOCAL).angular
@@ -214,7 +214,7 @@ class RotationCoordinate:
 
 
 def pull(links: LinkPlacements, frame: int, force: Array) -> dict[int, Array]:
-    """Return forces at a frame's origin, shape (n, 3), as what they do to its link.
+    """Return forces at a frame's origin, shape (n, 3), as wrenches on its link.
 
     Joint index -> [f; m] at the world's origin, world axes, shape (n, 6).
     """
@@ -223,7 +223,10 @@ def pull(links: LinkPlacements, frame: int, force: Array) -> dict[int, Array]:
 
 
 def rate_of_b(w: Array, rate: Array) -> Array:
-    """Return B' for a rotation vector and its rate; near 0 by the series ``c = 1/12 + theta^2/720``."""
+    """Return B' for a rotation vector w and its rate: ``[w']/2 + c' W^2 + c (W' W + W W')``, shape (3, 3).
+
+    Near 0 by the series ``c = 1/12 + theta^2/720``.
+    """
     theta2 = float(w @ w)
     theta = theta2**0.5
     if theta < 1e-2:  # the series' next term is theta^4 / 30240: below rounding here
@@ -243,11 +246,11 @@ class AngleSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
     of: Annotated[list[str], msgspec.Meta(min_length=1)]
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
-        """Return the coordinate of one model."""
+        """Return the coordinate for a model."""
         with within("of"):
-            found = sum_of(model, joints, self.of)
+            coordinate = sum_of(model, joints, self.of)
             check_parallel(model, {name: joints[name].v for name in self.of})
-            return found
+            return coordinate
 
 
 class PointCoordinate(InputStruct, frozen=True, tag_field="kind", tag="point"):
@@ -262,7 +265,7 @@ class PointCoordinate(InputStruct, frozen=True, tag_field="kind", tag="point"):
     along: Direction
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
-        """Return the coordinate of one model."""
+        """Return the coordinate for a model."""
         with within("along"):
             axis = unit_vector(self.along)
         with within("point"):
@@ -275,7 +278,7 @@ class Distance(InputStruct, frozen=True, tag_field="kind", tag="distance"):
     between: tuple[str, str]
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
-        """Return the coordinate of one model."""
+        """Return the coordinate for a model."""
         return DistanceCoordinate(*frames_of(model, self.between))
 
 
@@ -290,7 +293,7 @@ class Rotation(InputStruct, frozen=True, tag_field="kind", tag="rotation"):
     about: Literal["x", "y", "z"]
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
-        """Return the coordinate of one model."""
+        """Return the coordinate for a model."""
         with within("body"):
             return RotationCoordinate(frame_of(model, self.body), "xyz".index(self.about))
 
@@ -300,7 +303,7 @@ CoordinateDefinition = AngleSum | PointCoordinate | Distance | Rotation
 
 
 def sum_of(model: pin.Model, joints: Mapping[str, Joint], names: Sequence[str]) -> LinearCoordinate:
-    """Return the sum of the coordinates of the named joints.
+    """Return the sum of the coordinates of joints.
 
     Raises:
         InputError: A joint is unknown, or angles and lengths are mixed.
@@ -320,16 +323,18 @@ def sum_of(model: pin.Model, joints: Mapping[str, Joint], names: Sequence[str]) 
 def coordinates_of(
     model: pin.Model, joints: Mapping[str, Joint], definitions: Mapping[str, Any], known: Container[str] = ()
 ) -> dict[str, Coordinate]:
-    """Return every coordinate by name: those of the joints, then the defined ones, which are none of the known.
+    """Return every coordinate by name: those of the joints, then those defined in the file.
+
+    ``known`` are further names that are taken.
 
     Raises:
         InputError: A definition takes the name of a joint, or names something that does not exist.
     """
-    found: dict[str, Coordinate] = {name: sum_of(model, joints, [name]) for name in joints}
+    coordinates: dict[str, Coordinate] = {name: sum_of(model, joints, [name]) for name in joints}
     for name, definition in definitions.items():
         with within(Key(name)):
             if name in joints or name in known:
                 raise InputError(f"the coordinate '{name}' has the name of a joint", expected="a name of its own")
         with within(name):
-            found[name] = definition.bind(model, joints)
-    return found
+            coordinates[name] = definition.bind(model, joints)
+    return coordinates

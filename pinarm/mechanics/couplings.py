@@ -27,8 +27,8 @@ class Coupling:
         kind: Its kind, as files call it.
         coordinate: The weighted sum of joint coordinates.
         constant: c, its value at all times.
-        follower: Index in v of the joint that mimics the other one and has no drive of its own; ``None`` where either
-            may be driven.
+        follower: Index in v of the joint that mimics the other one and has no drive; ``None`` where either may be
+            driven.
     """
 
     name: str
@@ -43,19 +43,19 @@ class Coupling:
         return self.coordinate.unit
 
     def gap(self, data: pin.Data, q: Array) -> Array:
-        """Return by how much the sum differs from its constant, shape (1,)."""
+        """Return ``sum_i w_i q_i - c``, shape (1,)."""
         return np.array([self.coordinate.value(data, q) - self.constant])
 
     def rows(self, model: pin.Model, data: pin.Data) -> Array:
-        """Return the weights, shape (1, nv)."""
+        """Return the row of G: the weights, shape (1, nv)."""
         return self.coordinate.weights[None]
 
     def drift(self, model: pin.Model, data: pin.Data) -> Array:
-        """Return 0."""
+        """Return ``G' v = 0``, shape (1,)."""
         return np.zeros(1)
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
-        """Return nothing: the efforts act between the links of the coupled joints."""
+        """Return nothing: the multipliers act as efforts at the coupled joints, not as wrenches on links."""
         return {}
 
 
@@ -75,22 +75,26 @@ class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
     offset: AnyQuantity = 0.0
 
     def check(self) -> None:
-        """Refuse ratios that couple nothing."""
+        """Refuse a ratio of 0 or infinity."""
         if not 0.0 < abs(self.ratio) < np.inf:
-            raise InputError(f"a coupling of ratio {self.ratio:g} cannot be", expected="a finite number other than 0")
+            raise InputError(f"the ratio of a gear cannot be {self.ratio:g}", expected="a finite number other than 0")
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
-        """Return the coupling of one model.
+        """Return the coupling for a model.
 
         Raises:
             InputError: A joint is unknown, or the joints are of different kinds.
         """
-        one, two = (joint_of(joints, joint) for joint in self.joints)
-        if one.unit != two.unit:
-            raise InputError(f"{one.name} and {two.name} do not measure alike", hint="kind: screw, with a lead")
+        first, second = (joint_of(joints, joint) for joint in self.joints)
+        if first.unit != second.unit:
+            raise InputError(
+                f"a gear couples joints of one kind: {first.name} has {first.unit}, {second.name} {second.unit}",
+                expected="two revolute or two prismatic joints",
+                hint="kind: screw, with a lead",
+            )
         if isinstance(self.offset, Measured):
-            self.offset.check(two.unit)
-        return _coupled(joints, model, name, "gear", (one, two), float(self.ratio), float(self.offset))
+            self.offset.check(second.unit)
+        return _coupled(joints, model, name, "gear", (first, second), float(self.ratio), float(self.offset))
 
 
 class Screw(InputStruct, frozen=True, tag_field="kind", tag="screw"):
@@ -107,7 +111,7 @@ class Screw(InputStruct, frozen=True, tag_field="kind", tag="screw"):
     offset: Lead = 0.0
 
     def check(self) -> None:
-        """Refuse a lead that couples nothing."""
+        """Refuse a lead of 0."""
         if self.lead == 0.0:
             raise InputError("a screw without a lead couples nothing", expected="a length other than 0")
 
@@ -115,19 +119,20 @@ class Screw(InputStruct, frozen=True, tag_field="kind", tag="screw"):
         """Return the coupling of one model.
 
         Raises:
-            InputError: A joint is unknown, or the first does not turn or the second not slide.
+            InputError: A joint is unknown, the first is not revolute, or the second not prismatic.
         """
         turns, slides = (joint_of(joints, joint) for joint in self.joints)
         if (turns.unit, slides.unit) != (RADIAN, METRE):
             raise InputError(
-                f"a screw turns one joint and slides the other; {turns.name} and {slides.name} do not",
+                f"a screw couples a revolute to a prismatic joint: {turns.name} has {turns.unit}, "
+                f"{slides.name} {slides.unit}",
                 expected="a revolute and a prismatic joint, in this order",
             )
         return _coupled(joints, model, name, "screw", (turns, slides), self.lead / (2.0 * np.pi), float(self.offset))
 
 
 def mimic_coupling(mimic: Mimic, joints: Mapping[str, Joint], model: pin.Model) -> Coupling:
-    """Return the coupling of a joint that, as its model says, mimics another one."""
+    """Return the coupling of a joint that mimics another one in the model file."""
     leader, follower = joint_of(joints, mimic.of), joint_of(joints, mimic.joint)
     name = f"{follower.name} mimics {leader.name}"
     coupled = _coupled(joints, model, name, "mimic", (leader, follower), mimic.multiplier, mimic.offset)
@@ -138,18 +143,19 @@ def _coupled(
     joints: Mapping[str, Joint], model: pin.Model, name: str, kind: str, pair: tuple[Joint, Joint], ratio: float,
     offset: float,
 ) -> Coupling:  # fmt: skip
-    one, two = pair
-    if one.name == two.name:
-        raise InputError(f"the joint {one.name} cannot be coupled to itself", expected="two joints")
-    second = sum_of(model, joints, [two.name])
-    weights = second.weights.copy()
-    weights[one.v] = -ratio
-    return Coupling(name, kind, LinearCoordinate(two.unit, weights, second.places), offset)
+    """Return the coupling ``q2 - ratio q1 = offset`` of a pair of joints."""
+    first, second = pair
+    if first.name == second.name:
+        raise InputError(f"the joint {first.name} cannot be coupled to itself", expected="two joints")
+    coordinate = sum_of(model, joints, [second.name])
+    weights = coordinate.weights.copy()
+    weights[first.v] = -ratio
+    return Coupling(name, kind, LinearCoordinate(second.unit, weights, coordinate.places), offset)
 
 
 def independent(couplings: Sequence[Coupling]) -> bool:
-    """Tell whether none of the couplings repeats or contradicts what the others say, as the third of a train does."""
-    rows = np.array([one.coordinate.weights for one in couplings])
+    """Return whether the rows of the couplings are linearly independent; a third gear pair in a train repeats two."""
+    rows = np.array([coupling.coordinate.weights for coupling in couplings])
     return not couplings or int(np.linalg.matrix_rank(rows)) == len(rows)
 
 

@@ -1,4 +1,4 @@
-"""The mechanism file: what is said beside the URDF, because URDF cannot say it."""
+"""The mechanism file: the properties of a mechanism that its model file does not contain."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ STANDARD_GRAVITY = 9.81
 
 
 class Gravity(InputStruct, frozen=True):
-    """A uniform field.
+    """A uniform gravity field.
 
     Attributes:
-        direction: Where things fall, an axis of the world.
-        magnitude: [m/s^2].
+        direction: Direction of the field, a world axis.
+        magnitude: Gravitational acceleration [m/s^2].
     """
 
     direction: Axis = "-z"
@@ -39,11 +39,11 @@ class Gravity(InputStruct, frozen=True):
 
 
 def gravity_vector(gravity: Gravity | Literal["none"] | None, otherwise: Array | None) -> Array:
-    """Return the gravity of a mechanism [m/s^2], world axes, shape (3,).
+    """Return the gravity field of a mechanism [m/s^2], world axes, shape (3,).
 
     Args:
-        gravity: What its file says.
-        otherwise: What its model says.
+        gravity: Entry of the mechanism file.
+        otherwise: Gravity field of the model file.
     """
     if gravity is None:
         return Gravity().vector() if otherwise is None else otherwise

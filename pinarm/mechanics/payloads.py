@@ -53,8 +53,8 @@ def with_payloads(model: pin.Model, payloads: Iterable[Payload]) -> pin.Model:
         with within("point"):
             frame = loaded.frames[frame_of(loaded, payload.point)]
             if frame.parentJoint == 0:
-                said = f"the link '{payload.point}' does not move: a payload on it changes nothing"
-                raise InputError(said, expected="a moving link")
+                message = f"the link '{payload.point}' does not move: a payload on it changes nothing"
+                raise InputError(message, expected="a moving link")
         carried = pin.Inertia(float(payload.mass), np.zeros(3), np.diag(np.array(payload.inertia, float)))
         loaded.inertias[frame.parentJoint] += frame.placement.act(carried)
     return loaded

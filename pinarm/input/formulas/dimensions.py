@@ -110,12 +110,12 @@ def _folded(symbol: str, left: Fraction, right: Fraction) -> tuple[Fraction] | N
 
 def same(measures: Measures) -> Measure:
     """Return the measure that all share: of sums, minima, ..."""
-    known = [measure.unit for measure in measures if measure.unit is not None and measure.value != 0]
-    for unit in known[1:]:
-        if unit.dimension != known[0].dimension:
-            raise UnitError(f"[{known[0]}] and [{unit}] do not go together", expected="quantities of one dimension")
+    units = [measure.unit for measure in measures if measure.unit is not None and measure.value != 0]
+    for unit in units[1:]:
+        if unit.dimension != units[0].dimension:
+            raise UnitError(f"[{units[0]}] and [{unit}] do not go together", expected="quantities of one dimension")
     unknown = any(measure.unit is None for measure in measures)
-    return Measure(known[0]) if known else _UNKNOWN if unknown else Measure(DIMENSIONLESS, Fraction(0))
+    return Measure(units[0]) if units else _UNKNOWN if unknown else Measure(DIMENSIONLESS, Fraction(0))
 
 
 def ratio(measures: Measures) -> Measure:

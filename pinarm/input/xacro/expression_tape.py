@@ -119,9 +119,9 @@ class Tape:
         """Turn text into the number that it is, as xacro does with properties."""
         if not isinstance(value, str) or OPEN not in value:
             return plain(value)
-        found = self.record(plain, value)
-        bool(self.record(_is_text, found))
-        return found
+        number = self.record(plain, value)
+        bool(self.record(_is_text, number))
+        return number
 
     def run(self, numbers: Sequence[Number]) -> list[Any] | None:
         """Return all registers for other numbers; ``None`` where the program does not hold for them."""
@@ -149,8 +149,8 @@ class _Recorder:
     def name(self, name: str) -> Any:
         if register := _NAMED.fullmatch(name):
             return Traced(self.tape, int(register[1]))
-        found = self.plain.names.get(name)
-        return found if isinstance(found, Traced) else self.plain.name(name)
+        value = self.plain.names.get(name)
+        return value if isinstance(value, Traced) else self.plain.name(name)
 
     def unary(self, symbol: str, operand: Any) -> Any:
         return self.tape.record(partial(self.plain.unary, symbol), operand)

@@ -127,8 +127,8 @@ class Document:
         path = (*path, node)
         made = {path[:k]: option for k in range(1, len(path))}
         places, keys = (
-            made | {at: place for at, place in known.items() if at[: len(path)] != path} | {path: option}
-            for known in (self.places, self.keys)
+            made | {at: place for at, place in locations.items() if at[: len(path)] != path} | {path: option}
+            for locations in (self.places, self.keys)
         )
         return replace(self, data=copied, places=places, keys=keys)
 
@@ -142,8 +142,8 @@ class Document:
     def part(self, key: str) -> Document:
         """Return what stands below a key, as a document of its own."""
         places, keys = (
-            {path[1:]: place for path, place in known.items() if path[:1] == (key,)}
-            for known in (self.places, self.keys)
+            {path[1:]: place for path, place in locations.items() if path[:1] == (key,)}
+            for locations in (self.places, self.keys)
         )
         return replace(self, data=self.data[key], places=places, keys=keys)
 
@@ -201,8 +201,8 @@ def _merged(data: Any, changes: Any, place: Location) -> Any:
     merged = data.copy()
     for key, value in changes.items():
         step: Any = _step(data, key, place, create=False)
-        found = data.get(step) if isinstance(data, dict) else data[step]
-        merged[step] = _merged(found, value, place)
+        old = data.get(step) if isinstance(data, dict) else data[step]
+        merged[step] = _merged(old, value, place)
     return merged
 
 

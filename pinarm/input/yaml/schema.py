@@ -130,9 +130,9 @@ class InputStruct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if current_folder() is None:
             for field in _fields(type(self)):
                 given = getattr(self, field.name)
-                held = hold(given, field)
-                if held is not given:
-                    msgspec.structs.force_setattr(self, field.name, held)
+                value = hold(given, field)
+                if value is not given:
+                    msgspec.structs.force_setattr(self, field.name, value)
         self.check()
 
     def check(self) -> None:
@@ -151,8 +151,8 @@ def hold(value: object, field: msgspec.structs.FieldInfo) -> object:
     except msgspec.ValidationError as error:
         cause = error.__cause__
         if isinstance(cause, PinarmError):
-            said = f"{field.encode_name}: {cause.message}"
-            raise type(cause)(said, expected=cause.expected, hint=cause.hint, location=cause.location) from None
+            message = f"{field.encode_name}: {cause.message}"
+            raise type(cause)(message, expected=cause.expected, hint=cause.hint, location=cause.location) from None
         raise InputError(f"{field.encode_name}: {error}".replace("`", "")) from None
 
 
@@ -192,12 +192,12 @@ def check_each(values: Sequence[float], *expected: Unit) -> None:
 @cache
 def measured_fields(model: type[InputStruct]) -> dict[str, type[Measured]]:
     """Return the fields of a class that hold one quantity each, with what is expected of them."""
-    found = {}
+    fields = {}
     for field in _fields(model):
         for kind in _members(field.type):
             if isinstance(kind, type) and issubclass(kind, Measured):
-                found[field.name] = kind
-    return found
+                fields[field.name] = kind
+    return fields
 
 
 def _members(annotation: Any) -> tuple[Any, ...]:

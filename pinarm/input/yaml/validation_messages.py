@@ -57,16 +57,16 @@ def explain(error: msgspec.ValidationError, data: Any, path: Keys, model: type[I
         mistake = type(cause)(cause.message, expected=cause.expected, hint=cause.hint, location=cause.location)
         mistake.path = cause.path
         return mistake
-    if found := re.fullmatch(r"Object contains unknown field `(.*)`", message, re.DOTALL):
-        expected, hint = choices(found[1], _keys(model, data, path), most=40)
-        return InputError(f"unknown key '{found[1]}'", expected=expected, hint=hint)
-    if found := re.fullmatch(r"Object missing required field `(.*)`", message):
-        what = ": it says which kind this is" if found[1] in _tags(model, data, path) else ""
-        return InputError(f"the key '{found[1]}' is missing{what}")
-    if found := re.fullmatch(r"Invalid (?:enum )?value (.*)", message, re.DOTALL):
+    if match := re.fullmatch(r"Object contains unknown field `(.*)`", message, re.DOTALL):
+        expected, hint = choices(match[1], _keys(model, data, path), most=40)
+        return InputError(f"unknown key '{match[1]}'", expected=expected, hint=hint)
+    if match := re.fullmatch(r"Object missing required field `(.*)`", message):
+        what = ": it says which kind this is" if match[1] in _tags(model, data, path) else ""
+        return InputError(f"the key '{match[1]}' is missing{what}")
+    if match := re.fullmatch(r"Invalid (?:enum )?value (.*)", message, re.DOTALL):
         names = _values(model, data, path)
-        expected, hint = choices(found[1].strip("'"), names, most=40)
-        return InputError(f"unknown {path[-1] if path else 'value'} {found[1]}", expected=expected, hint=hint)
+        expected, hint = choices(match[1].strip("'"), names, most=40)
+        return InputError(f"unknown {path[-1] if path else 'value'} {match[1]}", expected=expected, hint=hint)
     wanted, _, found_kind = message.removeprefix("Expected ").partition(", got ")
     shown = _at(data, list(path))
     expected, what = _in_words(wanted), _in_words(found_kind) or repr(shown)[:40]
@@ -83,8 +83,8 @@ def _in_words(kinds: str) -> str:
 
 def unknown_key(error: msgspec.ValidationError) -> tuple[str, ...]:
     """Return the key that an error is about, as a path of one step; empty where it is about a value."""
-    found = re.match(r"Object contains unknown field `(.*?)`( - at|$)", str(error), re.DOTALL)
-    return (found[1],) if found else ()
+    match = re.match(r"Object contains unknown field `(.*?)`( - at|$)", str(error), re.DOTALL)
+    return (match[1],) if match else ()
 
 
 def _kinds(annotation: Any, data: Any, path: Keys) -> Iterator[Any]:

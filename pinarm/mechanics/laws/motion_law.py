@@ -1,7 +1,7 @@
-"""Laws of motion: a value with its first and second derivative, exact, over time or over a coordinate.
+"""Laws of motion: a value s with its exact first and second derivatives, over time or over a coordinate.
 
 A law is a sequence of smooth pieces. At a jump of any derivative each side has its own piece, valid up to and including
-the instant of the jump, so that "just before" and "just after" are both well-defined numbers.
+the instant of the jump, so that the values just before and just after it are both defined.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, check_unit, measured_fields
 
 FILE_KEYS = {"start": "from", "end": "to"}
-"""Keys of files that are words of Python."""
+"""Field -> key in files, where the key is a Python keyword or would shadow one of its meanings."""
 
 Values = tuple[Array, Array, Array]
 """s, s' and s'' at the same instants, each of shape (n,)."""
@@ -30,10 +30,10 @@ Values = tuple[Array, Array, Array]
 SECOND = unit("s")
 
 ROUNDING = 1e-12
-"""Instants that differ by less, relative to the duration, are one instant."""
+"""Difference of instants, relative to the duration, below which they are the same instant."""
 
 JUMP = 1e-9
-"""Two sides that differ by less, relative to the size of s, s' or s'', are one value, computed twice."""
+"""Difference of two sides, relative to the size of s, s' or s'', below which there is no jump."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,9 @@ class Piece:
     """A smooth interval of a law.
 
     Attributes:
-        start: First instant [s]; ``-inf`` where it has always been so.
+        start: First instant [s]; may be ``-inf``.
         end: Last instant [s].
-        function: Instants, shape (n,), to s, s', s''.
+        function: ``t -> s, s', s''``, each of shape (n,).
     """
 
     start: float
@@ -51,7 +51,7 @@ class Piece:
     function: Callable[[Array], Values]
 
     def size(self) -> Array:
-        """Return how large |s|, |s'| and |s''| become, roughly, shape (3,)."""
+        """Return estimates of the largest |s|, |s'| and |s''|, from 9 samples, shape (3,)."""
         ends = [end for end in (self.start, self.end) if math.isfinite(end)] or [0.0]
         return np.asarray(np.abs(np.array(self.function(np.linspace(ends[0], ends[-1], 9)))).max(axis=1))
 
@@ -77,15 +77,15 @@ def _horner(c: Array, x: Array) -> Array:
 
 
 class MotionLaw(InputStruct, frozen=True, dict=True):
-    """Base of the laws: their fields say which derivative of the coordinate they measure, ``pieces`` what they do."""
+    """Abstract law: the annotations of its fields give their units, ``pieces`` gives the law."""
 
     @abstractmethod
     def pieces(self) -> Sequence[Piece]:
-        """Return the smooth pieces, end to end, from ``-inf`` to ``inf``."""
+        """Return the smooth pieces in order, which together cover ``-inf`` to ``inf``."""
 
     @cached_property
     def smooth_pieces(self) -> Sequence[Piece]:
-        """The pieces, made once."""
+        """The pieces, computed once."""
         return self.pieces()
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
@@ -110,11 +110,11 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
         return [piece.start for piece in self.smooth_pieces[1:]]
 
     def jumps(self) -> list[float]:
-        """Return the breakpoints at which s, s' or s'' itself jumps, not only a higher derivative."""
+        """Return the breakpoints at which s, s' or s'' jumps, not only a higher derivative [s]."""
         return [t for t, jumping in self._jumping() if jumping.any()]
 
     def value_jumps(self) -> list[float]:
-        """Return the breakpoints at which s itself jumps: a load may, a position never."""
+        """Return the breakpoints at which s itself jumps [s]: allowed for a load, not for a position."""
         return [t for t, jumping in self._jumping() if jumping[0]]
 
     def _jumping(self) -> Iterator[tuple[float, Flags]]:
@@ -132,12 +132,12 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
             along: Unit of what the law runs along.
 
         Raises:
-            InputError: Says where the first one is.
+            InputError: Names the instant of the first one.
         """
         for t in self.value_jumps():
             raise InputError(
                 f"the value jumps at {t:.6g} {along}",
-                expected="a law without jumps: those are for loads over time",
+                expected="a law without jumps (only loads over time may jump)",
             )
 
     def on(self, start: float, end: float) -> Callable[[Array], Values]:
@@ -148,10 +148,10 @@ class MotionLaw(InputStruct, frozen=True, dict=True):
 
 @dataclass(frozen=True)
 class Grid:
-    """Instants at which a problem is solved, cut into intervals on which every law is one smooth piece.
+    """Instants at which a problem is solved, divided into intervals on which every law is one smooth piece.
 
-    An instant at which s, s' or s'' of a law jumps stands twice: as the end of one interval and as the start of the
-    next. Other cuts, where pieces meet smoothly, need no row of their own; an interval between them may have no row.
+    An instant at which s, s' or s'' of a law jumps has two rows: the end of one interval and the start of the next.
+    Other cuts, where pieces meet smoothly, have no row of their own; an interval between them may have no row.
 
     Attributes:
         t: Instants [s], or values of the coordinate swept, shape (n,).
@@ -170,7 +170,7 @@ class Grid:
         Args:
             t: Instants, shape (n,).
             laws: Their breakpoints cut the grid.
-            jumps: Further instants at which something jumps.
+            jumps: Further instants of jumps.
         """
         first, last = float(t[0]), float(t[-1])
         laws = list(laws)
@@ -211,7 +211,7 @@ class Grid:
 
 
 def _rows_between(t: Array, start: float, end: float, doubled: set[float], slack: float) -> Array:
-    """Return the instants of one interval: its ends where they stand twice, and what was asked for in between."""
+    """Return the rows of one interval: its ends where they have two rows, and the requested instants between them."""
     below = t < end - slack if end in doubled else t <= end + slack
     inside = t[(t > start + slack) & below]
     return np.concatenate([[start] if start in doubled else [], inside, [end] if end in doubled else []])
