@@ -17,22 +17,22 @@ NAMES = {
     "talos_full_box": "talos_full_v2_box", "ur3_limited": "ur3_joint_limited_robot", "ur3": "ur3_robot",
     "ur5_limited": "ur5_joint_limited_robot", "ur10_limited": "ur10_joint_limited_robot",
 }  # fmt: skip
-"""Names that the package's own loaders give, and the files they stand for, where these have another name."""
+"""Names in the package's own loaders -> file names, where these differ."""
 
 FLOATING = frozenset({
     "a1", "alexander", "anymal_b_simple", "anymal_c_simple", "b1", "bolt", "borinot", "cassie", "centauro", "g1", "go1",
     "go2", "hector", "hextilt", "human", "hyq", "icub", "iris", "laikago", "pr2", "quadruped", "romeo",
     "simple_humanoid", "so_arm", "solo", "talos_data",
 })  # fmt: skip
-"""Folders, without ``_description``, whose robots the package's own loaders give a free-flyer."""
+"""Folders, without ``_description``, whose robots have a free-flyer in the package's own loaders."""
 
 HELD = frozenset({"talos_left_arm"})
-"""Files in such folders whose robots stand on the ground."""
+"""Files in such folders whose robots are fixed to the ground."""
 
 
 @cache
 def robots() -> dict[str, Path]:
-    """Return the model files by name: the file's own, also without ``_robot`` at its end, and the loaders' names.
+    """Return the model files by name: that of the file, with and without ``_robot`` at its end, and that of the loader.
 
     Raises:
         ModelError: The package is not installed.
@@ -44,7 +44,7 @@ def robots() -> dict[str, Path]:
         files.setdefault(file.stem.removesuffix("_robot"), file)
     files.update({name: files[stem] for name, stem in NAMES.items() if stem in files})
     if (other := folder / "anymal_c_simple_description" / "urdf" / "anymal.urdf").is_file():
-        files["anymal_c"] = other  # its file is called like that of the older one
+        files["anymal_c"] = other  # its file has the same name as that of the older robot
     return files
 
 
@@ -52,7 +52,7 @@ def robot(name: str) -> Path:
     """Return the model file of a robot.
 
     Raises:
-        ModelError: There is none of that name; the message lists what there is.
+        ModelError: There is no robot of that name; the message lists the names.
     """
     files = robots()
     if name in files:
@@ -64,6 +64,6 @@ def robot(name: str) -> Path:
 
 
 def is_floating(file: Path) -> bool:
-    """Tell whether the robot of a model file of the package moves freely: stands on legs, or flies."""
+    """Return whether the robot of a model file of the package has a floating base: a legged or flying robot."""
     folder = file.parents[1].name.removesuffix("_description")
     return folder in FLOATING and file.stem not in HELD

@@ -187,7 +187,7 @@ def test_packages(tmp_path: Path) -> None:
         ('<xacro:include filename="broken.xacro"/>', r"broken.xacro:4:3: this is not XML: mismatched tag"),
         ("<a>\n<b>\n</a>", r"model.urdf.xacro:5:3: this is not XML: mismatched tag"),
         ("<a:b/>", "not XML|unbound"),
-        ("<x v='${1 +}'/>", r":3:7: this is no formula"),
+        ("<x v='${1 +}'/>", r":3:7: this is not a formula"),
         ("<x v='${1'/>", r":3:7: a brace is not closed"),
         ("<x v='$(arg none)'/>", r":3:7: unknown argument 'none'"),
         ("<xacro:insert_block name='b'/>", r':3:1: Undefined block "b"'),

@@ -1,9 +1,9 @@
-"""From a URDF or xacro file to plain URDF text, for files from strangers.
+"""From a URDF or xacro file to plain URDF text, safe for untrusted files.
 
-xacro evaluates Python, reads any file and can be made to run for ever. So a private copy of it is loaded, beside the
-one a user may import, and while a file is expanded the functions of that copy that evaluate, read or recurse are ours:
-expressions are the checked arithmetic of ``scalars``, only ``$(arg NAME)`` and ``$(find PACKAGE)`` are substituted,
-included files lie under the root, and every step counts against a budget. Honest files come out as xacro gives them.
+xacro evaluates Python, reads any file and can be made to run for ever. So a private copy of it is loaded, separate from
+the one a user may import, in which the functions that evaluate, read or recurse are replaced while a file is expanded:
+expressions are the checked arithmetic of ``arithmetic``, only ``$(arg NAME)`` and ``$(find PACKAGE)`` are substituted,
+included files lie under the root, and every step counts against a budget. Other files expand as with xacro.
 """
 
 from __future__ import annotations
