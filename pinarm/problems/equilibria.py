@@ -21,7 +21,7 @@ from pinarm.engine.statics.actuation import actuation
 from pinarm.engine.statics.equilibrium import Balance, Equilibrium
 from pinarm.errors import AssemblyError, InputError, Key, Place
 from pinarm.input.units import Unit, unit
-from pinarm.input.yaml.schema import Level, Model
+from pinarm.input.yaml.schema import InputStruct, Level
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Constant
@@ -32,7 +32,7 @@ from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import bind_constant_loads, schema_row
 
 
-class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
+class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
     """Configurations at rest at which the generalised force of weights and loads vanishes; drives give none.
 
     With the potential energy U the force is ``f = -dU/dq``, the stiffness ``K = -df/dq``, and small motions about an

@@ -434,11 +434,11 @@ def test_what_is_refused(arm, case):
 
 
 def test_a_law_is_refused_even_in_the_mechanism_itself(mechanism, chain):
-    shaken = mechanism(chain(BOB), forces={"t": {"kind": "joint_effort", "joint": "bob", "effort":
+    perturbed = mechanism(chain(BOB), forces={"t": {"kind": "joint_effort", "joint": "bob", "effort":
                        {"law": "harmonic", "amplitude": "1 N*m", "pulsation": "2 rad/s"}}})  # fmt: skip
-    assert isinstance(shaken.forces["t"].laws()[0], Harmonic)
+    assert isinstance(perturbed.forces["t"].laws()[0], Harmonic)
     with pytest.raises(InputError, match="no value at rest"):
-        solve(shaken, [{}])
+        solve(perturbed, [{}])
 
 
 def test_joints_with_several_coordinates_are_refused(mechanism, chain):

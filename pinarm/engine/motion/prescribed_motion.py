@@ -86,7 +86,7 @@ class PrescribedMotion:
 
     Attributes:
         prescription: What is imposed.
-        cuts: Bounds of the stretches between jumps.
+        cuts: Bounds of the intervals between jumps.
         t: Values of the parameter at which it has been solved, shape (n,).
         q: Configurations there, shape (n, nq): they tell the branch in their neighbourhood.
     """

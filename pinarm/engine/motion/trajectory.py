@@ -52,7 +52,7 @@ class Trajectory:
         mechanism: What moves.
         parameter: Name of what runs along the rows: ``t``, the coordinate that is swept, or ``row`` for their number.
         unit: Unit of the parameter.
-        grid: Its values, with the stretches between jumps.
+        grid: Its values, with the intervals between jumps.
         q: Configurations, shape (n, nq).
         v: Velocities, shape (n, nv).
         a: Accelerations, shape (n, nv).
@@ -114,18 +114,18 @@ class Trajectory:
         further = {name: replace(series, values=series.values[rows]) for name, series in self.further.items()}
         return replace(self, grid=grid, q=q, v=v, a=a, tau=tau, lam=self.lam.some(rows), further=further)
 
-    def stretches(self) -> list[tuple[slice, Dynamics]]:
+    def intervals(self) -> list[tuple[slice, Dynamics]]:
         """Return the rows between jumps, each with the dynamics that holds there."""
         return parts(self.dynamics, self.grid)
 
     def gather(self, value: Callable[[Dynamics, slice], Array]) -> Array:
-        """Return an array over all rows from a function of the dynamics on each stretch and its rows."""
-        return np.concatenate([value(dynamics, rows) for rows, dynamics in self.stretches()])
+        """Return an array over all rows from a function of the dynamics on each interval and its rows."""
+        return np.concatenate([value(dynamics, rows) for rows, dynamics in self.intervals()])
 
     def direction(self, index: int) -> Array:
         """Return the sign of a joint's motion at every row, shape (n,).
 
-        At standstill it is that of the motion about to begin, at the end of a stretch that of the motion just ended,
+        At standstill it is that of the motion about to begin, at the end of an interval that of the motion just ended,
         and 0 at rest. Of a state that is no part of a motion it is that of the motion about to begin.
         """
         v, a = self.v[:, index], self.a[:, index]

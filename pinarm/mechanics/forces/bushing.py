@@ -19,7 +19,7 @@ from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import (
     AnyQuantity,
     Damping,
-    Model,
+    InputStruct,
     RotationDamping,
     RotationStiffness,
     Stiffness,
@@ -211,7 +211,7 @@ def _rows(values: Array) -> Array:
     return values.reshape(-1, values.shape[-1])
 
 
-class SpringRates(Model, frozen=True):
+class SpringRates(InputStruct, frozen=True):
     """The stiffness of a bushing: a symmetric matrix of six rows.
 
     Attributes:
@@ -229,7 +229,7 @@ class SpringRates(Model, frozen=True):
         _matrix(self, DIMENSIONLESS)
 
 
-class DampingRates(Model, frozen=True):
+class DampingRates(InputStruct, frozen=True):
     """The damping of a bushing: a symmetric matrix of six rows.
 
     Attributes:
@@ -247,7 +247,7 @@ class DampingRates(Model, frozen=True):
         _matrix(self, unit("s"))
 
 
-class Bushing(Model, frozen=True, tag_field="kind", tag="bushing"):
+class Bushing(InputStruct, frozen=True, tag_field="kind", tag="bushing"):
     """Stiffness and damping in six directions between the frames of two links, free where they coincide.
 
     With the axes halfway between the two frames, d the displacement of the second from the first along them, and phi

@@ -63,7 +63,7 @@ class ForceElement(ABC):
         return []
 
     def on(self, start: float, end: float) -> ForceElement:
-        """Return the element as it is on a stretch of time in which no law jumps."""
+        """Return the element as it is on an interval of time in which no law jumps."""
         return self
 
     @property

@@ -246,7 +246,7 @@ class RestoredMotion:
     Attributes:
         part: The part.
         motion: Its motion.
-        cuts: Bounds of the stretches between jumps.
+        cuts: Bounds of the intervals between jumps.
     """
 
     part: ReducedMechanism
@@ -313,7 +313,7 @@ class Carried(ForceElement):
         return [*(law for force in self.forces for law in force.laws()), *self.timetable]
 
     def on(self, start: float, end: float) -> Carried:
-        """Return the elements as they are on a stretch."""
+        """Return the elements as they are on an interval."""
         return replace(self, forces=tuple(force.on(start, end) for force in self.forces))
 
     def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:

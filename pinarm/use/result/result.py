@@ -19,7 +19,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.forces.force_element import refusals
-from pinarm.mechanics.joints import spelled
+from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplified import Removal
 from pinarm.use.result.measures import COSTS, MEASURES
@@ -135,7 +135,7 @@ class Result:
 
         Args:
             path: Where to write it; nowhere where it is left out.
-            traces: Links whose origins leave a path; ``com`` for the centre of mass.
+            traces: LinkPlacements whose origins leave a path; ``com`` for the centre of mass.
             arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
             plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
 
@@ -179,8 +179,9 @@ class Result:
                 else "a body without mass that is free to move, or a formula that divides by zero there"
             )
             reasons = refusals(run.dynamics.forces, run.q[bad[0]])
+            at = format_configuration(run.mechanism.model, run.q[bad[0]])
             raise DynamicsError(
-                f"{name} is not finite at {where}, where {spelled(run.mechanism.model, run.q[bad[0]])}{more}{reasons}",
+                f"{name} is not finite at {where}, where {at}{more}{reasons}",
                 hint=hint, partial=self, t=float(run.grid.t[bad[0]]), q=run.q[bad[0]],
             )  # fmt: skip
 

@@ -76,7 +76,7 @@ def replay(
 
     Args:
         result: The result, or the folder that it was written to.
-        traces: Links whose origins leave a path; ``com`` for the centre of mass.
+        traces: LinkPlacements whose origins leave a path; ``com`` for the centre of mass.
         arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
         plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
 
@@ -140,7 +140,7 @@ class SolvedAnew:
     Attributes:
         scenario: The scenario.
         mechanism: The mechanism, as it was saved.
-        cuts: Bounds of the stretches between jumps.
+        cuts: Bounds of the intervals between jumps.
     """
 
     scenario: Scenario
@@ -192,7 +192,7 @@ def _rows(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array])
 
 
 def _fits(grid: Grid) -> bool:
-    """Tell whether the stretches of a grid cover its rows, in order."""
+    """Tell whether the intervals of a grid cover its rows, in order."""
     rows = np.array(grid.rows)
     covers = len(rows) == len(grid.cuts) >= 2 and rows[0] == 0 and rows[-1] == len(grid.t)
     return bool(covers and (np.diff(rows) >= 0).all())

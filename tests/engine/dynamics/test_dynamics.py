@@ -9,7 +9,7 @@ from pinarm.engine.dynamics import parallel
 from pinarm.engine.dynamics.configuration_space import JointSpace
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.parallel import Parallel
-from pinarm.engine.integration import Flat
+from pinarm.engine.integration.integrator import Flat
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring

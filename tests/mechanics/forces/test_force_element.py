@@ -103,7 +103,7 @@ def load(element, t, q, v):
 
 
 def bound(force, model, joints):
-    """Return the element of a force on a stretch between two breakpoints of every sample."""
+    """Return the element of a force on an interval between two breakpoints of every sample."""
     return force.bind(model, joints).on(0.1, 0.9)
 
 
@@ -251,7 +251,7 @@ def test_a_wrench_follows_its_factor(model, joints):
         assert load(varied, t, q, v) == pytest.approx(scale * load(plain, t, q, v), abs=1e-14)
         [one], [other] = varied.wrenches(t, q, v).values(), plain.wrenches(t, q, v).values()
         assert one == pytest.approx(scale * other, abs=1e-14)
-    with pytest.raises(ValueError, match="on a stretch of time"):
+    with pytest.raises(ValueError, match="on an interval of time"):
         load(SAMPLES[Wrench][3].bind(model, joints), 0.5, q, v)
 
 
@@ -364,7 +364,7 @@ def test_effort_is_its_law_on_each_side_of_a_jump(model, joints):
     assert element.laws() == [law]
     assert load(element.on(1.5, 2.5), 1.0, q, v)[0] == pytest.approx(1.0 - 0.5 * 1.5**2)
     assert load(element.on(0.5, 1.5), 1.0, q, v)[0] == pytest.approx(0.125)
-    with pytest.raises(ValueError, match="on a stretch of time"):
+    with pytest.raises(ValueError, match="on an interval of time"):
         load(element, 1.0, q, v)
 
 

@@ -28,7 +28,7 @@ from pinarm.mechanics.laws import (
     Table,
     Trapezoid,
 )
-from pinarm.mechanics.laws.interpolated import read_once
+from pinarm.mechanics.laws.interpolated import cached_table
 from pinarm.mechanics.laws.motion_law import Grid
 
 MEMBERS = typing.get_args(Law)
@@ -143,7 +143,7 @@ def test_pieces_stand_end_to_end_over_all_times(law):
 
 @pytest.mark.parametrize("law", [law for law in LAWS.values() if not isinstance(law, Steps)])
 def test_value_and_speed_are_continuous(law):
-    assert not law.leaps()
+    assert not law.value_jumps()
     for before, after in zip(law.pieces(), law.pieces()[1:], strict=False):
         t = np.array([after.start])
         left, right = np.array(before.function(t)), np.array(after.function(t))
@@ -152,7 +152,7 @@ def test_value_and_speed_are_continuous(law):
 
 def test_steps_hold_each_value_from_its_instant_on():
     law = LAWS["steps"]
-    assert law.leaps() == law.breakpoints() == [0.9, 1.4]
+    assert law.value_jumps() == law.breakpoints() == [0.9, 1.4]
     t = np.array([-1.0, 0.5, 0.9, 1.2, 1.4, 9.0])
     grid = Grid.cover(t, [law])
     assert grid.t.tolist() == [-1.0, 0.5, 0.9, 0.9, 1.2, 1.4, 1.4, 9.0]
@@ -388,20 +388,20 @@ class TestSCurve:
             assert np.abs(ds).max() <= limits["speed"] * (1 + 1e-13)
             assert np.abs(dds).max() <= limits["acceleration"] * (1 + 1e-13)
             slope = (dds[-1] - dds[0]) / (t[-1] - t[0])
-            # constant on each stretch, and either full or none
+            # constant on each interval, and either full or none
             assert dds == pytest.approx(dds[0] + slope * (t - t[0]), abs=1e-13)
             assert min(abs(abs(slope) - law.jerk), abs(slope)) < 1e-11
 
     @pytest.mark.parametrize(
-        ("name", "stretches"),
+        ("name", "intervals"),
         [
             ("s-curve", 7), ("s-curve without limits", 4), ("s-curve below its limits", 4),
             ("s-curve below its speed", 6), ("s-curve below its acceleration", 5),
         ],
     )  # fmt: skip
-    def test_as_many_stretches_as_limits_are_reached(self, name, stretches):
-        # without a full acceleration two stretches of equal jerk meet in the middle
-        assert len(LAWS[name].pieces()) - 2 == stretches
+    def test_as_many_stretches_as_limits_are_reached(self, name, intervals):
+        # without a full acceleration two intervals of equal jerk meet in the middle
+        assert len(LAWS[name].pieces()) - 2 == intervals
 
     @pytest.mark.parametrize("distance", [1e-9, 1e-3, 0.37, 1.0, 1e3])
     @pytest.mark.parametrize("limits", [{}, {"speed": 1.0}, {"acceleration": 2.0}, {"speed": 1.0, "acceleration": 2.0}])
@@ -495,13 +495,13 @@ class TestTable:
 
     @pytest.mark.parametrize("text", ["\ufefft [s],x [m]\r\n0,0\r\n1,1\r\n", '"t [s]","x [m]",\n 0 , 0,\n"1",+1e0,\n'])
     def test_what_spreadsheets_write_is_read(self, tmp_path, text):
-        assert read_once(table(tmp_path, text).file)[1] == (0.0, 1.0)
+        assert cached_table(table(tmp_path, text).file)[1] == (0.0, 1.0)
 
     @pytest.mark.parametrize(
         ("text", "message"),
         [
-            ("t [s],x [m]\n0,0\n2,1\n1,2\n", r"table\.csv:4:1: the first column does not ascend"),
-            ("t [s],x [m]\n0,0\n0,1\n", r"table\.csv:3:1: the first column does not ascend"),
+            ("t [s],x [m]\n0,0\n2,1\n1,2\n", r"table\.csv:4:1: the first column does not increase"),
+            ("t [s],x [m]\n0,0\n0,1\n", r"table\.csv:3:1: the first column does not increase"),
             ("t [s],x [m]\n0,0\nnan,1\n", r"table\.csv:3:1: a finite number is missing"),
             ("t [s],x [m]\n0,0\n1,nan\n", r"table\.csv:3:1: a finite number is missing"),
             ("t [s],x [m]\n0,0\n1,-inf\n", r"table\.csv:3:1: a finite number is missing"),
@@ -591,11 +591,11 @@ class TestSuccession:
     @pytest.mark.parametrize(
         ("start", "parts", "message"),
         [
-            (None, [(1.0, Constant(value=4.0)), (1.0, Constant(value=-7.0))], "begins at -7, .* come to 4"),
-            (None, [(1.0, Constant(value=4.0)), (1.0, Constant(value=0.0))], "begins at 0, .* come to 4"),
-            (1.0, [(1.0, Cycloidal(start=2.0, end=3.0, duration=1.0))], "begins at 2, .* come to 1"),
+            (None, [(1.0, Constant(value=4.0)), (1.0, Constant(value=-7.0))], "begins at -7, .* end at 4"),
+            (None, [(1.0, Constant(value=4.0)), (1.0, Constant(value=0.0))], "begins at 0, .* end at 4"),
+            (1.0, [(1.0, Cycloidal(start=2.0, end=3.0, duration=1.0))], "begins at 2, .* end at 1"),
             (None, [(1.0, Cycloidal(start=0.0, end=1.0, duration=1.0)),
-                    (1.0, Cycloidal(start=3.0, end=1.0, duration=1.0))], "begins at 3, .* come to 1"),
+                    (1.0, Cycloidal(start=3.0, end=1.0, duration=1.0))], "begins at 3, .* end at 1"),
         ],
     )  # fmt: skip
     def test_a_value_that_would_not_be_had_is_refused(self, start, parts, message):

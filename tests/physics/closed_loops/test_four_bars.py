@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from pinarm.engine.imposed import Imposed
 from pinarm.engine.systems import system_of
 from pinarm.engine.systems.contract import Initial
 
-from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import PinarmError
 from pinarm.mechanics.laws import Harmonic
@@ -106,12 +106,12 @@ def test_a_step_may_end_on_a_change_point(speed):
     """A singular position is not taken for one of a mechanism of lower rank: the acceleration stays smooth."""
     mechanism = Mechanism.load(MODELS / "change_point_four_bar" / "mechanism.yaml")
     dynamics, initial = Dynamics.of(mechanism.model), Initial(np.array([0.0, 0.8, 1.8]), np.zeros(3))
-    stretch = system_of(mechanism.closure, dynamics, Imposed((), (), ()), initial).stretch(dynamics, 0.0, 1.0)
+    interval = system_of(mechanism.closure, dynamics, Imposed((), (), ()), initial).interval(dynamics, 0.0, 1.0)
     found = []
     for t, turned in enumerate([2.0, 3.0, np.pi - 0.01, np.pi, np.pi + 0.01]):
         theta3, theta4, d3, d4 = CHANGE_POINT.slopes(np.array(turned))
         q, v = np.array([turned, theta3 - turned, theta4]), speed * np.array([1.0, d3 - 1.0, d4])
-        found.append(stretch.acceleration(0.1 * t, *stretch.settle(0.1 * t, q, v)).copy())
+        found.append(interval.acceleration(0.1 * t, *interval.settle(0.1 * t, q, v)).copy())
     assert found[3] == pytest.approx(0.5 * (found[2] + found[4]), rel=1e-3)
 
 

@@ -204,7 +204,7 @@ def _at_frame(run: Trajectory, name: str, frame: int) -> Iterator[Arrow]:
 def _wrench(run: Trajectory, name: str, joint: int) -> Array:
     """Return what a force element does to a body, about the world's origin, shape (n, 6)."""
     rows = np.zeros((len(run), 6))
-    for part, dynamics in run.stretches():
+    for part, dynamics in run.intervals():
         for i in range(part.start, part.stop):
             acting = dynamics.forces[name].wrenches(float(run.grid.t[i]), run.q[i], run.v[i])
             rows[i] = acting.get(joint, np.zeros(6))

@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.integration import Ensemble
+from pinarm.engine.integration.batch_solution import Ensemble
 from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.systems import Initial
