@@ -74,7 +74,7 @@ class Prescription:
             separate=self.rates is not None,
         )  # fmt: skip
         if self.drives is None:
-            return replace(rows, unasked=KINEMATIC)
+            return replace(rows, no_efforts=KINEMATIC)
         demand = rows.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], a[part]))
         tau, lam = self.drives.efforts(t, q, demand)
         return replace(rows, tau=tau, lam=lam)
