@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.segments import SegmentedMotion
 from pinarm.engine.motion.systems import CompletedStates
-from pinarm.engine.motion.trajectory import EventRecord, Series, Trajectory
+from pinarm.engine.motion.trajectory import EventRecord, Trajectory
+from pinarm.engine.series import Series
 from pinarm.input.units import unit
 from pinarm.mechanics.laws.motion_law import Grid
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
 
 
 @dataclass(frozen=True, eq=False)

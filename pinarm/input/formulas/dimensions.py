@@ -12,11 +12,11 @@ from pinarm.errors import UnitError
 from pinarm.input.formulas.grammar import CONSTANTS, interpret, look_up
 from pinarm.input.units import DIMENSIONLESS, Unit
 
-Measures = Sequence["Measure"]
+DimensionedValues = Sequence["DimensionedValue"]
 
 
 @dataclass(frozen=True)
-class Measure:
+class DimensionedValue:
     """What dimensional analysis knows of a value.
 
     Attributes:
@@ -28,11 +28,11 @@ class Measure:
     value: Fraction | None = None
 
 
-Rule = Callable[[Measures], Measure]
+Rule = Callable[[DimensionedValues], DimensionedValue]
 """What a function makes of the measures of its arguments."""
 
-_PURE = Measure(DIMENSIONLESS)
-_UNKNOWN = Measure(None)
+_PURE = DimensionedValue(DIMENSIONLESS)
+_UNKNOWN = DimensionedValue(None)
 _CONSTANTS = dict.fromkeys(CONSTANTS, DIMENSIONLESS)
 
 
@@ -60,21 +60,21 @@ class _Units:
     names: Mapping[str, Unit | None]
     rules: Mapping[str, Rule]
 
-    def constant(self, value: Any) -> Measure:
-        return Measure(DIMENSIONLESS, Fraction(repr(value)))
+    def constant(self, value: Any) -> DimensionedValue:
+        return DimensionedValue(DIMENSIONLESS, Fraction(repr(value)))
 
-    def name(self, name: str) -> Measure:
+    def name(self, name: str) -> DimensionedValue:
         unit = look_up(name, self.names, _CONSTANTS)
-        return Measure(None if unit is None else Unit(1.0, unit.dimension))
+        return DimensionedValue(None if unit is None else Unit(1.0, unit.dimension))
 
-    def unary(self, symbol: str, operand: Measure) -> Measure:
+    def unary(self, symbol: str, operand: DimensionedValue) -> DimensionedValue:
         if symbol == "-" and operand.value is not None:
-            return Measure(operand.unit, -operand.value)
+            return DimensionedValue(operand.unit, -operand.value)
         return _PURE if symbol == "not" else operand
 
-    def binary(self, symbol: str, left: Measure, right: Measure) -> Measure:
+    def binary(self, symbol: str, left: DimensionedValue, right: DimensionedValue) -> DimensionedValue:
         if left.value is not None and right.value is not None and (folded := _folded(symbol, left.value, right.value)):
-            return Measure(DIMENSIONLESS, folded[0])
+            return DimensionedValue(DIMENSIONLESS, folded[0])
         if symbol in "+-%":
             return same([left, right])
         if symbol == "//":
@@ -83,20 +83,22 @@ class _Units:
             return power(left, right)
         if left.unit is None or right.unit is None:
             return _UNKNOWN
-        return Measure(left.unit * right.unit if symbol == "*" else left.unit / right.unit)
+        return DimensionedValue(left.unit * right.unit if symbol == "*" else left.unit / right.unit)
 
-    def compare(self, symbols: Sequence[str], operands: Measures) -> Measure:
+    def compare(self, symbols: Sequence[str], operands: DimensionedValues) -> DimensionedValue:
         return ratio(operands)
 
-    def logic(self, symbol: str, operands: Sequence[Callable[[], Measure]]) -> Measure:
+    def logic(self, symbol: str, operands: Sequence[Callable[[], DimensionedValue]]) -> DimensionedValue:
         for operand in operands:
             operand()
         return _PURE
 
-    def choose(self, test: Measure, then: Callable[[], Measure], otherwise: Callable[[], Measure]) -> Measure:
+    def choose(
+        self, test: DimensionedValue, then: Callable[[], DimensionedValue], otherwise: Callable[[], DimensionedValue]
+    ) -> DimensionedValue:
         return same([then(), otherwise()])
 
-    def call(self, function: str, arguments: Measures) -> Measure:
+    def call(self, function: str, arguments: DimensionedValues) -> DimensionedValue:
         return self.rules[function](arguments)
 
 
@@ -108,23 +110,25 @@ def _folded(symbol: str, left: Fraction, right: Fraction) -> tuple[Fraction] | N
     return (folds[symbol],) if symbol in folds else None
 
 
-def same(measures: Measures) -> Measure:
+def same(measures: DimensionedValues) -> DimensionedValue:
     """Return the measure that all share: of sums, minima, ..."""
     known = [measure.unit for measure in measures if measure.unit is not None and measure.value != 0]
     for unit in known[1:]:
         if unit.dimension != known[0].dimension:
             raise UnitError(f"[{known[0]}] and [{unit}] do not go together", expected="quantities of one dimension")
     unknown = any(measure.unit is None for measure in measures)
-    return Measure(known[0]) if known else _UNKNOWN if unknown else Measure(DIMENSIONLESS, Fraction(0))
+    return (
+        DimensionedValue(known[0]) if known else _UNKNOWN if unknown else DimensionedValue(DIMENSIONLESS, Fraction(0))
+    )
 
 
-def ratio(measures: Measures) -> Measure:
+def ratio(measures: DimensionedValues) -> DimensionedValue:
     """Return a number, from quantities of one dimension: of quotients, comparisons, angles of two lengths."""
     same(measures)
     return _PURE
 
 
-def pure(measures: Measures) -> Measure:
+def pure(measures: DimensionedValues) -> DimensionedValue:
     """Return a number, from numbers: of sines, logarithms, ..."""
     for measure in measures:
         if measure.unit is not None and measure.value != 0 and measure.unit.dimension != DIMENSIONLESS.dimension:
@@ -134,23 +138,23 @@ def pure(measures: Measures) -> Measure:
     return _PURE
 
 
-def power(base: Measure, exponent: Measure) -> Measure:
+def power(base: DimensionedValue, exponent: DimensionedValue) -> DimensionedValue:
     """Return the measure of a power, whose exponent must be known where the base has a dimension."""
     pure([exponent])
     if base.unit is None:
         return _UNKNOWN
     if exponent.value is not None:
-        return Measure(base.unit**exponent.value)
+        return DimensionedValue(base.unit**exponent.value)
     if base.unit.dimension != DIMENSIONLESS.dimension:
         raise UnitError(f"the unit of [{base.unit}] to a power that varies is not determined", expected="x**2, x**0.5")
     return _PURE
 
 
-def root(measures: Measures) -> Measure:
+def root(measures: DimensionedValues) -> DimensionedValue:
     """Return the measure of a square root."""
-    return power(measures[0], Measure(DIMENSIONLESS, Fraction(1, 2)))
+    return power(measures[0], DimensionedValue(DIMENSIONLESS, Fraction(1, 2)))
 
 
-def sign(measures: Measures) -> Measure:
+def sign(measures: DimensionedValues) -> DimensionedValue:
     """Return a number, from anything."""
     return _PURE

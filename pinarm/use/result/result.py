@@ -14,7 +14,7 @@ import numpy as np
 
 from pinarm.engine.checks.limits import Excess, excesses
 from pinarm.engine.motion.outcome import Outcome
-from pinarm.engine.motion.trajectory import EventRecord, Series, Trajectory
+from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError

@@ -113,6 +113,6 @@ def explain(path: str | Path, values: Values | None = None) -> Explanation:
         scenario = Scenario.load(file, values)
         q, whole = run(scenario).trajectory.q[0], scenario.mechanism
         return Explanation(whole, mobility_of(whole, q), "where the motion begins", scenario.simplification.removals)
-    mechanism = Mechanism.load(path)
+    mechanism = Mechanism.load(path, values=values)
     q = assembled_near(mechanism, {})
     return Explanation(mechanism, mobility_of(mechanism, q), "in the closed position nearest to zero")
