@@ -12,11 +12,11 @@ from pinarm.errors import UnitError
 from pinarm.input.formulas.grammar import CONSTANTS, interpret, look_up
 from pinarm.input.units import DIMENSIONLESS, Unit
 
-DimensionedValues = Sequence["DimensionedValue"]
+Measures = Sequence["Measure"]
 
 
 @dataclass(frozen=True)
-class DimensionedValue:
+class Measure:
     """What dimensional analysis knows of a value.
 
     Attributes:
@@ -28,11 +28,11 @@ class DimensionedValue:
     value: Fraction | None = None
 
 
-Rule = Callable[[DimensionedValues], DimensionedValue]
+Rule = Callable[[Measures], Measure]
 """What a function makes of the measures of its arguments."""
 
-_PURE = DimensionedValue(DIMENSIONLESS)
-_UNKNOWN = DimensionedValue(None)
+_PURE = Measure(DIMENSIONLESS)
+_UNKNOWN = Measure(None)
 _CONSTANTS = dict.fromkeys(CONSTANTS, DIMENSIONLESS)
 
 
@@ -60,21 +60,21 @@ class _Units:
     names: Mapping[str, Unit | None]
     rules: Mapping[str, Rule]
 
-    def constant(self, value: Any) -> DimensionedValue:
-        return DimensionedValue(DIMENSIONLESS, Fraction(repr(value)))
+    def constant(self, value: Any) -> Measure:
+        return Measure(DIMENSIONLESS, Fraction(repr(value)))
 
-    def name(self, name: str) -> DimensionedValue:
+    def name(self, name: str) -> Measure:
         unit = look_up(name, self.names, _CONSTANTS)
-        return DimensionedValue(None if unit is None else Unit(1.0, unit.dimension))
+        return Measure(None if unit is None else Unit(1.0, unit.dimension))
 
-    def unary(self, symbol: str, operand: DimensionedValue) -> DimensionedValue:
+    def unary(self, symbol: str, operand: Measure) -> Measure:
         if symbol == "-" and operand.value is not None:
-            return DimensionedValue(operand.unit, -operand.value)
+            return Measure(operand.unit, -operand.value)
         return _PURE if symbol == "not" else operand
 
-    def binary(self, symbol: str, left: DimensionedValue, right: DimensionedValue) -> DimensionedValue:
+    def binary(self, symbol: str, left: Measure, right: Measure) -> Measure:
         if left.value is not None and right.value is not None and (folded := _folded(symbol, left.value, right.value)):
-            return DimensionedValue(DIMENSIONLESS, folded[0])
+            return Measure(DIMENSIONLESS, folded[0])
         if symbol in "+-%":
             return same([left, right])
         if symbol == "//":
@@ -83,22 +83,20 @@ class _Units:
             return power(left, right)
         if left.unit is None or right.unit is None:
             return _UNKNOWN
-        return DimensionedValue(left.unit * right.unit if symbol == "*" else left.unit / right.unit)
+        return Measure(left.unit * right.unit if symbol == "*" else left.unit / right.unit)
 
-    def compare(self, symbols: Sequence[str], operands: DimensionedValues) -> DimensionedValue:
+    def compare(self, symbols: Sequence[str], operands: Measures) -> Measure:
         return ratio(operands)
 
-    def logic(self, symbol: str, operands: Sequence[Callable[[], DimensionedValue]]) -> DimensionedValue:
+    def logic(self, symbol: str, operands: Sequence[Callable[[], Measure]]) -> Measure:
         for operand in operands:
             operand()
         return _PURE
 
-    def choose(
-        self, test: DimensionedValue, then: Callable[[], DimensionedValue], otherwise: Callable[[], DimensionedValue]
-    ) -> DimensionedValue:
+    def choose(self, test: Measure, then: Callable[[], Measure], otherwise: Callable[[], Measure]) -> Measure:
         return same([then(), otherwise()])
 
-    def call(self, function: str, arguments: DimensionedValues) -> DimensionedValue:
+    def call(self, function: str, arguments: Measures) -> Measure:
         return self.rules[function](arguments)
 
 
@@ -110,25 +108,23 @@ def _folded(symbol: str, left: Fraction, right: Fraction) -> tuple[Fraction] | N
     return (folds[symbol],) if symbol in folds else None
 
 
-def same(measures: DimensionedValues) -> DimensionedValue:
+def same(measures: Measures) -> Measure:
     """Return the measure that all share: of sums, minima, ..."""
     known = [measure.unit for measure in measures if measure.unit is not None and measure.value != 0]
     for unit in known[1:]:
         if unit.dimension != known[0].dimension:
             raise UnitError(f"[{known[0]}] and [{unit}] do not go together", expected="quantities of one dimension")
     unknown = any(measure.unit is None for measure in measures)
-    return (
-        DimensionedValue(known[0]) if known else _UNKNOWN if unknown else DimensionedValue(DIMENSIONLESS, Fraction(0))
-    )
+    return Measure(known[0]) if known else _UNKNOWN if unknown else Measure(DIMENSIONLESS, Fraction(0))
 
 
-def ratio(measures: DimensionedValues) -> DimensionedValue:
+def ratio(measures: Measures) -> Measure:
     """Return a number, from quantities of one dimension: of quotients, comparisons, angles of two lengths."""
     same(measures)
     return _PURE
 
 
-def pure(measures: DimensionedValues) -> DimensionedValue:
+def pure(measures: Measures) -> Measure:
     """Return a number, from numbers: of sines, logarithms, ..."""
     for measure in measures:
         if measure.unit is not None and measure.value != 0 and measure.unit.dimension != DIMENSIONLESS.dimension:
@@ -138,23 +134,23 @@ def pure(measures: DimensionedValues) -> DimensionedValue:
     return _PURE
 
 
-def power(base: DimensionedValue, exponent: DimensionedValue) -> DimensionedValue:
+def power(base: Measure, exponent: Measure) -> Measure:
     """Return the measure of a power, whose exponent must be known where the base has a dimension."""
     pure([exponent])
     if base.unit is None:
         return _UNKNOWN
     if exponent.value is not None:
-        return DimensionedValue(base.unit**exponent.value)
+        return Measure(base.unit**exponent.value)
     if base.unit.dimension != DIMENSIONLESS.dimension:
         raise UnitError(f"the unit of [{base.unit}] to a power that varies is not determined", expected="x**2, x**0.5")
     return _PURE
 
 
-def root(measures: DimensionedValues) -> DimensionedValue:
+def root(measures: Measures) -> Measure:
     """Return the measure of a square root."""
-    return power(measures[0], DimensionedValue(DIMENSIONLESS, Fraction(1, 2)))
+    return power(measures[0], Measure(DIMENSIONLESS, Fraction(1, 2)))
 
 
-def sign(measures: DimensionedValues) -> DimensionedValue:
+def sign(measures: Measures) -> Measure:
     """Return a number, from anything."""
     return _PURE
