@@ -48,5 +48,5 @@ class BatchTable:
         rows = Grid(grid.t[instant], grid.cuts, (0, *map(int, np.cumsum([len(some) for some, _ in parts]))))
         q, v = (x[motion, instant] for x in ensemble.states(grid.t))
         run = states(mechanism, hybrid, rows, hybrid.system().complete(hybrid.dynamics, rows, q, v))
-        happenings = [hybrid.events(crossings) for crossings in ensemble.crossings]
-        return cls(replace(run, further=event_columns(problem.events, happenings, motion)), motion, instant)
+        events = [hybrid.event_records(crossings) for crossings in ensemble.crossings]
+        return cls(replace(run, columns=event_columns(problem.events, events, motion)), motion, instant)

@@ -85,7 +85,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         row = schema_row(mechanism, self.loads, "t", unit("s"), actuation(mechanism, [*self.motion], []).closure)
-        return replace(row, further=event_columns(self.events, [()], np.zeros(1, dtype=np.intp)))
+        return replace(row, columns=event_columns(self.events, [()], np.zeros(1, dtype=np.intp)))
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""

@@ -46,7 +46,7 @@ class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematic
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        return replace(Trajectory.schema_row(mechanism, "t", unit("s")), unasked=KINEMATIC)
+        return replace(Trajectory.schema_row(mechanism, "t", unit("s")), no_efforts=KINEMATIC)
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""

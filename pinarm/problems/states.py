@@ -93,9 +93,9 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the positions, at rest, and the efforts of the drives."""
         imposed, drives, forces = self.prepare(mechanism, place)
-        still = np.zeros(len(imposed.names))
+        rest = np.zeros(len(imposed.names))
         with place():
-            return _prescription(mechanism, imposed, drives, forces, self.over, (still, still)).outcome(
+            return _prescription(mechanism, imposed, drives, forces, self.over, (rest, rest)).outcome(
                 _grid(self.over), start_configuration(mechanism, self.start))  # fmt: skip
 
 

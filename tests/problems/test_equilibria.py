@@ -40,13 +40,13 @@ def solve(mechanism, starts, **given):
 
 
 def column(run, name, row):
-    return float(run.further[f"equilibrium.{name}"].values[row - 1])
+    return float(run.columns[f"equilibrium.{name}"].values[row - 1])
 
 
 def squares(run, row):
     """Return w^2 of a row, in ascending order."""
     return np.array([column(run, f"frequency2_{k}", row) for k in range(1, run.mechanism.model.nv + 1)
-                     if f"equilibrium.frequency2_{k}" in run.further])  # fmt: skip
+                     if f"equilibrium.frequency2_{k}" in run.columns])  # fmt: skip
 
 
 def stability(run, row):

@@ -48,7 +48,7 @@ def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, float
         the largest sum of the absolute terms over the rows; weights count with the full length of their path, so that
         a position in which every moment vanishes has terms to compare with. Nothing where no efforts were asked for.
     """
-    if trajectory.unasked:
+    if trajectory.no_efforts:
         return {}
     rows = np.linspace(0, len(trajectory) - 1, min(len(trajectory), most)).astype(int)
     loads = trajectory.gather(lambda dynamics, part: dynamics.loads(

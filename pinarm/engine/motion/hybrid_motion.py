@@ -27,7 +27,7 @@ from pinarm.engine.motion.end_stops import RESTING, Bound, Contacts
 from pinarm.engine.motion.segments import MotionSegment, SegmentedMotion
 from pinarm.engine.motion.systems import Initial, System, system_of
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
-from pinarm.engine.motion.trajectory import Happening
+from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.errors import InputError, IntegrationError, Interrupted, NumericsError
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
@@ -165,11 +165,11 @@ class HybridSystem:
             steps_over=self._steps_over(system),
         )
 
-    def events(self, crossings: Sequence[Crossing]) -> list[Happening]:
+    def event_records(self, crossings: Sequence[Crossing]) -> list[EventRecord]:
         """Return the events of a segment that no stop has ended, in order of time."""
         system, names = self.system(), list(self.watches)
         found = [(one, *system.whole(np.array([one.t]), one.q[None], one.v[None])) for one in crossings]
-        return [Happening(names[one.watch], one.t, q[0], v[0]) for one, q, v in found]
+        return [EventRecord(names[one.watch], one.t, q[0], v[0]) for one, q, v in found]
 
     def integrate(self, q: Array, v: Array, first: FirstSegment | None = None) -> SegmentedMotion:
         """Return the motion from an initial state.
@@ -198,7 +198,7 @@ class HybridSystem:
             bound = self.bounds[end.hit]
             q[bound.place] = bound.limit
             v = self.contacts.impact(t, q, v, [end.hit])
-            motion.happenings.append(Happening(bound.name, t, q, v))
+            motion.events.append(EventRecord(bound.name, t, q, v))
             held = self.pressed(t, q, v)
         return motion
 
@@ -233,7 +233,7 @@ class HybridSystem:
             key, t = keys[crossing.watch], crossing.t
             q, v = (rows[0] for rows in system.whole(np.array([t]), crossing.q[None], crossing.v[None]))
             if isinstance(key, str):
-                motion.happenings.append(Happening(key, t, q, v))
+                motion.events.append(EventRecord(key, t, q, v))
                 end = _SegmentEnd(t, q, v) if self.watches[key].stops else None
             elif key >= 0:
                 end = _SegmentEnd(t, q, v, hit=key)

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.trajectory import Happening, Trajectory
+from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.mechanics.laws.motion_law import Grid
 
 
@@ -33,14 +33,14 @@ class Outcome:
         rows: The states that were asked for.
         motion: The motion, or the path, that they are states of; ``None`` where each is a state of its own.
         figures: What was measured of accuracy and cost, by name.
-        happenings: Events and impacts, in order of time.
+        events: Events and impacts, in order of time.
         notes: What to know of the solution, such as that its integrator was a poor choice.
     """
 
     rows: Trajectory
     motion: SolvedMotion | None = None
     figures: Mapping[str, float] = field(default_factory=dict)
-    happenings: Sequence[Happening] = ()
+    events: Sequence[EventRecord] = ()
     notes: tuple[str, ...] = ()
 
 

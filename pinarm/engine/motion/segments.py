@@ -11,7 +11,7 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.integrator import Solution
 from pinarm.engine.motion.systems import CompletedStates, System
-from pinarm.engine.motion.trajectory import Happening
+from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.mechanics.laws.motion_law import Grid
 
 
@@ -35,12 +35,12 @@ class SegmentedMotion:
     Attributes:
         dynamics: The equation of motion.
         segments: In order of time.
-        happenings: In order of time.
+        events: In order of time.
     """
 
     dynamics: Dynamics
     segments: list[MotionSegment] = field(default_factory=list)
-    happenings: list[Happening] = field(default_factory=list)
+    events: list[EventRecord] = field(default_factory=list)
 
     @property
     def end(self) -> float:

@@ -15,7 +15,7 @@ from pinarm.arrays import Array
 from pinarm.errors import DynamicsError, within
 from pinarm.input.units import DIMENSIONLESS, unit
 from pinarm.input.yaml.schema import Damping, Force, InputStruct, Length, Moment, Stiffness
-from pinarm.mechanics.forces.force_element import ForceElement, Measure
+from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
 from pinarm.mechanics.geometry.vectors import combined, cross, dot
 from pinarm.mechanics.joints import METRE, Joint, format_configuration, frame_of, frames_of
 from pinarm.mechanics.laws import Constant, Law
@@ -185,11 +185,11 @@ class TwoPointSpring(ForceElement):
             found[joint] = found.get(joint, np.zeros(6)) + np.concatenate([force, cross(point, force)])
         return found
 
-    def measures(self) -> Mapping[str, Measure]:
+    def measures(self) -> Mapping[str, ElementQuantity]:
         """Return its length, and its tension, positive where it pulls."""
         return {
-            "length": Measure(METRE, lambda t, q, v: self._lines(q)[0]),
-            "tension": Measure(unit("N"), self._tensions),
+            "length": ElementQuantity(METRE, lambda t, q, v: self._lines(q)[0]),
+            "tension": ElementQuantity(unit("N"), self._tensions),
         }
 
     @property

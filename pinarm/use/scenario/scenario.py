@@ -33,7 +33,7 @@ from pinarm.mechanics.payloads import Payload
 from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.simplify.requested_joints import requested_joints
-from pinarm.problems.simplify.simplified import Scene
+from pinarm.problems.simplify.simplification import Simplification
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.find import Find, find
@@ -189,13 +189,13 @@ class Scenario:
         return parsed
 
     @cached_property
-    def scene(self) -> Scene:
+    def simplification(self) -> Simplification:
         """What is solved in place of the question about the whole mechanism."""
         if self.content.modelled == "whole":
-            return Scene.whole(self.problem, self.mechanism)
+            return Simplification.whole(self.problem, self.mechanism)
         expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
         requested = requested_joints([*self.content.outputs, *expected], self.symbols, self.mechanism)
-        return Scene.required(self.problem, self.mechanism, requested, self._place)
+        return Simplification.required(self.problem, self.mechanism, requested, self._place)
 
     def run(self) -> Result:
         """Solve the problem; with ``accuracy.target``, at the cheapest setting whose error is below it.
@@ -260,7 +260,7 @@ class Scenario:
 
     def _residuals(self, search: Find) -> dict[str, Array]:
         """Return the wanted quantities less their targets, at all rows."""
-        _, outcome = self.scene.solve(self.content.accuracy, self._place)
+        _, outcome = self.simplification.solve(self.content.accuracy, self._place)
         quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
         left = {}
         for name, target in search.wanted.items():
@@ -273,7 +273,7 @@ class Scenario:
     def _solve_once(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""
         try:
-            solved = self.scene.solve(self.content.accuracy, self._place)
+            solved = self.simplification.solve(self.content.accuracy, self._place)
         except MethodError as error:
             raise error.at(self.document.locate(("accuracy", "method"))) from None
         return self.measured(*solved)
@@ -289,7 +289,7 @@ class Scenario:
             NumericsError: It is not finite.
         """
         measured = {**solved.figures, **power_balance(solved.rows), **table_figures(solved.rows, solved.motion)}
-        removals = self.scene.removals if solved is not whole else ()
+        removals = self.simplification.removals if solved is not whole else ()
         result = replace(self.result(whole), figures=measured, removals=removals)
         for index, name in enumerate(self.content.outputs):
             with self.document.locating("outputs", index):

@@ -23,7 +23,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.problems.simplify.simplified import Removal
+from pinarm.problems.simplify.simplification import Removal
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
@@ -176,18 +176,18 @@ def _rows(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array])
     problem, n = scenario.problem, len(arrays["t"])
     guides = [str(name) for name in arrays["guides"].reshape(-1)]
     closure = mechanism.closure.with_guides(guides, [mechanism.coordinate(name) for name in guides])
-    still, (nq, nv) = problem.schema_row(mechanism), (mechanism.model.nq, mechanism.model.nv)
+    first, (nq, nv) = problem.schema_row(mechanism), (mechanism.model.nq, mechanism.model.nv)
     wanted = {"q": (n, nq), "v": (n, nv), "a": (n, nv), "tau": (n, nv), "lam": (n, closure.size), "t": (n,)}
-    wanted |= {"further": (len(still.further), n)} if still.further else {}
+    wanted |= {"further": (len(first.columns), n)} if first.columns else {}
     grid = Grid(arrays["t"], tuple(arrays["cuts"].tolist()), tuple(int(row) for row in arrays["rows"]))
     if n == 0 or any(arrays[name].shape != shape for name, shape in wanted.items()) or not _fits(grid):
         raise InputError("the states of this result are not those of its model", hint=AGAIN)
-    further = {name: replace(series, values=row)
-               for (name, series), row in zip(still.further.items(), arrays["further"], strict=False)}  # fmt: skip
+    columns = {name: replace(series, values=row)
+               for (name, series), row in zip(first.columns.items(), arrays["further"], strict=False)}  # fmt: skip
     lam = Multipliers.known(arrays["lam"], mechanism.closure.size)
     return replace(
-        still, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], tau=arrays["tau"], lam=lam,
-        closure=closure, further=further,
+        first, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], tau=arrays["tau"], lam=lam,
+        closure=closure, columns=columns,
     )  # fmt: skip
 
 

@@ -109,7 +109,7 @@ def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
     state = {
         "state.q": run.q, "state.v": run.v, "state.a": run.a, "state.tau": run.tau, "state.units": units,
         "state.t": run.grid.t, "state.cuts": np.array(run.grid.cuts), "state.rows": np.array(run.grid.rows),
-        "state.lam": np.asarray(run.lam), "state.further": np.array([series.values for series in run.further.values()]),
+        "state.lam": np.asarray(run.lam), "state.further": np.array([series.values for series in run.columns.values()]),
         "state.guides": np.array([one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]], str),
     }  # fmt: skip
     return {**state, **{series.name: np.asarray(series.values) for series in columns}}
