@@ -54,7 +54,7 @@ ELSEWHERE = {
     ),
     "loops/test_kinds.py": (
         "every kind against Newton and Euler", "engine/constraints/constraint mechanics/loops/loop_joints "
-        "mechanics/loops/pairs",
+        "mechanics/loops/lower_pairs mechanics/loops/pair mechanics/loops/rod mechanics/loops/universal",
     ),
     "loops/test_many_rows.py": (
         "many rows against each alone", "engine/constraints/batch_jacobians engine/constraints/closure "
@@ -64,6 +64,7 @@ ELSEWHERE = {
     "loops/test_redundancy.py": (
         "degrees of hyperstatism and singular positions", "engine/checks/singularity engine/kinematics/mobility",
     ),
+    "mechanics/forces/test_bushing.py": ("its measure of deflection", "mechanics/geometry/deflection"),
     "mechanics/laws/test_interpolated.py": ("laws that are tables", "input/motion_tables"),
     "mechanics/laws/test_motion_law.py": ("every law", "mechanics/laws/steady"),
     "mechanics/loading/test_mjcf.py": (

@@ -17,7 +17,7 @@ from pinarm.problems.forward import Forward
 from pinarm.use.study.batch import batch as motions
 from pinarm.use.study.batch import worker_blocks as remote
 from pinarm.use.study.batch.block import Block
-from pinarm.use.study.sweep.process_pool import Death
+from pinarm.use.study.sweep.process_pool import WorkerDeath
 
 ROOT = Path(__file__).parents[4]
 SWING = """\
@@ -215,7 +215,7 @@ class TestWorkers:
             list(batch._answers(partial(Block.values, names=["upright"])))
 
     def test_a_process_that_dies_is_told(self, scenario, monkeypatch):
-        monkeypatch.setattr(remote, "spread", lambda f, jobs, n: ((job, Death("SIGKILL")) for job in jobs))
+        monkeypatch.setattr(remote, "spread", lambda f, jobs, n: ((job, WorkerDeath("SIGKILL")) for job in jobs))
         batch = pinarm.batch(scenario(text=LOOP), velocity={"upright_0": [1.0, 2.0]}, workers=2)
         with pytest.raises(NumericsError, match="solved the motions 0 to 1 died by SIGKILL"):
             batch.states()
