@@ -2,7 +2,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from pinarm.engine.integration.methods.tableaus import DOPRI5
+from pinarm.engine.integration.tableaus import DOPRI5
 from scipy.special import ellipj, ellipk
 
 from pinarm.engine.integration.driver import integrate
