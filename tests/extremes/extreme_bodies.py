@@ -19,7 +19,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.forces.joint_definitions import JointSpring
 from pinarm.use.scenario.scenario import load
-from pinarm.use.study.accuracy.error_estimate import estimated
+from pinarm.use.study.accuracy.error_estimate import estimate_errors
 
 EXPLICIT = "the two equations solved for the accelerations by hand, SciPy"
 TOP = "symmetric top: precession about H at H/A, spin at (1 - C/A) w3"
@@ -103,7 +103,7 @@ def told(content: dict, exact: Callable[[np.ndarray], np.ndarray], folder: Path)
     asked = load(folder / "scenario.yaml")
     result = asked.solve()
     found = result["joint.arm.position"].values
-    errors, _ = estimated(asked, result)
+    errors, _ = estimate_errors(asked, result)
     scale = largest(found)
     return largest(found - exact(result.trajectory.grid.t)) / scale / (10.0 * errors["joint.arm.position"])
 

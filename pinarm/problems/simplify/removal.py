@@ -61,7 +61,7 @@ class KnownMotion:
     laws: Mapping[str, MotionLaw]
 
     @cached_property
-    def own(self) -> dict[int, MotionLaw]:
+    def own_laws(self) -> dict[int, MotionLaw]:
         """Joints whose own coordinate follows a law."""
         found = {}
         for name, law in self.laws.items():
@@ -71,15 +71,15 @@ class KnownMotion:
         return found
 
     @cached_property
-    def still(self) -> dict[int, Constant]:
+    def stationary(self) -> dict[int, Constant]:
         """Joints that stand still: by their own law, or because a coupling leaves them nothing else."""
-        found = {v: law for v, law in self.own.items() if isinstance(law, Constant)}
+        found = {v: law for v, law in self.own_laws.items() if isinstance(law, Constant)}
         while True:
             before = len(found)
             for one in self._couplings:
                 weights = one.coordinate.weights
                 left = [v for v in self.joints_of(weights) if v not in found]
-                if len(left) == 1 and left[0] not in self.own:
+                if len(left) == 1 and left[0] not in self.own_laws:
                     others = sum(weights[v] * law.value for v, law in found.items())
                     found[left[0]] = Constant(value=float((one.constant - others) / weights[left[0]]))
             if len(found) == before:
@@ -90,11 +90,11 @@ class KnownMotion:
         return [one for one in self.mechanism.constraints if isinstance(one, Coupling)]
 
     @cached_property
-    def settled(self) -> dict[str, set[int]]:
+    def stationary_couplings(self) -> dict[str, set[int]]:
         """Couplings of joints that all stand still, one of them because of it; and their joints."""
         found = {one.name: self.joints_of(one.coordinate.weights) for one in self._couplings}
-        still = {name: joints for name, joints in found.items() if joints <= set(self.still)}
-        followers = set(self.still) - set(self.own)
+        still = {name: joints for name, joints in found.items() if joints <= set(self.stationary)}
+        followers = set(self.stationary) - set(self.own_laws)
         return still if len(still) == len(followers & set().union(*still.values())) else {}
 
     @cached_property
@@ -116,31 +116,31 @@ class KnownMotion:
         return {name for name in drives if not isinstance(self.mechanism.coordinates[name], LinearCoordinate)}
 
     @cached_property
-    def bound(self) -> set[int]:
+    def shared_efforts(self) -> set[int]:
         """Joints whose effort is not simply what the motion asks at them: others share in it."""
         sums = [one for one in self.imposed.values() if isinstance(one, LinearCoordinate) and one.joint is None]
         found = set().union(*(self.joints_of(one.weights) for one in sums))
-        found |= set().union(*(self._behind(self.mechanism.coordinates[name]) for name in self.guided))
+        found |= set().union(*(self._joints_moving(self.mechanism.coordinates[name]) for name in self.guided))
         for name, rows in self.mechanism.closure.slices().items():
-            if name not in self.settled:
+            if name not in self.stationary_couplings:
                 found |= self.joints_of(self._rows[rows])
         return found
 
-    def staying(self, requested: Collection[str]) -> set[int]:
+    def kept_joints(self, requested: Collection[str]) -> set[int]:
         """Return the joints that have to stay, where forces are asked at those that are named."""
         mechanism = self.mechanism
-        stay = self.bound | (set(range(mechanism.model.nv)) - set(self.own) - set(self.still))
+        stay = self.shared_efforts | (set(range(mechanism.model.nv)) - set(self.own_laws) - set(self.stationary))
         stay |= {mechanism.joints[name].v for name in requested if name in mechanism.joints}
         for one in self.watched.values():
-            stay |= self._behind(one) - (set() if isinstance(one, LinearCoordinate) else set(self.still))
+            stay |= self._joints_moving(one) - (set() if isinstance(one, LinearCoordinate) else set(self.stationary))
         for one in self.imposed.values():
             if not isinstance(one, LinearCoordinate):
-                stay |= self._behind(one) - set(self.still)
-        while torn := [joints for joints in self.settled.values() if joints & stay and not joints <= stay]:
+                stay |= self._joints_moving(one) - set(self.stationary)
+        while torn := [joints for joints in self.stationary_couplings.values() if joints & stay and not joints <= stay]:
             stay |= set().union(*torn)
         return stay
 
-    def unrelated(self, stay: Collection[int], loaded: Collection[int]) -> dict[int, MotionLaw]:
+    def droppable(self, stay: Collection[int], loaded: Collection[int]) -> dict[int, MotionLaw]:
         """Return joints that move by laws, beyond which no joint stays, and before which none that their mass loads."""
         model = self.mechanism.model
         index = [0] * model.nv
@@ -148,9 +148,9 @@ class KnownMotion:
             index[joint.idx_v : joint.idx_v + joint.nv] = [joint.id] * joint.nv
         paths = [{int(j) for j in model.supports[joint]} for joint in range(model.njoints)]
         staying, bearing = ({index[v] for v in joints} for joints in (stay, loaded))
-        alone = [v for v in self.own if v not in stay and not paths[index[v]] & bearing
+        alone = [v for v in self.own_laws if v not in stay and not paths[index[v]] & bearing
                  and not any(index[v] in paths[joint] for joint in staying)]  # fmt: skip
-        return {v: self.own[v] for v in alone if v not in self.still}
+        return {v: self.own_laws[v] for v in alone if v not in self.stationary}
 
     @cached_property
     def _rows(self) -> Array:
@@ -164,7 +164,7 @@ class KnownMotion:
         anywhere = np.sin(np.arange(1.0, model.nv + 1.0))
         return Kinematics.at(model, pin.integrate(model, pin.neutral(model), anywhere))
 
-    def _behind(self, coordinate: Coordinate) -> set[int]:
+    def _joints_moving(self, coordinate: Coordinate) -> set[int]:
         """Return the joints that move a coordinate."""
         return self.joints_of(coordinate.row(self._state))
 
@@ -188,25 +188,25 @@ def removable(
     Returns:
         ``None`` where nothing can be removed.
     """
-    if not _open_to_it(known):
+    if not _is_reducible(known):
         return None
     from pinarm.mechanics.forces.joint_springs import BallSpring, DryFriction, SpringDamper
 
-    stay = known.staying(requested)
-    locked = {v: law for v, law in known.still.items() if v not in stay}
+    stay = known.kept_joints(requested)
+    locked = {v: law for v, law in known.stationary.items() if v not in stay}
     single = all(isinstance(one, SpringDamper | DryFriction | BallSpring) for one in forces.values())
-    dropped = known.unrelated(stay, () if known.declared.massless else stay) if single else {}
-    settled = [name for name, joints in known.settled.items() if not joints & stay]
+    dropped = known.droppable(stay, () if known.declared.massless else stay) if single else {}
+    settled = [name for name, joints in known.stationary_couplings.items() if not joints & stay]
     gone = {*locked, *dropped}
     left = [one for one in known.imposed.values() if not (isinstance(one, LinearCoordinate) and one.joint in gone)]
-    if not (stay and gone and (left or known.declared.integrated) and _driven_alike(known, settled)):
+    if not (stay and gone and (left or known.declared.integrated) and _has_same_drives(known, settled)):
         return None
-    geared = set().union(*(joints for name, joints in known.settled.items() if name not in settled))
-    answered = np.array(sorted(set(known.own) - known.bound - geared), dtype=np.intp)
+    geared = set().union(*(joints for name, joints in known.stationary_couplings.items() if name not in settled))
+    answered = np.array(sorted(set(known.own_laws) - known.shared_efforts - geared), dtype=np.intp)
     return Removed(locked, dropped, settled), answered
 
 
-def _open_to_it(known: KnownMotion) -> bool:
+def _is_reducible(known: KnownMotion) -> bool:
     """Tell whether joints can be removed at all."""
     drives = set(known.declared.drives)
     if drives and drives != set(known.imposed):
@@ -219,7 +219,7 @@ def _open_to_it(known: KnownMotion) -> bool:
     return straight and len(couplings) == len(known.mechanism.constraints) and independent(couplings)
 
 
-def _driven_alike(known: KnownMotion, settled: Collection[str]) -> bool:
+def _has_same_drives(known: KnownMotion, settled: Collection[str]) -> bool:
     """Tell whether drives act on the part as on the whole, where none are named."""
     constraints = known.mechanism.constraints
     left = [one for one in constraints if one.name not in settled]

@@ -81,7 +81,7 @@ class Scene:
             return cls.whole(problem, mechanism)
         known = KnownMotion(declared, mechanism, known_laws(declared, mechanism, place))
         stay = {mechanism.joints[name].v for name in requested if name in mechanism.joints}
-        if known.own.keys() | known.still.keys() <= stay:
+        if known.own_laws.keys() | known.stationary.keys() <= stay:
             return cls.whole(problem, mechanism)
         forces = bind_loads(mechanism, declared.loads, place)
         try:
@@ -160,7 +160,7 @@ class Scene:
 ALONE = "follows its law; nothing that is free, or asked as a force, depends on it"
 
 
-def in_short(removals: Sequence[Removal]) -> list[str]:
+def removal_lines(removals: Sequence[Removal]) -> list[str]:
     """Return what is removed in a line for each reason, many joints counted."""
     reasons = {"locked": "held still", "dropped": "moved by laws, and nothing that is free or asked depends on it"}
     names = {how: [one.joint for one in removals if one.how == how] for how in reasons}

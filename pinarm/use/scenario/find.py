@@ -53,7 +53,7 @@ class Find(Model, frozen=True, rename={"unknown": "for", "wanted": "so_that"}):
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundValues:
     """The values that were found.
 
     Attributes:
@@ -71,7 +71,7 @@ class Found:
     steps: int
 
 
-def find(search: Find, residuals: Callable[[Mapping[str, str]], dict[str, Array]]) -> Found:
+def find(search: Find, residuals: Callable[[Mapping[str, str]], dict[str, Array]]) -> FoundValues:
     """Return the values that a search finds.
 
     Args:
@@ -100,7 +100,7 @@ def find(search: Find, residuals: Callable[[Mapping[str, str]], dict[str, Array]
         if small.all() or np.linalg.norm(moved) >= (1.0 - 1e-9) * np.linalg.norm(r):
             best = x + length * change if np.linalg.norm(moved) <= np.linalg.norm(r) else x
             numbers = tuple(float(x) / _factor(one) for x, one in zip(best, search.unknown.values(), strict=True))
-            return Found(search.text(best), numbers, _worst(residuals(search.text(best))), before, step)
+            return FoundValues(search.text(best), numbers, _worst(residuals(search.text(best))), before, step)
         x, r = x + length * change, moved
         widths = search.widths(x)
     raise IntegrationError(

@@ -223,10 +223,10 @@ class Scenario:
             PinarmError: See ``run``.
         """
         if self.content.find:
-            return self._found(self.content.find)
+            return self._solve_found(self.content.find)
         try:
             with np.errstate(all="ignore"):  # what is not finite is found in the results, and said in words
-                return self._solved()
+                return self._solve_once()
         except np.linalg.LinAlgError as error:
             raise DynamicsError(
                 f"the equations of this mechanism have no solution ({error})",
@@ -237,14 +237,14 @@ class Scenario:
                 error.partial = self.result(error.partial)
             raise
 
-    def _found(self, search: Find) -> Result:
+    def _solve_found(self, search: Find) -> Result:
         """Find the unknown values and solve the problem with them."""
         bare = replace(
             self, document=replace(self.document, data={k: v for k, v in self.document.data.items() if k != "find"})
         )
 
         def residuals(values: Mapping[str, str]) -> dict[str, Array]:
-            return bare.varied(values)._left(search)
+            return bare.varied(values)._residuals(search)
 
         with self.document.locating("find"):
             found = find(search, residuals)
@@ -257,7 +257,7 @@ class Scenario:
         }
         return replace(result, figures={**result.figures, **figures, **left})
 
-    def _left(self, search: Find) -> dict[str, Array]:
+    def _residuals(self, search: Find) -> dict[str, Array]:
         """Return the wanted quantities less their targets, at all rows."""
         _, outcome = self.scene.solve(self.content.accuracy, self._place)
         quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
@@ -269,7 +269,7 @@ class Scenario:
             left[name] = series.values - float(target)
         return left
 
-    def _solved(self) -> Result:
+    def _solve_once(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""
         try:
             solved = self.scene.solve(self.content.accuracy, self._place)
@@ -295,7 +295,7 @@ class Scenario:
                 result.require_finite(name)
         result = replace(result, figures={**result.figures, **result.quantities.figures()})
         if not all(math.isfinite(figure) for figure in result.figures.values()):
-            raise _beyond(whole)
+            raise _overflow(whole)
         return result
 
     def result(self, outcome: Outcome) -> Result:
@@ -387,7 +387,7 @@ CHECKABLE = 1e150
 """Size of numbers whose squares, and so energies and powers, are still finite."""
 
 
-def _beyond(outcome: Outcome) -> DynamicsError:
+def _overflow(outcome: Outcome) -> DynamicsError:
     """Return the error of a run whose numbers are too large to be checked: says from where on."""
     run = outcome.rows
     state = np.hstack([run.q, run.v, run.a, run.tau])

@@ -19,7 +19,7 @@ from pinarm.problems.simplify.simplified import Scene
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.show.terminal import report
 from pinarm.use.store.restore import restore
-from pinarm.use.study.accuracy.error_estimate import scales
+from pinarm.use.study.accuracy.error_estimate import output_scales
 from pinarm.use.study.explain import explain
 
 ROOT = Path(pinarm.__file__).parents[1]
@@ -62,7 +62,7 @@ def assert_same(found, wanted):
     np.testing.assert_allclose(one.grid.t, two.grid.t, rtol=1e-15, atol=1e-15)  # impacts are found to rounding
     np.testing.assert_allclose(one.grid.cuts, two.grid.cuts, rtol=1e-15, atol=1e-15)
     assert one.grid.rows == two.grid.rows
-    for name, scale in scales(wanted).items():
+    for name, scale in output_scales(wanted).items():
         np.testing.assert_allclose(found[name], wanted[name], rtol=0, atol=ROUNDING * scale, err_msg=name)
     limits = [[(x.joint, x.of, x.rows) for x in result.excesses()] for result in (found, wanted)]
     assert limits[0] == limits[1]

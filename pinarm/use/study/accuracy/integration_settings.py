@@ -26,7 +26,7 @@ PATIENCE = 10.0
 """Steps of a finer solution over those of the coarser one beyond which it is given up; order 5 needs 2.5 times."""
 
 
-def comparable(accuracy: Accuracy) -> list[dict[str, Any]]:
+def comparison_settings(accuracy: Accuracy) -> list[dict[str, Any]]:
     """Return settings whose errors differ much from that of another, finer ones first.
 
     A coarser one serves where the given one is at the limit of rounding: the difference is then the coarser's error.
@@ -71,7 +71,7 @@ class Ladder:
         return setting_keys(self.method, step if self.halving else float(f"1e-{rung}"))
 
 
-def patience(result: Result, most: int) -> int:
+def step_limit(result: Result, most: int) -> int:
     """Return how many steps a comparison may take before it is given up.
 
     Close to singular positions a tighter tolerance can be below the noise, and would take steps without end.
@@ -80,13 +80,13 @@ def patience(result: Result, most: int) -> int:
     return min(most, int(PATIENCE * steps) + 1000)
 
 
-def spoken(setting: Mapping[str, Any]) -> str:
+def format_setting(setting: Mapping[str, Any]) -> str:
     """Return a setting in words."""
     words = {key: f"{value:.3g}" if isinstance(value, float) else str(value) for key, value in setting.items()}
     return ", ".join(value if key == "method" else f"{key} {value}" for key, value in words.items())
 
 
-def varied(
+def with_setting(
     scenario: Scenario, setting: Mapping[str, Any], max_steps: int | None = None, *, seed: int | None = None
 ) -> Scenario:
     """Return a scenario with another setting of the integration and no target, and with other last digits."""
@@ -94,12 +94,12 @@ def varied(
     return replace(scenario, seed=seed).varied({"accuracy": accuracy})
 
 
-def references() -> list[dict[str, Any]]:
+def reference_settings() -> list[dict[str, Any]]:
     """Return tight settings for a reference, the tightest last."""
     return [setting_keys("dop853", tolerance) for tolerance in (1e-11, 1e-12, 1e-13, 1e-14)]
 
 
-def ladders(result: Result) -> dict[str, list[dict[str, Any]]]:
+def settings_by_method(result: Result) -> dict[str, list[dict[str, Any]]]:
     """Return the settings that are worth trying on a motion, by method, the coarsest first."""
     t = result.trajectory.grid.t
     down: dict[MethodName, int] = {"dop853": 12, "dopri5": 10, "rk4": 7, "stiff": 7}

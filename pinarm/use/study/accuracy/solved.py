@@ -25,9 +25,9 @@ def solved(scenario: Scenario) -> Result:
     """
     if scenario.content.accuracy.target is None:
         return scenario.solve()
-    from pinarm.use.study.accuracy.tolerance_search import reach
+    from pinarm.use.study.accuracy.tolerance_search import reach_target
 
-    return reach(scenario)
+    return reach_target(scenario)
 
 
 def verified(scenario: Scenario) -> Result:
@@ -36,7 +36,7 @@ def verified(scenario: Scenario) -> Result:
     Raises:
         PinarmError: See ``solved``.
     """
-    from pinarm.use.study.accuracy.error_estimate import estimated
+    from pinarm.use.study.accuracy.error_estimate import estimate_errors
 
     result = solved(scenario)
     run, rows = result.trajectory, len(result)
@@ -44,5 +44,5 @@ def verified(scenario: Scenario) -> Result:
     result = replace(result, figures={**result.figures, **checked})
     if result.errors:
         return result
-    errors, setting = estimated(scenario, result)
+    errors, setting = estimate_errors(scenario, result)
     return replace(result, errors=errors, setting=setting)

@@ -10,8 +10,15 @@ from pinarm.errors import InputError
 from pinarm.input.yaml.values import Values
 from pinarm.use.scenario.scenario import Scenario, load
 from pinarm.use.store.files import json_text, write
-from pinarm.use.study.accuracy.setting_errors import WANTED, Reference, TriedSetting, points, recommended, reference
-from pinarm.use.study.accuracy.variant_errors import Variant, variants
+from pinarm.use.study.accuracy.setting_errors import (
+    WANTED,
+    Reference,
+    TriedSetting,
+    recommended_setting,
+    reference_solution,
+    tried_settings,
+)
+from pinarm.use.study.accuracy.variant_errors import Variant, solve_variants
 
 if TYPE_CHECKING:
     from pinarm.use.show.plot import Picture
@@ -36,7 +43,7 @@ class Tradeoff:
     def recommended(self) -> dict[float, TriedSetting | None]:
         """Return the cheapest setting for every wanted error."""
         bound = self.reference.bound if self.reference else 0.0
-        return {wanted: recommended(self.points, bound, wanted) for wanted in WANTED}
+        return {wanted: recommended_setting(self.points, bound, wanted) for wanted in WANTED}
 
     def summary(self) -> dict[str, Any]:
         """Return everything but the curves as plain data."""
@@ -81,14 +88,14 @@ class Tradeoff:
     def _repr_html_(self) -> str:
         """Return tables and plots, for notebooks."""
         from pinarm.use.show.notebook import blocks, folded, heading, lines, picture, table
-        from pinarm.use.study.accuracy.tradeoff_text import advice, remarks, settings, variants
+        from pinarm.use.study.accuracy.tradeoff_text import advice, remarks, settings, solve_variants
 
         drawn = {name: picture(figure) for name, figure in self.plots().items()}
         parts = [heading(self.scenario.content.title or self.scenario.name)]
         if self.reference:
             parts += [lines(advice(self)), drawn["settings"], folded("all settings", table(settings(self)))]
         if self.variants:
-            parts += [table(variants(self)), lines(remarks(self)), drawn["variants"]]
+            parts += [table(solve_variants(self)), lines(remarks(self)), drawn["variants"]]
         return blocks(*parts)
 
 
@@ -109,6 +116,6 @@ def tradeoff(scenario: Scenario | str | Path, values: Values | None = None) -> T
         raise InputError(f"there is nothing to trade: a problem of kind {scenario.problem.kind} is solved to rounding, "
                          "whatever the setting, and the scenario has no variants",
                          hint="variants: {light: {arguments.mass: 0 kg}}")  # fmt: skip
-    against = reference(scenario) if integrated else None
-    tried = points(scenario, against) if against else []
-    return Tradeoff(scenario, against, tried, variants(scenario) if scenario.content.variants else [])
+    against = reference_solution(scenario) if integrated else None
+    tried = tried_settings(scenario, against) if against else []
+    return Tradeoff(scenario, against, tried, solve_variants(scenario) if scenario.content.variants else [])

@@ -16,7 +16,7 @@ def report(trade: Tradeoff) -> str:
     if trade.reference:
         lines += [*_aligned(settings(trade)), *advice(trade)]
     if trade.variants:
-        lines += [*_aligned(variants(trade)), *remarks(trade)]
+        lines += [*_aligned(solve_variants(trade)), *remarks(trade)]
     return "\n".join(lines)
 
 
@@ -42,7 +42,7 @@ def advice(trade: Tradeoff) -> list[str]:
     ]  # fmt: skip
 
 
-def variants(trade: Tradeoff) -> list[list[str]]:
+def solve_variants(trade: Tradeoff) -> list[list[str]]:
     """Return a heading and the errors of the outputs of every simplified model."""
     exact = trade.variants[0].result
     parameter = exact.trajectory.parameter if exact else ""

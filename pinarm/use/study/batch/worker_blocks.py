@@ -15,7 +15,7 @@ from pinarm.input.roots import file_root, given_root
 from pinarm.input.yaml.document import Document
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.batch.block import Block, Question, answered
-from pinarm.use.study.sweep.process_pool import Death, spread
+from pinarm.use.study.sweep.process_pool import WorkerDeath, distribute
 
 AnswerT = TypeVar("AnswerT")
 
@@ -69,9 +69,9 @@ def answers(
         NumericsError: A process died.
     """
     remote = Remote(scenario.document, scenario.folder, scenario.seed, given_root(), answer)
-    with closing(spread(remote, iter(jobs), min(workers, len(jobs)))) as found:
+    with closing(distribute(remote, iter(jobs), min(workers, len(jobs)))) as found:
         for job, answered in found:
-            if isinstance(answered, Death):
+            if isinstance(answered, WorkerDeath):
                 last = job[0] + len(job[1]) - 1
                 raise NumericsError(f"the process that solved the motions {job[0]} to {last} died by {answered.how}")
             if isinstance(answered, PinarmError | OSError):

@@ -10,8 +10,8 @@ import pinarm
 from pinarm.cli.main import main
 from pinarm.errors import NumericsError
 from pinarm.use.study.accuracy import tolerance_search as target_search
-from pinarm.use.study.accuracy.error_estimate import differences, estimated, scales
-from pinarm.use.study.accuracy.integration_settings import varied
+from pinarm.use.study.accuracy.error_estimate import estimate_errors, output_differences, output_scales
+from pinarm.use.study.accuracy.integration_settings import with_setting
 from pinarm.use.study.accuracy.tolerance_search import _ordered
 
 ROOT = Path(__file__).parents[4]
@@ -29,11 +29,11 @@ HEAVY = {"forty_four_bars_equal_rods"}
 """Takes minutes; two of its bars stand in another scenario."""
 
 
-def reference(scenario):
+def reference_solution(scenario):
     """The tightest solution that gets to the end, solved with other last digits."""
     for tolerance in (1e-13, 1e-12, 1e-11):
         try:
-            return varied(scenario, {"tolerance": tolerance}, 5_000, seed=77).solve()
+            return with_setting(scenario, {"tolerance": tolerance}, 5_000, seed=77).solve()
         except NumericsError:
             continue
     raise AssertionError("no reference")
@@ -42,11 +42,11 @@ def reference(scenario):
 def integrated(path):
     """Name, estimate and true error of every output at a loose and at a fair tolerance."""
     scenario = pinarm.load(path)
-    exact, found = reference(scenario), []
+    exact, found = reference_solution(scenario), []
     for tolerance in (1e-5, 1e-8):
-        loose = varied(scenario, {"tolerance": tolerance})
+        loose = with_setting(scenario, {"tolerance": tolerance})
         result = loose.solve()
-        errors, true = estimated(loose, result)[0], differences(result, exact)
+        errors, true = estimate_errors(loose, result)[0], output_differences(result, exact)
         found += [(path.stem, name, errors[name], true[name]) for name in true]
     return found
 
@@ -55,7 +55,7 @@ def closed_form(path):
     """Name, estimate and true error of the outputs whose closed form the answer key has, to rounding."""
     scenario = pinarm.load(path)
     result = scenario.solve()
-    errors, sizes, found = estimated(scenario, result)[0], scales(result), []
+    errors, sizes, found = estimate_errors(scenario, result)[0], output_scales(result), []
     for entry in scenario.content.expect:
         if entry.quantity in errors and entry.formula and entry.at == "all" and (entry.rtol or 1.0) <= 1e-9:
             true = np.abs(result[entry.quantity].values - result.quantities.figure(entry.formula)).max()
@@ -148,12 +148,12 @@ def test_the_setting_for_a_target_reaches_it_and_the_next_coarser_one_does_not(t
     path = ROOT / "scenarios" / "crank_rocker_free.yaml"
     result = pinarm.load(path, [f"accuracy={{target: {target}}}"]).run()
     scenario = pinarm.load(path)
-    exact = varied(scenario, {"tolerance": 1e-13}).solve()
-    assert max(differences(result, exact).values()) <= 1.5 * target
+    exact = with_setting(scenario, {"tolerance": 1e-13}).solve()
+    assert max(output_differences(result, exact).values()) <= 1.5 * target
     assert not result.missed
     used = float(result.setting.split("tolerance ")[1].split(",")[0])
-    coarser = varied(scenario, {"tolerance": 10 * used}).solve()
-    assert max(differences(coarser, exact).values()) > target / 1.5
+    coarser = with_setting(scenario, {"tolerance": 10 * used}).solve()
+    assert max(output_differences(coarser, exact).values()) > target / 1.5
 
 
 @pytest.mark.parametrize(("damping", "first"), [("1e5 N*m*s/rad", "stiff"), ("1 N*m*s/rad", "dop853")])

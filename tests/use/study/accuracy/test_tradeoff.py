@@ -8,9 +8,9 @@ from scipy.special import ellipj, ellipk
 
 from pinarm.cli.main import main
 from pinarm.errors import InputError
-from pinarm.use.study.accuracy.setting_errors import TriedSetting, recommended
+from pinarm.use.study.accuracy.setting_errors import TriedSetting, recommended_setting
 from pinarm.use.study.accuracy.tradeoff import tradeoff
-from pinarm.use.study.accuracy.variant_errors import variants
+from pinarm.use.study.accuracy.variant_errors import solve_variants
 
 SMALL = """\
 variants:
@@ -58,14 +58,14 @@ def test_the_cheapest_setting_that_is_good_enough_is_recommended():
     tried = [TriedSetting("m", name, {"x": error, "y": 0.0}, cost, 1.0)
              for name, error, cost in [("a", 1e-2, 10), ("b", 1e-7, 90), ("c", 9e-7, 80), ("d", 1e-12, 500)]
              ]  # fmt: skip
-    assert recommended(tried, 1e-13, 1e-6).setting == "c"
-    assert recommended(tried, 5e-7, 1e-6).setting == "b"
-    assert recommended(tried, 1e-13, 1e-13) is None
+    assert recommended_setting(tried, 1e-13, 1e-6).setting == "c"
+    assert recommended_setting(tried, 5e-7, 1e-6).setting == "b"
+    assert recommended_setting(tried, 1e-13, 1e-13) is None
 
 
 def test_the_error_of_a_simplified_model_is_that_of_the_closed_forms(scenario):
     """A pendulum released at 30 degrees against its law for small angles, and against no law at all."""
-    exact, small, weightless = variants(scenario("forward", SMALL))
+    exact, small, weightless = solve_variants(scenario("forward", SMALL))
     t, start = exact.result["t"].values, np.pi / 6
     swing = pendulum(t, start, np.sqrt(8.0))
     assert np.abs(exact.result["alpha"].values - swing).max() < 1e-7
@@ -102,6 +102,6 @@ def test_a_mistake_in_a_variant_is_found_where_it_stands(scenario):
 
 def test_a_variant_that_cannot_be_solved_says_why_and_the_others_are_told(scenario):
     more = SMALL + "  hasty: {accuracy.max_steps: 3}\n"
-    *_, weightless, hasty = variants(scenario("forward", more))
+    *_, weightless, hasty = solve_variants(scenario("forward", more))
     assert weightless.errors
     assert "3 steps" in hasty.failure

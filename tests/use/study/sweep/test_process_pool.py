@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from pinarm import PinarmError
-from pinarm.use.study.sweep.process_pool import HOPELESS, Death, spread
+from pinarm.use.study.sweep.process_pool import HOPELESS, WorkerDeath, distribute
 
 SQUARE = "def job(n):\n    return n * n\n"
 KILLED = """
@@ -30,32 +30,32 @@ Make = Callable[[str], Any]
 
 @pytest.mark.parametrize("workers", [1, 3])
 def test_every_job_is_answered_once(module: Make, workers: int) -> None:
-    answers = list(spread(module(SQUARE).job, iter(range(50)), workers))
+    answers = list(distribute(module(SQUARE).job, iter(range(50)), workers))
     assert sorted(answers) == [(n, n * n) for n in range(50)]
 
 
 def test_no_jobs_need_no_workers() -> None:
-    assert list(spread(print, iter(()), 2)) == []
+    assert list(distribute(print, iter(()), 2)) == []
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_worker_that_is_killed_loses_only_its_job(module: Make, workers: int) -> None:
-    answers = dict(spread(module(KILLED).job, iter(range(40)), workers))
-    lost = {n: answer for n, answer in answers.items() if isinstance(answer, Death)}
-    assert lost == dict.fromkeys((3, 13, 23, 33), Death("SIGKILL"))
+    answers = dict(distribute(module(KILLED).job, iter(range(40)), workers))
+    lost = {n: answer for n, answer in answers.items() if isinstance(answer, WorkerDeath)}
+    assert lost == dict.fromkeys((3, 13, 23, 33), WorkerDeath("SIGKILL"))
     assert {n: answers[n] for n in answers if n not in lost} == {n: n * n for n in range(40) if n not in lost}
 
 
 def test_workers_that_all_die_end_the_work_and_say_how(module: Make) -> None:
     jobs = iter(range(1000))
     with pytest.raises(PinarmError, match=f"{HOPELESS} processes died one after the other, the last by exit code 7"):
-        list(spread(module(ENDING).job, jobs, 2))
+        list(distribute(module(ENDING).job, jobs, 2))
     assert next(jobs) < HOPELESS + 5
 
 
 def test_jobs_are_taken_as_they_are_needed_and_workers_end_with_their_master(module: Make) -> None:
     taken = []
-    with closing(spread(module(SLOW).job, (taken.append(n) or n for n in range(1000)), 2)) as answers:
+    with closing(distribute(module(SLOW).job, (taken.append(n) or n for n in range(1000)), 2)) as answers:
         workers = {process for _, process in islice(answers, 4)}
     assert len(taken) <= 4 + 2 * 2
     assert not {process for process in workers if isinstance(process, int) and Path(f"/proc/{process}").exists()}
@@ -65,7 +65,7 @@ def test_jobs_are_taken_as_they_are_needed_and_workers_end_with_their_master(mod
 def test_both_workers_work_at_the_same_time(module: Make) -> None:
     job = module(SLOW).job
     begin = time.monotonic()
-    with closing(spread(job, iter(range(12)), 2)) as answers:
+    with closing(distribute(job, iter(range(12)), 2)) as answers:
         next(answers)
         begin = time.monotonic()  # when both have started, or nearly
         processes = [process for _, process in answers]
@@ -75,6 +75,6 @@ def test_both_workers_work_at_the_same_time(module: Make) -> None:
 
 def test_workers_leave_the_cores_to_one_another(module: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(os.environ, "OMP_NUM_THREADS", "4")
-    ((_, threads),) = spread(module(THREADS).job, iter([0]), 1)
+    ((_, threads),) = distribute(module(THREADS).job, iter([0]), 1)
     assert set(threads.values()) == {"1"}
     assert "OPENBLAS_NUM_THREADS" in threads

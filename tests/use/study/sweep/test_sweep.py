@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -258,8 +259,9 @@ def test_two_sweeps_do_not_write_one_journal(scenario: pinarm.Scenario, tmp_path
 
 def start(path: Path, *arguments: str) -> "subprocess.Popen[str]":
     command = [sys.executable, "-m", "pinarm", "sweep", str(path), "--over", "arguments.m=1:3:600 kg", "--no-plots"]
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs ignore interrupts
     return subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                            start_new_session=True)  # fmt: skip
+                            start_new_session=True, preexec_fn=heard)  # fmt: skip
 
 
 def wait_for(condition: Callable[[], object]) -> None:
