@@ -19,7 +19,8 @@ FLOOR_PLAN = {
     "input": "units roots xml_text mjcf_includes formulas yaml motion_tables xacro robots",
     "mechanics": "geometry joints laws drives coordinates ball_joints loops forces loading couplings "
     "payloads perturbation description",
-    "engine": "integration constraints dynamics model_source mechanism kinematics statics motion checks quantities",
+    "engine": "series integration constraints dynamics model_source mechanism kinematics statics motion checks "
+    "quantities",
     "problems": "time_grid accuracy imposed_laws joint_values loads declaration events "
     "equilibria inverse kinematics states forward batch_table simplify",
     "use": "result scenario show store views study",

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-
-from pinarm.engine.dynamics import Dynamics
 from pinarm.engine.imposed import Imposed
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.systems import system_of
 from pinarm.engine.systems.contract import Initial
+
+from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import PinarmError
 from pinarm.mechanics.laws import Harmonic
 
