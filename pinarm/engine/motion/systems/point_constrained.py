@@ -185,7 +185,7 @@ class _PointMotion:
         squares = np.linalg.eigvalsh(rows @ rows.T).tolist()  # quicker than singular values, and exact enough
         if closed:
             self.rank = max(self.rank, sum(one > VANISHED * squares[-1] for one in squares))
-        return max(squares[-self.rank] / squares[-1], 0.0) ** 0.5 / self.points.tied.regularity
+        return float(max(squares[-self.rank] / squares[-1], 0.0) ** 0.5 / self.points.tied.regularity)
 
     def closed(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the closed state nearest to (q, v), q last factorised, the distance measured by the masses."""
