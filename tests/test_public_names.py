@@ -1,8 +1,13 @@
 """The names that ``pinarm`` offers exist, once, and nothing else does."""
 
+import inspect
+import os
+import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from importlib import import_module
+from typing import Any
 
 import pytest
 
@@ -34,3 +39,77 @@ def test_importing_the_package_imports_nothing_else() -> None:
     code = "import sys, pinarm; print(sorted({'pinocchio', 'numpy', 'msgspec'} & sys.modules.keys()))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+FUNCTIONS = [name for name in pinarm.__all__ if not isinstance(getattr(pinarm, name), type)]
+PLAIN = {
+    "str", "int", "float", "bool", "object", "None", "Any", "Path", "Mapping", "Sequence", "Callable", "Iterator",
+    "Literal", "Array", "ArrayLike", "Values",
+}  # fmt: skip
+"""What parameters of public functions are made of, beside public types: Python's and numpy's own, and other values."""
+
+
+def public_calls() -> Iterator[tuple[str, Any]]:
+    """Functions, and the methods of a mechanism and of what is asked for quantities."""
+    yield from ((name, getattr(pinarm, name)) for name in FUNCTIONS)
+    for owner in (pinarm.Mechanism, pinarm.Batch, pinarm.Sweep, pinarm.Tradeoff, pinarm.Result, pinarm.Series):
+        for name, member in vars(owner).items():
+            member = member.__func__ if isinstance(member, classmethod) else member
+            if inspect.isfunction(member) and not name.startswith("_"):
+                yield f"{owner.__name__}.{name}", member
+
+
+@pytest.mark.parametrize(("name", "call"), list(public_calls()), ids=lambda x: x if isinstance(x, str) else "")
+def test_public_calls_take_plain_things(name: str, call: Any) -> None:
+    """No documents, places or buffers of the inside, and no private parameters."""
+    for parameter in inspect.signature(call).parameters.values():
+        assert not parameter.name.startswith("_")
+        words = re.sub(r"Literal\[.*?\]", "Literal", str(parameter.annotation))
+        types = set(re.findall(r"[A-Za-z_]\w*", words)) - {"inspect", "_empty", "class"}
+        assert types <= PLAIN | set(pinarm.__all__) | {"tuple", "list", "dict"}, f"{name}({parameter})"
+
+
+@pytest.mark.parametrize("name", ["load", "run", "check", "validate", "explain", "tradeoff", "sweep", "batch"])
+def test_other_values_have_one_spelling(name: str) -> None:
+    parameter = inspect.signature(getattr(pinarm, name)).parameters["values"]
+    assert (parameter.annotation, parameter.default) == ("Values | None", None)
+
+
+@pytest.mark.parametrize(("name", "call"), list(public_calls()), ids=lambda x: x if isinstance(x, str) else "")
+def test_docstrings_explain_what_is_given(name: str, call: Any) -> None:
+    """Functions and methods with several parameters name them all, or refer to where they are explained."""
+    text = inspect.getdoc(call) or ""
+    parameters = [one for one in inspect.signature(call).parameters if one not in ("self", "cls", "options")]
+    assert text
+    unsaid = [one for one in parameters if not re.search(rf"\b{one}\b", text)]
+    assert len(parameters) < 2 or not unsaid or "see ``" in text, f"{name}: {unsaid}"
+
+
+def test_dir_lists_the_public_names() -> None:
+    assert set(dir(pinarm)) == {*pinarm.__all__, "__version__"}
+
+
+def no_openmp() -> dict[str, str]:
+    """Return the environment without what it says to OpenMP."""
+    return {name: value for name, value in os.environ.items() if not name.startswith(("OMP_", "GOMP_"))}
+
+
+def test_the_environment_stays_as_it_is() -> None:
+    code = (
+        "import os, sys; before = dict(os.environ)\nimport pinarm\n"
+        "for name in pinarm.__all__: assert getattr(pinarm, name) and dict(os.environ) == before, name\n"
+        "print('pinocchio' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=no_openmp())
+    assert done.stdout.strip() == "True"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="another OpenMP, which shows its settings otherwise")
+@pytest.mark.parametrize(("said", "policy"), [({}, "PASSIVE"), ({"OMP_WAIT_POLICY": "active"}, "ACTIVE")])
+def test_threads_sleep_between_calls_unless_the_user_says_otherwise(said: dict[str, str], policy: str) -> None:
+    """OpenMP shows what it has read when it is loaded."""
+    environment = {**no_openmp(), "OMP_DISPLAY_ENV": "verbose", **said}
+    code = [sys.executable, "-c", "import pinarm; pinarm.Mechanism"]
+    done = subprocess.run(code, capture_output=True, text=True, check=True, env=environment)
+    assert f"OMP_WAIT_POLICY = '{policy}'" in done.stderr
+    assert ("GOMP_SPINCOUNT = '20000'" in done.stderr) == (not said)

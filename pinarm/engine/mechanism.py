@@ -217,9 +217,9 @@ class Mechanism:
                 quaternion or (cos, sin) has not the length 1; or a planar joint has another axis than z, of which
                 Pinocchio's reader takes no notice.
         """
-        from pinarm.engine.quantities import pinocchio_states
+        from pinarm.engine.quantities import states
 
-        return pinocchio_states.from_pinocchio(self, q, v)
+        return states.from_pinocchio(self, q, v)
 
     def to_pinocchio(self, q: ArrayLike, v: ArrayLike | None = None) -> tuple[Array, Array]:
         """Return q and v of ``pin.buildModelFromUrdf`` from those of this mechanism; see ``from_pinocchio``.
@@ -231,9 +231,9 @@ class Mechanism:
         Raises:
             InputError: As of ``from_pinocchio``.
         """
-        from pinarm.engine.quantities import pinocchio_states
+        from pinarm.engine.quantities import states
 
-        return pinocchio_states.to_pinocchio(self, q, v)
+        return states.to_pinocchio(self, q, v)
 
     @cached_property
     def pinocchio_layout(self) -> PinocchioLayout:

@@ -253,3 +253,27 @@ def _torn(measures: Measures, q: Array, v: Array, a: Array) -> Flags:
             terms = sum((np.abs(part) for part in parts), np.abs(left))
             torn |= np.abs(sum(parts, left)) > 0.5 * CLOSED * (1.0 + terms)
     return torn
+
+
+def from_pinocchio(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None) -> tuple[Array, Array]:
+    """Return q and v from those of ``pin.buildModelFromUrdf``; see ``Mechanism.from_pinocchio``."""
+    layout = mechanism.pinocchio_layout
+    leading, rows = _states(q, v, layout.p_nq, layout.p_nv)
+    positions, velocities = layout.take(*rows)
+    return leading.unfold(positions), leading.unfold(velocities)
+
+
+def to_pinocchio(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None) -> tuple[Array, Array]:
+    """Return q and v of ``pin.buildModelFromUrdf``; see ``Mechanism.to_pinocchio``."""
+    layout = mechanism.pinocchio_layout
+    leading, rows = _states(q, v, layout.nq, layout.nv)
+    positions, velocities = layout.give(*rows)
+    return leading.unfold(positions), leading.unfold(velocities)
+
+
+def _states(q: ArrayLike, v: ArrayLike | None, nq: int, nv: int) -> tuple[Leading, list[Array]]:
+    """Return the leading axes of q and v, and both as rows; velocities that are left out are 0."""
+    if v is None:
+        leading, (rows,) = Leading.fold(q=(q, nq))
+        return leading, [rows, np.zeros((len(rows), nv))]
+    return Leading.fold(q=(q, nq), v=(v, nv))

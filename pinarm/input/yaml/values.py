@@ -91,7 +91,7 @@ def _plain(value: Any, place: Location) -> Any:
         return str(value)
     if value is None or isinstance(value, str | bool | int | float):
         return value
-    raise InputError(f"a {type(value).__name__} is nothing that a file could have",
+    raise InputError(f"a value of type {type(value).__name__} is nothing that a file could have",
                      expected="text with a unit, a number, a word, a list or a map").at(place)  # fmt: skip
 
 

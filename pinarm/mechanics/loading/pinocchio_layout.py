@@ -53,7 +53,7 @@ class JointStates(Protocol):
 
 
 @dataclass(frozen=True)
-class Single:
+class SingleStates:
     """A joint with one coordinate, the same in both.
 
     Attributes:
@@ -78,7 +78,7 @@ class Single:
 
 
 @dataclass(frozen=True)
-class Continuous:
+class ContinuousStates:
     """A joint that turns without limits; Pinocchio has the cosine and the sine of its angle.
 
     Attributes:
@@ -112,7 +112,7 @@ class Continuous:
 
 
 @dataclass(frozen=True)
-class PlanarLayout:
+class PlanarStates:
     """A joint that slides along two axes and turns about the third.
 
     Attributes:
@@ -123,7 +123,7 @@ class PlanarLayout:
         y: The joint along y.
     """
 
-    angle: Continuous
+    angle: ContinuousStates
     p_q: int
     p_v: int
     x: Joint
@@ -147,7 +147,7 @@ class PlanarLayout:
 
 
 @dataclass(frozen=True, eq=False)
-class Floating:
+class FloatingStates:
     """A joint that moves freely: a free-flyer in Pinocchio.
 
     Attributes:
@@ -266,16 +266,16 @@ def _part(
                          hint="the base as the model's text has it, fixed or floating")  # fmt: skip
     ours = [joints[each] for each in named]
     if size == (1, 1):
-        return Single(p_q, p_v, ours[0].q, ours[0].v)
+        return SingleStates(p_q, p_v, ours[0].q, ours[0].v)
     if size == (2, 1):
-        return Continuous(name, p_q, p_v, ours[0].q, ours[0].v)
+        return ContinuousStates(name, p_q, p_v, ours[0].q, ours[0].v)
     axes = model.jointPlacements[ours[0].index].rotation.T @ theirs.jointPlacements[index].rotation
     if size == (7, 6):
-        return Floating(p_q, p_v, (ours[0], ours[1], ours[2]), balls[name], axes)
+        return FloatingStates(p_q, p_v, (ours[0], ours[1], ours[2]), balls[name], axes)
     if np.abs(axes - np.eye(3)).max() > SAME:
         raise InputError(f"Pinocchio's reader takes no notice of the axis of the planar joint '{name}'",
                          expected="planar joints whose axis is z")  # fmt: skip
-    return PlanarLayout(Continuous(name, p_q + 2, p_v + 2, ours[2].q, ours[2].v), p_q, p_v, ours[0], ours[1])
+    return PlanarStates(ContinuousStates(name, p_q + 2, p_v + 2, ours[2].q, ours[2].v), p_q, p_v, ours[0], ours[1])
 
 
 def _turned(quaternion: Array, vectors: Array) -> Array:

@@ -20,7 +20,7 @@ from pinarm.use.scenario.scenario import Scenario, load
 from pinarm.use.study.batch.block import Block, Question, answered
 from pinarm.use.study.batch.initial_states import Starts
 from pinarm.use.study.batch.reduced_table import ReducedTable
-from pinarm.use.study.batch.reductions import ColumnReduction, Measure, reduced
+from pinarm.use.study.batch.reductions import ColumnReduction, reduced
 
 AnswerT = TypeVar("AnswerT")
 
@@ -121,7 +121,7 @@ class Batch:
             q[part], v[part] = states
         return q, v
 
-    def reduced(self, asked: Mapping[str, Measure | Sequence[Measure]]) -> ReducedTable:
+    def reduced(self, asked: Mapping[str, str | float | Sequence[str | float]]) -> ReducedTable:
         """Return a few numbers of every motion: ``reduced({"A_y": ["max", 95], "joint.B.velocity": "rms"})``.
 
         They are taken over the instants of the table that a motion reached, means over time by the trapezoidal rule.

@@ -78,6 +78,7 @@ def test_every_motion_is_that_of_a_run_of_its_own(scenario):
         assert run.figures["evaluations"] == pytest.approx(expected.figures["evaluations"], abs=30)
         for name in ("O", "B", "point.A.position.y", "joint.B.velocity"):
             assert batch[name][number] == pytest.approx(expected[name].values, abs=1e-9)
+            assert (type(batch[name]), batch[name].label) == (type(expected[name]), expected[name].label)
         assert q[number, :, 1] == pytest.approx(expected["B"].values, abs=1e-9)
         assert v[number, :, 1] == pytest.approx(expected["joint.B.velocity"].values, abs=1e-8)
 

@@ -1,0 +1,199 @@
+"""Quantities take part in numpy's arithmetic as arrays do, and what comes out has the unit that it must have."""
+
+import operator
+import pickle
+
+import numpy as np
+import pytest
+
+from pinarm.engine.series import Series
+from pinarm.errors import UnitError
+from pinarm.input.units import unit
+
+X = np.array([0.5, -1.0, 2.0, 0.25])
+TORQUE = Series("M", unit("N*m"), X)
+FORCE = Series("F", unit("N"), np.array([1.0, 2.0, -4.0, 0.5]))
+ANGLE = Series("phi", unit("rad"), np.array([0.1, 0.2, -0.3, 0.4]))
+NUMBER = Series("k", unit("1"), np.array([1.0, 2.0, 3.0, 4.0]))
+UNKNOWN = Series("u", None, X)
+MILLIMETRES = Series("l", unit("mm"), np.array([1000.0, 2000.0, 500.0, 0.0]))
+METRES = Series("h", unit("m"), np.array([1.0, 1.0, 0.5, 3.0]))
+
+
+@pytest.mark.parametrize(
+    ("found", "expected", "said"),
+    [
+        (TORQUE + TORQUE, X + X, "N*m"), (TORQUE - 1.0, X - 1.0, "N*m"), (1.0 - TORQUE, 1.0 - X, "N*m"),
+        (X + TORQUE, X + X, "N*m"), (X.tolist() + TORQUE, X + X, "N*m"),
+        (-TORQUE, -X, "N*m"), (abs(TORQUE), abs(X), "N*m"), (+TORQUE, X, "N*m"), (TORQUE % 0.3, X % 0.3, "N*m"),
+        (2 * ANGLE, 2 * ANGLE.values, "rad"), (ANGLE / 2, ANGLE.values / 2, "rad"),
+        (np.float64(3) * TORQUE, 3 * X, "N*m"),
+        (TORQUE * FORCE, X * FORCE.values, "kg^2*m^3/s^4"), (TORQUE / FORCE, X / FORCE.values, "m"),
+        (1.0 / METRES, 1.0 / METRES.values, "1/m"), (TORQUE / TORQUE, X / X, "1"),
+        (TORQUE // FORCE.values, X // FORCE.values, "1"),
+        (FORCE * METRES, FORCE.values * METRES.values, "N*m"), (TORQUE**2, X**2, "kg^2*m^4/s^4"),
+        (np.sqrt(FORCE * FORCE), abs(FORCE.values), "N"), (METRES**0.5 * METRES**0.5, METRES.values, "m"),
+        (np.square(FORCE), FORCE.values**2, "kg^2*m^2/s^4"), (np.cbrt(METRES**3), METRES.values, "m"),
+        (np.reciprocal(METRES), 1.0 / METRES.values, "1/m"), (2.0**NUMBER, 2.0**NUMBER.values, "1"),
+        (NUMBER**NUMBER, NUMBER.values**NUMBER.values, "1"),
+        (np.sin(ANGLE), np.sin(ANGLE.values), "1"), (np.exp(NUMBER), np.exp(NUMBER.values), "1"),
+        (np.arctan(NUMBER), np.arctan(NUMBER.values), "rad"),
+        (np.arctan2(FORCE, FORCE), np.arctan2(FORCE.values, FORCE.values), "rad"),
+        (np.degrees(ANGLE), np.degrees(ANGLE.values), "deg"), (ANGLE.to("deg"), np.degrees(ANGLE.values), "deg"),
+        (np.maximum(TORQUE, 0.3), np.maximum(X, 0.3), "N*m"), (np.hypot(TORQUE, TORQUE), np.hypot(X, X), "N*m"),
+        (np.clip(TORQUE, 0.0, 1.0), np.clip(X, 0.0, 1.0), None),
+        (UNKNOWN + TORQUE, X + X, "N*m"), (UNKNOWN * TORQUE, X * X, "?"), (np.sin(UNKNOWN), np.sin(X), "1"),
+        (METRES + MILLIMETRES, [2.0, 3.0, 1.0, 3.0], "m"), (MILLIMETRES - METRES, [0.0, 1000.0, 0.0, -3000.0], "mm"),
+        (MILLIMETRES * FORCE, [1.0, 4.0, -2.0, 0.0], "N*m"), (MILLIMETRES**2, [1.0, 4.0, 0.25, 0.0], "m^2"),
+        (MILLIMETRES * 2, 2 * MILLIMETRES.values, "mm"), (MILLIMETRES + 1, MILLIMETRES.values + 1, "mm"),
+        (np.sin(ANGLE.to("deg")), np.sin(ANGLE.values), "1"),
+        (np.add.accumulate(TORQUE), np.cumsum(X), "N*m"),
+        (np.multiply.outer(METRES, FORCE), np.outer(METRES.values, FORCE.values), "N*m"),
+    ],
+    ids=lambda x: getattr(x, "name", None),
+)  # fmt: skip
+def test_what_is_computed_has_its_values_and_unit(found, expected, said):
+    assert np.asarray(found) == pytest.approx(np.asarray(expected), rel=1e-15)
+    if said is not None:
+        assert isinstance(found, Series)
+        assert ("?" if found.unit is None else str(found.unit)) == said
+
+
+@pytest.mark.parametrize(
+    ("computed", "says"),
+    [
+        (lambda: TORQUE + FORCE, r"M \+ F: \[N\*m\] and \[N\] do not go together"),
+        (lambda: TORQUE < FORCE, "do not go together"),
+        (lambda: np.maximum(TORQUE, FORCE), "do not go together"), (lambda: TORQUE == FORCE, "do not go together"),
+        (lambda: np.arctan2(TORQUE, FORCE), "do not go together"),
+        (lambda: np.sin(TORQUE), r"sin\(M\): a quantity in \[N\*m\] where a number is wanted"),
+        (lambda: np.floor(TORQUE), "where a number is wanted"), (lambda: 2.0**TORQUE, "where a number is wanted"),
+        (lambda: TORQUE**NUMBER, "to a power that varies"),
+        (lambda: np.multiply.reduce(TORQUE), "where a number is wanted"),
+        (lambda: np.radians(ANGLE), "does not tell a unit"), (lambda: divmod(TORQUE, TORQUE), "does not tell a unit"),
+        (lambda: ANGLE.to("m"), "do not go together"),
+    ],
+)  # fmt: skip
+def test_what_has_no_unit_is_refused(computed, says):
+    with pytest.raises(UnitError, match=says):
+        computed()
+
+
+@pytest.mark.parametrize("compare", [operator.lt, operator.le, operator.gt, operator.ge, operator.eq, operator.ne])
+def test_comparisons_give_masks(compare):
+    for other, values in ((0.5, 0.5), (Series("other", unit("J"), X[::-1]), X[::-1]), (X[::-1], X[::-1])):
+        found = compare(TORQUE, other)
+        assert type(found) is np.ndarray
+        assert found.tolist() == compare(X, values).tolist()
+    assert (MILLIMETRES == METRES).tolist() == [True, False, True, False]
+    assert (np.logical_and(TORQUE > 0, FORCE > 0)).tolist() == [True, False, False, True]
+    assert np.isfinite(TORQUE).all()
+
+
+class TestAnArray:
+    def test_indices_slices_and_masks(self):
+        assert isinstance(TORQUE[2], float)
+        assert TORQUE[2] == 2.0
+        for index in (slice(1, 3), TORQUE > 0, [0, 2], slice(None, None, -1), ...):
+            assert isinstance(TORQUE[index], Series)
+            assert TORQUE[index].tolist() == X[index].tolist()
+            assert TORQUE[index].label == "M [N*m]"
+        table = Series("A", unit("m"), np.arange(6.0).reshape(2, 3))
+        assert table[1].tolist() == [3.0, 4.0, 5.0]
+        assert table[:, 1].tolist() == [1.0, 4.0]
+        assert table[1, 1] == 4.0
+        assert table.T.shape == (3, 2)
+        assert [row.tolist() for row in table] == table.values.tolist()
+        assert list(TORQUE) == X.tolist()
+        with pytest.raises(IndexError):
+            _ = TORQUE[4]
+
+    def test_what_arrays_tell_of_themselves(self):
+        assert (len(TORQUE), TORQUE.shape, TORQUE.ndim, TORQUE.size, TORQUE.dtype) == (4, (4,), 1, 4, np.dtype(float))
+        assert 2.0 in TORQUE
+        with pytest.raises(ValueError, match="ambiguous"):
+            bool(TORQUE)
+
+    def test_values_are_taken_without_a_copy_and_cannot_be_changed(self):
+        taken = np.asarray(TORQUE)
+        assert np.shares_memory(taken, TORQUE.values)
+        with pytest.raises(ValueError, match="read-only"):
+            taken[0] = 1.0
+        assert np.array(TORQUE).flags.writeable
+        assert np.asarray(TORQUE, dtype=np.float32).dtype == np.float32
+        given = X.copy()
+        Series("a", None, given)
+        given[0] = 3.0  # the array that was given stays its owner's
+
+    def test_it_never_changes(self):
+        sum_ = TORQUE
+        sum_ += 1.0
+        sum_ *= 2.0
+        assert sum_.tolist() == ((X + 1.0) * 2.0).tolist()
+        assert TORQUE.tolist() == X.tolist()
+        with pytest.raises(TypeError, match="never changed"):
+            np.add(TORQUE, 1.0, out=TORQUE)
+        with pytest.raises(TypeError, match="never changed"):
+            np.add.at(TORQUE, [0], 1.0)
+        into = np.zeros(4)
+        assert np.add(TORQUE, 1.0, out=into) is into
+        assert into.tolist() == (X + 1.0).tolist()
+
+    @pytest.mark.parametrize("how", ["max", "min", "mean", "sum", "std", "argmax", "argmin"])
+    def test_reductions_are_numpys(self, how):
+        table = Series("A", unit("m"), np.random.default_rng(3).normal(size=(3, 5)))
+        assert getattr(np, how)(table) == getattr(table, how)() == getattr(table.values, how)()
+        for along in (0, 1):
+            found = getattr(np, how)(table, axis=along)
+            assert np.asarray(found).tolist() == getattr(table.values, how)(axis=along).tolist()
+            if not how.startswith("arg"):
+                assert found.label == f"{how}(A) [m]"
+
+    def test_numpy_takes_the_bare_values_for_all_else(self):
+        assert np.allclose(TORQUE, X)
+        assert np.interp(0.5, [0.0, 1.0], METRES[:2]) == 1.0
+        assert type(np.concatenate([TORQUE, TORQUE])) is np.ndarray
+        assert np.median(TORQUE) == np.median(X)
+        assert TORQUE @ TORQUE == X @ X
+        assert pytest.approx(X) == TORQUE
+
+    def test_a_single_state_is_a_number(self):
+        single = Series("h", unit("m"), np.array(1.25))
+        assert float(single) == 1.25
+        assert f"{single:.1f}" == "1.2"
+        assert bool(single > 1.0)
+        assert str(single + 1.0) == "h + 1 [m]: 2.25"
+
+    def test_it_has_no_hash(self):
+        """As arrays have none, for ``==`` compares value by value."""
+        with pytest.raises(TypeError, match="unhashable"):
+            hash(TORQUE)
+
+    def test_processes_can_send_it(self):
+        back = pickle.loads(pickle.dumps(TORQUE))
+        assert back.tolist() == X.tolist()
+        assert back.label == TORQUE.label
+
+
+def test_names_are_formulas():
+    assert (TORQUE / (FORCE * METRES) + 2).name == "(M/(F*h)) + 2"
+    assert np.sin(-ANGLE).name == "sin(-phi)"
+    assert (TORQUE * X).name == "M*array"
+    assert len((TORQUE * X * X * X * X * X * X * X * X * X * X).name) <= 60
+
+
+def test_a_doubt_stays():
+    doubted = Series("F", unit("N"), X, "hyperstatic of degree 1")
+    for found in (2.0 * doubted, METRES * doubted, -doubted, doubted[1:], doubted.to("kN"), np.sqrt(doubted * doubted)):
+        assert found.doubt == "hyperstatic of degree 1"
+    assert (METRES * 2.0).doubt == ""
+
+
+def test_how_it_shows_itself():
+    assert repr(TORQUE) == "M [N*m]: 4 values, -1 to 2"
+    assert (
+        repr(Series("A", unit("m"), np.array([[0.1, np.nan], [0.3, 0.123456]]))) == "A [m]: (2, 2) values, 0.1 to 0.3"
+    )
+    assert repr(Series("w", unit("1"), np.array(["a", "b"]))) == "w: 2 values"
+    assert repr(Series("x", unit("1"), np.full(2, np.nan))) == "x: 2 values"
+    assert repr(Series("F", unit("N"), X, "one of many")) == "F [N]: 4 values, -1 to 2; one of many"

@@ -1,0 +1,83 @@
+"""Other values for a file: a mapping and texts say the same, and what cannot be meant is refused."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pinarm.errors import InputError, UnitError
+from pinarm.input.yaml.document import Document
+from pinarm.input.yaml.values import varied, written_unit
+
+FILE = "title: arm\nproblem: {time: {end: 3 s}, speed: 3000 rpm}\nlist: [1 kg, 2 mm]\n"
+
+
+def made(values: Any, declared: Mapping[str, str] | None = None) -> Any:
+    return varied(Document.parse(FILE), values, lambda path: (declared or {}).get(path, "")).data
+
+
+@pytest.mark.parametrize(
+    ("mapping", "texts"),
+    [
+        ({"problem.time.end": "4 s"}, ["problem.time.end=4 s"]), ({"title": "leg"}, ["title=leg"]),
+        ({"problem.time.end": 4.5}, ["problem.time.end=4.5"]), ({"list.0": 3}, ["list.0=3"]),
+        ({"problem.time": {"end": "4 s", "samples": 5}}, ["problem.time={end: 4 s, samples: 5}"]),
+        ({"new.key": [1, "a", True]}, ["new.key=[1, a, true]"]), ({"title": None}, ["title="]),
+        ({"title": "a", "problem.speed": "1 rad/s"}, ["title=a", "problem.speed=1 rad/s"]),
+        ({"list.-1": "3 mm"}, ("list.-1=3 mm",)),
+    ],
+)  # fmt: skip
+def test_a_mapping_and_texts_say_the_same(mapping: Mapping[str, object], texts: Any) -> None:
+    assert made(mapping) == made(texts) != Document.parse(FILE).data
+
+
+def test_numbers_of_numpy_and_tuples_are_plain_data() -> None:
+    found = made({"a": np.float64(0.5), "b": np.int64(3), "c": np.array([1.0, 2.0]), "d": (1, 2), "e": Path("x/y"),
+                  "f": {"g": np.bool_(True)}})  # fmt: skip
+    assert {key: found[key] for key in "abcdef"} == {
+        "a": 0.5, "b": 3, "c": [1.0, 2.0], "d": [1, 2], "e": "x/y", "f": {"g": True},
+    }  # fmt: skip
+    assert type(found["b"]) is int
+
+
+class TestBareNumbers:
+    def test_are_in_si_where_the_file_is(self) -> None:
+        assert made({"problem.time.end": 4})["problem"]["time"]["end"] == "4 s"
+        assert made({"arguments.m": 0.25}, {"arguments.m": "kg"})["arguments"]["m"] == "0.25 kg"
+
+    @pytest.mark.parametrize(("path", "hint"), [("problem.speed", "'100.5 rpm'"), ("list.1", "'100.5 mm'")])
+    def test_are_refused_where_it_has_another_unit(self, path: str, hint: str) -> None:
+        """100.5 might be meant in rpm, or in rad/s."""
+        for values in ({path: 100.5}, [f"{path}=100.5"]):
+            with pytest.raises(UnitError, match="has no unit") as caught:
+                made(values)
+            assert caught.value.hint == hint
+            assert path in str(caught.value)
+
+    def test_stay_bare_where_nothing_is_known(self) -> None:
+        assert made({"problem.new": 3.5})["problem"]["new"] == 3.5
+        assert made({"problem.speed": 0})["problem"]["speed"] == 0
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ("title=a", "other values are given as 'title=a'"), (3, "other values are given as '3'"),
+        ({"": 1}, "is no path"), ({3: 1}, "the key 3 is no path"),
+        ({"title": object()}, "a value of type object is nothing"),
+        ({"title": {"a": {1, 2}}}, "of type set is nothing"), ({"title.a": 3}, "a plain value stands there"),
+        ({"list.2": 3}, "no index"), (["title"], "no assignment"), ({"list.²": 3}, "no index"),
+    ],
+)  # fmt: skip
+def test_what_is_no_value(values: Any, says: str) -> None:
+    with pytest.raises(InputError) as caught:
+        made(values)
+    assert says in caught.value.message
+
+
+def test_the_unit_that_stands_at_a_path() -> None:
+    data = Document.parse(FILE).data
+    paths = ("problem.time.end", "problem.speed", "list.0", "title", "problem", "none", "list.7", "title.a")
+    assert [written_unit(data, path) for path in paths] == ["s", "rpm", "kg", "", "", "", "", ""]
