@@ -170,6 +170,19 @@ def run(mechanism, end, samples=101, accuracy=None, **content):
     return problem.solve(mechanism, accuracy or Accuracy(tolerance=1e-12), place)
 
 
+@pytest.mark.parametrize("bodies", [
+    [{"name": "a", "kind": "prismatic", "axis": "0.6 0 0.8"}, {"name": "b", "kind": "prismatic", "axis": "0 1 0"}],
+    [{"name": "a", "axis": "0.6 0 0.8"}],
+], ids=["sliding only", "turning in place"])  # fmt: skip
+def test_many_states_of_which_much_is_the_same(mechanism, chain, bodies):
+    """Vectors that are the same in all configurations are kept once."""
+    part, link = mechanism(chain(*bodies)), f"{bodies[-1]['name']}_link"
+    element = Bushing(between=("base", link), stiffness=MOUNT, damping=DampingRates(translation=(3.0, 1.0, 2.0)))
+    element, rng = element.bind(part.model, part.joints), np.random.default_rng(2)
+    q, v = rng.uniform(-1.2, 1.2, size=(20, len(bodies))), rng.normal(size=(20, len(bodies)))
+    assert load(element, q, v) == pytest.approx(np.array([load(element, *each) for each in zip(q, v, strict=True)]))
+
+
 @pytest.mark.parametrize("n", [3, 20])
 def test_many_states_are_the_same_as_one_by_one_at_large_rotations(body, n):
     element = Bushing(between=("yaw_link", "base"), stiffness=MOUNT,
@@ -355,6 +368,14 @@ class TestQuantities:
         found = Quantities(moved)
         assert np.ptp(found["joint.shoulder.force.x"].values) > 10.0
         assert found.figures()["bodies"] < 1e-14
+        # what the wrenches leave about the axes of the joints is what the loads leave to the drives
+        for name, axis, link in (("shoulder", "y", "base"), ("elbow", "z", "shoulder_link")):
+            effort, moment = (
+                found[f"joint.{name}.effort"].values,
+                found[f"joint.{name}.moment.along.{link}.{axis}"].values,
+            )
+            assert moment == pytest.approx(effort, abs=1e-12)
+            assert np.ptp(effort) > 1.0
 
     def test_deflection_and_wrench_by_name(self, moved):
         found, q, v = Quantities(moved), moved.q, moved.v
@@ -397,6 +418,7 @@ class TestInput:
         ({"translation": (1.0, 4.0, 0.0), "coupling": {"x_y": 2.1}}, "x, y"),
         ({"translation": (1.0, 1.0, 1.0), "rotation": (0.0, 1.0, 0.0), "coupling": {"z_rx": 1e-3}}, "rx"),
         ({"translation": (1.0, 1.0, 1.0), "coupling": {"x_y": -0.6, "y_z": -0.6, "x_z": -0.6}}, "x, y, z"),
+        ({"translation": (1e-12, 1e-12, 0.0), "coupling": {"x_y": -2e-12}}, "x, y"),
     ])  # fmt: skip
     def test_matrices_that_give_energy_away_are_refused(self, kind, given, named):
         with pytest.raises(InputError, match=f"{named} together the matrix is negative") as caught:
