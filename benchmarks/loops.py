@@ -15,12 +15,13 @@ import numpy as np
 import pinocchio as pin
 
 import pinarm
-from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.motion.outcome import Outcome
 from pinarm.mechanics.forces import Wrench
 from pinarm.mechanics.laws import ConstantSpeed, Harmonic
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.inverse import Inverse
+from pinarm.problems.time_grid import TimeGrid
 
 ROOT = Path(__file__).parents[1]
 JOINTS = ("beta", "Theta", "gamma", "delta", "Phi", "epsilon", "Omega")
@@ -61,7 +62,7 @@ def anywhere(*path: object) -> nullcontext:
     return nullcontext()
 
 
-def motion(folder: Path, end: float, initial: InitialState) -> Callable[[float], Trajectory]:
+def motion(folder: Path, end: float, initial: InitialState) -> Callable[[float], Outcome]:
     """Return what solves a motion of a model to a tolerance."""
     mechanism = pinarm.Mechanism.load(folder / "mechanism.yaml")
     problem = Forward(time=TimeGrid(end=end, samples=21), initial=initial)
@@ -77,7 +78,7 @@ def inverse() -> None:
         problem = Inverse(
             time=TimeGrid(end=1.0, samples=SAMPLES), motion=laws, drives=[drive], start=start, loads=loads
         )
-        run = problem.solve(mechanism, Accuracy(), anywhere)
+        run = problem.solve(mechanism, Accuracy(), anywhere).rows
         order, pool = np.random.default_rng(0).permutation(SAMPLES), pin.ModelPool(mechanism.model, 1)
         q, v, a = run.q[order], run.v[order], run.a[order]
         times = best(

@@ -28,7 +28,7 @@ def scenario(folder: Path, robot: str, problem: dict[str, Any], outputs: list[st
 
 def held(robot: str, moving: str) -> tuple[list[str], dict[str, Any]]:
     """Return the joints whose names begin like this, and laws that hold all others, or what they mimic."""
-    mechanism = pinarm.Mechanism.load(robot, base="fixed")
+    mechanism = pinarm.Mechanism.load(robot, values={"base": "fixed"})
     mimics = [one.follower for one in mechanism.constraints]
     others = [one for one in mechanism.joints.values() if not one.name.startswith(moving)]
     laws = {one.name: {"law": "constant", "value": f"0.01 {one.unit}"} for one in others if one.v not in mimics}

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import pinarm
-from pinarm.use.result.result import MEASURES
+from pinarm.use.result.measures import MEASURES
 
 ROOT = Path(__file__).parents[1]
 SCENARIO = ROOT / "scenarios" / "gen411_arm_static.yaml"

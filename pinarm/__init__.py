@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
-    from pinarm.engine.motion.trajectory import Series, Trajectory
+    from pinarm.engine.motion.trajectory import Trajectory
+    from pinarm.engine.series import Series
     from pinarm.errors import PinarmError
-    from pinarm.input.roots import rooted
+    from pinarm.input.roots import file_root
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.json_schema import schema
     from pinarm.use.scenario.scenario import Scenario, load
-    from pinarm.use.show.replay.page import replay
+    from pinarm.use.store.examples import examples
+    from pinarm.use.store.restore import replay
     from pinarm.use.study.accuracy.tradeoff import Tradeoff, tradeoff
     from pinarm.use.study.answers.check import check
     from pinarm.use.study.batch.batch import Batch, batch
@@ -25,28 +25,23 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-if "pinocchio" not in sys.modules and "OMP_WAIT_POLICY" not in os.environ:
-    # threads of OpenMP that wait busily cost others their cores, and calls milliseconds; to wake them up costs 75 us:
-    # GNU's wait busily for 0.4 ms, from one call of a batch to the next
-    os.environ["OMP_WAIT_POLICY"] = "passive"
-    os.environ.setdefault("GOMP_SPINCOUNT", "20000")
-
 _HOMES = {
     "Mechanism": "pinarm.engine.mechanism",
-    "Series": "pinarm.engine.motion.trajectory",
+    "Series": "pinarm.engine.series",
     "Trajectory": "pinarm.engine.motion.trajectory",
     "PinarmError": "pinarm.errors",
     "Batch": "pinarm.use.study.batch.batch",
     "batch": "pinarm.use.study.batch.batch",
     "check": "pinarm.use.study.answers.check",
+    "examples": "pinarm.use.store.examples",
     "explain": "pinarm.use.study.explain",
     "Result": "pinarm.use.result.result",
     "Scenario": "pinarm.use.scenario.scenario",
     "Sweep": "pinarm.use.study.sweep.sweep",
     "Tradeoff": "pinarm.use.study.accuracy.tradeoff",
     "load": "pinarm.use.scenario.scenario",
-    "replay": "pinarm.use.show.replay.page",
-    "rooted": "pinarm.input.roots",
+    "replay": "pinarm.use.store.restore",
+    "file_root": "pinarm.input.roots",
     "run": "pinarm.use.study.run",
     "schema": "pinarm.use.scenario.json_schema",
     "sweep": "pinarm.use.study.sweep.sweep",
@@ -56,7 +51,7 @@ _HOMES = {
 
 __all__ = [
     "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "Series", "Sweep", "Tradeoff", "Trajectory", "batch",
-    "check", "explain", "load", "replay", "rooted", "run", "schema", "sweep", "tradeoff", "validate",
+    "check", "examples", "explain", "file_root", "load", "replay", "run", "schema", "sweep", "tradeoff", "validate",
 ]  # fmt: skip
 
 
@@ -65,3 +60,8 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'pinarm' has no attribute '{name}'")
     return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return [*__all__, "__version__"]

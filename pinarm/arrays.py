@@ -1,10 +1,47 @@
-"""The one array type: double precision; docstrings give shapes and units."""
+"""The one array type, double precision, and checks of arrays that a user gives; docstrings give shapes and units."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from pinarm.errors import InputError
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
+
+
+def real(x: ArrayLike, name: str) -> Array:
+    """Return an array of real numbers.
+
+    Raises:
+        InputError: It is none.
+    """
+    try:
+        return np.asarray(x).astype(np.float64, casting="same_kind", copy=False)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is no array of real numbers", expected="an array of them") from None
+
+
+def as_rows(x: Array, width: int, name: str) -> Array:
+    """Return an array of states as rows, shape (n, width).
+
+    Raises:
+        InputError: It has another shape, or is not of real numbers.
+    """
+    rows = x if type(x) is np.ndarray and x.dtype == np.float64 and x.ndim == 2 else np.atleast_2d(real(x, name))
+    if rows.ndim != 2 or rows.shape[1] != width:
+        raise InputError(f"{name} has the shape {np.shape(x)}", expected=f"(n, {width}) or ({width},)")
+    return rows
+
+
+def same_rows(*arrays: Array) -> None:
+    """Raise where arrays have different numbers of rows.
+
+    Raises:
+        InputError: Says how many each has.
+    """
+    if len({len(array) for array in arrays}) > 1:
+        rows = ", ".join(str(len(array)) for array in arrays)
+        raise InputError(f"the arrays have {rows} rows", expected="as many in each")

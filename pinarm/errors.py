@@ -6,8 +6,8 @@ traceback and exits with ``exit_code``: 2 for input that has to be mended, 3 whe
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -150,6 +150,10 @@ class Key(str):
     """The last step of a path that leads to a key itself, not to what stands beside it."""
 
     __slots__ = ()
+
+
+Place = Callable[..., AbstractContextManager[None]]
+"""``with place("motion", "theta"):`` gives errors of the block that place of the problem in its file."""
 
 
 @contextmanager

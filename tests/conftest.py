@@ -17,8 +17,9 @@ import pytest
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.laws import Harmonic
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
+from pinarm.problems.time_grid import TimeGrid
 
 
 def body(name, parent, *, kind="continuous", axis="0 0 1", at="0 0 0", mass=1.0, com="0 0 0",
@@ -80,7 +81,7 @@ def swing() -> Callable[[Mechanism], Trajectory]:
     def run(mechanism):
         law = Harmonic(mean=0.4, amplitude=0.9, pulsation=2.0)
         problem = Inverse(time=TimeGrid(end=3.0, samples=61), motion={"arm": law})
-        return problem.solve(mechanism, Accuracy(), lambda *path: nullcontext())
+        return problem.solve(mechanism, Accuracy(), lambda *path: nullcontext()).rows
 
     return run
 

@@ -3,6 +3,8 @@
 import ast
 import subprocess
 import sys
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -10,52 +12,135 @@ import pytest
 import pinarm
 
 PACKAGE = Path(pinarm.__file__).parent
-LAYERS = {
-    "errors": 0, "arrays": 0, "input": 0, "mechanics": 1, "engine": 2, "problems": 3, "use": 4, "cli": 5,
-}  # fmt: skip
-EXEMPT = {"__init__", "__main__"}
+
+FLOOR_PLAN = {
+    "errors": "",
+    "arrays": "",
+    "input": "units roots xml_text mjcf_includes formulas yaml motion_tables xacro robots",
+    "mechanics": "geometry joints laws drives coordinates ball_joints loops forces loading couplings "
+    "payloads perturbation description",
+    "engine": "integration constraints dynamics model_source mechanism kinematics statics motion checks quantities",
+    "problems": "time_grid accuracy imposed_laws joint_values loads declaration events "
+    "equilibria inverse kinematics states forward batch_table simplify",
+    "use": "result scenario show store views study",
+    "cli": "options main",
+}
+"""Layers from low to high -> their rooms, folders or modules, from low to high: each may import those before it."""
+
+EXCEPTIONS = {
+    ("engine.mechanism", "engine.quantities.states"): "Mechanism's methods for states given as arrays forward there",
+    ("use.result.result", "use.views"): "Result.plot, sketch, replay and save: views of a result, as methods for users",
+    ("use.scenario.scenario", "use.study.accuracy.solved"): "Scenario.run and verified, as methods for users",
+}
+"""Imports that go upwards, inside functions, and why. No circle runs over them either."""
+
 COSTLY = {"matplotlib", "pandas", "meshcat", "scipy"}
 FILES = sorted(path.relative_to(PACKAGE) for path in PACKAGE.rglob("*.py"))
 
 
-def imports(tree: ast.AST) -> list[str]:
-    """All modules that are imported anywhere in a tree; ``from pinarm import use`` counts as ``pinarm.use``."""
-    found = []
-    for node in ast.walk(tree):
+def module_of(file: Path) -> str:
+    """Return the name of a file's module within the package, such as ``engine.mechanism``."""
+    return ".".join(file.with_suffix("").parts).removesuffix("__init__").rstrip(".")
+
+
+MODULES = {module_of(file): PACKAGE / file for file in FILES if file.as_posix() not in ("__init__.py", "__main__.py")}
+
+
+def tree_of(file: Path) -> ast.Module:
+    return ast.parse((PACKAGE / file).read_text(encoding="utf-8"))
+
+
+def is_for_types(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+
+
+def nodes(tree: ast.AST) -> Iterator[ast.AST]:
+    """Yield all nodes of a tree but those under ``if TYPE_CHECKING``."""
+    for node in ast.iter_child_nodes(tree):
+        if not is_for_types(node):
+            yield node
+            yield from nodes(node)
+
+
+def imports(tree: ast.AST) -> Iterator[str]:
+    """Yield the modules that are imported anywhere in a tree, inside functions too; those for types alone are not."""
+    for node in nodes(tree):
         if isinstance(node, ast.Import):
-            found += [alias.name for alias in node.names]
+            yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"line {node.lineno}: a relative import"
-            packages = [f"pinarm.{a.name}" for a in node.names if a.name in LAYERS]
-            found += packages if node.module == "pinarm" and packages else [str(node.module)]
-    return found
+            of = str(node.module)
+            for alias in node.names:
+                full = f"{of}.{alias.name}"
+                yield full if full.removeprefix("pinarm.") in MODULES else of
 
 
-def module_level(tree: ast.Module) -> list[str]:
-    """Modules that are imported as soon as the file is, outside functions and ``if TYPE_CHECKING``."""
-    outer = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
+def within(tree: ast.AST) -> set[str]:
+    """Return the modules of the package that a tree imports."""
+    names = {name for name in imports(tree) if name.startswith("pinarm.")}
+    return {name.removeprefix("pinarm.") for name in names}
+
+
+IMPORTED = {module: within(tree_of(path)) - {module} for module, path in MODULES.items()}
+"""Module -> what it imports of the package, inside functions too, but for annotations alone."""
+
+
+def place(module: str) -> tuple[int, int]:
+    """Return where a module stands in the floor plan: its layer, and its room in the layer."""
+    layer, _, rest = module.partition(".")
+    assert layer in FLOOR_PLAN, f"{module} belongs to no layer: give it one in this test"
+    rooms, room = FLOOR_PLAN[layer].split(), rest.partition(".")[0]
+    assert not room or room in rooms, f"{module} is in no room: give '{room}' a place among those of '{layer}'"
+    return list(FLOOR_PLAN).index(layer), rooms.index(room) if room else -1
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_imports_go_downwards_only(module: str) -> None:
+    """Between layers, and between the rooms of a layer."""
+    upwards = [name for name in IMPORTED[module] if place(name) > place(module)]
+    assert all((module, name) in EXCEPTIONS for name in upwards), upwards
+
+
+def test_there_is_no_circle_between_modules() -> None:
+    """Imports inside functions count."""
+    try:
+        TopologicalSorter(IMPORTED).prepare()
+    except CycleError as error:
+        pytest.fail(f"a circle of imports: {' -> '.join(error.args[1])}")
+
+
+def test_exceptions_are_few_and_needed() -> None:
+    assert len(EXCEPTIONS) <= 5
+    for module, name in EXCEPTIONS:
+        assert name in IMPORTED[module]
+        assert place(name) > place(module)
+
+
+def test_the_floor_plan_lists_what_there_is() -> None:
+    rooms = {layer: set(order.split()) for layer, order in FLOOR_PLAN.items()}
+    there = {module.split(".")[0]: set() for module in MODULES}
+    for layer, *room in (module.split(".") for module in MODULES):
+        there[layer] |= set(room[:1])
+    assert there == rooms
+
+
+def test_no_class_name_is_used_twice() -> None:
+    classes = [
+        node.name for path in MODULES.values() for node in ast.walk(tree_of(path)) if isinstance(node, ast.ClassDef)
+    ]
+    assert {name for name in classes if classes.count(name) > 1 and not name.startswith("_")} == set()
+
+
+def module_level(tree: ast.Module) -> Iterator[str]:
+    """Yield the modules that are imported as soon as the file is, outside functions and ``if TYPE_CHECKING``."""
+    outer: list[ast.stmt] = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
     return imports(ast.Module(body=outer, type_ignores=[]))
-
-
-def layer(name: str) -> int:
-    part = name.split(".")[1]
-    assert part in LAYERS, f"{name} belongs to no layer: give it one in this test"
-    return LAYERS[part]
-
-
-@pytest.mark.parametrize("file", [f for f in FILES if not (len(f.parts) == 1 and f.stem in EXEMPT)], ids=str)
-def test_imports_go_downwards_only(file: Path) -> None:
-    tree = ast.parse((PACKAGE / file).read_text(encoding="utf-8"))
-    own = layer(f"pinarm.{file.parts[0].removesuffix('.py')}")
-    upwards = [n for n in imports(tree) if n.startswith("pinarm.") and layer(n) > own]
-    assert not upwards
 
 
 @pytest.mark.parametrize("file", FILES, ids=str)
 def test_costly_modules_are_imported_where_they_are_used(file: Path) -> None:
-    tree = ast.parse((PACKAGE / file).read_text(encoding="utf-8"))
     allowed = {"matplotlib"} if file.as_posix() in ("use/show/plot.py", "use/show/sketch.py") else set()
-    assert not {name.partition(".")[0] for name in module_level(tree)} & (COSTLY - allowed)
+    assert not {name.partition(".")[0] for name in module_level(tree_of(file))} & (COSTLY - allowed)
 
 
 def test_a_run_without_plots_imports_nothing_costly(tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ def scenario(tmp_path):
 
 
 def test_every_marked_block_is_known():
-    assert set(BLOCKS) == {"run", "test", "scenario", "output", "python", "sweep", "swept", "batch"}
+    assert set(BLOCKS) == {"run", "test", "installed", "scenario", "output", "python", "sweep", "swept", "batch"}
 
 
 def test_commands_name_what_there_is():
@@ -97,10 +97,13 @@ def test_the_sweep_prints_what_it_says(project):
     assert {path.name for path in (project / "results" / "arm").iterdir()} >= {"cases.csv", "cases.npz", "plots"}
 
 
-def test_links_lead_somewhere():
-    links = re.findall(r"\]\((?!https?:)([^)#]+)\)", (ROOT / "README.md").read_text(encoding="utf-8"))
-    assert links
-    assert all((ROOT / link).exists() for link in links)
+def test_the_command_for_an_installed_wheel_runs(tmp_path):
+    """Here with the package of the checkout; ``.ci/wheel`` runs it with the wheel."""
+    command = BLOCKS["installed"].replace("python ", f"{shlex.quote(sys.executable)} ")
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, shell=True, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "pinarm-examples/results/gen411_arm_static/trajectory.csv").is_file()
 
 
 def test_the_table_has_every_command_and_its_call():

@@ -15,8 +15,8 @@ INTERVAL, LASTING = 1e-3, 3.0
 
 ACCELERATIONS = "accelerations"
 PHASES = {
-    ("march.py", "integrate"): "steps",
-    ("course.py", "complete"): "rows",
+    ("driver.py", "integrate"): "steps",
+    ("segments.py", "complete"): "rows",
     ("balance.py", "energy_balance"): "energy",
     ("scenario.py", "measured"): "residuals",
 }
@@ -24,7 +24,7 @@ PHASES = {
 
 REST = "rest"
 NAMES = (ACCELERATIONS, *PHASES.values(), REST)
-SOLVERS = {("dynamics.py", "free"), ("native.py", "constrained"), ("row_motion.py", "acceleration")}
+SOLVERS = {("equation.py", "free"), ("pinocchio_constraints.py", "constrained"), ("row_motion.py", "acceleration")}
 """What evaluates the acceleration of one state: Pinocchio's call, and the forces."""
 
 

@@ -1,4 +1,4 @@
-"""The command line: ``run``, ``check``, ``validate``, ``explain``, ``sweep``, ``tradeoff``, ``replay``, ``schema``.
+"""The command line: ``run``, ``check``, ``validate``, ``explain``, ``sweep``, ``tradeoff``, ``replay``, ``schema`` ...
 
 Exit codes: 0 all is well, 1 an expectation or the wanted accuracy is missed, 2 the input has a mistake, 3 the numerics
 failed (what was computed until then is kept) or a case of a sweep did, 130 interrupted. Results go to stdout; progress
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from pinarm.cli.options import add
 from pinarm.errors import InputError, NumericsError, PinarmError, printable
-from pinarm.input.roots import rooted
+from pinarm.input.roots import file_root
 
 if TYPE_CHECKING:
     from pinarm.use.study.answers.check import Finding
@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:
-        with rooted(options.root):
+        with file_root(options.root):
             return int(options.command(options))
     except PinarmError as error:
         if options.traceback:
@@ -69,7 +69,7 @@ def _run(options: argparse.Namespace) -> int:
     from pinarm.use.store.save import save
 
     begin = time.perf_counter()
-    scenario = load(options.scenario, options.overrides)
+    scenario = load(options.scenario, options.values)
     folder = options.output or Path("results") / scenario.name
     options.output = folder
     result = scenario.verified() if options.verify else scenario.run()
@@ -84,7 +84,6 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from pinarm.use.scenario.scenario import load
     from pinarm.use.study.answers.check import check, misses
     from pinarm.use.study.answers.verdict_table import plain, verdicts
     from pinarm.use.study.run import scenario_files
@@ -94,7 +93,7 @@ def _check(options: argparse.Namespace) -> int:
     for path in [file for given in options.paths for file in scenario_files(given)]:
         _progress(f"check {path}")
         try:
-            findings += check(load(path, options.overrides))
+            findings += check(path, options.values)
         except PinarmError as error:
             if options.traceback:
                 raise
@@ -118,7 +117,7 @@ def _validate(options: argparse.Namespace) -> int:
     mistakes = []
     for path in [file for given in options.paths for file in scenario_files(given)]:
         try:
-            load(path, options.overrides).validate()
+            load(path, options.values).validate()
         except PinarmError as error:
             if options.traceback:
                 raise
@@ -136,7 +135,7 @@ def _validate(options: argparse.Namespace) -> int:
 def _explain(options: argparse.Namespace) -> int:
     from pinarm.use.study.explain import explain
 
-    found = explain(options.path, options.overrides)
+    found = explain(options.path, options.values)
     if options.json:
         import msgspec
 
@@ -153,7 +152,7 @@ def _sweep(options: argparse.Namespace) -> int:
     from pinarm.use.study.sweep.sweep_files import summary
     from pinarm.use.study.sweep.sweep_text import progress_bar, report
 
-    scenario = load(options.scenario, options.overrides)
+    scenario = load(options.scenario, options.values)
     folder = options.output or Path("results") / f"{scenario.name}-sweep"
     with progress_bar(sys.stderr) as progress:
         swept = sweep(
@@ -175,7 +174,7 @@ def _tradeoff(options: argparse.Namespace) -> int:
     from pinarm.use.study.accuracy.tradeoff import tradeoff
     from pinarm.use.study.accuracy.tradeoff_text import report
 
-    scenario = load(options.scenario, options.overrides)
+    scenario = load(options.scenario, options.values)
     folder = options.output or Path("results") / f"{scenario.name}-tradeoff"
     trade = tradeoff(scenario)
     trade.save(folder, plots=not options.no_plots)
@@ -204,11 +203,10 @@ def _assignments(texts: Sequence[str]) -> dict[str, str]:
 
 
 def _replay(options: argparse.Namespace) -> int:
-    from pinarm.use.show.replay.page import replay
     from pinarm.use.store.restore import restore
 
     result = restore(options.result)
-    shown = replay(result, traces=options.trace, arrows=options.arrows, plots=options.plot)
+    shown = result.replay(traces=options.trace, arrows=options.arrows, plots=options.plot)
     target = options.output or options.result / ("replay.png" if options.png else "replay.html")
     if options.png or options.video:
         from pinarm.use.show.replay import pictures
@@ -230,6 +228,17 @@ def _schema(options: argparse.Namespace) -> int:
     from pinarm.use.scenario.json_schema import schema
 
     _print_json(schema(options.of))
+    return OK
+
+
+def _examples(options: argparse.Namespace) -> int:
+    from pinarm.use.store.examples import examples
+
+    folder = examples(options.output)
+    if options.json:
+        _print_json({"folder": str(folder)})
+    else:
+        print(f"written to {folder}")
     return OK
 
 
@@ -272,5 +281,6 @@ COMMANDS = {
     "tradeoff": (_tradeoff, "error against cost of settings, of models"),
     "replay": (_replay, "show the motion of a result in a web page"),
     "schema": (_schema, "print the JSON Schema for editors"),
+    "examples": (_examples, "copy the models, scenarios and examples of pinarm to a folder"),
 }
 """Name -> what does it, and what it does."""

@@ -16,8 +16,8 @@ def add(command: str, parser: ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print JSON for machines")
 
 
-def _overrides(command: ArgumentParser) -> None:
-    command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
+def _values(command: ArgumentParser) -> None:
+    command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="values",
                          help="replace a value of the scenario, such as problem.time.end='3 s'")  # fmt: skip
 
 
@@ -27,33 +27,38 @@ def _run(run: ArgumentParser) -> None:
     run.add_argument("--no-plots", action="store_true", help="write numbers only")
     run.add_argument("--verify", action="store_true",
                      help="estimate the global error by a second solution, and check every row")  # fmt: skip
-    _overrides(run)
+    _values(run)
 
 
 def _check(check: ArgumentParser) -> None:
     check.add_argument("paths", nargs="+", type=Path, metavar="PATH", help="scenario files, or folders of them")
-    _overrides(check)
+    _values(check)
 
 
 def _validate(validate: ArgumentParser) -> None:
     validate.add_argument("paths", nargs="+", type=Path, metavar="PATH")
-    _overrides(validate)
+    _values(validate)
 
 
 def _explain(explain: ArgumentParser) -> None:
     explain.add_argument("path", metavar="SCENARIO|MODEL")
-    _overrides(explain)
+    _values(explain)
 
 
 def _tradeoff(trade: ArgumentParser) -> None:
     trade.add_argument("scenario", type=Path)
     trade.add_argument("-o", "--output", type=Path, help="folder (default: results/SCENARIO-tradeoff)")
     trade.add_argument("--no-plots", action="store_true", help="write numbers only")
-    _overrides(trade)
+    _values(trade)
 
 
 def _schema(schema: ArgumentParser) -> None:
     schema.add_argument("of", nargs="?", choices=["scenario", "mechanism"], default="scenario")
+
+
+def _examples(examples: ArgumentParser) -> None:
+    examples.add_argument("-o", "--output", type=Path, default=Path("pinarm-examples"),
+                          help="folder (default: pinarm-examples); files that exist are left as they are")  # fmt: skip
 
 
 def _sweep(sweep: ArgumentParser) -> None:
@@ -72,7 +77,7 @@ def _sweep(sweep: ArgumentParser) -> None:
     sweep.add_argument("-j", "--workers", type=int, help="processes (default: all cores)")
     sweep.add_argument("-o", "--output", type=Path, help="folder of the sweep (default: results/SCENARIO-sweep)")
     sweep.add_argument("--no-plots", action="store_true", help="write numbers only")
-    _overrides(sweep)
+    _values(sweep)
 
 
 def _replay(replay: ArgumentParser) -> None:
@@ -93,6 +98,6 @@ def _replay(replay: ArgumentParser) -> None:
 
 OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
     "run": _run, "check": _check, "validate": _validate, "explain": _explain, "sweep": _sweep, "tradeoff": _tradeoff,
-    "replay": _replay, "schema": _schema,
+    "replay": _replay, "schema": _schema, "examples": _examples,
 }  # fmt: skip
 """Command -> what adds its own options."""

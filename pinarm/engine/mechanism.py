@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
@@ -17,13 +18,14 @@ from numpy.typing import ArrayLike
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.model_source import Source, read_robot
 from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.schema import Measured, quantity
+from pinarm.input.yaml.values import Values, varied
 from pinarm.mechanics.ball_joints import Ball, ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, coordinates_of
 from pinarm.mechanics.couplings import mimic_coupling
@@ -32,12 +34,12 @@ from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import ForceElement
 from pinarm.mechanics.forces.force_element import check_new
 from pinarm.mechanics.joints import Joint, joint_of, joints_of
-from pinarm.mechanics.loading.pinocchio_model import Base
 from pinarm.mechanics.payloads import Payload, with_payloads
 from pinarm.mechanics.perturbation import perturbed
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities.states import States
+    from pinarm.mechanics.loading.pinocchio_layout import PinocchioLayout
 
 Locate = Callable[..., AbstractContextManager[None]]
 """``with locate("forces", "spring"):`` gives errors of the block that place of a file."""
@@ -85,15 +87,7 @@ class Mechanism:
 
     @classmethod
     def load(
-        cls,
-        path: str | Path,
-        arguments: Mapping[str, float | str] | None = None,
-        *,
-        gravity: Gravity | Literal["none"] | None = None,
-        base: Base | None = None,
-        payloads: Mapping[str, Payload] | None = None,
-        changes: Document | None = None,
-        locate: Locate = lambda *path: nullcontext(),
+        cls, path: str | Path, arguments: Mapping[str, float | str] | None = None, *, values: Values | None = None
     ) -> Mechanism:
         """Load a mechanism file, a URDF, xacro or MJCF file, or a robot of example-robot-data by its name.
 
@@ -101,25 +95,16 @@ class Mechanism:
             path: ``models/arm/mechanism.yaml``, ``arm.urdf``, ``arm.urdf.xacro``, ``arm.xml``, or a name such as
                 ``panda``.
             arguments: Values for the model's arguments: numbers in SI, or text with units.
-            gravity: Replaces that of the file.
-            base: Replaces that of the file: whether the root is held or floats.
-            payloads: Carried beside those of the file, by name.
-            changes: Values that replace those of the mechanism file at the same paths.
-            locate: Gives errors in ``("arguments", name)`` and ``("payloads", name)`` their place in the caller's file.
+            values: Other values than those of the mechanism file, or what such a file beside a model would say:
+                ``{"gravity": "none", "base": "floating", "drives.knee.ratio": 100}``, or texts
+                ``["drives.knee.ratio=100"]``. Bare numbers are in SI; see ``pinarm.load``.
 
         Raises:
-            InputError: The mechanism file has a mistake.
+            InputError: The mechanism file has a mistake, or a path of ``values`` leads nowhere.
             ModelError: The model has one.
         """
         document = mechanism_document(Path(path))
-        here = document.locating if document.places else lambda *at: locate("mechanism")
-        if changes is not None:
-            document = document.merged(changes)
-            here = document.locating
-        description = document.validate(MechanismDescription)
-        changed = {"gravity": gravity, "base": base}
-        description = msgspec.structs.replace(description, **{k: x for k, x in changed.items() if x is not None})
-        return _build(cls, description, document.data, Path(path).parent, arguments or {}, payloads or {}, here, locate)
+        return _described(varied(document, values) if values else document, Path(path).parent, arguments or {})
 
     def perturbed(self, seed: int) -> Mechanism:
         """Return the mechanism with its numbers changed in the last digits; see ``mechanics.rounding``."""
@@ -211,6 +196,52 @@ class Mechanism:
 
         return states.quantities(self, q, v, a, tau, drives, t)
 
+    def from_pinocchio(self, q: ArrayLike, v: ArrayLike | None = None) -> tuple[Array, Array]:
+        """Return q and v of this mechanism from those of ``pin.buildModelFromUrdf`` of the same URDF.
+
+        They differ where the base floats, and in joints of the types ``continuous``, ``floating`` and ``planar``. Of a
+        floating base Pinocchio's v has the velocity of the base's origin in the base's own axes, this mechanism's v in
+        those of the world; the quaternion (x, y, z, w), and the angular velocity in the base's own axes, are the same.
+        Of a ``continuous`` joint Pinocchio has (cos, sin), this mechanism the angle, here from -pi to pi.
+
+        Args:
+            q: Configurations of ``pin.buildModelFromUrdf(path)``, shape (..., nq of that model); of a floating base, of
+                ``pin.buildModelFromUrdf(path, pin.JointModelFreeFlyer())``.
+            v: Velocities, shape (..., nv of that model); 0 where they are left out.
+
+        Returns:
+            q, shape (..., nq), and v, shape (..., nv).
+
+        Raises:
+            InputError: The shapes do not fit, as of a model that was read with ``mimic=True``; the model is MJCF; a
+                quaternion or (cos, sin) has not the length 1; or a planar joint has another axis than z, of which
+                Pinocchio's reader takes no notice.
+        """
+        from pinarm.engine.quantities import pinocchio_states
+
+        return pinocchio_states.from_pinocchio(self, q, v)
+
+    def to_pinocchio(self, q: ArrayLike, v: ArrayLike | None = None) -> tuple[Array, Array]:
+        """Return q and v of ``pin.buildModelFromUrdf`` from those of this mechanism; see ``from_pinocchio``.
+
+        Args:
+            q: Configurations, shape (..., nq).
+            v: Velocities, shape (..., nv); 0 where they are left out.
+
+        Raises:
+            InputError: As of ``from_pinocchio``.
+        """
+        from pinarm.engine.quantities import pinocchio_states
+
+        return pinocchio_states.to_pinocchio(self, q, v)
+
+    @cached_property
+    def pinocchio_layout(self) -> PinocchioLayout:
+        """Where ``pin.buildModelFromUrdf`` has the joints; see ``from_pinocchio``."""
+        from pinarm.mechanics.loading.pinocchio_layout import PinocchioLayout
+
+        return PinocchioLayout.of(self.xml, self.model, self.joints, self.balls)
+
     @cached_property
     def closure(self) -> Closure:
         """Return the rows of the constraints."""
@@ -244,8 +275,46 @@ def mechanism_document(file: Path) -> Document:
     return Document(str(file), file, {"pinarm": 1, "robot": file.name if file.suffix else str(file)}, {}, {})
 
 
+def read_mechanism(
+    path: str | Path, arguments: Mapping[str, float | str] | None = None, *,
+    gravity: Gravity | Literal["none"] | None = None, payloads: Mapping[str, Payload] | None = None,
+    changes: Document | None = None, locate: Locate = lambda *path: nullcontext(),
+) -> Mechanism:  # fmt: skip
+    """Load a mechanism as a scenario asks for it.
+
+    Args:
+        path: As in ``Mechanism.load``.
+        arguments: Likewise.
+        gravity: Replaces that of the file.
+        payloads: Carried beside those of the file, by name.
+        changes: Values that replace those of the mechanism file at the same paths.
+        locate: Gives errors in ``("arguments", name)`` and ``("payloads", name)`` their place in the scenario.
+
+    Raises:
+        InputError: The mechanism file has a mistake.
+        ModelError: The model has one.
+    """
+    document = mechanism_document(Path(path))
+    if changes is not None:
+        document = document.merged(changes)
+    return _described(document, Path(path).parent, arguments or {}, gravity, payloads or {}, locate)
+
+
+def _described(
+    document: Document, folder: Path, arguments: Mapping[str, float | str],
+    gravity: Gravity | Literal["none"] | None = None, payloads: Mapping[str, Payload] = MappingProxyType({}),
+    locate: Locate = lambda *path: nullcontext(),
+) -> Mechanism:  # fmt: skip
+    """Return the mechanism that a document describes; see ``read_mechanism``."""
+    here = document.locating if document.places else lambda *at: locate("mechanism")
+    description = document.validate(MechanismDescription)
+    if gravity is not None:
+        description = msgspec.structs.replace(description, gravity=gravity)
+    return _build(description, document.data, folder, arguments, payloads, here, locate)
+
+
 def _build(
-    cls: type[Mechanism], description: MechanismDescription, data: Mapping[str, Any], folder: Path,
+    description: MechanismDescription, data: Mapping[str, Any], folder: Path,
     arguments: Mapping[str, float | str], payloads: Mapping[str, Payload], here: Locate, caller: Locate,
 ) -> Mechanism:  # fmt: skip
     """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's."""
@@ -280,7 +349,7 @@ def _build(
     for name, drive in description.drives.items():
         with here("drives", name):
             _mount(model, joints, drive, name, mounted)
-    return cls(
+    return Mechanism(
         description.title or model.name, model, robot.xml, joints, balls, coordinates, tuple(constraints),
         dict(description.drives), forces, symbols, resolved,
         {name: units[name].si for name in resolved if name in units}, description, source, carried, robot.notes,

@@ -1,7 +1,7 @@
 """Which files a file may refer to: those under its root, and those of the packages it was given.
 
-A root is the nearest folder above that holds ``pyproject.toml`` or ``.pinarm-root``, or the one that ``rooted`` gives.
-Symbolic links are followed before a path is compared with it, and nothing is opened here.
+A root is the nearest folder above that holds ``pyproject.toml`` or ``.pinarm-root``, or the one that ``file_root``
+gives. Symbolic links are followed before a path is compared with it, and nothing is opened here.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _given: ContextVar[Path | None] = ContextVar("given", default=None)
 
 
 @contextmanager
-def rooted(folder: str | Path | None) -> Iterator[None]:
+def file_root(folder: str | Path | None) -> Iterator[None]:
     """Let the files that are read in the block refer to those under a folder, and to no others.
 
     Args:
@@ -44,7 +44,7 @@ def rooted(folder: str | Path | None) -> Iterator[None]:
 
 
 def given_root() -> Path | None:
-    """Return the folder that ``rooted`` says, to hand it on to another process."""
+    """Return the folder that ``file_root`` says, to hand it on to another process."""
     return _given.get()
 
 

@@ -16,6 +16,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, choices
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, rate_of_b
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import METRE, RADIAN, Joint
 
@@ -92,20 +93,20 @@ class BallCoordinate:
     component: int
     unit: Unit = RADIAN
 
-    def value(self, data: pin.Data, q: Array) -> float:
+    def value(self, state: Kinematics) -> float:
         """Return the component."""
-        return float(pin.log3(pin.Quaternion(self.ball.quaternion(q)).matrix())[self.component])
+        return float(pin.log3(pin.Quaternion(self.ball.quaternion(state.q)).matrix())[self.component])
 
-    def row(self, model: pin.Model, data: pin.Data) -> Array:
+    def row(self, state: Kinematics) -> Array:
         """Return row k of B at the joint's own velocities, 0 elsewhere."""
-        row = np.zeros(model.nv)
-        row[self.ball.v : self.ball.v + 3] = pin.Jlog3(self._turn(data))[self.component]
+        row = np.zeros(state.model.nv)
+        row[self.ball.v : self.ball.v + 3] = pin.Jlog3(self._turn(state))[self.component]
         return row
 
-    def drift(self, model: pin.Model, data: pin.Data) -> float:
+    def drift(self, state: Kinematics) -> float:
         """Return ``B' omega``: the joint's own velocity is constant while a = 0."""
-        index, turn = self.ball.index, self._turn(data)
-        omega = data.v[index].angular - data.liMi[index].rotation.T @ data.v[model.parents[index]].angular
+        index, turn, data = self.ball.index, self._turn(state), state.data
+        omega = data.v[index].angular - data.liMi[index].rotation.T @ data.v[state.model.parents[index]].angular
         w, b = pin.log3(turn), pin.Jlog3(turn)
         return float((rate_of_b(w, b @ omega) @ omega)[self.component])
 
@@ -113,9 +114,9 @@ class BallCoordinate:
         """Return nothing: the moment acts between the links of the joint."""
         return {}
 
-    def _turn(self, data: pin.Data) -> Array:
+    def _turn(self, state: Kinematics) -> Array:
         index = self.ball.index
-        return np.asarray(self.model.jointPlacements[index].rotation.T @ data.liMi[index].rotation)
+        return np.asarray(self.model.jointPlacements[index].rotation.T @ state.data.liMi[index].rotation)
 
 
 def ball_coordinates(model: pin.Model, balls: Mapping[str, Ball]) -> dict[str, Coordinate]:

@@ -17,6 +17,7 @@ from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError, Key, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.parallel_axes import check_parallel
 from pinarm.mechanics.geometry.vectors import MEETING, crossed, direction
@@ -31,16 +32,16 @@ class Coordinate(Protocol):
         """Unit of its value."""
         ...
 
-    def value(self, data: pin.Data, q: Array) -> float:
-        """Return w(q); the placements of frames in ``data`` are those of q."""
+    def value(self, state: Kinematics) -> float:
+        """Return w(q)."""
         ...
 
-    def row(self, model: pin.Model, data: pin.Data) -> Array:
-        """Return J, shape (nv,); the joint Jacobians in ``data`` are those of q."""
+    def row(self, state: Kinematics) -> Array:
+        """Return J, shape (nv,)."""
         ...
 
-    def drift(self, model: pin.Model, data: pin.Data) -> float:
-        """Return J' v; ``data`` holds the forward kinematics of (q, v, 0)."""
+    def drift(self, state: Kinematics) -> float:
+        """Return J' v."""
         ...
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
@@ -71,15 +72,15 @@ class LinearCoordinate:
         weighted = np.flatnonzero(self.weights)
         return int(weighted[0]) if len(weighted) == 1 and self.weights[weighted[0]] == 1.0 else None
 
-    def value(self, data: pin.Data, q: Array) -> float:
+    def value(self, state: Kinematics) -> float:
         """Return ``sum_i weight_i q_i``."""
-        return float(self.weights @ q[self.places])
+        return float(self.weights @ state.q[self.places])
 
-    def row(self, model: pin.Model, data: pin.Data) -> Array:
+    def row(self, state: Kinematics) -> Array:
         """Return the weights."""
         return self.weights
 
-    def drift(self, model: pin.Model, data: pin.Data) -> float:
+    def drift(self, state: Kinematics) -> float:
         """Return 0: the row is constant."""
         return 0.0
 
@@ -102,18 +103,18 @@ class FrameCoordinate:
     axis: Array
     unit: Unit = METRE
 
-    def value(self, data: pin.Data, q: Array) -> float:
+    def value(self, state: Kinematics) -> float:
         """Return u . p."""
-        return float(self.axis @ data.oMf[self.frame].translation)
+        return float(self.axis @ state.data.oMf[self.frame].translation)
 
-    def row(self, model: pin.Model, data: pin.Data) -> Array:
+    def row(self, state: Kinematics) -> Array:
         """Return u . J_p."""
-        jacobian = pin.getFrameJacobian(model, data, self.frame, pin.LOCAL_WORLD_ALIGNED)
+        jacobian = pin.getFrameJacobian(state.model, state.data, self.frame, pin.LOCAL_WORLD_ALIGNED)
         return np.asarray(self.axis @ jacobian.reshape(6, -1)[:3])
 
-    def drift(self, model: pin.Model, data: pin.Data) -> float:
+    def drift(self, state: Kinematics) -> float:
         """Return u . (J_p' v): the acceleration that the point has while a = 0."""
-        acceleration = pin.getFrameClassicalAcceleration(model, data, self.frame, pin.LOCAL_WORLD_ALIGNED)
+        acceleration = pin.getFrameClassicalAcceleration(state.model, state.data, self.frame, pin.LOCAL_WORLD_ALIGNED)
         return float(self.axis @ acceleration.linear)
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
@@ -137,25 +138,25 @@ class DistanceCoordinate:
     second: int
     unit: Unit = METRE
 
-    def value(self, data: pin.Data, q: Array) -> float:
+    def value(self, state: Kinematics) -> float:
         """Return the distance."""
-        return float(np.linalg.norm(self._apart(data)))
+        return float(np.linalg.norm(self._apart(state)))
 
-    def row(self, model: pin.Model, data: pin.Data) -> Array:
+    def row(self, state: Kinematics) -> Array:
         """Return u . (J_2 - J_1)."""
         first, second = (
-            pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)[:3]
+            pin.getFrameJacobian(state.model, state.data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)[:3]
             for frame in (self.first, self.second)
         )
-        return np.asarray(direction(self._apart(data)) @ (second - first))
+        return np.asarray(direction(self._apart(state)) @ (second - first))
 
-    def drift(self, model: pin.Model, data: pin.Data) -> float:
+    def drift(self, state: Kinematics) -> float:
         """Return u . d'' + (|d'|^2 - (u . d')^2) / w with d'' for a = 0."""
         world, frames = pin.LOCAL_WORLD_ALIGNED, (self.first, self.second)
-        v1, v2 = (pin.getFrameVelocity(model, data, frame, world).linear for frame in frames)
-        a1, a2 = (pin.getFrameClassicalAcceleration(model, data, frame, world).linear for frame in frames)
-        along, rate = direction(self._apart(data)), v2 - v1
-        length = max(self.value(data, np.empty(0)), MEETING)
+        v1, v2 = (pin.getFrameVelocity(state.model, state.data, frame, world).linear for frame in frames)
+        a1, a2 = (pin.getFrameClassicalAcceleration(state.model, state.data, frame, world).linear for frame in frames)
+        along, rate = direction(self._apart(state)), v2 - v1
+        length = max(self.value(state), MEETING)
         return float(along @ (a2 - a1) + (rate @ rate - (along @ rate) ** 2) / length)
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
@@ -164,8 +165,8 @@ class DistanceCoordinate:
         force = (effort * direction(apart.T)).T
         return {**pull(links, self.first, -force), **pull(links, self.second, force)}
 
-    def _apart(self, data: pin.Data) -> Array:
-        return np.asarray(data.oMf[self.second].translation - data.oMf[self.first].translation)
+    def _apart(self, state: Kinematics) -> Array:
+        return np.asarray(state.data.oMf[self.second].translation - state.data.oMf[self.first].translation)
 
 
 @dataclass(frozen=True)
@@ -186,20 +187,20 @@ class RotationCoordinate:
     component: int
     unit: Unit = RADIAN
 
-    def value(self, data: pin.Data, q: Array) -> float:
+    def value(self, state: Kinematics) -> float:
         """Return the component."""
-        return float(pin.log3(data.oMf[self.frame].rotation)[self.component])
+        return float(pin.log3(state.data.oMf[self.frame].rotation)[self.component])
 
-    def row(self, model: pin.Model, data: pin.Data) -> Array:
+    def row(self, state: Kinematics) -> Array:
         """Return row k of B J_omega."""
-        jacobian = pin.getFrameJacobian(model, data, self.frame, pin.LOCAL).reshape(6, -1)[3:]
-        return np.asarray(pin.Jlog3(data.oMf[self.frame].rotation)[self.component] @ jacobian)
+        jacobian = pin.getFrameJacobian(state.model, state.data, self.frame, pin.LOCAL).reshape(6, -1)[3:]
+        return np.asarray(pin.Jlog3(state.data.oMf[self.frame].rotation)[self.component] @ jacobian)
 
-    def drift(self, model: pin.Model, data: pin.Data) -> float:
-        """Return component k of B alpha + B' omega, with alpha for a = 0."""
-        turn = data.oMf[self.frame].rotation
-        omega = pin.getFrameVelocity(model, data, self.frame, pin.LOCAL).angular
-        alpha = pin.getFrameAcceleration(model, data, self.frame, pin.LOCAL).angular
+    def drift(self, state: Kinematics) -> float:
+        """Return the drift."""
+        turn = state.data.oMf[self.frame].rotation
+        omega = pin.getFrameVelocity(state.model, state.data, self.frame, pin.LOCAL).angular
+        alpha = pin.getFrameAcceleration(state.model, state.data, self.frame, pin.LOCAL).angular
         b = pin.Jlog3(turn)
         w = pin.log3(turn)
         rate = b @ omega

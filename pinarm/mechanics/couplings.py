@@ -13,6 +13,7 @@ from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Lead, Measured
 from pinarm.mechanics.coordinates import LinearCoordinate, sum_of
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import METRE, RADIAN, Joint, joint_of
 from pinarm.mechanics.loading.model_tree import Mimic
@@ -42,15 +43,15 @@ class Coupling:
         """Return the unit of the gap."""
         return self.coordinate.unit
 
-    def gap(self, data: pin.Data, q: Array) -> Array:
+    def gap(self, state: Kinematics) -> Array:
         """Return ``sum_i w_i q_i - c``, shape (1,)."""
-        return np.array([self.coordinate.value(data, q) - self.constant])
+        return np.array([self.coordinate.value(state) - self.constant])
 
-    def rows(self, model: pin.Model, data: pin.Data) -> Array:
+    def rows(self, state: Kinematics) -> Array:
         """Return the row of G: the weights, shape (1, nv)."""
         return self.coordinate.weights[None]
 
-    def drift(self, model: pin.Model, data: pin.Data) -> Array:
+    def drift(self, state: Kinematics) -> Array:
         """Return ``G' v = 0``, shape (1,)."""
         return np.zeros(1)
 

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol, Union
 
-from pinarm.errors import InputError, choices
+from pinarm.errors import InputError, Place, choices
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+    from pinarm.engine.motion.outcome import Outcome
     from pinarm.engine.motion.trajectory import Trajectory
-    from pinarm.problems.common import Accuracy
+    from pinarm.problems.accuracy import Accuracy
+    from pinarm.problems.declaration import Declaration
 
 KINDS = {
     "statics": ("states", "Statics"),
     "state": ("states", "State"),
     "inverse": ("inverse", "Inverse"),
     "forward": ("forward", "Forward"),
-    "kinematics": ("kinematics", "Kinematics"),
+    "kinematics": ("kinematics", "KinematicMotion"),
     "equilibria": ("equilibria", "Equilibria"),
 }
 """Kind, and its module and class. A new kind is one class and one entry."""
@@ -33,19 +33,31 @@ class Problem(Protocol):
         """Name of the kind."""
         ...
 
-    def still(self, mechanism: Mechanism) -> Trajectory:
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         ...
 
-    def prepare(self, mechanism: Mechanism, place: Callable[..., AbstractContextManager[None]]) -> object:
+    def declaration(self) -> Declaration | None:
+        """Return what the problem says about coordinates; ``None`` where the mechanism is not to be simplified."""
+        ...
+
+    def prepare(self, mechanism: Mechanism, place: Place) -> object:
         """Check all names and units against the mechanism; ``place`` locates mistakes."""
         ...
 
-    def solve(
-        self, mechanism: Mechanism, accuracy: Accuracy, place: Callable[..., AbstractContextManager[None]]
-    ) -> Trajectory:
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the answer."""
         ...
+
+
+if TYPE_CHECKING:  # mypy compares the kinds with the protocol, which are imported by name
+    from pinarm.problems.equilibria import Equilibria
+    from pinarm.problems.forward import Forward
+    from pinarm.problems.inverse import Inverse
+    from pinarm.problems.kinematics import KinematicMotion
+    from pinarm.problems.states import State, Statics
+
+    _PROBLEMS: tuple[type[Problem], ...] = (Statics, State, Inverse, Forward, KinematicMotion, Equilibria)
 
 
 def problem_class(kind: object) -> type[Any]:

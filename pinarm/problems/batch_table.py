@@ -9,15 +9,15 @@ import numpy as np
 from pinarm.arrays import Indices
 from pinarm.engine.integration.batch_solution import Ensemble
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.hybrid_motion import Journey
+from pinarm.engine.motion.hybrid_motion import HybridSystem
+from pinarm.engine.motion.integrated_motion import event_columns, states
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.problems.forward import Forward, further, told
+from pinarm.problems.forward import Forward
 
 
 @dataclass(frozen=True, eq=False)
-class Abreast:
+class BatchTable:
     """Rows of motions, those of an interval between jumps together.
 
     Attributes:
@@ -31,26 +31,22 @@ class Abreast:
     instant: Indices = field(repr=False)
 
     @classmethod
-    def of(cls, problem: Forward, mechanism: Mechanism, journey: Journey, ensemble: Ensemble) -> Abreast:
+    def of(cls, problem: Forward, mechanism: Mechanism, hybrid: HybridSystem, ensemble: Ensemble) -> BatchTable:
         """Return the motions of an ensemble at the instants of the table, as far as each has come.
 
         Args:
             problem: The question.
             mechanism: What is solved.
-            journey: What was integrated; without stops, at which motions would end their legs.
+            hybrid: What was integrated; without stops, at which motions would end their segments.
             ensemble: The motions.
         """
-        grid = journey.once(problem.time.instants())
+        grid = hybrid.grid_of_each(problem.time.instants())
         reached = ensemble.reached(grid.t)
         parts = [np.nonzero(reached[:, rows]) for _, _, rows in grid.intervals()]
         motion = np.concatenate([motions for motions, _ in parts])
         instant = np.concatenate([low + instants for low, (_, instants) in zip(grid.rows, parts, strict=False)])
         rows = Grid(grid.t[instant], grid.cuts, (0, *map(int, np.cumsum([len(some) for some, _ in parts]))))
         q, v = (x[motion, instant] for x in ensemble.states(grid.t))
-        run = told(mechanism, journey, rows, journey.system().complete(journey.dynamics, rows, q, v), _nothing_between)
-        happenings = [journey.events(crossings) for crossings in ensemble.crossings]
-        return cls(replace(run, further=further(problem.events, happenings, motion)), motion, instant)
-
-
-def _nothing_between(_: Grid) -> Trajectory:
-    raise InputError("these rows are of many motions", expected="one of them: batch.run(number)")
+        run = states(mechanism, hybrid, rows, hybrid.system().complete(hybrid.dynamics, rows, q, v))
+        happenings = [hybrid.events(crossings) for crossings in ensemble.crossings]
+        return cls(replace(run, further=event_columns(problem.events, happenings, motion)), motion, instant)

@@ -14,17 +14,22 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.trajectory import Series, Trajectory
+from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.motion.trajectory import ROW, Trajectory
+from pinarm.engine.series import Series
 from pinarm.engine.statics.actuation import actuation
 from pinarm.engine.statics.equilibrium import Balance, Equilibrium
-from pinarm.errors import AssemblyError, InputError, Key
+from pinarm.errors import AssemblyError, InputError, Key, Place
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Level
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, laws_of, still
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.imposed_laws import laws_of
+from pinarm.problems.joint_values import check_levels
+from pinarm.problems.loads import bind_constant_loads, schema_row
 
 
 class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
@@ -50,13 +55,16 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
     hold: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
-    def still(self, mechanism: Mechanism) -> Trajectory:
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         free = mechanism.model.nv - len(self.hold)
         units = _units(mechanism, free)
-        row = still(mechanism, self.loads, "row", unit("1"), actuation(mechanism, [*self.hold], []).closure)
+        row = schema_row(mechanism, self.loads, ROW, unit("1"), actuation(mechanism, [*self.hold], []).closure)
         further = {name: Series(name, measured, np.zeros(1)) for name, measured in units.items()}
         return replace(row, further=further, separate=True)
+
+    def declaration(self) -> None:
+        """Return that the mechanism is not to be simplified: all joints that are free have a part in its modes."""
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Balance, list[Array]]:
         """Check all names and units; return the balance of forces, and the configuration of every start."""
@@ -75,7 +83,7 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
                         raise InputError(f"'{name}' is held", expected="starting values of the other joints")
         return balance, [start_configuration(mechanism, start) for start in self.starts]
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the equilibria, one a row in the order in which they are found.
 
         Each row has beside its quantities ``equilibrium.starts``, how many starts led to it,
@@ -93,9 +101,9 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
                     near = balance.nearest(q)
                     _merge(found, balance.equilibrium(near, f"starts[{index}]"), balance.turns)
                 except AssemblyError as error:
-                    error.partial = trajectory(balance, found) if found else None
+                    error.partial = outcome(balance, found) if found else None
                     raise
-        return trajectory(balance, found)
+        return outcome(balance, found)
 
 
 def _merge(found: list[Equilibrium], new: Equilibrium, turns: Array) -> None:
@@ -119,30 +127,26 @@ def _units(mechanism: Mechanism, free: int) -> dict[str, Unit | None]:
     }  # fmt: skip
 
 
-def trajectory(balance: Balance, found: Sequence[Equilibrium]) -> Trajectory:
-    """Return the equilibria as rows from 1 on, each an interval of its own: there is nothing between them."""
-    numbers = np.arange(1.0, len(found) + 1.0)
-    cuts = (0.5, *(float(number) + 0.5 for number in numbers))
-    figures = {"equilibria": float(len(found)), "stable": float(sum(one.modes.stability == 1 for one in found))}
-    weightless = [row for row, one in enumerate(found, 1) if np.isnan(one.modes.squares).any()]
+def outcome(balance: Balance, found: Sequence[Equilibrium]) -> Outcome:
+    """Return the equilibria as rows numbered from 1, and how many there are."""
+    weightless = [row for row, equilibrium in enumerate(found, 1) if np.isnan(equilibrium.modes.squares).any()]
     notes = tuple(f"row {row}: a direction has no mass, so its stability is that of the stiffness alone"
                   for row in weightless)  # fmt: skip
-    mechanism = replace(balance.mechanism, notes=(*balance.mechanism.notes, *notes))
-    grid = Grid(numbers, cuts, tuple(range(len(found) + 1)))
-    return replace(_at(replace(balance, mechanism=mechanism), found, grid), figures=figures)
+    stable = sum(equilibrium.modes.stability == 1 for equilibrium in found)
+    figures = {"equilibria": float(len(found)), "stable": float(stable)}
+    return Outcome(rows_of(balance, found), figures=figures, notes=notes)
 
 
-def _at(balance: Balance, found: Sequence[Equilibrium], grid: Grid) -> Trajectory:
-    """Return the trajectory on a grid: all of an interval is the row in its middle."""
-    bounds = zip(grid.cuts, grid.cuts[1:], grid.rows, grid.rows[1:], strict=False)
-    rows = [found[round(0.5 * (start + end)) - 1] for start, end, low, high in bounds for _ in range(low, high)]
-    q = np.array([one.q for one in rows])
-    still, efforts = np.zeros_like(q), [balance.efforts(one.q) for one in rows]
-    table = np.array([[one.starts, one.modes.stability, *one.modes.squares, *one.modes.stiffnesses] for one in rows])
-    units = _units(balance.mechanism, len(rows[0].modes.squares))
+def rows_of(balance: Balance, found: Sequence[Equilibrium]) -> Trajectory:
+    """Return the equilibria as a table; each row is a state of its own, at rest."""
+    q = np.array([equilibrium.q for equilibrium in found])
+    tau, lam = (np.array(x) for x in zip(*(balance.efforts(row) for row in q), strict=True))
+    table = np.array([[float(equilibrium.starts), equilibrium.modes.stability, *equilibrium.modes.squares,
+                       *equilibrium.modes.stiffnesses] for equilibrium in found])  # fmt: skip
+    units = _units(balance.mechanism, len(found[0].modes.squares))
     further = {name: Series(name, units[name], column) for name, column in zip(units, table.T, strict=True)}
-    lam = Multipliers.known(np.array([lam for _, lam in efforts]), balance.mechanism.closure.size)
     return Trajectory(
-        balance.mechanism, "row", unit("1"), grid, q, still, still, np.array([tau for tau, _ in efforts]), lam,
-        balance.closure, balance.dynamics, partial(_at, balance, found), further=further, separate=True,
+        balance.mechanism, ROW, unit("1"), Grid.cover(np.arange(1.0, len(found) + 1.0), []), q, np.zeros_like(q),
+        np.zeros_like(q), tau, Multipliers.known(lam, balance.mechanism.closure.size), balance.closure,
+        balance.dynamics, further=further, separate=True,
     )  # fmt: skip

@@ -13,11 +13,10 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.end_stops import Bound
-from pinarm.errors import InputError, Key
+from pinarm.errors import InputError, Key, Place
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, check_unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.joints import joint_of
-from pinarm.problems.common import Place
 
 DIRECTIONS = {"rising": 1, "falling": -1, "any": 0}
 
@@ -108,8 +107,7 @@ def _distance(closure: Closure, coordinate: Coordinate, value: float) -> Callabl
     def distance(t: Array, q: Array, v: Array) -> Array:
         found = np.empty(len(q))
         for i, row in enumerate(q):
-            closure.place(row)
-            found[i] = coordinate.value(closure.data, row)
+            found[i] = coordinate.value(closure.state(row))
         return found - value
 
     return distance

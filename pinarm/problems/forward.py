@@ -2,37 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Collection
 from dataclasses import replace
-from functools import partial
 from typing import ClassVar
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace as replace_fields
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array
+from pinarm.engine.checks.balance import energy_of
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.bifurcation import undetermined_rest
-from pinarm.engine.motion.hybrid_motion import Journey, Known
-from pinarm.engine.motion.segments import Course
+from pinarm.engine.motion.hybrid_motion import FirstSegment, HybridSystem
+from pinarm.engine.motion.integrated_motion import IntegratedMotion, event_columns
+from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.motion.segments import SegmentedMotion
 from pinarm.engine.motion.systems import Initial
-from pinarm.engine.motion.systems import Motion as Completed
-from pinarm.engine.motion.trajectory import Happening, Series, Trajectory
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import actuation
-from pinarm.errors import InputError, IntegrationError, Interrupted, Key
+from pinarm.errors import InputError, IntegrationError, Interrupted, Key, Place
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import InputStruct, Level, Rate
 from pinarm.mechanics.ball_joints import coordinate_name, indices_of, velocity
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.laws import Motion
-from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.problems.common import Accuracy, Place, TimeGrid, bind_loads, check_levels, check_rates, laws_of, still
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
+from pinarm.problems.imposed_laws import laws_of
+from pinarm.problems.joint_values import check_levels, check_rates
+from pinarm.problems.loads import bind_loads, schema_row
+from pinarm.problems.time_grid import TimeGrid
 
 DEFAULT = Accuracy()
 
@@ -76,12 +82,22 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
     events: dict[str, Event] = {}
     end_stops: dict[str, EndStop] = {}
 
-    def still(self, mechanism: Mechanism) -> Trajectory:
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        row = still(mechanism, self.loads, "t", unit("s"), actuation(mechanism, [*self.motion], []).closure)
-        return replace(row, further=further(self.events, [()], np.zeros(1, dtype=np.intp)))
+        row = schema_row(mechanism, self.loads, "t", unit("s"), actuation(mechanism, [*self.motion], []).closure)
+        return replace(row, further=event_columns(self.events, [()], np.zeros(1, dtype=np.intp)))
 
-    def prepare(self, mechanism: Mechanism, place: Place, accuracy: Accuracy = DEFAULT) -> Journey:
+    def declaration(self) -> Declaration:
+        """Return what the problem says about coordinates."""
+        return Declaration(
+            self._without, laws=self.motion, span=(self.time.start, self.time.end),
+            watched=[event.when for event in self.events.values()], loads=self.loads, integrated=True,
+        )  # fmt: skip
+
+    def _without(self, names: Collection[str]) -> Forward:
+        return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names), loads={})
+
+    def prepare(self, mechanism: Mechanism, place: Place, accuracy: Accuracy = DEFAULT) -> HybridSystem:
         """Check all names and units; return what is to be integrated."""
         motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, place))
@@ -94,14 +110,14 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
                     raise InputError(f"'{name}' follows a law", expected="end stops of free joints only")
         with place("motion"):
             imposed = Imposed.some(mechanism, motion)
-            journey = Journey(
+            hybrid = HybridSystem(
                 mechanism.closure, dynamics, imposed, initial, (self.time.start, self.time.end), bounds, watches,
                 accuracy.integrator(), accuracy.max_steps,
             )  # fmt: skip
-            journey.system()
-        return journey
+            hybrid.system()
+        return hybrid
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the motion, with what its energy says of its accuracy.
 
         Raises:
@@ -109,57 +125,59 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             IntegrationError: The motion could not be followed to its end, or is not determined from some instant on;
                 ``partial`` holds it until then.
         """
-        journey = self.prepare(mechanism, place, accuracy)
+        hybrid = self.prepare(mechanism, place, accuracy)
         with place("initial"):
-            q, v = journey.begin(journey.initial)
-        return self.followed(mechanism, journey, q, v)
+            q, v = hybrid.begin(hybrid.initial)
+        return self.solve_from(mechanism, hybrid, q, v)
 
-    def followed(
-        self, mechanism: Mechanism, journey: Journey, q: Array, v: Array, ahead: Known | None = None
-    ) -> Trajectory:
-        """Return the motion from an assembled state, whose first leg may be known; see ``solve``."""
-        laid = self.require_masses(mechanism, journey, q[None])
+    def solve_from(
+        self, mechanism: Mechanism, hybrid: HybridSystem, q: Array, v: Array, first: FirstSegment | None = None
+    ) -> Outcome:
+        """Return the motion from an assembled state; see ``solve``, and ``HybridSystem.integrate`` for ``first``."""
+        closure = self.require_masses(mechanism, hybrid, q[None])
         try:
-            course = journey.travel(q, v, ahead)
+            motion = hybrid.integrate(q, v, first)
         except (IntegrationError, Interrupted) as error:
             if error.partial is not None:
-                grid = journey.grid(self.time.instants(), error.partial.seams).until(error.partial.end)
-                doubts = tuple(error.partial.diagnose())
-                error.partial = replace(_at(mechanism, journey, error.partial, self.events, grid), notes=doubts)
+                reached = IntegratedMotion(mechanism, hybrid, error.partial)
+                grid = hybrid.grid(self.time.instants(), error.partial.seams).until(error.partial.end)
+                error.partial = replace(reached.outcome(grid), notes=tuple(error.partial.diagnose()))
             raise
-        self._require_branch(mechanism, journey, laid, course)
-        t, end = self.time.instants(), course.end
-        grid = journey.grid(t if end == t[-1] else np.array([*t[t < end], end]), course.seams)
-        whole = _at(mechanism, journey, course, self.events, grid)
-        energy = {} if self.motion else course.energy()
-        notes = course.diagnose() or _lost(energy.get("energy", 0.0))
-        return replace(whole, figures={**course.cost(), **energy}, notes=(*_changed(mechanism, journey, v), *notes))
+        self._require_branch(mechanism, hybrid, closure, motion)
+        t, end = self.time.instants(), motion.end
+        grid = hybrid.grid(t if end == t[-1] else np.array([*t[t < end], end]), motion.seams)
+        whole = IntegratedMotion(mechanism, hybrid, motion).outcome(grid)
+        energy = {} if self.motion else energy_of(motion)
+        notes = motion.diagnose() or _lost(energy.get("energy", 0.0))
+        return replace(whole, figures={**motion.cost(), **energy}, notes=(*_changed(mechanism, hybrid, v), *notes))
 
-    def require_masses(self, mechanism: Mechanism, journey: Journey, q: Array) -> Closure:
+    def require_masses(self, mechanism: Mechanism, hybrid: HybridSystem, q: Array) -> Closure:
         """Return the constraints and the coordinates that follow laws, where masses determine the accelerations.
 
         Args:
             mechanism: What moves.
-            journey: What is to be integrated.
+            hybrid: What is to be integrated.
             q: Configurations, shape (n, nq).
 
         Raises:
             DynamicsError: They do not.
         """
-        laid = mechanism.closure.with_guides(journey.imposed.names, journey.imposed.coordinates)
-        known = q.shape[1] == len(journey.initial.q)
-        require_masses(laid, q if known else journey.initial.q[None], self.time.start)
-        return laid
+        closure = mechanism.closure.with_guides(hybrid.imposed.names, hybrid.imposed.coordinates)
+        known = q.shape[1] == len(hybrid.initial.q)
+        require_masses(closure, q if known else hybrid.initial.q[None], self.time.start)
+        return closure
 
-    def _require_branch(self, mechanism: Mechanism, journey: Journey, laid: Closure, course: Course) -> None:
+    def _require_branch(
+        self, mechanism: Mechanism, hybrid: HybridSystem, closure: Closure, motion: SegmentedMotion
+    ) -> None:
         """Raise where rounding has chosen between motions that meet; the motion until then is kept."""
-        rest = undetermined_rest(laid, course)
+        rest = undetermined_rest(closure, motion)
         if rest is None:
             return
         kept = None
         if rest.t > self.time.start:
-            grid = journey.grid(self.time.instants(), course.seams).until(rest.t)
-            kept = _at(mechanism, journey, course, self.events, grid)
+            grid = hybrid.grid(self.time.instants(), motion.seams).until(rest.t)
+            kept = IntegratedMotion(mechanism, hybrid, motion).outcome(grid)
         raise IntegrationError(
             f"from t = {rest.t:.9g} s on the motion is not determined: it all but stops at "
             f"{rest.regularity:.1g} of its usual regularity, where several motions meet and rounding would choose one",
@@ -189,35 +207,19 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         return Initial(q, v, positions, velocities)
 
 
-def _at(mechanism: Mechanism, journey: Journey, course: Course, events: Mapping[str, Event], grid: Grid) -> Trajectory:
-    """Return a course at the instants of a grid; accelerations are those of the equation of motion there."""
-    one, again = np.zeros(len(grid.t), dtype=np.intp), partial(_at, mechanism, journey, course, events)
-    run = told(mechanism, journey, grid, course.complete(grid), again)
-    happened = tuple(course.happenings)
-    return replace(run, further=further(events, [happened], one), happenings=happened, positions=course.positions)
-
-
-def told(
-    mechanism: Mechanism, journey: Journey, grid: Grid, motion: Completed, again: Callable[[Grid], Trajectory]
-) -> Trajectory:
-    """Return the trajectory of a motion at the rows of a grid."""
-    return Trajectory(
-        mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau, motion.lam,
-        journey.system().closure, journey.dynamics, again,
-    )  # fmt: skip
-
-
-def _changed(mechanism: Mechanism, journey: Journey, v: Array) -> list[str]:
+def _changed(mechanism: Mechanism, hybrid: HybridSystem, v: Array) -> list[str]:
     """Return what is to be said of given velocities that loops do not allow; v are those of the start."""
-    given, told = journey.initial, []
+    given, changes = hybrid.initial, []
     if len(v) < len(given.v):  # laws and couplings have been eliminated: what contradicts them is refused
         return []
     for index in given.velocities:
         if abs(v[index] - given.v[index]) > CONSISTENT * max(1.0, abs(v[index])):
             joint = coordinate_name(mechanism.model, index)
             measured = mechanism.joints[joint].unit if joint in mechanism.joints else "rad"
-            told.append(f"{joint} has {v[index]:.6g} {measured}/s at the start where {given.v[index]:.6g} was given")
-    return [f"the loops do not allow the given velocities, the closest are taken: {', '.join(told)}"] if told else []
+            changes.append(f"{joint} has {v[index]:.6g} {measured}/s at the start where {given.v[index]:.6g} was given")
+    return (
+        [f"the loops do not allow the given velocities, the closest are taken: {', '.join(changes)}"] if changes else []
+    )
 
 
 CONSISTENT = 1e-9
@@ -229,22 +231,3 @@ def _lost(energy: float) -> list[str]:
     if energy < LOST:
         return []
     return [f"energy: {energy:.2g} of what is exchanged is not accounted for: the motion is not that of the mechanism"]
-
-
-def further(
-    events: Mapping[str, Event], happenings: Sequence[Sequence[Happening]], motion: Indices
-) -> dict[str, Series]:
-    """Return when each event first took place, and how often, as quantities that are the same in all rows of a motion.
-
-    Args:
-        events: The events, by name.
-        happenings: What took place, motion by motion.
-        motion: Which motion each row belongs to, shape (n,).
-    """
-    found = {}
-    for name in events:
-        times = [[one.t for one in some if one.name == name] for some in happenings]
-        first, count = (np.array(x)[motion] for x in ([[*x, np.nan][0] for x in times], [float(len(x)) for x in times]))
-        found[f"event.{name}.time"] = Series(f"event.{name}.time", unit("s"), first)
-        found[f"event.{name}.count"] = Series(f"event.{name}.count", unit("1"), count)
-    return found

@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Annotated, ClassVar
 
 import msgspec
+from msgspec.structs import replace as replace_fields
 
+from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.motion.prescribed_motion import KINEMATIC, Prescription
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.errors import Place
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import InputStruct, Level
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.problems.common import Accuracy, Place, TimeGrid, check_levels, laws_of
-from pinarm.problems.inverse import driven
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.declaration import Declaration, others
+from pinarm.problems.imposed_laws import laws_of
+from pinarm.problems.joint_values import check_levels
+from pinarm.problems.time_grid import TimeGrid
 
-UNASKED = "the problem is kinematic and asks for no forces"
 
-
-class Kinematics(InputStruct, frozen=True, tag_field="kind", tag="kinematics"):
+class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematics"):
     """Motion under laws on as many coordinates as the mechanism has degrees of freedom; masses play no part.
 
     With the imposed coordinates w: ``w(q) = w_d(t)``, ``J v = w_d'`` and ``J a = w_d'' - J' v``. Models without any
@@ -37,9 +44,16 @@ class Kinematics(InputStruct, frozen=True, tag_field="kind", tag="kinematics"):
     motion: Annotated[dict[str, Motion], msgspec.Meta(min_length=1)]
     start: dict[str, Level] = {}
 
-    def still(self, mechanism: Mechanism) -> Trajectory:
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        return _without_efforts(Trajectory.still(mechanism, "t", unit("s")))
+        return replace(Trajectory.schema_row(mechanism, "t", unit("s")), unasked=KINEMATIC)
+
+    def declaration(self) -> Declaration:
+        """Return what the problem says about coordinates."""
+        return Declaration(self._without, laws=self.motion, span=(self.time.start, self.time.end), massless=True)
+
+    def _without(self, names: Collection[str]) -> KinematicMotion:
+        return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names))
 
     def prepare(self, mechanism: Mechanism, place: Place) -> Imposed:
         """Check all names and units; return the imposed coordinates."""
@@ -48,16 +62,11 @@ class Kinematics(InputStruct, frozen=True, tag_field="kind", tag="kinematics"):
         with place("motion"):
             return Imposed.of(mechanism, motion)
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the motion of the joints."""
         imposed = self.prepare(mechanism, place)
         laws = [*imposed.laws, *(law for force in mechanism.forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"):
-            run = driven(mechanism, imposed, None, grid, self.start, mechanism.forces, "t", unit("s"))
-        return _without_efforts(run)
-
-
-def _without_efforts(run: Trajectory) -> Trajectory:
-    """Return the motion alone: efforts would be zeros or noise for a model whose masses play no part."""
-    return replace(run, unasked=UNASKED, again=lambda grid: _without_efforts(run.again(grid)))
+            prescription = Prescription(mechanism, imposed, None, mechanism.dynamics, "t", unit("s"))
+            return prescription.outcome(grid, start_configuration(mechanism, self.start))

@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace as replace_fields
 
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.motion.prescribed_motion import Prescription, Rates
+from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
-from pinarm.errors import InputError, Key, choices
+from pinarm.errors import InputError, Key, Place, choices
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Level, Rate, SecondRate, check_unit
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.mechanics.laws.motion_law import FILE_KEYS, Grid, MotionLaw
-from pinarm.problems.common import Accuracy, Place, bind_constant_loads, check_levels, laws_of, still
-from pinarm.problems.inverse import Rates, driven
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.declaration import Declaration, others
+from pinarm.problems.imposed_laws import laws_of
+from pinarm.problems.joint_values import check_levels
+from pinarm.problems.loads import bind_constant_loads, schema_row
 
 
 class Range(InputStruct, frozen=True, rename=FILE_KEYS):
@@ -60,10 +68,20 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
-    def still(self, mechanism: Mechanism) -> Trajectory:
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         closure = actuation(mechanism, self.drives, [*self.over, *self.hold]).closure
-        return replace(still(mechanism, self.loads, *_parameter(self.over, mechanism), closure), separate=True)
+        return replace(schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), closure), separate=True)
+
+    def declaration(self) -> Declaration:
+        """Return what the problem says about coordinates."""
+        return Declaration(self._without, held=self.hold, moved=self.over, drives=self.drives, loads=self.loads)
+
+    def _without(self, names: Collection[str]) -> Statics:
+        drives = [name for name in self.drives if name not in names]
+        return replace_fields(
+            self, hold=others(self.hold, names), start=others(self.start, names), drives=drives, loads={}
+        )
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement]]:
         """Check all names and units; return the imposed coordinates, the drives and the forces."""
@@ -72,13 +90,13 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
             drives = actuation(mechanism, self.drives, imposed.names)
         return imposed, drives, _forces(self.start, self.loads, mechanism, place)
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the positions, at rest, and the efforts of the drives."""
         imposed, drives, forces = self.prepare(mechanism, place)
         still = np.zeros(len(imposed.names))
         with place():
-            return driven(mechanism, imposed, drives, _grid(self.over), self.start, forces,
-                          *_parameter(self.over, mechanism), rates=(still, still))  # fmt: skip
+            return _prescription(mechanism, imposed, drives, forces, self.over, (still, still)).outcome(
+                _grid(self.over), start_configuration(mechanism, self.start))  # fmt: skip
 
 
 class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
@@ -105,10 +123,28 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
-    def still(self, mechanism: Mechanism) -> Trajectory:
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         closure = actuation(mechanism, self.drives, [*self.over, *self.hold]).closure
-        return replace(still(mechanism, self.loads, *_parameter(self.over, mechanism), closure), separate=True)
+        return replace(schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), closure), separate=True)
+
+    def declaration(self) -> Declaration:
+        """Return what the problem says about coordinates."""
+        rates = (*self.velocity.items(), *self.acceleration.items())
+        moving = [name for name in self.hold if any(rate for given, rate in rates if given == name)]
+        return Declaration(
+            self._without, held=others(self.hold, moving), moved=[*self.over, *moving], drives=self.drives,
+            loads=self.loads,
+        )  # fmt: skip
+
+    def _without(self, names: Collection[str]) -> State:
+        hold, velocity, acceleration, start = (
+            others(given, names) for given in (self.hold, self.velocity, self.acceleration, self.start)
+        )
+        drives = [name for name in self.drives if name not in names]
+        return replace_fields(
+            self, hold=hold, velocity=velocity, acceleration=acceleration, start=start, drives=drives, loads={}
+        )
 
     def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement], Rates]:
         """Check all names and units; return the imposed coordinates, the drives, the forces, and the given rates."""
@@ -127,18 +163,26 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
             drives = actuation(mechanism, self.drives, imposed.names)
         return imposed, drives, _forces(self.start, self.loads, mechanism, place), (rates[0], rates[1])
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Trajectory:
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the states and the efforts of the drives."""
         imposed, drives, forces, rates = self.prepare(mechanism, place)
         with place():
-            return driven(mechanism, imposed, drives, _grid(self.over), self.start, forces,
-                          *_parameter(self.over, mechanism), rates=rates)  # fmt: skip
+            return _prescription(mechanism, imposed, drives, forces, self.over, rates).outcome(
+                _grid(self.over), start_configuration(mechanism, self.start))  # fmt: skip
+
+
+def _prescription(
+    mechanism: Mechanism, imposed: Imposed, drives: Actuation, forces: Mapping[str, ForceElement],
+    over: Mapping[str, Range], rates: Rates,
+) -> Prescription:  # fmt: skip
+    dynamics = Dynamics.of(mechanism.model, forces)
+    return Prescription(mechanism, imposed, drives, dynamics, *_parameter(over, mechanism), rates)
 
 
 def _parameter(over: Mapping[str, Range], mechanism: Mechanism) -> tuple[str, Unit]:
     for swept in over:
         return swept, mechanism.coordinate(swept).unit
-    return "row", unit("1")
+    return ROW, unit("1")
 
 
 def _grid(over: Mapping[str, Range]) -> Grid:

@@ -88,7 +88,7 @@ def test_a_law_of_the_file_is_that_of_the_instant(mechanism, chain):
 
 
 def test_loading_twice_gives_mechanisms_of_their_own():
-    one, other = Mechanism.load(ARM), Mechanism.load(ARM, gravity="none")
+    one, other = Mechanism.load(ARM), Mechanism.load(ARM, values={"gravity": "none"})
     assert one.gravity == 9.81
     assert other.gravity == 0.0
 

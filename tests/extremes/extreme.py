@@ -14,10 +14,12 @@ from linkage import GROUND, Body, Joint, Linkage
 from scipy.special import ellipj, ellipk, ellipkm1
 
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.outcome import Outcome as Run
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import PinarmError
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState
+from pinarm.problems.time_grid import TimeGrid
 
 G = 9.81
 FINE = 1e-12
@@ -68,7 +70,12 @@ class Outcome:
         return "refused" if self.refusal else "right" if self.error <= case.tolerance else "WRONG"
 
 
-def solved(mechanism: Mechanism, end: float, samples: int = 21, *, position=None, velocity=None, **more) -> Trajectory:
+def solved(mechanism: Mechanism, end: float, samples: int = 21, **more) -> Trajectory:
+    """The rows of ``integrated``."""
+    return integrated(mechanism, end, samples, **more).rows
+
+
+def integrated(mechanism: Mechanism, end: float, samples: int = 21, *, position=None, velocity=None, **more) -> Run:
     """Forward dynamics; keys of ``Accuracy`` are given to it, the tolerance is 1e-12 where none is."""
     chosen = {key: more.pop(key) for key in ("method", "tolerance", "step", "max_steps") if key in more}
     accuracy = Accuracy(**({} if "step" in chosen else {"tolerance": FINE}) | chosen)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from catalogue import axes_along
-from extreme import WRONG, Case, G, hinge, largest, pendulum, quarter, solved, swing
+from extreme import WRONG, Case, G, hinge, integrated, largest, pendulum, quarter, solved, swing
 from linkage import GROUND, Body, Joint, Linkage
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
@@ -19,7 +19,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.forces.joint_definitions import JointSpring
 from pinarm.use.scenario.scenario import load
-from pinarm.use.study.accuracy.error_estimate import estimated
+from pinarm.use.study.accuracy.error_estimate import estimate_errors
 
 EXPLICIT = "the two equations solved for the accelerations by hand, SciPy"
 TOP = "symmetric top: precession about H at H/A, spin at (1 - C/A) w3"
@@ -52,7 +52,7 @@ def ball(folder: Path, inertia: tuple[float, float, float], place: str = "0 0 0"
     (folder / "ball.xml").write_text(
         f'<mujoco><worldbody><body name="body"><joint name="ball" type="ball"/>'
         f'<inertial pos="{place}" mass="1" diaginertia="{size}"/></body></worldbody></mujoco>')  # fmt: skip
-    return Mechanism.load(folder / "ball.xml", gravity=gravity)
+    return Mechanism.load(folder / "ball.xml", values={"gravity": gravity} if gravity else None)
 
 
 def spun(*rates: float) -> dict[str, float]:
@@ -103,7 +103,7 @@ def told(content: dict, exact: Callable[[np.ndarray], np.ndarray], folder: Path)
     asked = load(folder / "scenario.yaml")
     result = asked.solve()
     found = result["joint.arm.position"].values
-    errors, _ = estimated(asked, result)
+    errors, _ = estimate_errors(asked, result)
     scale = largest(found)
     return largest(found - exact(result.trajectory.grid.t)) / scale / (10.0 * errors["joint.arm.position"])
 
@@ -136,8 +136,8 @@ def sprung(stiffness: float, damping: float, end: float, folder: Path, note: str
     """A wheel of 1 kg m^2 on a spring; where a note has to be in the stamp, without it the answer is wrong."""
     wheel = Linkage({"wheel": Body(1.0, np.zeros(3), np.eye(3))}, {"arm": hinge(GROUND, "wheel")}, 0.0)
     spring = JointSpring(joint="arm", stiffness=stiffness, damping=damping, rest=0.0)
-    run = solved(wheel.build(folder), end, position={"arm": 1e-3}, loads={"spring": spring}, **accuracy)
-    said = " ".join(run.notes)
+    outcome = integrated(wheel.build(folder), end, position={"arm": 1e-3}, loads={"spring": spring}, **accuracy)
+    run, said = outcome.rows, " ".join(outcome.notes)
     return decay(run.grid.t, run.q[:, 0], damping, stiffness) if note in said and bool(note) == bool(said) else WRONG
 
 

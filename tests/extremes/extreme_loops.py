@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from catalogue import TWO_CRANKS, axes_along, bar, four_bar, rssr, slider_crank, two_cranks
-from extreme import WRONG, Case, G, hinge, largest, solved
+from extreme import WRONG, Case, G, hinge, integrated, largest, solved
 from extreme_bodies import X, decay
 from linkage import GROUND, Body, Joint, Linkage
 from motions import driven, poses
@@ -41,8 +41,8 @@ def uneven(linkage: Linkage, cut: str, body: str, ratio: float, folder: Path) ->
     one = linkage.changed(
         lambda name, b: replace(b, mass=b.mass * ratio, inertia=b.inertia * ratio) if name == body else b
     )
-    run = solved(one.build(folder, [cut]), 0.05, 5, velocity={"O": 2.0}, max_steps=1000)
-    return max(against_newton(one, run), run.figures["energy"])
+    run = integrated(one.build(folder, [cut]), 0.05, 5, velocity={"O": 2.0}, max_steps=1000)
+    return max(against_newton(one, run.rows), run.figures["energy"])
 
 
 def crank(size: float, speed: float, turns: float, cut: str, folder: Path) -> float:

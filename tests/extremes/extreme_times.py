@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from catalogue import four_bar
-from extreme import WRONG, Case, G, hinge, largest, pendulum, quarter, solved, swing
+from extreme import WRONG, Case, G, hinge, integrated, largest, pendulum, quarter, solved, swing
 from extreme_loops import NEWTON, against_newton
 from linkage import GROUND, Body, Joint, Linkage, random_body, random_turn
 from motions import driven, energy, poses
@@ -19,9 +19,10 @@ from pinarm.mechanics.laws import ConstantSpeed
 
 def fixed(step: float, end: float, folder: Path, note: str = "") -> float:
     """A pendulum by steps of one length; where a note has to be in the stamp, without it the answer is wrong."""
-    run = solved(pendulum().build(folder), end, 11, position={"arm": 1.0}, method="rk4", step=step)
+    outcome = integrated(pendulum().build(folder), end, 11, position={"arm": 1.0}, method="rk4", step=step)
+    run = outcome.rows
     found = largest(run.q[:, 0] - swing(run.grid.t, 1.0, np.sqrt(G)))
-    told = any(one.startswith(note) for one in run.notes) if note else not run.notes
+    told = any(one.startswith(note) for one in outcome.notes) if note else not outcome.notes
     return (0.0 if note else found) if told else WRONG
 
 
@@ -111,8 +112,8 @@ def open_chains(count: int, folder: Path) -> float:
         mechanism, pace = chain.build(folder), size**-0.5
         position = {name: unit[name] * generator.normal() for name in joints}
         velocity = {name: unit[name] * pace * generator.normal() for name in joints}
-        run = solved(mechanism, 1e-3 / pace, 2, position=position, velocity=velocity, tolerance=1e-9)
-        worst = max(worst, against_newton(chain, run, 0.0), run.figures["energy"])
+        run = integrated(mechanism, 1e-3 / pace, 2, position=position, velocity=velocity, tolerance=1e-9)
+        worst = max(worst, against_newton(chain, run.rows, 0.0), run.figures["energy"])
     return worst
 
 
@@ -130,8 +131,8 @@ def closed_chains(count: int, folder: Path) -> float:
                   for name, one in chain.joints.items()}  # fmt: skip
         whole, pace = Linkage(bodies, joints), size**-0.5
         mechanism = whole.build(folder, [[*joints][-1]])
-        run = solved(mechanism, 0.02 / pace, 3, velocity={"joint0": pace * generator.normal()}, tolerance=1e-10)
-        worst = max(worst, against_newton(whole, run), run.figures["energy"])
+        run = integrated(mechanism, 0.02 / pace, 3, velocity={"joint0": pace * generator.normal()}, tolerance=1e-10)
+        worst = max(worst, against_newton(whole, run.rows), run.figures["energy"])
     return worst
 
 

@@ -45,8 +45,8 @@ def test_files_of_one_name_are_told_apart():
 
 
 def test_a_robot_may_be_held_or_let_go():
-    assert Mechanism.load("solo12", base="fixed").model.nv == 12
-    assert Mechanism.load("panda", base="floating").model.nv == 15
+    assert Mechanism.load("solo12", values={"base": "fixed"}).model.nv == 12
+    assert Mechanism.load("panda", values={"base": "floating"}).model.nv == 15
 
 
 def test_what_is_wrong_with_a_published_robot_is_noted_and_refused_in_a_file():

@@ -9,11 +9,13 @@ import numpy as np
 from linkage import GROUND, Linkage, Poses
 
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.inverse import Inverse
+from pinarm.problems.time_grid import TimeGrid
 
 FINE = 1e-12
 
@@ -23,9 +25,14 @@ def anywhere(*path: object) -> nullcontext:
     return nullcontext()
 
 
-def free(
+def free(mechanism: Mechanism, end=0.3, samples=4, **more) -> Trajectory:
+    """The rows of ``freely``."""
+    return freely(mechanism, end, samples, **more).rows
+
+
+def freely(
     mechanism: Mechanism, end=0.3, samples=4, *, position=None, velocity=None, tolerance=FINE, **more
-) -> Trajectory:
+) -> Outcome:
     """Forward dynamics."""
     initial = InitialState(position=position or {}, velocity=velocity or {})
     problem = Forward(time=TimeGrid(end=end, samples=samples), initial=initial, **more)
@@ -34,8 +41,10 @@ def free(
 
 def driven(mechanism: Mechanism, motion: dict, end=1.0, samples=5, **more) -> Trajectory:
     """Inverse dynamics."""
-    return Inverse(time=TimeGrid(end=end, samples=samples), motion=motion, **more).solve(
-        mechanism, Accuracy(), anywhere
+    return (
+        Inverse(time=TimeGrid(end=end, samples=samples), motion=motion, **more)
+        .solve(mechanism, Accuracy(), anywhere)
+        .rows
     )
 
 

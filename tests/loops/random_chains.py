@@ -84,9 +84,9 @@ def reference(run: Trajectory) -> tuple[np.ndarray, np.ndarray]:
         q, v = y[:nv], y[nv:]
         if not m:
             return np.concatenate([v, pin.aba(model, data, q, v, np.zeros(nv))])
-        closure.place(q)
-        rows = closure.rows()
-        gamma, mass = closure.drift(q, v), pin.crba(model, data, q)
+        state = closure.state(q)
+        rows = closure.rows(state)
+        gamma, mass = closure.drift(closure.state(q, v)), pin.crba(model, data, q)
         mass = np.triu(mass) + np.triu(mass, 1).T
         bias = pin.nonLinearEffects(model, data, q, v)
         left = np.block([[mass, rows.T], [rows, np.zeros((m, m))]])

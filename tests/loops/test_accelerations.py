@@ -44,8 +44,8 @@ def moving(linkage, folder, seed, end=0.1, samples=3):
     """A motion from random velocities that the loops allow."""
     mechanism = linkage.build(folder, [name for name in linkage.joints if name.startswith("loop")])
     closure, model = mechanism.closure, mechanism.model
-    closure.place(pin.neutral(model))
-    rows = closure.rows()
+    state = closure.state(pin.neutral(model))
+    rows = closure.rows(state)
     v = np.random.default_rng(seed).normal(size=model.nv)
     v -= np.linalg.lstsq(rows, rows @ v, rcond=1e-9)[0]
     velocity = {name: float(v[joint.v]) for name, joint in mechanism.joints.items()}

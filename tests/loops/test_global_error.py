@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from random_chains import closed_chain, open_chain, reference, scenario
 
-from pinarm.use.study.accuracy.error_estimate import estimated, scales
+from pinarm.use.study.accuracy.error_estimate import estimate_errors, output_scales
 
 RESOLVED = 1e-13
 """True error that the reference can tell from rounding."""
@@ -16,11 +16,11 @@ def compared(folder, chain, seed):
     tolerance = 10.0 ** generator.uniform(-10.0, -3.0)
     asked = scenario(folder, chain(generator), tolerance, generator)
     result = asked.solve()
-    errors, _ = estimated(asked, result)
+    errors, _ = estimate_errors(asked, result)
     q, v = reference(result.trajectory)
     exact = result.trajectory.mechanism.at(q, v, tau=np.zeros_like(v))
     true = {name: np.abs(result[name].values - exact[name].values).max() / scale
-            for name, scale in scales(result).items()}  # fmt: skip
+            for name, scale in output_scales(result).items()}  # fmt: skip
     return [(errors[name], true[name]) for name in true]
 
 

@@ -15,6 +15,7 @@ from newton_euler import newton_euler
 
 from pinarm.engine.constraints.batch_jacobians import Measures
 from pinarm.engine.quantities.names import Quantities
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import moving
 from pinarm.mechanics.laws import Harmonic
 from pinarm.mechanics.loops.loop_joints import Loop
@@ -130,9 +131,9 @@ class TestRows:
     def test_they_are_the_rates_of_the_gap_where_it_is_closed(self, loop, differentiate):
         mechanism, q = loop
         closure, model = mechanism.closure, mechanism.model
-        closure.place(q)
-        rows = closure.rows()
-        assert np.abs(closure.gap(q)).max() < 1e-12
+        state = closure.state(q)
+        rows = closure.rows(state)
+        assert np.abs(closure.gap(state)).max() < 1e-12
         for v in np.random.default_rng(0).normal(size=(5, model.nv)):
             assert rows @ v == pytest.approx(differentiate(lambda t, v=v: gap(mechanism, q, t * v), 0.0), abs=1e-9)
 
@@ -141,8 +142,8 @@ class TestRows:
         closure, model = mechanism.closure, mechanism.model
         k = closure.constraints[0].pair.lengths
         for q, v in np.random.default_rng(1).normal(size=(5, 2, model.nv)):
-            closure.place(q)
-            assert (closure.rows() @ v)[:k] == pytest.approx(
+            state = closure.state(q)
+            assert (closure.rows(state) @ v)[:k] == pytest.approx(
                 differentiate(lambda t, q=q, v=v: gap(mechanism, q, t * v), 0.0)[:k], abs=1e-8
             )
 
@@ -151,13 +152,12 @@ class TestRows:
         closure, model = mechanism.closure, mechanism.model
 
         def rows(q):
-            closure.place(q)
-            return closure.rows()
+            state = closure.state(q)
+            return closure.rows(state)
 
         for q, v in np.random.default_rng(2).normal(size=(5, 2, model.nv)):
             change = differentiate(lambda t, q=q, v=v: rows(pin.integrate(model, q, t * v)), 0.0)
-            closure.place(q)
-            assert closure.drift(q, v) == pytest.approx(change @ v, abs=1e-8)
+            assert closure.drift(closure.state(q, v)) == pytest.approx(change @ v, abs=1e-8)
 
     def test_multipliers_have_the_power_of_their_wrenches_also_while_the_joint_is_open(self, loop):
         mechanism, _ = loop
@@ -165,14 +165,14 @@ class TestRows:
         generator = np.random.default_rng(3)
         for q, v in generator.normal(size=(5, 2, model.nv)):
             lam = generator.normal(size=closure.size)
-            closure.place(q)
+            state = closure.state(q)
             pin.forwardKinematics(model, data, q, v)
             twists = np.array([data.oMi[i].act(data.v[i]).vector for i in range(model.njoints)])
             links, _, _, columns = moving(model, q[None], v[None], v[None])
             power = (twists * closure.wrenches(links, lam[None])[0]).sum()
-            assert power == pytest.approx(lam @ closure.rows() @ v, abs=1e-12)
+            assert power == pytest.approx(lam @ closure.rows(state) @ v, abs=1e-12)
             load = closure.load(links, columns, q[None], lam[None])[0]
-            assert load == pytest.approx(closure.rows().T @ lam, abs=1e-12)
+            assert load == pytest.approx(closure.rows(state).T @ lam, abs=1e-12)
 
     def test_many_at_once_are_those_one_by_one(self, loop):
         mechanism, _ = loop
@@ -183,20 +183,20 @@ class TestRows:
         rows, drift = measured.rows(wanted), measured.drift(wanted, v.T)
         gaps = np.array([np.broadcast_to(value, n) for value in measured.gap()]).T
         for i in range(n):
-            closure.place(q[i])
-            assert gaps[i] == pytest.approx(closure.gap(q[i]), abs=1e-14)
+            state = closure.state(q[i])
+            assert gaps[i] == pytest.approx(closure.gap(state), abs=1e-14)
             dense = np.zeros((closure.size, model.nv))
             for k, entries in rows.items():
                 for column, entry in entries.items():
                     dense[k, column] = np.broadcast_to(entry, n)[i]
-            assert dense == pytest.approx(closure.rows(), abs=1e-13)
+            assert dense == pytest.approx(closure.rows(state), abs=1e-13)
             found = [np.broadcast_to(drift.get(k, 0.0), n)[i] for k in wanted]
-            assert found == pytest.approx(closure.drift(q[i], v[i]), abs=1e-12)
+            assert found == pytest.approx(closure.drift(closure.state(q[i], v[i])), abs=1e-12)
 
     def test_they_leave_the_freedom_that_the_kind_has(self, linkage, loop):
         mechanism, q = loop
-        mechanism.closure.place(q)
-        rows = mechanism.closure.rows()
+        state = mechanism.closure.state(q)
+        rows = mechanism.closure.rows(state)
         freedom = len(SIMPLE[linkage.joints["joint"].kind])
         assert rows.shape[0] == 6 - freedom
         assert np.linalg.matrix_rank(rows) == 6 - freedom
@@ -204,8 +204,8 @@ class TestRows:
 
 def gap(mechanism, q, step):
     moved = pin.integrate(mechanism.model, q, step)
-    mechanism.closure.place(moved)
-    return mechanism.closure.gap(moved)
+    state = mechanism.closure.state(moved)
+    return mechanism.closure.gap(state)
 
 
 @pytest.mark.parametrize("kind", ["revolute", "cylindrical", "planar"])
@@ -214,11 +214,12 @@ def test_the_open_angle_is_the_tilt_of_the_axes_whatever_the_turn_about_them(kin
     generator = np.random.default_rng(0)
     joints = {"joint": random_joint(generator, kind, GROUND, "A"), "free": random_joint(generator, "free", GROUND, "A")}
     mechanism = Linkage({"A": random_body(generator)}, joints).build(tmp_path, IN_LOOP)
-    loop, data = mechanism.constraints[0], mechanism.model.createData()
+    loop, model = mechanism.constraints[0], mechanism.model
     for turn in np.linspace(0.0, 2 * np.pi, 13):
         rotation = pin.exp3(np.array([0.0, 0.0, turn])) @ pin.exp3(np.array([tilt, 0.0, 0.0]))
-        data.oMf[loop.first], data.oMf[loop.second] = pin.SE3.Identity(), pin.SE3(rotation, np.zeros(3))
-        open_angle = np.linalg.norm(loop.gap(data, pin.neutral(mechanism.model)))
+        state = Kinematics.at(model, pin.neutral(model))
+        state.data.oMf[loop.first], state.data.oMf[loop.second] = pin.SE3.Identity(), pin.SE3(rotation, np.zeros(3))
+        open_angle = np.linalg.norm(loop.gap(state))
         if tilt < np.pi:
             assert open_angle == pytest.approx(tilt, rel=1e-12, abs=1e-15)
         else:

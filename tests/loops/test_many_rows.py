@@ -10,7 +10,7 @@ from pinarm.engine.constraints.batch_jacobians import BLOCK, Measures
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspace import Split
 from pinarm.engine.constraints.nullspace_batch import free_motions
-from pinarm.engine.kinematics.continuation_batch import Sweep
+from pinarm.engine.kinematics.continuation_batch import BatchContinuation
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.systems.batch_rows import Together
 from pinarm.errors import InputError
@@ -32,7 +32,7 @@ def test_a_motion_and_its_efforts_are_those_found_row_by_row(name, tmp_path, mon
     mechanism = linkage().build(tmp_path, cut)
     motion = {drive: Harmonic(amplitude=0.3, pulsation=5.0 + k) for k, drive in enumerate(drives)}
     together = driven(mechanism, motion, samples=40, drives=drives)
-    monkeypatch.setattr(Sweep, "of", lambda *_: None)
+    monkeypatch.setattr(BatchContinuation, "of", lambda *_: None)
     monkeypatch.setattr(Measures, "of", lambda *_: None)
     monkeypatch.setattr(closure, "MANY", 1_000)
     alone = driven(mechanism, motion, samples=40, drives=drives)
@@ -63,8 +63,8 @@ class TestFreeMotions:
         for places, motions in free_motions(four_bar.closure, q):
             seen[places] += 1
             for k in range(0, len(places), 37):
-                four_bar.closure.place(q[places[k]])
-                right = Split.of(four_bar.closure.rows()).free
+                state = four_bar.closure.state(q[places[k]])
+                right = Split.of(four_bar.closure.rows(state)).free
                 assert len(motions) == right.shape[1]
                 assert motions[:, k].T @ motions[:, k] == pytest.approx(right @ right.T, abs=1e-8)  # 1e-15 / 1e-7
         assert (seen == 1).all()

@@ -9,6 +9,7 @@ import pytest
 from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.coordinates import AngleSum, Distance, PointCoordinate, Rotation, coordinates_of
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import AXES, frame_of, joints_of, unit_vector
 from pinarm.mechanics.loading.pinocchio_model import build_model
 
@@ -28,12 +29,9 @@ def model(chain):
 
 def evaluate(coordinate, model, q, v, a):
     """Return w, w' and w'' from the value, the row and the drift."""
-    data = model.createData()
-    pin.computeJointJacobians(model, data, q)
-    pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
-    pin.updateFramePlacements(model, data)
-    row = coordinate.row(model, data)
-    return coordinate.value(data, q), row @ v, row @ a + coordinate.drift(model, data)
+    state = Kinematics.at(model, q, v)
+    row = coordinate.row(state)
+    return coordinate.value(state), row @ v, row @ a + coordinate.drift(state)
 
 
 def motion(t, n):
@@ -224,7 +222,7 @@ def test_places_differ_where_another_joint_has_more_numbers_in_q_than_in_v():
     hinge = joints_of(model)["hinge"]
     assert (hinge.q, hinge.v) == (4, 3)
     coordinate = coordinates_of(model, joints_of(model), {})["hinge"]
-    assert coordinate.value(model.createData(), np.array([0, 0, 0, 1, 0.7])) == 0.7
+    assert coordinate.value(Kinematics.at(model, np.array([0, 0, 0, 1, 0.7]))) == 0.7
 
 
 @pytest.mark.parametrize(

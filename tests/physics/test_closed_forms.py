@@ -5,16 +5,17 @@ import pinocchio as pin
 import pytest
 from scipy.special import ellipj, ellipk
 
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Interval
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Trapezoid
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
+from pinarm.problems.time_grid import TimeGrid
 
 G = 9.81
 DOWN_Y = {"direction": "-y", "magnitude": "9.81 m/s^2"}
@@ -25,6 +26,10 @@ SLIDER = {"name": "slide", "kind": "prismatic", "axis": "1 0 0", "mass": 2.0}
 
 
 def run(mechanism, end, samples=101, tolerance=1e-12, **content):
+    return outcome(mechanism, end, samples, tolerance, **content).rows
+
+
+def outcome(mechanism, end, samples=101, tolerance=1e-12, **content):
     problem = Forward(time=TimeGrid(end=end, samples=samples), **content)
     return problem.solve(mechanism, Accuracy(tolerance=tolerance), lambda *path: nullcontext())
 
@@ -77,7 +82,7 @@ def test_bearing_of_a_spinning_rod_feels_its_centrifugal_force_and_tilting_momen
     rod = mechanism(xml.replace(f'<origin xyz="{length / 2} 0 0"/>', tilted), gravity="none")
     motion = {"shaft": ConstantSpeed(speed=w)}
     turn = Inverse(time=TimeGrid(end=0.4, samples=41), motion=motion)
-    turned = turn.solve(rod, Accuracy(), lambda *path: nullcontext())
+    turned = turn.solve(rod, Accuracy(), lambda *path: nullcontext()).rows
     found, q = Quantities(turned), turned.q[:, 0]
     force = -mass * length / 2 * np.sin(tilt) * w**2
     moment = -mass * length**2 / 3 * np.sin(tilt) * np.cos(tilt) * w**2
@@ -105,18 +110,19 @@ class TestSpringAndDamper:
     def test_underdamped_free_motion(self, mechanism, chain):
         slider = mechanism(chain(SLIDER))
         initial = {"position": {"slide": 0.4}, "velocity": {"slide": -1.0}}
-        free = run(slider, 4.0, initial=initial, loads=self.loads)
+        found = outcome(slider, 4.0, initial=initial, loads=self.loads)
+        free = found.rows
         decay = self.damping / (2 * self.mass)
         w = np.sqrt(self.stiffness / self.mass - decay**2)
         t = free.grid.t
         expected = np.exp(-decay * t) * (0.3 * np.cos(w * t) + (-1.0 + decay * 0.3) / w * np.sin(w * t))
         assert free.q[:, 0] == pytest.approx(0.1 + expected, abs=1e-10)  # a hundred times the tolerance
-        assert free.figures["energy"] < 1e-10
+        assert found.figures["energy"] < 1e-10
 
     def test_the_effort_that_holds_it_is_the_force_of_the_spring(self, mechanism, chain):
         slider, motion = mechanism(chain(SLIDER)), {"slide": Constant(value=0.4)}
         held = Inverse(time=TimeGrid(end=1.0, samples=2), motion=motion, loads=self.loads)
-        tau = held.solve(slider, Accuracy(), lambda *path: nullcontext()).tau
+        tau = held.solve(slider, Accuracy(), lambda *path: nullcontext()).rows.tau
         assert tau[:, 0] == pytest.approx(50.0 * 0.3, rel=1e-15)
 
 

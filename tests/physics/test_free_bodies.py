@@ -12,9 +12,10 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import Constant, ConstantAcceleration, ConstantSpeed, Harmonic
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
+from pinarm.problems.time_grid import TimeGrid
 
 G = 9.81
 BODY = {"name": "body", "kind": "floating", "mass": 2.0, "inertia": (0.2, 0.3, 0.45)}
@@ -26,7 +27,7 @@ def here(*_):
 
 def run(mechanism, end, samples=101, tolerance=1e-12, **content):
     problem = Forward(time=TimeGrid(end=end, samples=samples), **content)
-    return problem.solve(mechanism, Accuracy(tolerance=tolerance), here)
+    return problem.solve(mechanism, Accuracy(tolerance=tolerance), here).rows
 
 
 def spun(x, y, z):
@@ -169,7 +170,7 @@ def test_damping_of_a_joint_with_several_coordinates_brakes_each_of_them(mechani
 
 
 def test_floating_robot_that_moves_its_limbs_keeps_its_momenta():
-    robot = Mechanism.load("solo12", gravity="none")
+    robot = Mechanism.load("solo12", values={"gravity": "none"})
     kick = {"FL_HFE": 3.0, "HR_KFE": -4.0, "FR_HAA": 2.0, "root.y": 0.4, "root.angular_velocity.x": 1.0}
     free = run(robot, 0.3, samples=11, tolerance=1e-10, initial={"position": {"FL_HFE": 0.8}, "velocity": kick})
     found = Quantities(free)
@@ -186,7 +187,7 @@ def test_moment_that_turns_a_floating_body_to_and_fro_is_inertia_times_accelerat
     names = (*(f"body.{one}" for one in "xyz"), *(f"body.rotation.{one}" for one in "xyz"))
     motion = {name: Constant(value=0.3 if name == "body.x" else 0.0) for name in names}
     motion[f"body.rotation.{axis}"] = Harmonic(mean=0.2, amplitude=0.9, pulsation=3.0)
-    moved = Inverse(time=TimeGrid(end=2.0, samples=41), motion=motion).solve(body, Accuracy(), here)
+    moved = Inverse(time=TimeGrid(end=2.0, samples=41), motion=motion).solve(body, Accuracy(), here).rows
     found, k = Quantities(moved), "xyz".index(axis)
     expected = BODY["inertia"][k] * found[f"coordinate.body.rotation.{axis}.acceleration"].values
     law = -0.9 * 9.0 * np.sin(3.0 * moved.grid.t)

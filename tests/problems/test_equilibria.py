@@ -9,14 +9,16 @@ import pytest
 
 import pinarm
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.statics.equilibrium import Balance
 from pinarm.engine.statics.stiffness import slope
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 from pinarm.mechanics.laws import Constant, Harmonic
-from pinarm.problems.common import Accuracy
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.equilibria import Equilibria
+from pinarm.use.result.row_lookup import Lookup
 
 ROOT = Path(pinarm.__file__).parents[1]
 G = 9.81
@@ -29,8 +31,12 @@ def place(*path):
     return nullcontext()
 
 
-def solve(mechanism, starts, **given):
+def outcome(mechanism, starts, **given):
     return Equilibria(starts=starts, **given).solve(mechanism, Accuracy(), place)
+
+
+def solve(mechanism, starts, **given):
+    return outcome(mechanism, starts, **given).rows
 
 
 def column(run, name, row):
@@ -61,11 +67,12 @@ def arm():
 
 
 def test_a_pendulum_hangs_stably_and_stands_unstably(mechanism, chain):
-    run = solve(mechanism(chain(BOB)), [{"bob": 0.4}, {"bob": 2.9}])
+    found = outcome(mechanism(chain(BOB)), [{"bob": 0.4}, {"bob": 2.9}])
+    run = found.rows
     assert run.q[:, 0] == pytest.approx([0.0, math.pi], abs=1e-15)
     assert squares(run, 1) == pytest.approx([G / LENGTH], rel=1e-14)
     assert squares(run, 2) == pytest.approx([-G / LENGTH], rel=1e-14)
-    assert (stability(run, 1), stability(run, 2), run.figures["stable"]) == (1.0, -1.0, 1.0)
+    assert (stability(run, 1), stability(run, 2), found.figures["stable"]) == (1.0, -1.0, 1.0)
     assert run.parameter == "row"
     assert run.grid.t.tolist() == [1.0, 2.0]
     assert not run.tau.any()
@@ -124,7 +131,8 @@ def test_the_four_equilibria_of_a_double_pendulum(mechanism, chain):
 
 
 def test_the_four_equilibria_of_the_two_rod_arm():
-    run = pinarm.load(ROOT / "scenarios" / "gen411_arm_equilibria.yaml").run().trajectory
+    found = pinarm.load(ROOT / "scenarios" / "gen411_arm_equilibria.yaml").run()
+    run = found.trajectory
     l1 = l2 = 0.25
     m_a, m_b, m_ba = 0.1, 0.5, 1.0
     whole, tip = m_a + m_b + m_ba, m_a + m_ba / 2
@@ -133,7 +141,7 @@ def test_the_four_equilibria_of_the_two_rod_arm():
         mass = np.array([[l1**2 * whole, cross], [cross, l2**2 * (m_ba / 3 + m_a)]])
         stiffness = np.diag([-G * l1 * whole * s1, -G * l2 * tip * s2])
         assert squares(run, row) == pytest.approx(quadratic(mass, stiffness), rel=1e-12)
-    assert run.figures["stable"] == 1.0
+    assert found.figures["stable"] == 1.0
     assert column(run, "starts", 1) == 2.0
     assert len(run) == 4
 
@@ -166,20 +174,24 @@ def test_beside_the_unstable_position_there_are_two_stable_ones(mechanism, chain
     for _ in range(200):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if math.sin(middle) / middle > ratio else (low, middle)
-    run = solve(mechanism(chain(UPRIGHT)), [{"bob": 1.3 * low}, {"bob": -1.3 * low}, {"bob": 0.9 * low}], loads=spring)
+    found = outcome(
+        mechanism(chain(UPRIGHT)), [{"bob": 1.3 * low}, {"bob": -1.3 * low}, {"bob": 0.9 * low}], loads=spring
+    )
+    run = found.rows
     assert run.q[:, 0] == pytest.approx([low, -low], rel=1e-11)
     assert column(run, "starts", 1) == 2.0
     expected = (ratio - math.cos(low)) * weight / (MASS * LENGTH**2)
     assert squares(run, 1) == pytest.approx([expected], rel=1e-9)
-    assert run.figures["stable"] == 2.0
+    assert found.figures["stable"] == 2.0
 
 
 def test_at_the_fork_itself_the_upright_position_is_indifferent(mechanism, chain):
     spring = {"hold": JointSpring(joint="bob", stiffness=MASS * G * LENGTH)}
-    run = solve(mechanism(chain(UPRIGHT)), [{}, {"bob": 0.3}, {"bob": -0.2}], loads=spring)
+    found = outcome(mechanism(chain(UPRIGHT)), [{}, {"bob": 0.3}, {"bob": -0.2}], loads=spring)
+    run = found.rows
     assert len(run) == 1
     assert stability(run, 1) == 0.0
-    assert run.figures["stable"] == 0.0
+    assert found.figures["stable"] == 0.0
 
 
 @pytest.mark.parametrize("stiffness", [1e-2, 30.0, 1e7])
@@ -311,14 +323,15 @@ def test_without_mass_in_a_direction_the_stiffness_decides_and_a_note_says_so(me
     l1, l2 = 0.5, 0.3
     bars = chain({**TIP, "name": "a", "mass": 0.0},
                  {**TIP, "name": "b", "mass": MASS, "at": f"0 0 {-l1}", "com": f"0 0 {-l2}"})  # fmt: skip
-    run = solve(mechanism(bars), [{"a": 0.1, "b": -0.2}, {"a": 3.0, "b": 0.1}])
+    found = outcome(mechanism(bars), [{"a": 0.1, "b": -0.2}, {"a": 3.0, "b": 0.1}])
+    run = found.rows
     weight = MASS * G
     middle, apart = 0.5 * (l1 + 2 * l2), 0.5 * math.hypot(l1, 2 * l2)  # of K = m g [[l1 + l2, l2], [l2, l2]]
     springs = [column(run, "stiffness_1", 1), column(run, "stiffness_2", 1)]
     assert springs == pytest.approx([weight * (middle - apart), weight * (middle + apart)], rel=1e-12)
     assert np.isnan(squares(run, 1)).all()
     assert [stability(run, 1), stability(run, 2)] == [1.0, -1.0]
-    assert any("row 1" in note and "no mass" in note for note in run.mechanism.notes)
+    assert any("row 1" in note and "no mass" in note for note in found.notes)
 
 
 def test_without_weight_every_position_is_indifferent_and_stays_where_it_starts(mechanism, chain):
@@ -394,7 +407,7 @@ def test_the_starts_before_a_failing_one_are_kept(mechanism, chain):
     good = solve(model, [{"x": 1.6}], loads={"s": spring, "p": push})
     with pytest.raises(AssemblyError, match=r"starts\[1\]") as caught:
         solve(model, [{"x": 1.6}, {"x": -2.0}], loads={"s": spring, "p": push})
-    assert caught.value.partial.q == pytest.approx(good.q)
+    assert caught.value.partial.rows.q == pytest.approx(good.q)
     flat = -math.sqrt((free * beside**2) ** (2 / 3) - beside**2)  # where the slope of the force vanishes
     assert caught.value.data["q"] == pytest.approx([flat], abs=1e-2)
 
@@ -454,10 +467,14 @@ def test_a_failing_start_is_located_and_its_index_named():
 
 
 def test_a_row_is_found_by_its_number_and_extremes_stand_on_rows(mechanism, chain):
-    run = solve(mechanism(chain(BOB)), [{"bob": 0.4}, {"bob": 2.9}])
-    assert run.within(1, np.array([2.0, 1.7])).q[:, 0].tolist() == [run.q[1, 0]] * 2
-    assert run.within(0, np.array([1.0])).q[:, 0].tolist() == [run.q[0, 0]]
-    assert run.again(run.grid).q.tolist() == run.q.tolist()
+    found = outcome(mechanism(chain(BOB)), [{"bob": 0.4}, {"bob": 2.9}])
+    lookup = Lookup(Quantities(found.rows), found.motion)
+    assert lookup.at({"row": 2}, "bob")["bob"].values.tolist() == [found.rows.q[1, 0]]
+    assert lookup.at("max", "bob")["row"].values.tolist() == [2.0]
+    assert lookup.at("start", "bob")["bob"].values.tolist() == [found.rows.q[0, 0]]
+    assert lookup.at({"bob": repr(found.rows.q[1, 0].item()) + " rad"}, "row")["row"].values.tolist() == [2.0]
+    with pytest.raises(InputError, match=r"row = 1.5 is not reached"):
+        lookup.at({"row": 1.5}, "bob")
 
 
 def test_its_quantities_are_known_before_it_is_solved():

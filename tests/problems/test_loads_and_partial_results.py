@@ -22,11 +22,12 @@ from pinarm.mechanics.laws import (
     Succession,
     Trapezoid,
 )
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.equilibria import Equilibria
 from pinarm.problems.forward import Forward, InitialState
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.states import State, Statics
+from pinarm.problems.time_grid import TimeGrid
 
 INERTIA, LEVER = 0.3 + 2.0 * 0.5**2, 0.7
 ROD = {"name": "arm", "axis": "0 0 1", "mass": 2.0, "com": "0.5 0 0", "inertia": (0.1, 0.3, 0.3)}
@@ -77,7 +78,7 @@ def values(law, t):
 def test_efforts_of_a_held_joint_are_those_of_the_load(arm, law, push):
     loads = {push: pushes(law)[push]}
     problem = Inverse(time=TIME, motion={"arm": Constant(value=0.4)}, loads=loads)
-    run = problem.solve(arm, Accuracy(), place)
+    run = problem.solve(arm, Accuracy(), place).rows
     expected = values(law, run.grid.t) * (LEVER if push == "force" else 1.0)
     assert run.tau[:, 0] == pytest.approx(-expected, abs=1e-14)
     assert np.ptp(expected) > 0.5
@@ -87,7 +88,7 @@ def test_efforts_of_a_held_joint_are_those_of_the_load(arm, law, push):
 @pytest.mark.parametrize("push", ["torque", "force"])
 def test_acceleration_of_a_free_joint_is_that_of_the_load(arm, law, push):
     problem = Forward(time=TIME, loads={push: pushes(law)[push]})
-    run = problem.solve(arm, Accuracy(tolerance=1e-12), place)
+    run = problem.solve(arm, Accuracy(tolerance=1e-12), place).rows
     expected = values(law, run.grid.t) * (LEVER if push == "force" else 1.0) / INERTIA
     assert run.a[:, 0] == pytest.approx(expected, abs=1e-13)
 
@@ -97,7 +98,7 @@ def test_a_prescribed_joint_bears_the_load_too(mechanism, chain, law):
     """The second joint is held by its drive; the load on it goes into the drive, and the first joint stays at rest."""
     pair = mechanism(chain({"name": "first"}, {"name": "second", "at": "1 0 0"}), gravity="none")
     loads = {"torque": JointEffort(joint="second", effort=law)}
-    run = Forward(time=TIME, motion={"second": Constant(value=0.4)}, loads=loads).solve(pair, Accuracy(), place)
+    run = Forward(time=TIME, motion={"second": Constant(value=0.4)}, loads=loads).solve(pair, Accuracy(), place).rows
     assert run.tau[:, 1] == pytest.approx(-values(law, run.grid.t), abs=1e-13)
     assert run.tau[:, 0] == pytest.approx(0.0, abs=1e-13)
 
@@ -105,7 +106,8 @@ def test_a_prescribed_joint_bears_the_load_too(mechanism, chain, law):
 def test_a_torque_is_switched_on_and_off(arm):
     """4 N*m from 1 s to 2 s, then -7 N*m: parabolas end to end."""
     law = Steps(points=[(0.0, 0.0), (1.0, 4.0), (2.0, -7.0)])
-    run = Forward(time=TIME, loads={"torque": JointEffort(joint="arm", effort=law)}).solve(arm, Accuracy(), place)
+    outcome = Forward(time=TIME, loads={"torque": JointEffort(joint="arm", effort=law)}).solve(arm, Accuracy(), place)
+    run = outcome.rows
     t = run.grid.t
     on, off = np.clip(t - 1.0, 0.0, 1.0), np.clip(t - 2.0, 0.0, 1.0)
     speed = (4.0 * on - 7.0 * off) / INERTIA
@@ -113,7 +115,7 @@ def test_a_torque_is_switched_on_and_off(arm):
     assert run.v[:, 0] == pytest.approx(speed, abs=1e-13)
     assert run.q[:, 0] == pytest.approx(angle, abs=1e-13)
     assert run.a[t == 2.0, 0] * INERTIA == pytest.approx([4.0, -7.0], abs=1e-13)
-    assert run.figures["energy"] < 1e-13
+    assert outcome.figures["energy"] < 1e-13
 
 
 def test_where_the_integration_ends_is_told_by_joints(arm):
@@ -168,16 +170,17 @@ def test_what_a_run_that_ends_early_keeps_is_the_run_until_there(mechanism, chai
     pair = mechanism(chain({"name": "first", "com": "0.5 0 0"}, {"name": "second", "at": "1 0 0", "com": "0.3 0 0"}))
     loads = {"torque": JointEffort(joint="first", effort=law)}
     problem = Forward(time=TIME, motion=motion, loads=loads)
-    whole = problem.solve(pair, Accuracy(), place)
+    outcome = problem.solve(pair, Accuracy(), place)
+    whole = outcome.rows
     if cause == "Ctrl-C":
         stop_at(2.5)
         with pytest.raises((Interrupted, KeyboardInterrupt), match="interrupted at t = ") as caught:
             problem.solve(pair, Accuracy(), place)
     else:
-        most = int(0.85 * (whole.figures["steps"] + whole.figures["rejected steps"]))
+        most = int(0.85 * (outcome.figures["steps"] + outcome.figures["rejected steps"]))
         with pytest.raises(IntegrationError, match=f"has taken {most} steps") as caught:
             problem.solve(pair, Accuracy(max_steps=most), place)
-    kept = caught.value.partial
+    kept = caught.value.partial.rows
     assert 1.5 < kept.grid.t[-1] <= 2.5 or cause == "max_steps"
     rows = slice(0, len(kept))
     assert len(kept) > 10
@@ -201,10 +204,10 @@ def test_pieces_of_a_law_that_lie_between_two_rows_are_no_difficulty(arm, kind, 
     law, time = LAWS["s-curve"], TimeGrid(end=3.0, samples=samples)
     loads = {name: pushes(law)[name] for name in ("torque", "force")}
     if kind == "inverse":
-        run = Inverse(time=time, motion={"arm": Constant(value=0.4)}, loads=loads).solve(arm, Accuracy(), place)
+        run = Inverse(time=time, motion={"arm": Constant(value=0.4)}, loads=loads).solve(arm, Accuracy(), place).rows
         found = -run.tau[:, 0]
     else:
-        run = Forward(time=time, loads=loads).solve(arm, Accuracy(), place)
+        run = Forward(time=time, loads=loads).solve(arm, Accuracy(), place).rows
         found = run.a[:, 0] * INERTIA
     assert len(run) == samples
     assert found == pytest.approx(values(law, run.grid.t) * (1.0 + LEVER), abs=1e-13)
@@ -218,4 +221,4 @@ LOADS = pushes(Constant(value=1.0))
     Statics(loads=LOADS), State(loads=LOADS), Equilibria(starts=[{"arm": 0.0}], loads=LOADS),
 ], ids=lambda one: one.kind)  # fmt: skip
 def test_the_power_of_a_load_is_known_before_anything_is_solved(arm, problem):
-    assert str(Quantities(problem.still(arm))["power.torque"].unit) == "W"
+    assert str(Quantities(problem.schema_row(arm))["power.torque"].unit) == "W"

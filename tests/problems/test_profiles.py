@@ -10,10 +10,11 @@ from pinarm.errors import InputError
 from pinarm.mechanics.forces.breakpoints import Pieces
 from pinarm.mechanics.forces.joint_definitions import JointEffort, TorqueSpeed
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Over, Polynomial, Succession, Trapezoid
-from pinarm.problems.common import Accuracy, TimeGrid
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
-from pinarm.problems.kinematics import Kinematics
+from pinarm.problems.kinematics import KinematicMotion
+from pinarm.problems.time_grid import TimeGrid
 
 TIME = TimeGrid(end=2.0, samples=41)
 TURN = ConstantSpeed(speed=3.0, start=0.2)
@@ -33,11 +34,11 @@ def arm(mechanism, chain):
     return mechanism(chain(*BODIES[:2]), gravity={"direction": "-y", "magnitude": "9.81 m/s^2"})
 
 
-@pytest.mark.parametrize("kind", [Inverse, Kinematics])
+@pytest.mark.parametrize("kind", [Inverse, KinematicMotion])
 def test_an_imposed_motion_is_that_of_the_composed_law(arm, kind):
     profiled = kind(time=TIME, motion={"arm": Over(of="crank", profile=SWING), "crank": TURN})
     plain = kind(time=TIME, motion={"crank": TURN, "arm": SAME})
-    one, other = (problem.solve(arm, Accuracy(), place) for problem in (profiled, plain))
+    one, other = (problem.solve(arm, Accuracy(), place).rows for problem in (profiled, plain))
     for name in ("q", "v", "a", "tau"):
         assert getattr(one, name) == pytest.approx(getattr(other, name), abs=1e-11), name
 
@@ -47,7 +48,7 @@ def test_a_profile_may_run_along_a_task_coordinate(arm, mechanism, chain):
     tall = mechanism(chain(*BODIES[:2]), coordinates={"height": {"kind": "point", "point": "arm_link", "along": "y"}})
     lift = Harmonic(mean=0.3, amplitude=0.2, pulsation=1.5)
     motion = {"height": lift, "arm": Over(of="height", profile=Harmonic(amplitude=0.9, pulsation=4.0))}
-    run = Inverse(time=TIME, motion=motion, start={"crank": 0.3}).solve(tall, Accuracy(), place)
+    run = Inverse(time=TIME, motion=motion, start={"crank": 0.3}).solve(tall, Accuracy(), place).rows
     height = 0.3 + 0.2 * np.sin(1.5 * run.grid.t)
     assert run.q[:, 0] == pytest.approx(np.arcsin(height / 0.8), abs=1e-12)
     assert run.q[:, 1] == pytest.approx(0.9 * np.sin(4.0 * height), abs=1e-12)
@@ -57,7 +58,7 @@ def test_a_profile_may_run_along_a_task_coordinate(arm, mechanism, chain):
 
 def test_a_prescribed_part_of_a_free_motion_may_follow_a_profile(mechanism, chain):
     trio = mechanism(chain(*BODIES), gravity={"direction": "-y", "magnitude": "9.81 m/s^2"})
-    runs = [Forward(time=TIME, motion={"crank": TURN, "arm": law}).solve(trio, Accuracy(tolerance=1e-11), place)
+    runs = [Forward(time=TIME, motion={"crank": TURN, "arm": law}).solve(trio, Accuracy(tolerance=1e-11), place).rows
             for law in (Over(of="crank", profile=SWING), SAME)]  # fmt: skip
     for name in ("q", "v", "a", "tau"):
         one, other = (getattr(run, name) for run in runs)
@@ -67,7 +68,7 @@ def test_a_prescribed_part_of_a_free_motion_may_follow_a_profile(mechanism, chai
 
 def test_rows_stand_on_both_sides_of_a_jump_of_the_profile(arm):
     cam = Over(of="crank", profile=Trapezoid(start=0.0, end=1.0, acceleration=4.0, begin=0.8))
-    run = Inverse(time=TIME, motion={"crank": TURN, "arm": cam}).solve(arm, Accuracy(), place)
+    run = Inverse(time=TIME, motion={"crank": TURN, "arm": cam}).solve(arm, Accuracy(), place).rows
     twice = run.grid.t[1:][np.diff(run.grid.t) == 0.0]
     assert twice == pytest.approx([0.2, 0.2 + 0.5 / 3, 0.2 + 1.0 / 3], abs=1e-14)
     row = int(np.searchsorted(run.grid.t, twice[0] - 1e-12))
@@ -90,7 +91,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-@pytest.mark.parametrize("kind", [Inverse, Kinematics])
+@pytest.mark.parametrize("kind", [Inverse, KinematicMotion])
 def test_what_is_refused(arm, kind, case):
     motion, message = REFUSED[case]
     with pytest.raises(InputError, match=message):
@@ -107,9 +108,9 @@ def test_a_torque_over_the_joint_itself_is_a_spring_and_one_like_a_weight_makes_
     light = mechanism(chain({"name": "arm", "axis": "0 1 0", "com": "0 0 -0.5"}), gravity="none")
     pull = JointEffort(joint="arm", over="arm", effort=Harmonic(amplitude=-1.0 * 9.81 * 0.5, pulsation=1.0))
     initial = {"position": {"arm": 2.0}}
-    real = Forward(time=TIME, initial=initial).solve(heavy, Accuracy(tolerance=1e-11), place)
+    real = Forward(time=TIME, initial=initial).solve(heavy, Accuracy(tolerance=1e-11), place).rows
     played = Forward(time=TIME, initial=initial, loads={"pull": pull}).solve(light, Accuracy(tolerance=1e-11), place)
-    assert played.q == pytest.approx(real.q, abs=1e-8)
+    assert played.rows.q == pytest.approx(real.q, abs=1e-8)
     assert played.figures["energy"] < 1e-9
 
 
@@ -136,7 +137,7 @@ def wheel(mechanism, chain):
 
 
 def spun(wheel, loads, speed=20.0, **accuracy):
-    """Return the run of the wheel over a second."""
+    """Return what comes out for the wheel over a second."""
     one = Forward(time=TimeGrid(end=1.0, samples=3), initial={"velocity": {"wheel": speed}}, loads=loads)
     return one.solve(wheel, Accuracy(**accuracy), place)
 
@@ -145,7 +146,9 @@ def spun(wheel, loads, speed=20.0, **accuracy):
 @pytest.mark.parametrize(("period", "kicks"), [(None, 1), (6.0, 3)])
 def test_a_wheel_passes_no_kick_on_its_way_unseen(wheel, method, period, kicks):
     """The wheel turns evenly but for kicks of 0.02 rad: steps would be as long as the run."""
-    run = spun(wheel, {"kick": JointEffort(joint="wheel", over="wheel", effort=KICK, period=period)}, method=method)
+    run = spun(
+        wheel, {"kick": JointEffort(joint="wheel", over="wheel", effort=KICK, period=period)}, method=method
+    ).rows
     assert 0.5 * 0.02 * run.v[-1, 0] ** 2 == pytest.approx(4.0 + 0.05 * kicks, rel=1e-5)  # kinks of s''
 
 
@@ -153,7 +156,7 @@ def test_a_wheel_passes_no_kick_on_its_way_unseen(wheel, method, period, kicks):
 def test_a_motor_does_not_leap_over_a_notch_of_its_curve(wheel, method):
     """It gives 5 N*m but for a notch down to -20 N*m at 50 rad/s, 1 rad/s wide: it stays where it gives nothing."""
     curve = [(-100.0, 5.0), (49.5, 5.0), (50.0, -20.0), (50.5, 5.0), (900.0, 5.0)]
-    run = spun(wheel, {"motor": TorqueSpeed(joint="wheel", curve=curve)}, speed=0.0, method=method)
+    run = spun(wheel, {"motor": TorqueSpeed(joint="wheel", curve=curve)}, speed=0.0, method=method).rows
     assert run.v[-1, 0] == pytest.approx(49.6, abs=1e-6)
 
 

@@ -68,7 +68,7 @@ ALONG = {
 def test_validate_knows_the_efforts_that_a_run_tells(folder: Path, kind: str) -> None:
     problem, outputs = f"problem: {{kind: {kind}, {ALONG[kind]}}}\n", "outputs: [coordinate.A_height.effort]\n"
     (folder / "along.yaml").write_text(f"pinarm: 1\nmechanism: {ARM}\n{problem}{outputs}")
-    with pinarm.rooted(ARM.parents[2]):
+    with pinarm.file_root(ARM.parents[2]):
         assert len(pinarm.validate(folder / "along.yaml")) == 1
         effort = pinarm.run(folder / "along.yaml")["coordinate.A_height.effort"]
     assert str(effort.unit) == "N"

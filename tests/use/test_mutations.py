@@ -152,7 +152,7 @@ def test_only_errors_of_pinarm_come_out(scenario: Callable[..., Any], folder: Pa
             loaded = pinarm.load(folder / f"{kind}.yaml")
             loaded.validate()
             result = loaded.run()
-            pinarm.check(loaded, result)
+            pinarm.check(loaded, result=result)
             result.save(folder / "out", plots=False)
     except PinarmError as error:
         assert str(error)

@@ -10,8 +10,9 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.integrator import Solution
+from pinarm.engine.motion.segments import SegmentedMotion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving, supports
 from pinarm.mechanics.geometry.vectors import crossed
@@ -171,6 +172,15 @@ class Account:
         q, v = self.whole(t, *self.solution.states_in(np.repeat(index, GAUSS_NODES), t))
         powers = dynamics.dissipated_power(t, q, v)
         return np.asarray(0.5 * h * (powers.reshape(-1, GAUSS_NODES) @ weights))
+
+
+def energy_of(motion: SegmentedMotion) -> dict[str, float]:
+    """Return the energy balance of a motion whose segments have been integrated; see ``energy_balance``."""
+    accounts = []
+    for segment in motion.segments:
+        local = [motion.dynamics.on(interval.start, interval.end) for interval in segment.solution.intervals]
+        accounts.append(Account(segment.solution, local, segment.system.whole))
+    return energy_balance(*accounts)
 
 
 def energy_balance(*accounts: Account) -> dict[str, float]:

@@ -11,19 +11,21 @@ import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.checks.singularity import least_regular
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
+from pinarm.engine.motion.outcome import SolvedMotion
 from pinarm.engine.motion.trajectory import Trajectory
 
 SAMPLE = 64
 """Number of rows that are looked at."""
 
 
-def table_figures(run: Trajectory, most: int = SAMPLE) -> dict[str, float]:
+def table_figures(run: Trajectory, motion: SolvedMotion | None = None, most: int = SAMPLE) -> dict[str, float]:
     """Return what the rows of a run are worth.
 
     Args:
-        run: The motion.
+        run: The table of states.
+        motion: What they are states of: regularity is looked for between rows too where it is given.
         most: Largest number of rows that are looked at.
 
     Returns:
@@ -45,7 +47,7 @@ def table_figures(run: Trajectory, most: int = SAMPLE) -> dict[str, float]:
         gaps = found.gaps.max(axis=0).tolist()
         figures.update(zip(("closure", "closure rate", "closure acceleration"), gaps, strict=True))
         values = run.mechanism.closure.values_of(found.own)
-        figures |= zip(("regularity", "least regular at"), least_regular(run, rows, values), strict=True)
+        figures |= zip(("regularity", "least regular at"), least_regular(run, motion, rows, values), strict=True)
     if run.unasked:
         return figures
     alike = found.of_one_freedom(run)

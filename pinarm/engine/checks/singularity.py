@@ -8,6 +8,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.nullspace import RANK
+from pinarm.engine.motion.outcome import SolvedMotion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import PinarmError
 
@@ -21,11 +22,12 @@ FLAT = 0.05
 """Part of the regularity by which it changes from one instant to the next where it is not looked for any closer."""
 
 
-def least_regular(run: Trajectory, rows: Indices, values: Array) -> tuple[float, float]:
+def least_regular(run: Trajectory, motion: SolvedMotion | None, rows: Indices, values: Array) -> tuple[float, float]:
     """Return the least regularity that was found, and the parameter at which it is.
 
     Args:
-        run: The motion.
+        run: The table of states.
+        motion: What they are states of; none where nothing is looked for between rows.
         rows: Those of its rows that have been looked at, shape (n,).
         values: Singular values of the constraints there, descending, shape (n, s).
     """
@@ -35,7 +37,7 @@ def least_regular(run: Trajectory, rows: Indices, values: Array) -> tuple[float,
     regular = values[:, rank - 1] / values[:, 0]
     least = int(np.argmin(regular))
     best = float(regular[least]), float(run.grid.t[rows[least]])
-    if run.separate or not 0 < least < len(rows) - 1 or not RANK < best[0] < NEAR:
+    if motion is None or run.separate or not 0 < least < len(rows) - 1 or not RANK < best[0] < NEAR:
         return best
     t, here = run.grid.t[rows[least - 1 : least + 2]], regular[least - 1 : least + 2]
     if t[0] > t[2]:
@@ -45,7 +47,7 @@ def least_regular(run: Trajectory, rows: Indices, values: Array) -> tuple[float,
         if not len(between):
             break
         try:
-            found = _at(run, between, rank)
+            found = _at(run, motion.positions(between), rank)
         except PinarmError:  # singular: nothing closer can be looked at
             break
         best = min(best, *zip(found.tolist(), between.tolist(), strict=True))
@@ -79,19 +81,8 @@ def _lowest(t: Array, values: Array) -> Array:
     return np.unique(inside[np.abs(inside[:, None] - t).min(axis=1) > apart])
 
 
-def _at(run: Trajectory, t: Array, rank: int) -> Array:
-    """Return the regularity at instants, shape (n,)."""
+def _at(run: Trajectory, q: Array, rank: int) -> Array:
+    """Return the regularity at configurations of shape (n, nq), shape (n,)."""
     closure = run.mechanism.closure
-    values = closure.values_of(closure.at(run.positions(t) if run.positions else _positions(run, t))[1])
+    values = closure.values_of(closure.at(q)[1])
     return np.asarray(values[:, rank - 1] / values[:, 0])
-
-
-def _positions(run: Trajectory, t: Array) -> Array:
-    """Return configurations at instants, shape (n, nq), solved anew."""
-    cuts = np.array(run.grid.cuts)
-    ways = cuts if cuts[0] <= cuts[-1] else -cuts
-    owners = np.searchsorted(ways[1:-1], t if ways is cuts else -t)
-    q = np.empty((len(t), run.q.shape[1]))
-    for interval in np.unique(owners):
-        q[owners == interval] = run.within(int(interval), t[owners == interval]).q
-    return q

@@ -6,7 +6,7 @@ the n configurations along their last axis, or 1 where a number is the same in a
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -19,6 +19,7 @@ from pinarm.engine.constraints.elimination import Row
 from pinarm.mechanics.coordinates import Coordinate, DistanceCoordinate, FrameCoordinate, LinearCoordinate
 from pinarm.mechanics.couplings import Coupling
 from pinarm.mechanics.geometry.chains import Chain, Placed
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.vectors import dot
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.pairs import NOTHING, LowerPair, Pair, Tie
@@ -30,7 +31,7 @@ UNIVERSE = 0
 """Index of the world's frame."""
 
 
-class Measured(Protocol):
+class MeasuredRows(Protocol):
     """The rows of one constraint or coordinate, at many configurations."""
 
     def gap(self) -> list[Array]:
@@ -219,7 +220,7 @@ class MeasuredAll:
         parts: First row of each measure, and its rows.
     """
 
-    parts: list[tuple[int, Measured]]
+    parts: list[tuple[int, MeasuredRows]]
 
     def gap(self) -> list[Array]:
         """Return the value of every row [m or rad], shape (n,) or (1,)."""
@@ -274,13 +275,5 @@ def rows_of(model: pin.Model, coordinates: Sequence[Coordinate], q: Array) -> Ar
             for j, x in measures.at(q.T).rows([0])[0].items():
                 found[:, d, j] = x
         else:
-            found[:, d] = list(_rows_one_by_one(model, one, q))
+            found[:, d] = [one.row(Kinematics.at(model, configuration)) for configuration in q]
     return found
-
-
-def _rows_one_by_one(model: pin.Model, coordinate: Coordinate, q: Array) -> Iterator[Array]:
-    data = model.createData()
-    for one in q:
-        pin.computeJointJacobians(model, data, one)
-        pin.updateFramePlacements(model, data)
-        yield coordinate.row(model, data)

@@ -6,7 +6,7 @@ An open chain has no rows; nothing else distinguishes it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -17,6 +17,7 @@ from pinarm.engine.constraints.batch_jacobians import Measures
 from pinarm.engine.constraints.constraint import Constraint, Guide
 from pinarm.engine.constraints.nullspace import Splits
 from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, supports
 
 MANY, KEPT = 8, 64
@@ -30,17 +31,15 @@ class Closure:
     Attributes:
         model: Pinocchio's model.
         constraints: In the order of their rows.
-        data: Pinocchio's buffers; every call overwrites them.
     """
 
-    model: pin.Model
+    model: pin.Model = field(repr=False)
     constraints: tuple[Constraint, ...]
-    data: pin.Data = field(repr=False)
 
     @classmethod
     def of(cls, model: pin.Model, constraints: Sequence[Constraint] = ()) -> Closure:
         """Return the closure of a model."""
-        return cls(model, tuple(constraints), model.createData())
+        return cls(model, tuple(constraints))
 
     @cached_property
     def extent(self) -> float:
@@ -75,13 +74,6 @@ class Closure:
         """Return the unit of the gap in every row, shape (m,): that of length, or 1 for angles."""
         return np.array([self.length ** float(one.unit(row).dimension[0]) for one, row in self.owners()])
 
-    def apart(self) -> Closure:
-        """Return the same with buffers of its own."""
-        other = replace(self, data=self.model.createData())
-        for name in ("measures", "_kept", "_split") if self.measures else ():
-            vars(other)[name] = getattr(self, name)  # they have no buffers
-        return other
-
     def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> Closure:
         """Return the closure with the rows of guided coordinates after its own."""
         if not names:
@@ -106,20 +98,22 @@ class Closure:
         """Return the constraint of every row, and the row's place in it."""
         return [(constraint, row) for constraint in self.constraints for row in range(constraint.size)]
 
-    def place(self, q: Array) -> None:
-        """Fill the buffers for ``gap`` and ``rows`` at a configuration, shape (nq,)."""
-        pin.computeJointJacobians(self.model, self.data, q)
-        pin.updateFramePlacements(self.model, self.data)
+    def state(self, q: Array, v: Array | None = None) -> Kinematics:
+        """Return the evaluated state (q, v), shapes (nq,) and (nv,); at rest where the velocity is left out."""
+        return Kinematics.at(self.model, q, v)
 
-    def gap(self, q: Array) -> Array:
-        """Return what is not closed at the configuration last placed [m or rad], shape (m,)."""
-        return np.concatenate([np.zeros(0), *(one.gap(self.data, q) for one in self.constraints)])
+    def gap(self, state: Kinematics) -> Array:
+        """Return what is not closed [m or rad], shape (m,)."""
+        return np.concatenate([np.zeros(0), *(constraint.gap(state) for constraint in self.constraints)])
 
-    def rows(self) -> Array:
-        """Return G at the configuration last placed, shape (m, nv)."""
-        return np.concatenate(
-            [np.zeros((0, self.model.nv)), *(c.rows(self.model, self.data) for c in self.constraints)]
-        )
+    def rows(self, state: Kinematics) -> Array:
+        """Return G, shape (m, nv)."""
+        nothing = np.zeros((0, self.model.nv))
+        return np.concatenate([nothing, *(constraint.rows(state) for constraint in self.constraints)])
+
+    def drift(self, state: Kinematics) -> Array:
+        """Return G' v, shape (m,)."""
+        return np.concatenate([np.zeros(0), *(constraint.drift(state) for constraint in self.constraints)])
 
     @cached_property
     def measures(self) -> Measures | None:
@@ -135,8 +129,8 @@ class Closure:
             return self._kept(q.tobytes(), len(q)) if len(q) <= KEPT else self._together(q)
         gaps, rows = np.empty((len(q), self.size)), np.empty((len(q), self.size, self.model.nv))
         for k, one in enumerate(q if self.size else ()):
-            self.place(one)
-            gaps[k], rows[k] = self.gap(one), self.rows()
+            state = self.state(one)
+            gaps[k], rows[k] = self.gap(state), self.rows(state)
         return gaps, rows
 
     def _together(self, q: Array) -> tuple[Array, Array]:
@@ -166,8 +160,7 @@ class Closure:
             return self.measures.at(q.T).drifts(v.T, self.size)
         found = np.empty((len(q), self.size))
         for k, one in enumerate(q if self.size else ()):
-            self.place(one)
-            found[k] = self.drift(one, v[k])
+            found[k] = self.drift(self.state(one, v[k]))
         return found
 
     def singular_values(self, q: Array) -> Array:
@@ -175,17 +168,11 @@ class Closure:
 
         Rows are not brought to the length 1: where bars are in line a row itself may vanish.
         """
-        self.place(q)
-        return self.values_of(self.rows())
+        return self.values_of(self.rows(self.state(q)))
 
     def values_of(self, rows: Array) -> Array:
         """Return the singular values of given rows G, shape (.., m, nv), as ``singular_values`` does."""
         return np.asarray(np.linalg.svd(rows * self.scale / self.measure[:, None], compute_uv=False))
-
-    def drift(self, q: Array, v: Array) -> Array:
-        """Return G' v, shape (m,); the configuration is the one last placed."""
-        pin.forwardKinematics(self.model, self.data, q, v, np.zeros(self.model.nv))
-        return np.concatenate([np.zeros(0), *(one.drift(self.model, self.data) for one in self.constraints)])
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> Array:
         """Return what multipliers, shape (n, m), do to the links, shape (n, njoints, 6).

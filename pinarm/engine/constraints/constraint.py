@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 
@@ -31,16 +31,16 @@ class Constraint(Protocol):
         """Return the unit of the gap in a row: m or rad."""
         ...
 
-    def gap(self, data: pin.Data, q: Array) -> Array:
-        """Return what is not closed [m or rad], shape (m,); ``data`` holds the placements of frames."""
+    def gap(self, state: Kinematics) -> Array:
+        """Return what is not closed [m or rad], shape (m,)."""
         ...
 
-    def rows(self, model: pin.Model, data: pin.Data) -> Array:
-        """Return G, shape (m, nv); ``data`` holds the Jacobians of joints and the placements of frames."""
+    def rows(self, state: Kinematics) -> Array:
+        """Return G, shape (m, nv)."""
         ...
 
-    def drift(self, model: pin.Model, data: pin.Data) -> Array:
-        """Return G' v, shape (m,); ``data`` holds the forward kinematics of (q, v, 0) and the placements of frames."""
+    def drift(self, state: Kinematics) -> Array:
+        """Return G' v, shape (m,)."""
         ...
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
@@ -66,17 +66,17 @@ class Guide:
         """Return the coordinate's unit."""
         return self.coordinate.unit
 
-    def gap(self, data: pin.Data, q: Array) -> Array:
+    def gap(self, state: Kinematics) -> Array:
         """Return the coordinate's value: what it is held to is the user's to subtract."""
-        return np.array([self.coordinate.value(data, q)])
+        return np.array([self.coordinate.value(state)])
 
-    def rows(self, model: pin.Model, data: pin.Data) -> Array:
+    def rows(self, state: Kinematics) -> Array:
         """Return its row."""
-        return self.coordinate.row(model, data)[None]
+        return self.coordinate.row(state)[None]
 
-    def drift(self, model: pin.Model, data: pin.Data) -> Array:
+    def drift(self, state: Kinematics) -> Array:
         """Return its drift."""
-        return np.array([self.coordinate.drift(model, data)])
+        return np.array([self.coordinate.drift(state)])
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         """Return the force on the links whose points the coordinate measures."""

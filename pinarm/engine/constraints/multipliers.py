@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 
 import numpy as np
 
@@ -51,15 +50,15 @@ class Multipliers:
             held: ``M a + nle - loads - tau``, shape (n, nv).
             along: Efforts of the drives along the coordinates, shape (n, g).
         """
-        m, own_buffers = closure.size - along.shape[1], cache(closure.apart)
+        m = closure.size - along.shape[1]
 
         def own(rows: Indices) -> Array:
             found = np.empty((len(rows), m))
             for start in range(0, len(rows), BLOCK):
                 some = rows[start : start + BLOCK]
-                g = own_buffers().at(q[some])[1]
+                g = closure.at(q[some])[1]
                 force = held[some] - np.vecmat(along[some], g[:, m:])
-                splits = Splits.of(g[:, :m]) if along.size else own_buffers().splits(q[some], g)
+                splits = Splits.of(g[:, :m]) if along.size else closure.splits(q[some], g)
                 found[start : start + BLOCK] = splits.multipliers(force)
             return found
 

@@ -64,19 +64,7 @@ class Split:
         if self.scale.shape == self.values.shape:
             return np.asarray(self.scale * np.matvec(self.left, wanted / self.values))
         q, r = np.linalg.qr(self.rows @ self.right.swapaxes(-1, -2))
-        return np.asarray(np.matvec(q, _solved(r.swapaxes(-1, -2), wanted)))
-
-    def solve(self, mass: Array, force: Array, right: Array) -> Array:
-        """Return the x that minimises ``x^T M x / 2 - force . x`` while ``G x = right``, shape (.., nv).
-
-        Gauss's principle: with the loads less the bias forces and ``right = -G' v`` it is the acceleration. M may be
-        singular in directions that the rows hold.
-        """
-        x = self.particular(right)
-        if self.free.shape[-1]:
-            free = self.free.swapaxes(-1, -2)
-            x = x + np.matvec(self.free, _solved(free @ mass @ self.free, np.matvec(free, force - np.matvec(mass, x))))
-        return x
+        return np.asarray(np.matvec(q, solved(r.swapaxes(-1, -2), wanted)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,16 +86,13 @@ class Splits:
 
     def multipliers(self, force: Array) -> Array:
         """Return what ``Split.multipliers`` does, shape (n, m)."""
-        return self._each(self.shape[1], Split.multipliers, force)
+        return self.each(self.shape[1], Split.multipliers, force)
 
-    def solve(self, mass: Array, force: Array, right: Array) -> Array:
-        """Return what ``Split.solve`` does, shape (n, nv)."""
-        return self._each(self.shape[2], Split.solve, mass, force, right)
-
-    def _each(self, width: int, found: Callable[..., Array], *given: Array) -> Array:
+    def each(self, width: int, function: Callable[..., Array], *given: Array) -> Array:
+        """Return what a function of a ``Split`` and rows of arrays gives at all configurations, shape (n, width)."""
         values = np.empty((self.shape[0], width))
         for rows, split in self.parts:
-            values[rows] = found(split, *(x[rows] for x in given))
+            values[rows] = function(split, *(x[rows] for x in given))
         return values
 
 
@@ -130,6 +115,6 @@ def _alike(rows: Array, least: float) -> list[tuple[Indices, Split]]:
     return found
 
 
-def _solved(matrix: Array, right: Array) -> Array:
+def solved(matrix: Array, right: Array) -> Array:
     """Return x with ``matrix x = right``, shapes (.., k, k), (.., k) and (.., k)."""
     return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])

@@ -42,8 +42,8 @@ def free_motions(closure: Closure, q: Array) -> Iterator[tuple[Indices, Array]]:
             if freedom and freedom.served[0]:
                 served, free = freedom.served, freedom.motions[:, freedom.served]
             else:
-                closure.place(q[left[0]])
-                served, free = np.arange(len(left)) == 0, Split.of(closure.rows()).free.T[:, None]
+                rows = closure.rows(closure.state(q[left[0]]))
+                served, free = np.arange(len(left)) == 0, Split.of(rows).free.T[:, None]
             yield left[served], free
             left = left[~served]
 
@@ -103,7 +103,7 @@ class Freedom:
     def solve(self, mass: Array, force: Array, right: Mapping[int, Array]) -> Array:
         """Return the x that minimises ``x^T M x / 2 - force . x`` while ``G x = right``, shape (n, nv).
 
-        Gauss's principle, as in ``split.Split.solve``.
+        The solve of ``engine.dynamics.equation``, by elimination.
 
         Args:
             mass: M, shape (n, nv, nv).

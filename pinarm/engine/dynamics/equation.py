@@ -1,320 +1,75 @@
-"""The one equation of motion, ``M(q) a + nle(q, v) = tau + loads``, and the routes to its two unknowns.
+"""The equation of motion under constraints, and its one solve.
 
-``tau`` are the efforts of the drives, ``loads`` those of springs, dampers and applied forces. Inverse dynamics asks for
-tau, forward dynamics for a. On a tree both have recursive routes of linear cost: ``rnea`` and ``aba``.
+With the rows G of all constraints (loop joints, couplings, coordinates that follow laws) the motion satisfies
+
+    M(q) a + nle(q, v) = tau + loads + G^T lam        (1)
+    G(q) a = b,    b = -G' v, plus w'' in the row of a coordinate that follows the law w(t)        (2)
+
+Let T be a basis of the velocities that the rows allow, ``G T = 0``, and a_p the shortest solution of (2), both from the
+singular values of G (``engine.constraints.nullspace``). All solutions of (2) are ``a = a_p + T u``. The multipliers do
+no work along T, ``T^T G^T = 0``; so with the force ``f = tau + loads - nle`` equation (1), multiplied by T^T, gives
+
+    T^T M T u = T^T (f - M a_p)        (3)
+
+and what is left of (1) the multipliers, ``G^T lam = M a - f``: the least ones where rows are redundant. This is Gauss's
+principle: of all accelerations that satisfy (2), a has the least ``(a - a0)^T M (a - a0)``, ``M a0 = f``. M has to be
+positive along T only; an open chain has no rows, ``T = 1``. With velocities in place of accelerations the same solve
+projects them onto the constraints, ``f = M v`` and ``b = w'``, and gives the velocities after an impact.
+
+Other routes to the same numbers are faster where they apply, and tested against this one:
+
+- ``Dynamics.forward`` (``aba``) and ``Dynamics.inverse`` (``rnea``) for open chains;
+- ``constraints.nullspace_batch`` for many configurations that one order of elimination serves;
+- ``dynamics.coordinate_partition`` for constraints that are linear in the joint coordinates;
+- ``dynamics.pinocchio_constraints`` for loops that coinciding points close.
+
+Source: Udwadia and Kalaba, A new perspective on constrained motion, Proc. R. Soc. Lond. A 439 (1992), 407-410; closed
+loops, Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 8.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
-from types import MappingProxyType
-
 import numpy as np
-import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
-from pinarm.engine.dynamics.configuration_space import JointSpace
-from pinarm.engine.dynamics.parallel import Parallel
-from pinarm.engine.integration.integrator import BATCH_ROUNDING, Acceleration, Accelerations, Energy, Flat, Manifold
-from pinarm.errors import InputError
-from pinarm.mechanics.forces import ForceElement, summed
-from pinarm.mechanics.laws.motion_law import Grid
-
-NO_FORCES: Mapping[str, ForceElement] = MappingProxyType({})
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.nullspace import Split, Splits, solved
+from pinarm.engine.dynamics.dynamics import Dynamics
 
 
-@dataclass(frozen=True, eq=False)
-class Dynamics:
-    """The equation of motion of one mechanism, with the buffers to evaluate it.
+def solve(rows: Split, mass: Array, force: Array, right: Array) -> Array:
+    """Return the a of (1) and (2): the one that minimises ``a^T M a / 2 - f . a`` while ``G a = b``, shape (.., nv).
 
-    Attributes:
-        model: Pinocchio's model; gravity and the rotors' armature are in it.
-        forces: Force elements, by name.
-        data: Pinocchio's buffers; every call overwrites them.
+    Args:
+        rows: G, taken apart, at one or several configurations.
+        mass: M, shape (.., nv, nv).
+        force: f, shape (.., nv).
+        right: b, shape (.., m).
     """
-
-    model: pin.Model
-    forces: Mapping[str, ForceElement]
-    data: pin.Data = field(repr=False)
-
-    @classmethod
-    def of(cls, model: pin.Model, forces: Mapping[str, ForceElement] = NO_FORCES) -> Dynamics:
-        """Return the dynamics of a model under the given forces."""
-        return cls(model, dict(forces), model.createData())
-
-    @cached_property
-    def manifold(self) -> Manifold:
-        """Return the space of configurations."""
-        nq, nv = self.model.nq, self.model.nv
-        return Flat(nq, nv) if nq == nv else JointSpace(self.model, nq, nv)
-
-    @cached_property
-    def _parallel(self) -> Parallel:
-        return Parallel(self.model)
-
-    def mass_matrices(self, q: Array) -> Array:
-        """Return M at configurations, shape (n, nq), as an array of shape (n, nv, nv)."""
-        return mass_matrices(self.model, self.data, q)
-
-    def loads(self, t: Array | float, q: Array, v: Array) -> Array:
-        """Return the generalised loads of the force elements [N*m or N], shape (..., nv)."""
-        tau = np.zeros((*q.shape[:-1], self.model.nv))
-        for force in self._acting:
-            force.add_load(t, q, v, tau)
-        return tau
-
-    @cached_property
-    def _acting(self) -> tuple[ForceElement, ...]:
-        return summed(self.forces.values())
-
-    def on(self, start: float, end: float) -> Dynamics:
-        """Return the dynamics as it is on an interval of time in which no load jumps; buffers are shared."""
-        if not any(force.laws() for force in self.forces.values()):
-            return self
-        here = {name: force.on(start, end) for name, force in self.forces.items()}
-        return Dynamics(self.model, here, self.data)
-
-    def inverse(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
-        """Return the efforts that the drives must give for a motion: ``rnea(q, v, a) - loads``.
-
-        Args:
-            t: Instants [s], shape (n,), or one for all.
-            q: Configurations, shape (n, nq).
-            v: Velocities, shape (n, nv).
-            a: Accelerations, shape (n, nv).
-
-        Returns:
-            Efforts [N*m or N], shape (n, nv).
-
-        Raises:
-            InputError: The shapes do not fit the model.
-        """
-        nq, nv = self.model.nq, self.model.nv
-        q, v, a = as_rows(q, nq, "q"), as_rows(v, nv, "v"), as_rows(a, nv, "a")
-        same_rows(q, v, a)
-        if not len(q):
-            return np.zeros((0, nv))
-        tau = self._parallel.rnea(q, v, a)
-        return tau - self.loads(t, q, v) if self.forces else tau
-
-    def forward(self, t: Array | float, q: Array, v: Array, tau: Array | None = None) -> Array:
-        """Return the accelerations under given efforts: ``aba(q, v, tau + loads)``.
-
-        Args:
-            t: Instants [s], shape (n,), or one for all.
-            q: Configurations, shape (n, nq).
-            v: Velocities, shape (n, nv).
-            tau: Efforts of the drives [N*m or N], shape (n, nv); none where it is left out.
-
-        Returns:
-            Accelerations, shape (n, nv).
-
-        Raises:
-            InputError: The shapes do not fit the model.
-        """
-        q, v = as_rows(q, self.model.nq, "q"), as_rows(v, self.model.nv, "v")
-        same_rows(q, v)
-        total = self.loads(t, q, v) if len(q) else np.zeros_like(v)
-        if tau is not None:
-            efforts = as_rows(tau, self.model.nv, "tau")
-            same_rows(q, efforts)
-            total += efforts
-        return self._accelerated(q, v, total, {0, len(q) // 2, len(q) - 1, farthest(q)}) if len(q) else total
-
-    def _accelerated(self, q: Array, v: Array, tau: Array, checked: Iterable[int]) -> Array:
-        """Return ``aba(q, v, tau)``, row by row where the recursion for many states at once errs in a checked row."""
-        a = self._parallel.aba(q, v, tau)
-        for row in checked:
-            exact = pin.aba(self.model, self.data, q[row], v[row], tau[row])
-            apart = a[row] - exact
-            if not apart @ apart <= BATCH_ROUNDING**2 * (exact @ exact):
-                return np.array([pin.aba(self.model, self.data, *each) for each in zip(q, v, tau, strict=True)])
-        return a
-
-    def acceleration(self) -> Acceleration:
-        """Return the free motion's ``(t, q, v) -> a`` for one state at a time, with as few calls as there can be."""
-        model, data, aba, load = self.model, self.data, pin.aba, self.load()
-
-        def free(t: float, q: Array, v: Array) -> Array:
-            return aba(model, data, q, v, load(t, q, v))  # type: ignore[no-any-return]
-
-        return free
-
-    def accelerations(self) -> Accelerations:
-        """Return the same of many states at once; the one farthest out stands for how well they are computed."""
-        steady, changing = self.steady, self.changing
-
-        def free(t: Array, q: Array, v: Array) -> Array:
-            tau = np.empty_like(v)
-            tau[:] = steady
-            for force in changing:
-                force.add_load(t, q, v, tau)
-            return self._accelerated(q, v, tau, (farthest(q),))
-
-        return free
-
-    def unchecked(self) -> Accelerations:
-        """Return the same of a few states, as lean as can be: to be checked by whoever takes them."""
-        aba, parallel, nv = pin.abaInParallel, self._parallel, self.model.nv
-        steady, changing, tau = self.steady, self.changing, np.zeros((0, nv))
-
-        def free(t: Array, q: Array, v: Array) -> Array:
-            nonlocal tau
-            if len(tau) < len(q):
-                tau = np.tile(steady, (len(q), 1))
-            loads = tau[: len(q)]
-            if changing:
-                loads[:] = steady
-                for force in changing:
-                    force.add_load(t, q, v, loads)
-            return aba(1, parallel.one, q.T, v.T, loads.T).reshape(nv, len(q)).T  # type: ignore[no-any-return]
-
-        return free
-
-    def load(self) -> Acceleration:
-        """Return ``(t, q, v) -> tau``, the load in one state, to be read only; steady loads are summed once."""
-        steady, changing, tau = self.steady, self.changing, np.zeros(self.model.nv)
-        if not changing:
-            return lambda t, q, v: steady
-
-        def loaded(t: float, q: Array, v: Array) -> Array:
-            tau[:] = steady
-            for force in changing:
-                force.add_load(t, q, v, tau)
-            return tau
-
-        return loaded
-
-    @cached_property
-    def steady(self) -> Array:
-        """The sum of the loads that are the same in all states and at all times [N*m or N], shape (nv,)."""
-        tau, q, still = np.zeros(self.model.nv), pin.neutral(self.model), np.zeros(self.model.nv)
-        for force in self.forces.values():
-            if force.steady:
-                force.add_load(0.0, q, still, tau)
-        return tau
-
-    @cached_property
-    def changing(self) -> tuple[ForceElement, ...]:
-        """The other force elements."""
-        return tuple(force for force in self._acting if not force.steady)
-
-    def energy(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return kinetic and potential energy [J], each of shape (n,); rotors and springs included."""
-        model, data = self.model, self.data
-        kinetic = np.array([pin.computeKineticEnergy(model, data, q[i], v[i]) for i in range(len(q))])
-        kinetic += v**2 @ self._forgotten
-        potential = np.array([pin.computePotentialEnergy(model, data, q[i]) for i in range(len(q))])
-        for force in self.forces.values():
-            potential = potential + force.potential_energy(q)
-        return kinetic, potential
-
-    @cached_property
-    def conserved(self) -> Energy | None:
-        """Return ``(q, v) -> T, V`` of one state; ``None`` where force elements exchange energy."""
-        model, data, forces, forgotten = self.model, self.data, tuple(self.forces.values()), self._forgotten
-        if not all(force.conservative for force in forces):
-            return None
-
-        def energy(q: Array, v: Array) -> tuple[float, float]:
-            potential = pin.computePotentialEnergy(model, data, q)
-            for force in forces:
-                potential += float(force.potential_energy(q))
-            return pin.computeKineticEnergy(model, data, q, v) + float(forgotten.dot(v * v)), potential
-
-        return energy
-
-    @cached_property
-    def _forgotten(self) -> Array:
-        """Half the armatures that ``pin.computeKineticEnergy`` forgets (about skew axes, in pin 4.1), shape (nv,)."""
-        if not self.model.armature.any():
-            return np.zeros(self.model.nv)
-        rotors = self.model.copy()
-        for joint in range(rotors.njoints):
-            rotors.inertias[joint] = pin.Inertia.Zero()
-        data, q = rotors.createData(), pin.neutral(rotors)
-        counted = [pin.computeKineticEnergy(rotors, data, q, unit) for unit in np.eye(rotors.nv)]
-        return np.asarray(0.5 * rotors.armature - counted)
-
-    @cached_property
-    def exchanging(self) -> Dynamics | None:
-        """The same with only those force elements that exchange energy and are not steady; ``None`` without any.
-
-        On mechanisms with quaternions or (cos, sin) pairs steady ones are among them: no difference of their
-        configurations tells the work.
-        """
-        simple = self.model.nq == self.model.nv
-        found = {name: one for name, one in self.forces.items() if not (one.conservative or (one.steady and simple))}
-        return replace(self, forces=found) if found else None
-
-    def dissipated_power(self, t: Array, q: Array, v: Array) -> Array:
-        """Return the power that leaves through force elements [W], shape (n,); negative where they drive."""
-        return np.asarray(sum((force.dissipated_power(t, q, v) for force in self.forces.values()), np.zeros(len(q))))
+    a = rows.particular(right)
+    if rows.free.shape[-1]:
+        transposed = rows.free.swapaxes(-1, -2)
+        wanted = np.matvec(transposed, force - np.matvec(mass, a))
+        a = a + np.matvec(rows.free, solved(transposed @ mass @ rows.free, wanted))
+    return a
 
 
-def farthest(q: Array) -> int:
-    """Return the row with the largest coordinate: a state of those that are farthest from the origin."""
-    return int(np.abs(q.T).argmax()) % len(q)
+def solve_each(rows: Splits, mass: Array, force: Array, right: Array) -> Array:
+    """Return what ``solve`` does at n configurations, whose ranks may differ, shape (n, nv)."""
+    return rows.each(rows.shape[2], solve, mass, force, right)
 
 
-def real(x: ArrayLike, name: str) -> Array:
-    """Return an array of real numbers.
+def accelerations(dynamics: Dynamics, closure: Closure, t: Array | float, q: Array, v: Array, tau: Array) -> Array:
+    """Return the accelerations of a mechanism under efforts of its drives, shape (n, nv).
 
-    Raises:
-        InputError: It is none.
+    Args:
+        dynamics: Masses, weights and loads.
+        closure: The constraints.
+        t: Instants [s], shape (n,), or one for all.
+        q: Configurations, shape (n, nq), at which the constraints are closed.
+        v: Velocities, shape (n, nv), that they allow.
+        tau: Efforts [N*m or N], shape (n, nv).
     """
-    try:
-        return np.asarray(x).astype(np.float64, casting="same_kind", copy=False)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} is no array of real numbers", expected="an array of them") from None
-
-
-def as_rows(x: Array, width: int, name: str) -> Array:
-    """Return an array of states as rows, shape (n, width).
-
-    Raises:
-        InputError: It has another shape, or is not of real numbers.
-    """
-    rows = x if type(x) is np.ndarray and x.dtype == np.float64 and x.ndim == 2 else np.atleast_2d(real(x, name))
-    if rows.ndim != 2 or rows.shape[1] != width:
-        raise InputError(f"{name} has the shape {np.shape(x)}", expected=f"(n, {width}) or ({width},)")
-    return rows
-
-
-def same_rows(*arrays: Array) -> None:
-    """Raise where arrays have different numbers of rows.
-
-    Raises:
-        InputError: Says how many each has.
-    """
-    if len({len(array) for array in arrays}) > 1:
-        rows = ", ".join(str(len(array)) for array in arrays)
-        raise InputError(f"the arrays have {rows} rows", expected="as many in each")
-
-
-def mass_matrix(model: pin.Model, data: pin.Data, q: Array) -> Array:
-    """Return M at a configuration, shape (nv, nv)."""
-    return np.asarray(mass_matrices(model, data, q[None])[0])
-
-
-def mass_matrices(model: pin.Model, data: pin.Data, q: Array) -> Array:
-    """Return M at configurations, shape (n, nq), of which Pinocchio computes the upper half only, shape (n, nv, nv)."""
-    upper = np.empty((len(q), model.nv, model.nv))
-    for k, one in enumerate(q):
-        upper[k] = pin.crba(model, data, one).reshape(upper.shape[1:])
-    diagonal, above = _triangle(model.nv)
-    return np.asarray(upper * (diagonal + above) + (upper * above).swapaxes(1, 2))
-
-
-@cache
-def _triangle(n: int) -> tuple[Array, Array]:
-    """Return what leaves the diagonal of a matrix, and what is above it: ``numpy.triu`` costs 10 us."""
-    return np.eye(n), np.triu(np.ones((n, n)), 1)
-
-
-def parts(dynamics: Dynamics, grid: Grid) -> list[tuple[slice, Dynamics]]:
-    """Return the rows of every interval of a grid, each with the dynamics that holds there."""
-    return [(rows, dynamics.on(start, end)) for start, end, rows in grid.intervals()]
+    rows = closure.splits(q, closure.at(q)[1])
+    force = tau - dynamics.inverse(t, q, v, np.zeros_like(v))
+    return solve_each(rows, dynamics.mass_matrices(q), force, -closure.drifts(q, v))

@@ -8,7 +8,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import Split
-from pinarm.engine.dynamics.equation import mass_matrices
+from pinarm.engine.dynamics.mass_matrix import mass_matrices
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.ball_joints import coordinate_name
 from pinarm.mechanics.loading.model_tree import listed
@@ -16,8 +16,8 @@ from pinarm.mechanics.loading.model_tree import listed
 MASSLESS = 1e-12
 """Eigenvalue of the mass matrix, scaled to a diagonal of ones, below which a direction has no mass."""
 
-UNSEEN = 1e-14
-"""Such an eigenvalue that is rounding of 0."""
+EPSILON = float(np.finfo(float).eps)
+"""Rounding of a number, relative to it."""
 
 NOTHING = 1e-24
 """Diagonal entry of M, relative to the largest, that is rounding of 0."""
@@ -37,12 +37,12 @@ def require_masses(closure: Closure, q: Array, t: float) -> None:
     Raises:
         DynamicsError: Names the joints that move without mass, and the links beyond them.
     """
-    mass = mass_matrices(closure.model, closure.data, q)
+    mass = mass_matrices(closure.model, q)
     if not closure.size and _all_definite(mass):
         return
     for one, matrix in zip(q, mass, strict=True):
-        closure.place(one)
-        _require(closure.model, Split.of(closure.rows()).free, matrix, one, t)
+        rows = closure.rows(closure.state(one))
+        _require(closure.model, Split.of(rows).free, matrix, one, t)
 
 
 def _all_definite(mass: Array) -> bool:
@@ -57,8 +57,12 @@ def _all_definite(mass: Array) -> bool:
 
 
 def _require(model: pin.Model, free: Array, mass: Array, q: Array, t: float) -> None:
-    """Raise where a motion moves no mass, of those whose basis is ``free``, shape (nv, nu)."""
-    mass = free.T @ mass @ free
+    """Raise where a motion moves no mass, of those whose basis is ``free``, shape (nv, nu).
+
+    The computed ``T^T M T`` is off by up to ``nv eps |T|^T |M| |T|``, its eigenvalues by no more than the norm of that:
+    a smaller one is 0 but for rounding.
+    """
+    mass, terms = free.T @ mass @ free, np.abs(free).T @ np.abs(mass) @ np.abs(free)
     size = np.abs(np.diag(mass))
     if not len(size):
         return
@@ -70,7 +74,8 @@ def _require(model: pin.Model, free: Array, mass: Array, q: Array, t: float) -> 
     ways = np.linalg.norm(free @ (scale[:, None] * vectors[:, values <= MASSLESS]), axis=1)
     moved = [int(index) for index in np.flatnonzero(ways > 0.1 * ways.max())]
     joints = listed("joint", [coordinate_name(model, index) for index in moved])
-    how = "without mass" if abs(values[0]) <= UNSEEN else f"with {values[0]:.1g} of the mass that they carry"
+    rounding = len(free) * EPSILON * float(np.linalg.norm(scale[:, None] * terms * scale))
+    how = "without mass" if abs(values[0]) <= rounding else f"with {values[0]:.1g} of the mass that they carry"
     how = how if values[0] > -MASSLESS else "against a negative mass"
     raise DynamicsError(
         f"at t = {t:.9g} s {joints} can move {how}, carrying {_carried(model, moved)}: accelerations are undetermined",

@@ -19,7 +19,8 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.constraints.nullspace import RANK
 from pinarm.engine.dynamics.coordinate_partition import Targets
-from pinarm.engine.dynamics.equation import Dynamics, mass_matrix
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.integration.integrator import Acceleration
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
@@ -59,7 +60,7 @@ class Points:
     def of(closure: Closure, driven: tuple[int, ...]) -> Points | None:
         """Return the points of a closure; see ``PointClosure.of``."""
         model, data, held = pin.Model(closure.model), closure.model.createData(), np.array(driven, dtype=np.intp)
-        inertia = np.full(len(held), HEAVY * np.diag(mass_matrix(model, data, pin.neutral(model))).max())
+        inertia = np.full(len(held), HEAVY * np.diag(mass_matrix(model, pin.neutral(model))).max())
         model.armature[held] += inertia
         tied = [_points_of(model, constraint) for constraint in closure.constraints]
         if not tied or any(points is None for points in tied):
@@ -129,7 +130,7 @@ class PointClosure:
             rank: Rank of the rows there.
         """
         model, data = self.tied.model, self.data
-        rows, mass = _rows(model, data, list(self.tied.needed), q), mass_matrix(model, data, q)
+        rows, mass = _rows(model, data, list(self.tied.needed), q), mass_matrix(model, q)
         least = float(np.linalg.eigvalsh(rows @ np.linalg.solve(mass, rows.T))[-rank])
         return self._solved(dynamics, targets, pin.ProximalSettings(1e-12, TOLERANT * least, REPEATS))
 
@@ -268,7 +269,7 @@ def _grown(basis: Array, rows: Array) -> Array:
 
 def _inverse_mass(model: pin.Model, data: pin.Data, q: Array) -> Array | None:
     """Return the inverse of M, shape (nv, nv); ``None`` where M is singular."""
-    mass = mass_matrix(model, data, q)
+    mass = mass_matrix(model, q)
     size = np.sqrt(np.diag(mass))
     if (size == 0.0).any() or np.linalg.eigvalsh(mass / np.outer(size, size))[0] < MASSLESS:
         return None

@@ -5,19 +5,23 @@ The equations are those of ``engine.following``; ``engine.sweeps`` solves many r
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.kinematics.continuation_batch import NOTHING, Sweep
+from pinarm.engine.kinematics.continuation_batch import NOTHING, BatchContinuation
 from pinarm.engine.kinematics.newton import Solver
 from pinarm.engine.kinematics.prescribed import Imposed
-from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.laws.motion_law import Grid
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
 
 
 def follow_branch(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Array) -> tuple[Array, Array, Array]:
     """Continue the branch that begins near a configuration, shape (nq,): in sweeps, row by row where these cannot."""
-    solver, sweep = Solver(mechanism.closure, imposed), Sweep.of(mechanism.closure, imposed)
+    solver, sweep = Solver(mechanism.closure, imposed), BatchContinuation.of(mechanism.closure, imposed)
     t, w = grid.t, np.zeros((3, len(grid.t), len(imposed.laws)))
     for k, law in enumerate(imposed.laws):
         w[:, :, k] = grid.evaluate(law)
@@ -39,7 +43,7 @@ def follow_branch(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Arr
 
 def branch_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
     """Return velocities and accelerations at closed configurations; see ``following.joint_rates``."""
-    solver, sweep = Solver(mechanism.closure, imposed), Sweep.of(mechanism.closure, imposed)
+    solver, sweep = Solver(mechanism.closure, imposed), BatchContinuation.of(mechanism.closure, imposed)
     (v, a), row = np.empty((2, len(q), mechanism.model.nv)), 0
     while row < len(q):
         dq, ddq = sweep.rates(q[row:], dw, ddw) if sweep else NOTHING[1:]

@@ -46,7 +46,7 @@ SIZES = (1e-4, 1e4)
 """Lengths of mechanisms that are solved in metres [m]."""
 
 
-class Sweep:
+class BatchContinuation:
     """Sweeps over the rows of one table.
 
     Args:
@@ -61,7 +61,7 @@ class Sweep:
         self._length = BLOCK
 
     @classmethod
-    def of(cls, closure: Closure, imposed: Imposed) -> Sweep | None:
+    def of(cls, closure: Closure, imposed: Imposed) -> BatchContinuation | None:
         """Return the sweeps of a mechanism; ``None`` where something cannot be had at many configurations.
 
         Nor for the very small or large, which only ``Solver`` measures in a unit of their own.

@@ -8,6 +8,7 @@ are solved at once where the equations are linear; elsewhere a branch is continu
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -15,10 +16,12 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.kinematics.newton import check_rank
 from pinarm.engine.kinematics.prescribed import Imposed
-from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings import Coupling, independent
 from pinarm.mechanics.laws.motion_law import Grid, Values
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
 
 
 def follow(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Array) -> tuple[Array, Array, Array]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -10,10 +11,12 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import Split
-from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.pairs import looser
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
 
 COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 
@@ -70,8 +73,8 @@ class Loosening:
 def mobility_of(mechanism: Mechanism, q: Array) -> Mobility:
     """Return what the constraints of a mechanism do at a closed configuration, shape (nq,)."""
     closure = mechanism.closure
-    closure.place(q)
-    split, values = Split.of(closure.rows()), closure.values_of(closure.rows())
+    matrix = closure.rows(closure.state(q))
+    split, values = Split.of(matrix), closure.values_of(matrix)
     rank, rows = len(split.values), closure.size
     regularity = float(values[rank - 1] / values[0]) if rank else 1.0
     loosenings = _loosenings(closure, q, rows - rank, rank) if rows > rank else ()
@@ -110,8 +113,7 @@ def _loosenings(closure: Closure, q: Array, degree: int, rank: int) -> tuple[Loo
             others = list(closure.constraints)
             others[index] = replace(joint, kind=kind, pair=pair)
             changed = Closure.of(closure.model, others)
-            changed.place(q)
-            left = Split.of(changed.rows())
+            left = Split.of(changed.rows(changed.state(q)))
             if len(left.values) == rank and changed.size - rank < degree:
                 found.append(Loosening(joint.name, kind, changed.size - rank))
     return tuple(sorted(found, key=lambda one: (one.degree, one.joint, one.kind)))

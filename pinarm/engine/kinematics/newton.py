@@ -9,7 +9,7 @@ mechanism (``Closure.length``), so that it is solved alike at any size.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -18,12 +18,15 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch, part_of_leap
 from pinarm.engine.kinematics.prescribed import Imposed
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError
 from pinarm.mechanics.ball_joints import configuration
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import format_configuration
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
 
 CLOSED = 1e-12
 """Largest gap of a solved position, relative to ``1 + |w|``; Newton's method ends near 1e-16."""
@@ -71,7 +74,7 @@ class Solver:
     """Newton's method on the constraints and the imposed coordinates of one mechanism."""
 
     def __init__(self, closure: Closure, imposed: Imposed) -> None:
-        self.closure, self.model, self.data = closure, closure.model, closure.data
+        self.closure, self.model = closure, closure.model
         self.coordinates = imposed.coordinates
         owners = self.closure.owners()
         self.names = (*(constraint.name for constraint, _ in owners), *imposed.names)
@@ -82,16 +85,15 @@ class Solver:
         self.measure = closure.length ** np.array([float(one.dimension[0]) for one in self.units])
         self.scale = closure.scale
 
-    def gap(self, q: Array, w: Array) -> Array:
-        """Return ``(-phi(q), w - w(q))`` in SI, shape (m + k,); leaves Jacobians and frames of q in the buffers."""
-        self.closure.place(q)
-        reached = np.array([coordinate.value(self.data, q) for coordinate in self.coordinates])
-        return np.concatenate([-self.closure.gap(q), w - reached])
+    def gap(self, state: Kinematics, w: Array) -> Array:
+        """Return ``(-phi(q), w - w(q))`` in SI, shape (m + k,)."""
+        reached = np.array([coordinate.value(state) for coordinate in self.coordinates])
+        return np.concatenate([-self.closure.gap(state), w - reached])
 
-    def rows(self) -> Array:
-        """Return J at the configuration last given to ``gap``, in the mechanism's units, shape (m + k, nv)."""
-        own = [coordinate.row(self.model, self.data) for coordinate in self.coordinates]
-        return np.asarray(np.vstack([self.closure.rows(), *own]) * self.scale / self.measure[:, None])
+    def rows(self, state: Kinematics) -> Array:
+        """Return J in the mechanism's units, shape (m + k, nv)."""
+        own = [coordinate.row(state) for coordinate in self.coordinates]
+        return np.asarray(np.vstack([self.closure.rows(state), *own]) * self.scale / self.measure[:, None])
 
     def moved(self, q: Array, step: Array) -> Array:
         """Return the configuration a step away, which is in the mechanism's units."""
@@ -110,12 +112,12 @@ class Solver:
 
     def _closest(self, q: Array, w: Array) -> tuple[Array, Array]:
         """Return the configuration with the smallest gap that damped steps from q reach, and that gap."""
-        gap = self.gap(q, w)
-        damping = 0.0
+        state = self.closure.state(q)
+        gap, damping = self.gap(state, w), 0.0
         for _ in range(ITERATIONS):
             if self._closed(gap, w):
                 break
-            rows = self.rows()
+            rows = self.rows(state)
             still = np.zeros(self.model.nv)
             step = np.linalg.lstsq(
                 np.vstack([rows, damping * np.eye(len(still))]),
@@ -124,20 +126,20 @@ class Solver:
             )[0]
             turning = rows[self.curved].any(axis=0)  # the turns of a screw are many and need no caution
             step *= min(1.0, 0.5 / np.abs(step[turning]).max(initial=1e-300))
-            trial = self.moved(q, step)
+            trial = self.closure.state(self.moved(state.q, step))
             trial_gap = self.gap(trial, w)
             if np.linalg.norm(trial_gap / self.measure) < np.linalg.norm(gap / self.measure):
-                q, gap, damping = trial, trial_gap, damping / 10
+                state, gap, damping = trial, trial_gap, damping / 10
             else:
                 damping = max(1e-3, damping * 10)
-                self.gap(q, w)
-        return q, gap
+        return state.q, gap
 
     def _polish(self, q: Array, w: Array) -> Array:
         """Take two more Newton steps: from 1e-12 they end at rounding."""
         for _ in range(2):
-            gap = self.gap(q, w)
-            if np.linalg.cond(rows := self.rows()) < 1 / SINGULAR:
+            state = self.closure.state(q)
+            gap = self.gap(state, w)
+            if np.linalg.cond(rows := self.rows(state)) < 1 / SINGULAR:
                 q = self.moved(q, _solve(rows, gap / self.measure))
         return q
 
@@ -153,8 +155,7 @@ class Solver:
             AssemblyError: The branch cannot be continued.
         """
         pending, smallest = [to], SMALLEST * abs(to - t)
-        self.closure.place(q)
-        rows = self.rows()
+        rows = self.rows(self.closure.state(q))
         while pending:
             h = pending[-1] - t
             w, dw, ddw = target(pending[-1])
@@ -163,7 +164,7 @@ class Solver:
             rates = None if found is None else self.rates(found, dw, ddw, pending[-1])
             part = 0.5
             if found is not None and rates and self._on_branch(h * (rates[0] - v - h * a), predicted, found):
-                there = self.rows()
+                there = self.rows(self.closure.state(found))
                 part = part_of_leap(rows, there)
                 if part == 1.0:
                     q, (v, a), t, rows = found, rates, pending.pop(), there
@@ -182,9 +183,10 @@ class Solver:
         """Return the solution near a prediction, ``None`` where it is not near or does not come."""
         size, moved = np.inf, 0.0
         while size > ENOUGH:
-            gap = self.gap(q, w)
+            state = self.closure.state(q)
+            gap = self.gap(state, w)
             try:
-                step = _solve(self.rows(), gap / self.measure)
+                step = _solve(self.rows(state), gap / self.measure)
             except np.linalg.LinAlgError:
                 return None
             size, before = float(np.abs(step).max()), size
@@ -192,7 +194,7 @@ class Solver:
             if not moved < REACH or not (size < CONTRACTION * before or size < ENOUGH):
                 return None
             q = self.moved(q, step)
-        return q if self._closed(self.gap(q, w), w) else None
+        return q if self._closed(self.gap(self.closure.state(q), w), w) else None
 
     def rates(self, q: Array, dw: Array, ddw: Array, t: float) -> tuple[Any, Any]:
         """Return v and a, each of shape (nv,).
@@ -201,14 +203,13 @@ class Solver:
             AssemblyError: The position is singular: the coordinates do not determine the velocities, or the mechanism
                 moves that way for an instant only.
         """
-        self.gap(q, np.zeros(len(dw)))
-        rows, still = self.rows(), np.zeros(self.closure.size)
+        rows, still = self.rows(self.closure.state(q)), np.zeros(self.closure.size)
         check_rank(rows, self.names, t)
         x = self._agreed(rows, np.concatenate([still, dw]) / self.measure, 0.0, t)
         v = self.scale * x
-        drift = self.closure.drift(q, v)
-        own = np.array([coordinate.drift(self.model, self.data) for coordinate in self.coordinates])
-        right = np.concatenate([-drift, ddw - own]) / self.measure
+        state = self.closure.state(q, v)
+        own = np.array([coordinate.drift(state) for coordinate in self.coordinates])
+        right = np.concatenate([-self.closure.drift(state), ddw - own]) / self.measure
         return v, self.scale * self._agreed(rows, right, float(np.abs(x).max()) ** 2, t)
 
     def _agreed(self, rows: Array, right: Array, square: float, t: float) -> Array:

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.nullspace import Split
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError
 from pinarm.mechanics.ball_joints import ball_coordinates
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.laws.motion_law import MotionLaw
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
 
 
 @dataclass(frozen=True)
@@ -68,8 +71,8 @@ class Imposed:
         Raises:
             InputError: Says which could be added, or how many are too many.
         """
-        mechanism.closure.place(q)
-        mobility = Split.of(mechanism.closure.rows()).free.shape[1]
+        closure = mechanism.closure
+        mobility = Split.of(closure.rows(closure.state(q))).free.shape[1]
         if len(self.names) != mobility:
             raise self._miscounted(mechanism, mobility)
 

@@ -15,7 +15,7 @@ import numpy as np
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import RANK
-from pinarm.engine.motion.segments import Course, Leg
+from pinarm.engine.motion.segments import MotionSegment, SegmentedMotion
 
 REGULAR, SLOW = 1e-3, 0.07
 """Smallest singular value of the rows, relative to its largest in the run, and speed, relative to the largest, below
@@ -45,26 +45,26 @@ class Standstill:
     regularity: float
 
 
-def undetermined_rest(closure: Closure, course: Course) -> Standstill | None:
+def undetermined_rest(closure: Closure, motion: SegmentedMotion) -> Standstill | None:
     """Return the first instant at which a motion is slow next to a singular position.
 
     It may begin at rest beside one, as long as it is not there to rounding: the start itself tells the branch.
 
     Args:
         closure: The constraints, and the coordinates that follow laws.
-        course: The motion.
+        motion: The motion.
     """
-    legs = [leg for leg in course.legs if leg.solution.steps]
-    if not closure.size or not legs:
+    segments = [segment for segment in motion.segments if segment.solution.steps]
+    if not closure.size or not segments:
         return None
     scale = closure.scale
-    paces = [_Pace.of(leg, scale) for leg in legs]
+    paces = [_Pace.of(segment, scale) for segment in segments]
     fastest = max(float(pace.speed.max()) for pace in paces)
     usual, looked = None, -np.inf
     for t, q, least in _slow(paces, SLOW * fastest):
         if t < looked:
             continue
-        usual = usual or _Usual.of(closure, legs)
+        usual = usual or _Usual.of(closure, segments)
         regularity = usual.regularity(q)
         if regularity < least:
             return Standstill(t, regularity)
@@ -74,10 +74,10 @@ def undetermined_rest(closure: Closure, course: Course) -> Standstill | None:
 
 @dataclass(frozen=True, eq=False)
 class _Pace:
-    """How fast a leg is at the ends of its steps.
+    """How fast a segment is at the ends of its steps.
 
     Attributes:
-        leg: The leg.
+        segment: The segment.
         scale: Unit of every velocity, shape (nv,).
         t: Starts of its steps, shape (n,).
         q: Configuration at its start, shape (nq,).
@@ -85,7 +85,7 @@ class _Pace:
         least: About the least speed within each step, shape (n,).
     """
 
-    leg: Leg
+    segment: MotionSegment
     scale: Array
     t: Array
     q: Array
@@ -93,13 +93,13 @@ class _Pace:
     least: Array
 
     @classmethod
-    def of(cls, leg: Leg, scale: Array) -> _Pace:
-        """Return that of a leg."""
-        steps, nq = leg.solution.steps, leg.solution.manifold.nq
+    def of(cls, segment: MotionSegment, scale: Array) -> _Pace:
+        """Return that of a segment."""
+        steps, nq = segment.solution.steps, segment.solution.manifold.nq
         t = np.array([*(step.t for step in steps), steps[-1].until])
-        last = np.hstack(leg.solution.states(t[-1:]))
+        last = np.hstack(segment.solution.states(t[-1:]))
         y = np.concatenate([[step.y for step in steps], last])  # only the last step is interpolated
-        q, v = leg.system.whole(t, y[:, :nq], y[:, nq:])
+        q, v = segment.system.whole(t, y[:, :nq], y[:, nq:])
         v = v / scale
         speed = np.linalg.norm(v, axis=1)
         if q.shape == v.shape:
@@ -108,13 +108,13 @@ class _Pace:
         else:  # half of the smaller one at its ends; 0 where the direction changes much
             along = (v[:-1] * v[1:]).sum(axis=1) > 0.5 * speed[:-1] * speed[1:]
             least = np.where(along, 0.5 * np.minimum(speed[:-1], speed[1:]), 0.0)
-        return cls(leg, scale, t[:-1], q[0], speed[:-1], least)
+        return cls(segment, scale, t[:-1], q[0], speed[:-1], least)
 
     def within(self, steps: Indices) -> tuple[Array, Array, Array]:
         """Return instants within the steps of given indices, configurations and speeds there."""
-        h = np.array([self.leg.solution.steps[k].until for k in steps]) - self.t[steps]
+        h = np.array([self.segment.solution.steps[k].until for k in steps]) - self.t[steps]
         t = (self.t[steps][:, None] + h[:, None] * np.linspace(0.0, 1.0, WITHIN)).ravel()
-        q, v = self.leg.system.whole(t, *self.leg.solution.states_in(np.repeat(steps, WITHIN), t))
+        q, v = self.segment.system.whole(t, *self.segment.solution.states_in(np.repeat(steps, WITHIN), t))
         return t, q, np.linalg.norm(v / self.scale, axis=1)
 
 
@@ -154,14 +154,14 @@ class _Usual:
     value: float
 
     @classmethod
-    def of(cls, closure: Closure, legs: Sequence[Leg]) -> _Usual:
+    def of(cls, closure: Closure, segments: Sequence[MotionSegment]) -> _Usual:
         """Return what starts of steps tell: within steps redundant rows tear, and seem independent."""
         found = []
-        for leg in legs:
-            steps, nq = leg.solution.steps, leg.solution.manifold.nq
+        for segment in segments:
+            steps, nq = segment.solution.steps, segment.solution.manifold.nq
             some = [steps[k] for k in np.unique(np.linspace(0, len(steps) - 1, USUAL).astype(int))]
             t, y = np.array([step.t for step in some]), np.array([step.y for step in some])
-            found.append(leg.system.whole(t, y[:, :nq], y[:, nq:])[0])
+            found.append(segment.system.whole(t, y[:, :nq], y[:, nq:])[0])
         values = closure.values_of(closure.at(np.concatenate(found))[1])
         rank = int((values > RANK * values[:, :1]).sum(axis=1).max())
         return cls(closure, rank, float(values[:, rank - 1].max()) if rank else 1.0)

@@ -16,7 +16,8 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import Split
-from pinarm.engine.dynamics.equation import mass_matrix
+from pinarm.engine.dynamics.equation import solve
+from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.mechanics.coordinates import LinearCoordinate
 
@@ -96,14 +97,13 @@ class Contacts:
         """Return the velocity nearest to v with the given ones at stops, without those that would pull."""
         rows = self.closure.with_guides(self.imposed.names, self.imposed.coordinates)
         model = rows.model
-        mass = mass_matrix(model, rows.data, q)
-        rows.place(q)
-        own = rows.rows()
+        mass = mass_matrix(model, q)
+        own = rows.rows(rows.state(q))
         target = np.concatenate([np.zeros(self.closure.size), self.imposed.on(t, t)(t)[1]])
         while True:
             normals = np.eye(model.nv)[[self.bounds[k].joint for k in back]]
             split = Split.of(np.vstack([own, normals]))
-            after = split.solve(mass, mass @ v, np.concatenate([target, list(back.values())]))
+            after = solve(split, mass, mass @ v, np.concatenate([target, list(back.values())]))
             impulses = split.multipliers(mass @ (after - v))[len(own) :]
             pushes = {k: self.bounds[k].side * impulse for k, impulse in zip(back, impulses, strict=True)}
             pulling = [k for k, push in pushes.items() if push < 0.0 and back[k] == 0.0]

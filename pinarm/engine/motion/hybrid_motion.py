@@ -1,4 +1,9 @@
-"""Forward motion over impacts and contacts: each is found, the velocity or the constraints change, and it goes on."""
+"""Forward motion through impacts and contacts, as a hybrid system: segments of smooth motion, and events between them.
+
+A segment is integrated until an event ends it: a joint reaches an end stop, a stop that a joint rests on pushes it no
+longer, or an event of the user stops the run. At an impact the impulse changes the velocities; at a contact that closes
+or opens a constraint is added or removed. Then the next segment begins.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +17,14 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import Interval, Method, Solution, StepsOver
 from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.motion.end_stops import RESTING, Bound, Contacts
-from pinarm.engine.motion.segments import Course, Leg
+from pinarm.engine.motion.segments import MotionSegment, SegmentedMotion
 from pinarm.engine.motion.systems import Initial, System, system_of
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
 from pinarm.engine.motion.trajectory import Happening
@@ -32,16 +37,16 @@ if TYPE_CHECKING:
     from pinarm.engine.integration.batch_solution import Ensemble
     from pinarm.engine.integration.integrator import Crossing
 
-Known = Callable[[], Solution]
-"""Returns a leg that is known, or raises the error that ended it."""
+FirstSegment = Callable[[], Solution]
+"""Returns the first segment where it has been integrated already, or raises the error that ended it."""
 
 Held = frozenset[int]
 """Indices of the stops on which joints rest."""
 
 
 @dataclass(frozen=True, eq=False)
-class Journey:
-    """A forward motion that is to be integrated.
+class HybridSystem:
+    """What is integrated: a mechanism with forces, laws, end stops and events.
 
     Attributes:
         closure: Constraints of the mechanism.
@@ -91,8 +96,8 @@ class Journey:
         laws = [*self.imposed.laws, *(law for force in self.dynamics.forces.values() for law in force.laws())]
         return Grid.cover(t, laws, seams)
 
-    def once(self, t: Array) -> Grid:
-        """Return the grid of given instants, each once: where a law jumps it stands for what comes after."""
+    def grid_of_each(self, t: Array) -> Grid:
+        """Return the grid of given instants, each once: where a law jumps, the row is that just after the jump."""
         cuts, slack = np.array(self.cuts), ROUNDING * (t[-1] - t[0])
         return Grid(t, self.cuts, (0, *map(int, np.searchsorted(t, cuts[1:-1] - slack)), len(t)))
 
@@ -128,22 +133,25 @@ class Journey:
         return [self.system().interval(self.dynamics, *span) for span in pairwise(self.cuts)]
 
     @property
-    def together(self) -> bool:
+    def batchable(self) -> bool:
         """Whether motions from several initial states can be integrated together."""
         free = self.system().manifold.nv > 0  # what laws determine altogether takes no steps
         return free and self.method.pair is not None and all(interval.batch for interval in self._intervals)
 
-    def abreast(self, q: Array, v: Array) -> Ensemble | None:
-        """Return the first legs from many initial states that touch no stop; ``None`` where each has to be taken alone.
+    def integrate_together(self, q: Array, v: Array) -> Ensemble | None:
+        """Return the first segments from many initial states that touch no stop, integrated together.
 
         Args:
             q: Configurations, shape (b, nq), assembled.
             v: Velocities, shape (b, nv).
+
+        Returns:
+            ``None`` where each has to be integrated by itself.
         """
         from pinarm.engine.integration.batch_driver import integrate_batch
 
         system, intervals, pair = self.system(), self._intervals, self.method.pair
-        if pair is None or not self.together:
+        if pair is None or not self.batchable:
             return None
         watches = [_of_mechanism(one, system) for _, one in self._watched(frozenset(), q[0], v[0])]
         return integrate_batch(
@@ -157,73 +165,80 @@ class Journey:
         )
 
     def events(self, crossings: Sequence[Crossing]) -> list[Happening]:
-        """Return the events of a leg that no stop has ended, in order of time."""
+        """Return the events of a segment that no stop has ended, in order of time."""
         system, names = self.system(), list(self.watches)
         found = [(one, *system.whole(np.array([one.t]), one.q[None], one.v[None])) for one in crossings]
         return [Happening(names[one.watch], one.t, q[0], v[0]) for one, q, v in found]
 
-    def travel(self, q: Array, v: Array, ahead: Known | None = None) -> Course:
-        """Return the motion from an initial state; its first leg may be known.
+    def integrate(self, q: Array, v: Array, first: FirstSegment | None = None) -> SegmentedMotion:
+        """Return the motion from an initial state.
+
+        Args:
+            q: Configuration, shape (nq,), assembled.
+            v: Velocity, shape (nv,).
+            first: Gives the first segment where it has been integrated already.
 
         Raises:
-            IntegrationError: It could not be followed to its end; ``partial`` is the course until then.
+            IntegrationError: It could not be followed to its end; ``partial`` is the motion until then.
             Interrupted: The user interrupted it; likewise.
         """
-        course, t = Course(self.dynamics), self.cuts[0]
+        motion, t = SegmentedMotion(self.dynamics), self.cuts[0]
         approached = [k for k in self.contacts.near(q) if self.bounds[k].side * v[self.bounds[k].joint] < -RESTING]
         if approached:
             v = self.contacts.impact(t, q, v, approached)
         held = self.pressed(t, q, v)
-        while (met := self.leg(course, held, t, q, v, ahead)) is not None:
-            t, q, v, ahead = met.t, met.q, met.v, None
-            if met.released is not None:
-                held = held - {met.released}
+        while (end := self.integrate_segment(motion, held, t, q, v, first)) is not None:
+            t, q, v, first = end.t, end.q, end.v, None
+            if end.released is not None:
+                held = held - {end.released}
                 continue
-            if met.hit is None:
+            if end.hit is None:
                 break
-            bound = self.bounds[met.hit]
+            bound = self.bounds[end.hit]
             q[bound.place] = bound.limit
-            v = self.contacts.impact(t, q, v, [met.hit])
-            course.happenings.append(Happening(bound.name, t, q, v))
+            v = self.contacts.impact(t, q, v, [end.hit])
+            motion.happenings.append(Happening(bound.name, t, q, v))
             held = self.pressed(t, q, v)
-        return course
+        return motion
 
-    def leg(
-        self, course: Course, held: Held, t: float, q: Array, v: Array, ahead: Known | None = None
-    ) -> _Meeting | None:
-        """Add a leg to the course, which may be known; return what ended it before its time."""
+    def integrate_segment(
+        self, motion: SegmentedMotion, held: Held, t: float, q: Array, v: Array, first: FirstSegment | None = None
+    ) -> _SegmentEnd | None:
+        """Add a segment to the motion; return what ended it before the end of the run."""
         system, watched = self.system(held), self._watched(held, q, v)
         spans = [(max(low, t), high) for low, high in pairwise(self.cuts) if high > t]
         intervals = [system.interval(self.dynamics, *span) for span in spans]
         watches = [_of_mechanism(one, system) for _, one in watched]
-        steps = self.max_steps - int(sum(course.cost()[name] for name in ("steps", "rejected steps")))
+        steps = self.max_steps - int(sum(motion.cost()[name] for name in ("steps", "rejected steps")))
         method = self.method if system.manifold.nv else FixedStep(self.time[1] - self.time[0])
         given, steps_over = (intervals, system.manifold, *system.part(q, v), method), self._steps_over(system)
         try:
-            solution = ahead() if ahead else integrate(*given, max_steps=steps, watches=watches, steps_over=steps_over)
+            solution = first() if first else integrate(*given, max_steps=steps, watches=watches, steps_over=steps_over)
         except (IntegrationError, Interrupted) as error:
             if error.partial.steps:
-                course.legs.append(Leg(system, error.partial))
-            error.partial = course if course.legs else None
+                motion.segments.append(MotionSegment(system, error.partial))
+            error.partial = motion if motion.segments else None
             self._locate(error, system)
             raise
-        course.legs.append(Leg(system, solution))
-        return self._met(course, solution, system, [key for key, _ in watched])
+        motion.segments.append(MotionSegment(system, solution))
+        return self._note_events(motion, solution, system, [key for key, _ in watched])
 
-    def _met(self, course: Course, solution: Solution, system: System, keys: list[str | int]) -> _Meeting | None:
-        """Note the events of the last leg; return what it ended with, if with one."""
-        meeting = None
+    def _note_events(
+        self, motion: SegmentedMotion, solution: Solution, system: System, keys: list[str | int]
+    ) -> _SegmentEnd | None:
+        """Add the events of the last segment to the motion; return the one that ended it."""
+        end = None
         for crossing in solution.crossings:
             key, t = keys[crossing.watch], crossing.t
             q, v = (rows[0] for rows in system.whole(np.array([t]), crossing.q[None], crossing.v[None]))
             if isinstance(key, str):
-                course.happenings.append(Happening(key, t, q, v))
-                meeting = _Meeting(t, q, v) if self.watches[key].stops else None
+                motion.happenings.append(Happening(key, t, q, v))
+                end = _SegmentEnd(t, q, v) if self.watches[key].stops else None
             elif key >= 0:
-                meeting = _Meeting(t, q, v, hit=key)
+                end = _SegmentEnd(t, q, v, hit=key)
             else:
-                meeting = _Meeting(t, q, v, released=~key)
-        return meeting
+                end = _SegmentEnd(t, q, v, released=~key)
+        return end
 
     def _locate(self, error: NumericsError, system: System) -> None:
         """Say in an error where the integration ended, joint by joint."""
@@ -278,8 +293,8 @@ class Journey:
 
 
 @dataclass(frozen=True, eq=False)
-class _Meeting:
-    """What ended a leg: an event that stops the run, a stop that is hit, or one that lets go."""
+class _SegmentEnd:
+    """What ended a segment: an event that stops the run, a stop that is hit, or one that lets go."""
 
     t: float
     q: Array

@@ -1,51 +1,30 @@
-"""What the engine gives back: states and efforts at instants, and the same motion at any other instant."""
+"""A table of states: configurations, velocities, accelerations and efforts, row by row, and other columns by name."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.dynamics.equation import Dynamics, parts
-from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.dynamics.dynamics import Dynamics, parts
+from pinarm.engine.series import Series
 from pinarm.input.units import Unit
 from pinarm.mechanics.laws.motion_law import Grid
 
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+
+ROW = "row"
+"""Parameter of rows that are only numbered."""
+
 STANDSTILL = 1e-12
 """Velocity, relative to the largest of the run, that rounding leaves where a motion begins or ends."""
-
-
-@dataclass(frozen=True)
-class Series:
-    """A named array with its unit.
-
-    Attributes:
-        name: As it was asked for.
-        unit: SI unit of the values; ``None`` where an argument of unknown unit takes part.
-        values: One per row of the trajectory, shape (n,), or per state, of the shape in which states were given.
-        doubt: Why the values are one choice of many; empty where they are determined.
-    """
-
-    name: str
-    unit: Unit | None
-    values: Array
-    doubt: str = ""
-
-    @property
-    def label(self) -> str:
-        """Name and unit, for headings."""
-        text = str(self.unit) if self.unit else "?"
-        return self.name if text == "1" else f"{self.name} [{text}]"
-
-    def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> Array:
-        """Let numpy take the values."""
-        return np.array(self.values, dtype=dtype, copy=copy)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +46,11 @@ class Happening:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A motion, or a sequence of positions at rest.
+    """States of a mechanism, a row each: of one motion, of a path of positions, or each of its own.
 
     Attributes:
         mechanism: What moves.
-        parameter: Name of what runs along the rows: ``t``, or the coordinate that is swept.
+        parameter: Name of what runs along the rows: ``t``, the coordinate that is swept, or ``row`` for their number.
         unit: Unit of the parameter.
         grid: Its values, with the intervals between jumps.
         q: Configurations, shape (n, nq).
@@ -81,15 +60,9 @@ class Trajectory:
         lam: Multipliers of the constraints, and efforts of drives along task coordinates [N or N*m].
         closure: The constraints that they belong to: those of the mechanism, then guided task coordinates.
         dynamics: The equation of motion with all the forces of the run.
-        again: The same run at other instants.
-        figures: What was measured of its accuracy and cost, by name.
-        unasked: Why the run has no efforts; empty where it has.
-        further: What the problem found beside the motion, by name.
-        happenings: Events and impacts, in order of time.
-        notes: What the run has to say of itself, such as that its integrator was a poor choice.
-        separate: Whether the rows are states of their own, not one motion.
-        positions: Parameter, shape (n,) -> configurations, shape (n, nq), as the integration gives them, which costs
-            less than ``again``; none where nothing has been integrated.
+        unasked: Why there are no efforts; empty where there are.
+        further: What the problem found beside the states, by name, a value a row.
+        separate: Whether velocities are given row by row, and the rows are not one motion.
     """
 
     mechanism: Mechanism
@@ -103,17 +76,14 @@ class Trajectory:
     lam: Multipliers = field(repr=False)
     closure: Closure = field(repr=False)
     dynamics: Dynamics = field(repr=False)
-    again: Callable[[Grid], Trajectory] = field(repr=False)
-    figures: Mapping[str, float] = field(default_factory=dict)
     unasked: str = ""
     further: Mapping[str, Series] = field(default_factory=dict)
     separate: bool = False
-    happenings: Sequence[Happening] = ()
-    notes: tuple[str, ...] = ()
-    positions: Callable[[Array], Array] | None = field(default=None, repr=False)
 
     @classmethod
-    def still(cls, mechanism: Mechanism, parameter: str, measured: Unit, closure: Closure | None = None) -> Trajectory:
+    def schema_row(
+        cls, mechanism: Mechanism, parameter: str, measured: Unit, closure: Closure | None = None
+    ) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are.
 
         Args:
@@ -124,21 +94,25 @@ class Trajectory:
         """
         q, idle = np.atleast_2d(pin.neutral(mechanism.model)), np.zeros((1, mechanism.model.nv))
         dynamics, grid = mechanism.dynamics, Grid(np.zeros(1), (0.0, 0.0), (0, 1))
-        again, closure = (
-            partial(cls._still_again, mechanism, parameter, measured, closure),
-            closure or mechanism.closure,
-        )
+        closure = closure or mechanism.closure
         lam = Multipliers.known(np.zeros((1, closure.size)), mechanism.closure.size)
-        return cls(mechanism, parameter, measured, grid, q, idle, idle, idle, lam, closure, dynamics, again)
-
-    @classmethod
-    def _still_again(
-        cls, mechanism: Mechanism, parameter: str, measured: Unit, closure: Closure | None, grid: Grid
-    ) -> Trajectory:
-        return cls.still(mechanism, parameter, measured, closure)
+        return cls(mechanism, parameter, measured, grid, q, idle, idle, idle, lam, closure, dynamics)
 
     def __len__(self) -> int:
         return len(self.grid.t)
+
+    @property
+    def numbered(self) -> bool:
+        """Whether the rows are only numbered, ``row``: there is nothing between them."""
+        return self.parameter == ROW
+
+    def some(self, rows: Indices) -> Trajectory:
+        """Return some of the rows, in their order, shape (n,); one may be there several times."""
+        starts = tuple(int(k) for k in np.searchsorted(rows, self.grid.rows))
+        grid = Grid(self.grid.t[rows], self.grid.cuts, starts)
+        q, v, a, tau = (array[rows] for array in (self.q, self.v, self.a, self.tau))
+        further = {name: replace(series, values=series.values[rows]) for name, series in self.further.items()}
+        return replace(self, grid=grid, q=q, v=v, a=a, tau=tau, lam=self.lam.some(rows), further=further)
 
     def intervals(self) -> list[tuple[slice, Dynamics]]:
         """Return the rows between jumps, each with the dynamics that holds there."""
@@ -161,8 +135,3 @@ class Trajectory:
         beside = np.sign(a)
         beside[np.array(self.grid.rows[1:]) - 1] *= -1.0
         return np.where(standstill, beside, np.sign(v))
-
-    def within(self, interval: int, t: Array) -> Trajectory:
-        """Return the same motion at other instants of one interval; its ends are this side's values."""
-        start, end = self.grid.cuts[interval], self.grid.cuts[interval + 1]
-        return self.again(Grid(t, (start, end), (0, len(t))))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.trajectory import Series, Trajectory
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.ball_joints import ANGLES, Ball, BallCoordinate, roll_pitch_yaw

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pinarm.arrays import Array
-from pinarm.engine.dynamics.equation import real
+from pinarm.arrays import Array, real
 from pinarm.errors import InputError
 
 

@@ -39,11 +39,12 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.trajectory import Series, Trajectory
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.ball_quantities import PARTS as BALL_PARTS
 from pinarm.engine.quantities.ball_quantities import turning
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.engine.quantities.row_kinematics import Passes
+from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS
@@ -211,7 +212,7 @@ class Quantities:
         values = expression.evaluate({inner: series.values for inner, series in found.items()})
         dimension = expression.dimension({inner: series.unit for inner, series in found.items()})
         alone = found.get(expression.text.strip())
-        measured = alone.unit if alone else Unit(1.0, dimension.dimension) if dimension else None
+        measured = alone.unit if alone is not None else Unit(1.0, dimension.dimension) if dimension else None
         doubt = next((series.doubt for series in found.values() if series.doubt), "")
         return Series(name, measured, np.broadcast_to(np.asarray(values, float), len(self.trajectory)), doubt)
 
@@ -238,7 +239,7 @@ class Quantities:
         ball = mechanism.balls.get(words[0])
         if ball is not None:
             series = turning(self.trajectory, ball, name, ".".join(words[1:]))
-            return series or self._transmitted(name, words, ball.index)
+            return self._transmitted(name, words, ball.index) if series is None else series
         joint = mechanism.joints.get(words[0])
         if joint is None or len(words) < 2:
             raise self._unknown(name)

@@ -10,6 +10,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import frame_of
 
 
@@ -35,17 +36,15 @@ class Passes:
         return self._coordinates[name]
 
     def _coordinate(self, coordinate: Coordinate) -> Array:
-        run, model, data = self.run, self.model, self.data
+        run = self.run
         if isinstance(coordinate, LinearCoordinate):
             weights = coordinate.weights
             return np.array([run.q[:, coordinate.places] @ weights, run.v @ weights, run.a @ weights]).T
-        rows, still = np.empty((len(run), 3)), np.zeros(model.nv)
+        rows = np.empty((len(run), 3))
         for i in range(len(run)):
-            pin.computeJointJacobians(model, data, run.q[i])
-            pin.forwardKinematics(model, data, run.q[i], run.v[i], still)
-            pin.updateFramePlacements(model, data)
-            row, drift = coordinate.row(model, data), coordinate.drift(model, data)
-            rows[i] = coordinate.value(data, run.q[i]), row @ run.v[i], row @ run.a[i] + drift
+            state = Kinematics.at(self.model, run.q[i], run.v[i])
+            row, drift = coordinate.row(state), coordinate.drift(state)
+            rows[i] = coordinate.value(state), row @ run.v[i], row @ run.a[i] + drift
         return rows
 
     def frame(self, name: str) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -13,17 +14,20 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.batch_jacobians import BLOCK, Measures
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.constraints.nullspace import Split
-from pinarm.engine.dynamics.equation import Dynamics
-from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.trajectory import Series, Trajectory
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.equation import accelerations
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.broadcasting import Leading
 from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
 from pinarm.engine.statics.actuation import actuation, everywhere
 from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.ball_joints import configuration, places_of, unit_of, velocities_of
 from pinarm.mechanics.laws.motion_law import Grid
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
 
 CLOSED = 1e-8
 """How far a given state may tear a loop, relative to ``1 +`` the terms of the row: typed digits explain as much."""
@@ -137,12 +141,12 @@ def _quantities(
     q, still = given["q"], np.zeros((len(given["q"]), mechanism.model.nv))
     v, tau, after = given.get("v", still), given.get("tau"), float(np.nextafter(t, np.inf))
     dynamics, closure = mechanism.dynamics.on(t, after), mechanism.closure
-    a = given.get("a", still) if tau is None else _accelerations(dynamics, closure, t, q, v, tau)
+    a = given.get("a", still) if tau is None else _forward(dynamics, closure, t, q, v, tau)
     _check_closed(closure, leading, q, v, a)
     grid = Grid(np.full(len(q), float(t)), (float(t), after), (0, len(q)))
     run = Trajectory(
         mechanism, "t", unit("s"), grid, q, v, a, still, Multipliers.zero(len(q), closure.size), closure,
-        mechanism.dynamics, _nothing_between, separate=True,
+        mechanism.dynamics, separate=True,
     )  # fmt: skip
     demand = dynamics.inverse(t, q, v, a)
     if tau is not None:
@@ -176,7 +180,7 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
     given = {} if tau is None else {"tau": (tau, nv)}
     leading, (q, v, *efforts) = Leading.fold(q=(q, mechanism.model.nq), v=(v, nv), **given)
     _check_unit(mechanism, leading, q)
-    a = _accelerations(dynamics, mechanism.closure, t, q, v, efforts[0] if efforts else np.zeros_like(v))
+    a = _forward(dynamics, mechanism.closure, t, q, v, efforts[0] if efforts else np.zeros_like(v))
     _check_closed(mechanism.closure, leading, q, v, a)
     return leading.unfold(a)
 
@@ -194,22 +198,9 @@ def _check_unit(mechanism: Mechanism, leading: Leading, q: Array) -> None:
             raise InputError(said, expected="(x, y, z, w) of length 1", hint="configurations({...}) makes them")
 
 
-def _nothing_between(_: Grid) -> Trajectory:
-    raise InputError("these states are no motion: there is nothing between them", expected="kind: inverse or forward")
-
-
-def _accelerations(dynamics: Dynamics, closure: Closure, t: float, q: Array, v: Array, tau: Array) -> Array:
-    """Return the accelerations under efforts, shape (n, nv); those of loops by Gauss's principle."""
-    if not closure.size:
-        return dynamics.forward(t, q, v, tau)
-    model, data, found = dynamics.model, dynamics.data, np.empty_like(v)
-    force = tau - dynamics.inverse(t, q, v, np.zeros_like(v))
-    for i in range(len(q)):
-        upper = np.triu(pin.crba(model, data, q[i]))
-        closure.place(q[i])
-        rows, drift = closure.rows(), closure.drift(q[i], v[i])
-        found[i] = Split.of(rows).solve(upper + np.triu(upper, 1).T, force[i], -drift)
-    return found
+def _forward(dynamics: Dynamics, closure: Closure, t: float, q: Array, v: Array, tau: Array) -> Array:
+    """Return the accelerations under efforts, shape (n, nv): of open chains by ``aba``."""
+    return accelerations(dynamics, closure, t, q, v, tau) if closure.size else dynamics.forward(t, q, v, tau)
 
 
 def _check_closed(closure: Closure, leading: Leading, q: Array, v: Array, a: Array) -> None:
@@ -219,9 +210,8 @@ def _check_closed(closure: Closure, leading: Leading, q: Array, v: Array, a: Arr
         InputError: Says which, in which row, and by how much.
     """
     for i in _suspects(closure, q, v, a):
-        closure.place(q[i])
-        rows, gap = closure.rows(), closure.gap(q[i])
-        drift = closure.drift(q[i], v[i])
+        state = closure.state(q[i], v[i])
+        rows, gap, drift = closure.rows(state), closure.gap(state), closure.drift(state)
         sizes = np.abs(rows)
         for what, left, terms in (
             ("positions", gap, np.zeros_like(gap)), ("velocities", rows @ v[i], sizes @ np.abs(v[i])),

@@ -9,18 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings import Coupling
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
 
 
 class Actuation(Protocol):
@@ -72,9 +76,14 @@ class EveryLeader:
     closure: Closure
     followers: Indices
 
+    @cached_property
+    def _weights(self) -> Array:
+        """The rows W of the couplings, the same at all configurations, shape (m, nv)."""
+        return self.closure.rows(self.closure.state(pin.neutral(self.closure.model)))
+
     def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
         """Return the efforts of the leaders, 0 for the followers, and the multipliers."""
-        rows = self.closure.rows()
+        rows = self._weights
         lam = np.asarray(np.linalg.solve(rows[:, self.followers].T, demand[:, self.followers].T).T, dtype=np.float64)
         tau = demand - lam @ rows
         tau[:, self.followers] = 0.0

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import Split
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import Imposed
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.statics.stiffness import ZERO, Modes, force, slope, stiffness
 from pinarm.errors import AssemblyError, InputError, Key, within
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -22,6 +22,9 @@ from pinarm.mechanics.forces import ForceElement
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import METRE, format_configuration
 from pinarm.mechanics.laws import Constant
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
 
 BALANCED = 1e-13
 """Largest generalised force left, relative to the terms that make it up; Newton's method ends near 1e-16."""
@@ -115,8 +118,7 @@ class Balance:
 
     def split(self, q: Array) -> Split:
         """Return the rows of what is held, taken apart at a configuration."""
-        self.rows.place(q)
-        return Split.of(self.rows.rows())
+        return Split.of(self.rows.rows(self.rows.state(q)))
 
     def basis(self, q: Array, like: Array | None = None) -> Array:
         """Return the free motions at q, shape (nv, nu): orthonormal, and turned to those of another configuration.
@@ -149,8 +151,7 @@ class Balance:
         return slopes, sizes, size
 
     def _held_load(self, q: Array, lam: Array) -> Array:
-        self.rows.place(q)
-        return np.asarray(self.rows.rows().T @ lam)
+        return np.asarray(self.rows.rows(self.rows.state(q)).T @ lam)
 
     def efforts(self, q: Array) -> tuple[Array, Array]:
         """Return what holds the mechanism: tau at joints, shape (nv,), and the multipliers, shape (m,)."""
@@ -225,10 +226,9 @@ class Balance:
 
     def _judged(self, q: Array) -> Equilibrium:
         """Return the equilibrium at q with its small motions."""
-        basis, model = self.basis(q), self.dynamics.model
+        basis = self.basis(q)
         slopes, sizes, _ = self.terms(q)
-        upper = np.triu(pin.crba(model, self.dynamics.data, q).reshape(model.nv, model.nv))
-        mass = basis.T @ (upper + np.triu(upper, 1).T) @ basis
+        mass = basis.T @ mass_matrix(self.dynamics.model, q) @ basis
         doubt = ZERO * (np.abs(basis).T @ sizes @ np.abs(basis))
         return Equilibrium(q, Modes.of(basis.T @ slopes @ basis, mass, doubt))
 

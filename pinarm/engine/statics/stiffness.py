@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.mechanics.forces import ForceElement
 
 ZERO = 1e-9

@@ -92,19 +92,6 @@ class Document:
         except PinarmError as error:
             raise error.at(self.locate((*path, *error.path))) from error.__cause__
 
-    def override(self, assignment: str) -> Document:
-        """Return the document with one value replaced, as by ``--set problem.time.end='3 s'``.
-
-        Raises:
-            InputError: The text is not an assignment, or its path is not in the document.
-        """
-        name, equals, text = assignment.partition("=")
-        option = Location(f"--set {assignment}")
-        if not equals or not name.strip():
-            raise InputError("this is not an assignment", expected="path.to.key=value").at(option)
-        value, _, _ = _built(text, option.source)
-        return self.assigned(name.strip(), value, option)
-
     def assigned(self, name: str, value: Any, option: Location) -> Document:
         """Return the document with the value at a path such as ``problem.time.end`` replaced.
 
@@ -120,9 +107,9 @@ class Document:
         path: Path_ = ()
         *parents, last = name.split(".")
         for key in parents:
-            node = _step(data, key, option, create=True)
+            node = step_into(data, key, option, create=True)
             data, path = data[node], (*path, node)
-        node = _step(data, last, option, create=True)
+        node = step_into(data, last, option, create=True)
         data[node] = value
         path = (*path, node)
         made = {path[:k]: option for k in range(1, len(path))}
@@ -131,13 +118,6 @@ class Document:
             for locations in (self.places, self.keys)
         )
         return replace(self, data=copied, places=places, keys=keys)
-
-    def varied(self, values: Mapping[str, Any]) -> Document:
-        """Return the document with other values, given as path -> plain data; see ``assigned``."""
-        document = self
-        for path, value in values.items():
-            document = document.assigned(path, value, Location(f"{path}={value}"))
-        return document
 
     def part(self, key: str) -> Document:
         """Return the content below a key as a document."""
@@ -200,13 +180,13 @@ def _merged(data: Any, changes: Any, place: Location) -> Any:
         return changes
     merged = data.copy()
     for key, value in changes.items():
-        step: Any = _step(data, key, place, create=False)
+        step: Any = step_into(data, key, place, create=False)
         old = data.get(step) if isinstance(data, dict) else data[step]
         merged[step] = _merged(old, value, place)
     return merged
 
 
-def _step(data: Any, key: str, option: Location, *, create: bool) -> str | int:
+def step_into(data: Any, key: str, option: Location, *, create: bool) -> str | int:
     """Return the key or index of the next level of ``data``; with ``create`` a missing key becomes an empty map."""
     if isinstance(data, list):
         if re.fullmatch(r"-?[0-9]{1,9}", key) and -len(data) <= int(key) < len(data):

@@ -15,6 +15,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct, Span
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import cross, crossed
 from pinarm.mechanics.joints import METRE, RADIAN, Direction, frame_of, unit_vector
@@ -50,12 +51,14 @@ class LoopJoint:
         """Return the unit of the gap in a row: m or rad."""
         return METRE if row < self.pair.lengths else RADIAN
 
-    def gap(self, data: pin.Data, q: Array) -> Array:
-        """Return what is not closed [m or rad], shape (m,); the placements of frames in ``data`` are those of q."""
+    def gap(self, state: Kinematics) -> Array:
+        """Return what is not closed [m or rad], shape (m,)."""
+        data = state.data
         return np.concatenate(self.pair.gap(*_placed(data.oMf[self.first], data.oMf[self.second])))
 
-    def rows(self, model: pin.Model, data: pin.Data) -> Array:
-        """Return G, shape (m, nv); the joint Jacobians in ``data`` are those of q."""
+    def rows(self, state: Kinematics) -> Array:
+        """Return G, shape (m, nv)."""
+        model, data = state.model, state.data
         between = data.oMf[self.first].actInv(data.oMf[self.second])
         one, two = (
             pin.getFrameJacobian(model, data, frame, LOCAL).reshape(6, -1) for frame in (self.first, self.second)
@@ -64,8 +67,9 @@ class LoopJoint:
         e, w = self.pair.directions(p, np.asarray(between.rotation.T))
         return np.concatenate([e @ (relative[:3] - pin.skew(p) @ relative[3:]), w @ relative[3:]])
 
-    def drift(self, model: pin.Model, data: pin.Data) -> Array:
-        """Return G' v, shape (m,); ``data`` holds the forward kinematics of (q, v, 0) and the placements of frames."""
+    def drift(self, state: Kinematics) -> Array:
+        """Return G' v, shape (m,)."""
+        model, data = state.model, state.data
         one, two = self.first, self.second
         between = data.oMf[one].actInv(data.oMf[two])
         own, twist = (pin.getFrameVelocity(model, data, frame, LOCAL) for frame in (one, two))

@@ -8,7 +8,7 @@ positions of their laws, and the efforts that inverse dynamics of the whole give
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,8 +17,9 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_interval
 from pinarm.engine.motion.trajectory import Happening, Trajectory
 from pinarm.mechanics.ball_joints import ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
@@ -30,7 +31,7 @@ from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 
 @dataclass(frozen=True, eq=False)
 class Removed:
-    """What is removed of a mechanism. Joints are told by their index in v.
+    """What is removed of a mechanism. Joints are named by their index in v.
 
     Attributes:
         locked: Joint -> the law that it stands still by.
@@ -49,7 +50,7 @@ class Removed:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class ReducedMechanism:
     """A part of a mechanism.
 
     Attributes:
@@ -170,8 +171,14 @@ class Part:
             whole_q[..., self.joints[i]], whole_v[..., i], _ = grid.evaluate(law)
         return whole_q, whole_v
 
-    def restored(self, run: Trajectory) -> Trajectory:
-        """Return a run of the part as one of the whole."""
+    def restored(self, outcome: Outcome) -> Outcome:
+        """Return what came out for the part as what comes out for the whole."""
+        motion = outcome.motion and RestoredMotion(self, outcome.motion, outcome.rows.grid.cuts)
+        happenings = [self._happening(one) for one in outcome.happenings]
+        return replace(outcome, rows=self.restored_rows(outcome.rows), motion=motion, happenings=happenings)
+
+    def restored_rows(self, run: Trajectory) -> Trajectory:
+        """Return states of the part as those of the whole, with the efforts of the joints that are removed."""
         grid, n = run.grid, len(run)
         (q, v), (a, tau) = self.spread(grid, run.q, run.v), np.zeros((2, n, self.whole.model.nv))
         a[:, self.kept_v], tau[:, self.kept_v] = run.a, run.tau
@@ -181,8 +188,7 @@ class Part:
         closure = self.whole.closure.with_guides(names, [self.whole.coordinate(name) for name in names])
         back = replace(
             run, mechanism=self.whole, q=q, v=v, a=a, tau=tau, closure=closure,
-            dynamics=Dynamics.of(self.whole.model, self.forces), again=lambda other: self.restored(run.again(other)),
-            happenings=[self._happening(one) for one in run.happenings], positions=None,
+            dynamics=Dynamics.of(self.whole.model, self.forces),
         )  # fmt: skip
         if run.unasked:
             return replace(back, lam=self._multipliers(run.lam, np.zeros((n, len(self.removed.couplings)))))
@@ -231,6 +237,29 @@ class Part:
         for i, law in self.removed.laws.items():
             (q[self.joints[i]],), (v[i],), _ = instant.evaluate(law)
         return replace(one, q=q, v=v)
+
+
+@dataclass(frozen=True, eq=False)
+class RestoredMotion:
+    """A motion of the whole, from that of the part that was solved.
+
+    Attributes:
+        part: The part.
+        motion: Its motion.
+        cuts: Bounds of the intervals between jumps.
+    """
+
+    part: ReducedMechanism
+    motion: SolvedMotion
+    cuts: Sequence[float]
+
+    def at(self, grid: Grid) -> Trajectory:
+        """Return the states of the whole at other values of the parameter."""
+        return self.part.restored_rows(self.motion.at(grid))
+
+    def positions(self, t: Array) -> Array:
+        """Return the configurations of the whole at values of the parameter, shape (n,), of shape (n, nq)."""
+        return positions_by_interval(self, self.cuts, t)
 
 
 @dataclass(frozen=True, eq=False)

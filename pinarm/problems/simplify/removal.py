@@ -1,4 +1,4 @@
-"""Which joints of a mechanism a question can be answered without. Joints are told by their index in v.
+"""Which joints of a mechanism a question can be answered without. Joints are named by their index in v.
 
 In doubt a joint stays: one that a loop or a sum of coordinates has in it, at which a force is asked, or that an event
 looks at; and all of them, where drives are named that act along other coordinates than those that follow laws.
@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,51 +16,52 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.statics.actuation import followers_of
+from pinarm.errors import Place
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings import Coupling, independent
 from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.laws import Constant, Over
 from pinarm.mechanics.laws.motion_law import MotionLaw
-from pinarm.problems.common import Place, laws_of
+from pinarm.problems.declaration import Declaration
+from pinarm.problems.imposed_laws import laws_of
 from pinarm.problems.simplify.model_reduction import Removed
 
 ABSENT = 1e-12
 """Entry of a row, relative to the largest, that is 0 but for rounding: the joint has no part in it."""
 
 
-def known_laws(told: Mapping[str, Any], mechanism: Mechanism, place: Place) -> dict[str, MotionLaw]:
+def known_laws(declared: Declaration, mechanism: Mechanism, place: Place) -> dict[str, MotionLaw]:
     """Return the coordinates whose motion is known beforehand, with their laws.
 
     Args:
-        told: The keys of a problem.
+        declared: What a problem says about coordinates.
         mechanism: The mechanism.
         place: Gives errors their place.
 
     Raises:
         InputError: A law has a mistake.
     """
-    span = (told["time"].start, told["time"].end) if "time" in told else (0.0, 0.0)
-    moving = {name for key in ("velocity", "acceleration") for name, rate in told.get(key, {}).items() if rate}
-    held = {name: Constant(value=value) for name, value in told.get("hold", {}).items() if name not in moving}
-    return {**held, **laws_of(mechanism, told.get("motion", {}), place, span)}
+    held = {name: Constant(value=value) for name, value in declared.held.items()}
+    return {**held, **laws_of(mechanism, declared.laws, place, declared.span)}
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class KnownMotion:
     """What is known of the motion of a mechanism before anything is solved.
 
     Attributes:
-        told: The keys of the problem.
+        declared: What the problem says about coordinates.
         mechanism: The mechanism.
         laws: Coordinate -> its law.
     """
 
-    told: Mapping[str, Any]
+    declared: Declaration
     mechanism: Mechanism = field(repr=False)
     laws: Mapping[str, MotionLaw]
 
     @cached_property
-    def own(self) -> dict[int, MotionLaw]:
+    def own_laws(self) -> dict[int, MotionLaw]:
         """Joints whose own coordinate follows a law."""
         found = {}
         for name, law in self.laws.items():
@@ -71,15 +71,15 @@ class Known:
         return found
 
     @cached_property
-    def still(self) -> dict[int, Constant]:
+    def stationary(self) -> dict[int, Constant]:
         """Joints that stand still: by their own law, or because a coupling leaves them nothing else."""
-        found = {v: law for v, law in self.own.items() if isinstance(law, Constant)}
+        found = {v: law for v, law in self.own_laws.items() if isinstance(law, Constant)}
         while True:
             before = len(found)
             for one in self._couplings:
                 weights = one.coordinate.weights
                 left = [v for v in self.joints_of(weights) if v not in found]
-                if len(left) == 1 and left[0] not in self.own:
+                if len(left) == 1 and left[0] not in self.own_laws:
                     others = sum(weights[v] * law.value for v, law in found.items())
                     found[left[0]] = Constant(value=float((one.constant - others) / weights[left[0]]))
             if len(found) == before:
@@ -90,61 +90,57 @@ class Known:
         return [one for one in self.mechanism.constraints if isinstance(one, Coupling)]
 
     @cached_property
-    def settled(self) -> dict[str, set[int]]:
+    def stationary_couplings(self) -> dict[str, set[int]]:
         """Couplings of joints that all stand still, one of them because of it; and their joints."""
         found = {one.name: self.joints_of(one.coordinate.weights) for one in self._couplings}
-        still = {name: joints for name, joints in found.items() if joints <= set(self.still)}
-        followers = set(self.still) - set(self.own)
+        still = {name: joints for name, joints in found.items() if joints <= set(self.stationary)}
+        followers = set(self.stationary) - set(self.own_laws)
         return still if len(still) == len(followers & set().union(*still.values())) else {}
 
     @cached_property
     def imposed(self) -> dict[str, Coordinate]:
         """Coordinates that the question makes follow laws, or go through a range."""
-        names = [name for key in ("hold", "over", "motion") for name in self.told.get(key, {})]
-        return {name: self.mechanism.coordinates[name] for name in names}
+        return {name: self.mechanism.coordinates[name] for name in self.declared.imposed}
 
     @cached_property
     def watched(self) -> dict[str, Coordinate]:
         """Coordinates that have to be there for another reason."""
-        told, motion = self.told, self.told.get("motion", {}).values()
-        names = [*told.get("over", {}), *(law.of for law in motion if isinstance(law, Over))]
-        names += [event.when for event in told.get("events", {}).values()]
+        drivers = (law.of for law in self.declared.laws.values() if isinstance(law, Over))
+        names = [*self.declared.moved, *drivers, *self.declared.watched]
         return {name: self.mechanism.coordinates[name] for name in names}
 
     @cached_property
     def guided(self) -> set[str]:
         """Coordinates of a task along which drives may act: these load every joint before the link that they move."""
-        drives = self.told.get("drives", []) or (
-            [] if followers_of(self.mechanism.constraints) is not None else self.imposed
-        )
+        drives = self.declared.drives or ([] if followers_of(self.mechanism.constraints) is not None else self.imposed)
         return {name for name in drives if not isinstance(self.mechanism.coordinates[name], LinearCoordinate)}
 
     @cached_property
-    def bound(self) -> set[int]:
+    def shared_efforts(self) -> set[int]:
         """Joints whose effort is not simply what the motion asks at them: others share in it."""
         sums = [one for one in self.imposed.values() if isinstance(one, LinearCoordinate) and one.joint is None]
         found = set().union(*(self.joints_of(one.weights) for one in sums))
-        found |= set().union(*(self._behind(self.mechanism.coordinates[name]) for name in self.guided))
+        found |= set().union(*(self._joints_moving(self.mechanism.coordinates[name]) for name in self.guided))
         for name, rows in self.mechanism.closure.slices().items():
-            if name not in self.settled:
+            if name not in self.stationary_couplings:
                 found |= self.joints_of(self._rows[rows])
         return found
 
-    def staying(self, asked: Collection[str]) -> set[int]:
+    def kept_joints(self, requested: Collection[str]) -> set[int]:
         """Return the joints that have to stay, where forces are asked at those that are named."""
         mechanism = self.mechanism
-        stay = self.bound | (set(range(mechanism.model.nv)) - set(self.own) - set(self.still))
-        stay |= {mechanism.joints[name].v for name in asked if name in mechanism.joints}
+        stay = self.shared_efforts | (set(range(mechanism.model.nv)) - set(self.own_laws) - set(self.stationary))
+        stay |= {mechanism.joints[name].v for name in requested if name in mechanism.joints}
         for one in self.watched.values():
-            stay |= self._behind(one) - (set() if isinstance(one, LinearCoordinate) else set(self.still))
+            stay |= self._joints_moving(one) - (set() if isinstance(one, LinearCoordinate) else set(self.stationary))
         for one in self.imposed.values():
             if not isinstance(one, LinearCoordinate):
-                stay |= self._behind(one) - set(self.still)
-        while torn := [joints for joints in self.settled.values() if joints & stay and not joints <= stay]:
+                stay |= self._joints_moving(one) - set(self.stationary)
+        while torn := [joints for joints in self.stationary_couplings.values() if joints & stay and not joints <= stay]:
             stay |= set().union(*torn)
         return stay
 
-    def unrelated(self, stay: Collection[int], loaded: Collection[int]) -> dict[int, MotionLaw]:
+    def droppable(self, stay: Collection[int], loaded: Collection[int]) -> dict[int, MotionLaw]:
         """Return joints that move by laws, beyond which no joint stays, and before which none that their mass loads."""
         model = self.mechanism.model
         index = [0] * model.nv
@@ -152,22 +148,25 @@ class Known:
             index[joint.idx_v : joint.idx_v + joint.nv] = [joint.id] * joint.nv
         paths = [{int(j) for j in model.supports[joint]} for joint in range(model.njoints)]
         staying, bearing = ({index[v] for v in joints} for joints in (stay, loaded))
-        alone = [v for v in self.own if v not in stay and not paths[index[v]] & bearing
+        alone = [v for v in self.own_laws if v not in stay and not paths[index[v]] & bearing
                  and not any(index[v] in paths[joint] for joint in staying)]  # fmt: skip
-        return {v: self.own[v] for v in alone if v not in self.still}
+        return {v: self.own_laws[v] for v in alone if v not in self.stationary}
 
     @cached_property
     def _rows(self) -> Array:
         """Rows of the constraints at a configuration of no special kind, shape (m, nv)."""
+        return self.mechanism.closure.rows(self._state)
+
+    @cached_property
+    def _state(self) -> Kinematics:
+        """A state at rest of no special kind."""
         model = self.mechanism.model
         anywhere = np.sin(np.arange(1.0, model.nv + 1.0))
-        self.mechanism.closure.place(pin.integrate(model, pin.neutral(model), anywhere))
-        return self.mechanism.closure.rows()
+        return Kinematics.at(model, pin.integrate(model, pin.neutral(model), anywhere))
 
-    def _behind(self, coordinate: Coordinate) -> set[int]:
+    def _joints_moving(self, coordinate: Coordinate) -> set[int]:
         """Return the joints that move a coordinate."""
-        _ = self._rows  # the buffers hold their configuration
-        return self.joints_of(coordinate.row(self.mechanism.model, self.mechanism.closure.data))
+        return self.joints_of(coordinate.row(self._state))
 
     @staticmethod
     def joints_of(rows: Array) -> set[int]:
@@ -177,43 +176,42 @@ class Known:
 
 
 def removable(
-    kind: str, known: Known, forces: Mapping[str, ForceElement], asked: Collection[str]
+    known: KnownMotion, forces: Mapping[str, ForceElement], requested: Collection[str]
 ) -> tuple[Removed, Indices] | None:
     """Return what a question can do without, and the joints whose effort is what the motion asks at them.
 
     Args:
-        kind: Kind of the problem.
         known: What is known of its motion.
         forces: All force elements of the run.
-        asked: Names of the joints at which forces are asked.
+        requested: Names of the joints at which forces are asked.
 
     Returns:
         ``None`` where nothing can be removed.
     """
-    if not _open_to_it(kind, known):
+    if not _is_reducible(known):
         return None
     from pinarm.mechanics.forces.joint_springs import BallSpring, DryFriction, SpringDamper
 
-    stay = known.staying(asked)
-    locked = {v: law for v, law in known.still.items() if v not in stay}
+    stay = known.kept_joints(requested)
+    locked = {v: law for v, law in known.stationary.items() if v not in stay}
     single = all(isinstance(one, SpringDamper | DryFriction | BallSpring) for one in forces.values())
-    dropped = known.unrelated(stay, () if kind == "kinematics" else stay) if single else {}
-    settled = [name for name, joints in known.settled.items() if not joints & stay]
+    dropped = known.droppable(stay, () if known.declared.massless else stay) if single else {}
+    settled = [name for name, joints in known.stationary_couplings.items() if not joints & stay]
     gone = {*locked, *dropped}
     left = [one for one in known.imposed.values() if not (isinstance(one, LinearCoordinate) and one.joint in gone)]
-    if not (stay and gone and (left or kind == "forward") and _driven_alike(known, settled)):
+    if not (stay and gone and (left or known.declared.integrated) and _has_same_drives(known, settled)):
         return None
-    geared = set().union(*(joints for name, joints in known.settled.items() if name not in settled))
-    answered = np.array(sorted(set(known.own) - known.bound - geared), dtype=np.intp)
+    geared = set().union(*(joints for name, joints in known.stationary_couplings.items() if name not in settled))
+    answered = np.array(sorted(set(known.own_laws) - known.shared_efforts - geared), dtype=np.intp)
     return Removed(locked, dropped, settled), answered
 
 
-def _open_to_it(kind: str, known: Known) -> bool:
+def _is_reducible(known: KnownMotion) -> bool:
     """Tell whether joints can be removed at all."""
-    drives = set(known.told.get("drives", []))
+    drives = set(known.declared.drives)
     if drives and drives != set(known.imposed):
         return False
-    if kind != "forward":
+    if not known.declared.integrated:
         return True
     # integrated with loops, the error of a step is measured over all coordinates: fewer of them take other steps
     straight = all(isinstance(one, LinearCoordinate) for one in known.imposed.values())
@@ -221,10 +219,10 @@ def _open_to_it(kind: str, known: Known) -> bool:
     return straight and len(couplings) == len(known.mechanism.constraints) and independent(couplings)
 
 
-def _driven_alike(known: Known, settled: Collection[str]) -> bool:
+def _has_same_drives(known: KnownMotion, settled: Collection[str]) -> bool:
     """Tell whether drives act on the part as on the whole, where none are named."""
     constraints = known.mechanism.constraints
     left = [one for one in constraints if one.name not in settled]
-    if known.told.get("drives", []) or (followers_of(left) is None) == (followers_of(constraints) is None):
+    if known.declared.drives or (followers_of(left) is None) == (followers_of(constraints) is None):
         return True
     return all(isinstance(one, LinearCoordinate) and one.joint is not None for one in known.imposed.values())

@@ -11,8 +11,8 @@ from pinarm.input.formulas.expressions import Expression
 WORD = re.compile(r"[^\W\d][\w.]*")
 
 
-def joints_asked(texts: Iterable[str], symbols: Mapping[str, Expression], mechanism: Mechanism) -> set[str]:
-    """Return the names of the joints whose effort, power or reaction is asked, or the torque of whose drive.
+def requested_joints(texts: Iterable[str], symbols: Mapping[str, Expression], mechanism: Mechanism) -> set[str]:
+    """Return the names of the joints whose effort, power or reaction is requested, or the torque of whose drive.
 
     Args:
         texts: Quantities, symbols and formulas.

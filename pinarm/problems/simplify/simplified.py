@@ -7,23 +7,24 @@ before it but where only the motion is asked. See ``problems.removal`` for what 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Literal
 
-import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.errors import AssemblyError, DynamicsError, InputError, NumericsError
+from pinarm.errors import AssemblyError, DynamicsError, InputError, NumericsError, Place
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.mechanics.loading.model_tree import listed
 from pinarm.problems import Problem
-from pinarm.problems.common import Accuracy, Place, bind_loads
-from pinarm.problems.simplify.model_reduction import Part
-from pinarm.problems.simplify.removal import Known, known_laws, removable
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.loads import bind_loads
+from pinarm.problems.simplify.model_reduction import ReducedMechanism
+from pinarm.problems.simplify.removal import KnownMotion, known_laws, removable
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class Scene:
     question: Problem
     mechanism: Mechanism
     problem: Problem
-    part: Part | None = None
+    part: ReducedMechanism | None = None
 
     @classmethod
     def whole(cls, problem: Problem, mechanism: Mechanism) -> Scene:
@@ -63,36 +64,39 @@ class Scene:
         return cls(problem, mechanism, problem)
 
     @classmethod
-    def required(cls, problem: Problem, mechanism: Mechanism, asked: Collection[str], place: Place) -> Scene:
+    def required(cls, problem: Problem, mechanism: Mechanism, requested: Collection[str], place: Place) -> Scene:
         """Return what a question requires.
 
         Args:
             problem: The question.
             mechanism: The mechanism.
-            asked: Names of the joints at which forces are asked.
+            requested: Names of the joints at which forces are asked.
             place: Gives errors their place.
 
         Raises:
             InputError: The question has a mistake.
         """
-        told = msgspec.structs.asdict(cast(msgspec.Struct, problem))
-        known = Known(told, mechanism, known_laws(told, mechanism, place))
-        stay = {mechanism.joints[name].v for name in asked if name in mechanism.joints}
-        if problem.kind == "equilibria" or known.own.keys() | known.still.keys() <= stay:
+        declared = problem.declaration()
+        if declared is None:
             return cls.whole(problem, mechanism)
-        forces = bind_loads(mechanism, told.get("loads", {}), place)
+        known = KnownMotion(declared, mechanism, known_laws(declared, mechanism, place))
+        stay = {mechanism.joints[name].v for name in requested if name in mechanism.joints}
+        if known.own_laws.keys() | known.stationary.keys() <= stay:
+            return cls.whole(problem, mechanism)
+        forces = bind_loads(mechanism, declared.loads, place)
         try:
-            found = removable(problem.kind, known, forces, asked)
+            found = removable(known, forces, requested)
         except KeyError:  # a name that does not exist: the question tells of it when it is solved
             found = None
         if found is None:
             return cls.whole(problem, mechanism)
         problem.prepare(mechanism, place)
-        part = Part(mechanism, forces, *found)
-        return cls(problem, mechanism, _of_part(problem, told, part), part)
+        part = ReducedMechanism(mechanism, forces, *found)
+        removed = mechanism.coordinates.keys() - part.mechanism.coordinates.keys()
+        return cls(problem, mechanism, declared.without(removed), part)
 
-    def solve(self, accuracy: Accuracy, place: Place) -> tuple[Trajectory, Trajectory]:
-        """Return the run that was solved, and the same run of the whole mechanism.
+    def solve(self, accuracy: Accuracy, place: Place) -> tuple[Outcome, Outcome]:
+        """Return what came out for the mechanism that was solved, and the same of the whole mechanism.
 
         Where the part cannot be solved the whole is tried, so that what is wrong is told in its terms.
 
@@ -106,7 +110,7 @@ class Scene:
         except (InputError, AssemblyError, DynamicsError):
             return self._as_put(accuracy, place)
         except NumericsError as error:
-            if isinstance(error.partial, Trajectory):
+            if isinstance(error.partial, Outcome):
                 error.partial = self.part.restored(error.partial)
             raise
         return run, self.part.restored(run)
@@ -116,9 +120,13 @@ class Scene:
         """The mechanism that is solved."""
         return self.mechanism if self.part is None else self.part.mechanism
 
-    def restored(self, run: Trajectory) -> Trajectory:
-        """Return a run of what is solved as one of the whole mechanism."""
-        return run if self.part is None else self.part.restored(run)
+    def restored(self, outcome: Outcome) -> Outcome:
+        """Return what came out for the solved mechanism as what comes out for the whole one."""
+        return outcome if self.part is None else self.part.restored(outcome)
+
+    def restored_rows(self, run: Trajectory) -> Trajectory:
+        """Return states of the solved mechanism as those of the whole one."""
+        return run if self.part is None else self.part.restored_rows(run)
 
     def spread(self, grid: Grid, q: Array, v: Array) -> tuple[Array, Array]:
         """Return states of what is solved as those of the whole mechanism.
@@ -130,7 +138,7 @@ class Scene:
         """
         return (q, v) if self.part is None else self.part.spread(grid, q, v)
 
-    def _as_put(self, accuracy: Accuracy, place: Place) -> tuple[Trajectory, Trajectory]:
+    def _as_put(self, accuracy: Accuracy, place: Place) -> tuple[Outcome, Outcome]:
         run = self.question.solve(self.mechanism, accuracy, place)
         return run, run
 
@@ -152,25 +160,8 @@ class Scene:
 ALONE = "follows its law; nothing that is free, or asked as a force, depends on it"
 
 
-def in_short(removals: Sequence[Removal]) -> list[str]:
+def removal_lines(removals: Sequence[Removal]) -> list[str]:
     """Return what is removed in a line for each reason, many joints counted."""
     reasons = {"locked": "held still", "dropped": "moved by laws, and nothing that is free or asked depends on it"}
     names = {how: [one.joint for one in removals if one.how == how] for how in reasons}
     return [f"{how}: {listed('joint', joints)} ({reasons[how]})" for how, joints in names.items() if joints]
-
-
-def _of_part(problem: Problem, told: Mapping[str, Any], part: Part) -> Problem:
-    """Return the question about the part: without what is said of removed joints; loads are the part's own forces."""
-    named = part.whole.coordinates
-    gone = {name for name in named if name not in part.mechanism.coordinates}
-
-    def kept(given: Any) -> Any:
-        if isinstance(given, dict):
-            return {name: value for name, value in given.items() if name not in gone}
-        return [name for name in given if name not in gone]
-
-    keys = ("motion", "hold", "start", "velocity", "acceleration", "drives")
-    changes = {key: kept(told[key]) for key in keys if key in told}
-    if "loads" in told:
-        changes["loads"] = {}
-    return cast(Problem, msgspec.structs.replace(cast(msgspec.Struct, problem), **changes))

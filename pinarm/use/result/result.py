@@ -13,12 +13,15 @@ import msgspec
 import numpy as np
 
 from pinarm.engine.checks.limits import Excess, excesses
-from pinarm.engine.motion.trajectory import Series, Trajectory
+from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.motion.trajectory import Happening, Trajectory
 from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplified import Removal
+from pinarm.use.result.measures import COSTS, MEASURES
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -37,6 +40,7 @@ class Result:
         kind: Kind of its problem.
         content: The scenario, validated.
         data: The scenario as plain data.
+        outcome: What came out of the problem, for the whole mechanism.
         quantities: Everything that can be asked of the run, by name.
         figures: Measured accuracy and cost, by name.
         folder: Folder of the scenario file; paths in it are relative to that.
@@ -50,8 +54,9 @@ class Result:
     kind: str
     content: ScenarioFile = field(repr=False)
     data: Mapping[str, Any] = field(repr=False)
+    outcome: Outcome = field(repr=False)
     quantities: Quantities = field(repr=False)
-    figures: Mapping[str, float]
+    figures: Mapping[str, float] = field(default_factory=dict)
     folder: Path = Path()
     errors: Mapping[str, float] = field(default_factory=dict)
     setting: str = ""
@@ -70,8 +75,13 @@ class Result:
 
     @property
     def trajectory(self) -> Trajectory:
-        """The motion itself: arrays of q, v, a and tau."""
-        return self.quantities.trajectory
+        """The states themselves: arrays of q, v, a and tau."""
+        return self.outcome.rows
+
+    @property
+    def happenings(self) -> Sequence[Happening]:
+        """Events and impacts, in order of time."""
+        return self.outcome.happenings
 
     def __getitem__(self, name: str) -> Series:
         """Return a quantity by name, symbol or formula, as an array with its unit.
@@ -102,15 +112,15 @@ class Result:
             names: Quantities, symbols or formulas; the outputs of the scenario where none is given.
             against: What runs along the horizontal axis; the run's parameter where it is left out.
         """
-        from pinarm.use.show.plot import plot
+        from pinarm.use import views
 
-        return plot(self, names or tuple(self.content.outputs), against=against)
+        return views.plot(self, names or tuple(self.content.outputs), against=against)
 
     def sketch(self) -> Picture:
         """Return a drawing of the mechanism at the start and the end of the run."""
-        from pinarm.use.show.sketch import sketch
+        from pinarm.use import views
 
-        return sketch(self)
+        return views.sketch(self)
 
     def replay(
         self,
@@ -131,24 +141,24 @@ class Result:
         Raises:
             InputError: A name is unknown, or the run does not have what is asked.
         """
-        from pinarm.use.show.replay.page import replay
+        from pinarm.use import views
 
-        shown = replay(self, traces=traces, arrows=arrows, plots=plots)
+        shown = views.replay(self, traces, arrows, plots)
         if path is not None:
             shown.save(path)
         return shown
 
     def save(self, folder: str | Path, *, plots: bool = True) -> Path:
         """Write the result as a folder: scenario, summary, CSV, npz, plots; return the folder."""
-        from pinarm.use.store.save import save
+        from pinarm.use import views
 
-        return save(self, Path(folder), plots=plots)
+        return views.save(self, Path(folder), plots=plots)
 
     def _repr_html_(self) -> str:
         """Return numbers, plots and the replay, for notebooks; saved ones keep them."""
-        from pinarm.use.show.notebook import of_result
+        from pinarm.use import views
 
-        return of_result(self)
+        return views.html(self)
 
     def require_finite(self, name: str) -> None:
         """Raise where a quantity is not a number somewhere.
@@ -237,7 +247,7 @@ class Result:
         """
         doubts = [f"{series.name}: least multipliers; {series.doubt}" for series in self.columns() if series.doubt]
         run = self.trajectory
-        said = [*run.mechanism.notes, *doubts, *run.notes, *coarse_angles(run.mechanism.joints, run.q)]
+        said = [*run.mechanism.notes, *doubts, *self.outcome.notes, *coarse_angles(run.mechanism.joints, run.q)]
         return list(dict.fromkeys(said))  # a result that is read from a folder brings its own along
 
     def excesses(self) -> list[Excess]:
@@ -255,27 +265,3 @@ class Result:
 
 PLATEAU = 1e-12
 """Relative difference below which neighbouring rows share an extreme: the first of them is named."""
-
-RESIDUALS = {
-    "equilibrium": "virtual power for every unit velocity, relative to its terms",
-    "power": "balance of power along the motion, relative to its terms",
-    "energy": "energy that nothing accounts for, relative to the energy exchanged",
-    "return trip": "accelerations from the efforts by forward dynamics, relative to the largest",
-    "bodies": "Newton's and Euler's equations of every body with the reactions, relative to their terms",
-}
-CLOSURES = {
-    "closure": "largest gap of a loop [m or rad]",
-    "closure rate": "largest velocity against a loop [m/s or rad/s]",
-    "closure acceleration": "largest acceleration against a loop [m/s^2 or rad/s^2]",
-}
-MEASURES = {
-    **RESIDUALS,
-    **CLOSURES,
-    "regularity": "smallest singular value of the loops' rows relative to the largest: 0 at a singular position",
-    "least regular at": "where along the run that is",
-    "condition": "condition number of the mass matrix of the free motions, scaled to a diagonal of ones",
-}
-"""Figures that tell the accuracy of a run, and what they mean."""
-
-COSTS = ("steps", "evaluations", "rejected steps", "steps at the noise floor")
-"""Figures that count work; what is neither is part of the answer."""

@@ -53,7 +53,7 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundValues:
     """The values that were found.
 
     Attributes:
@@ -71,26 +71,26 @@ class Found:
     steps: int
 
 
-def find(asked: Find, residuals: Callable[[Mapping[str, str]], dict[str, Array]]) -> Found:
-    """Find the values of a asked.
+def find(search: Find, residuals: Callable[[Mapping[str, str]], dict[str, Array]]) -> FoundValues:
+    """Return the values that a search finds.
 
     Args:
-        asked: What is unknown and what is wanted.
+        search: What is unknown and what is wanted.
         residuals: Values by path -> every wanted quantity less its target, at all rows.
 
     Raises:
         InputError: An unknown has no effect on what is wanted, or several have the same.
         IntegrationError: The steps do not settle.
     """
-    x, widths = asked.starts(), asked.widths(asked.starts())
-    parts = residuals(asked.text(x))
+    x, widths = search.starts(), search.widths(search.starts())
+    parts = residuals(search.text(x))
     before, r = _worst(parts), np.concatenate([*parts.values()])
     for step in range(1, ITERATIONS + 1):
-        jacobian = _slopes(asked, residuals, x, widths)
-        change = -_solved(asked, jacobian, r, widths)
+        jacobian = _slopes(search, residuals, x, widths)
+        change = -_solved(search, jacobian, r, widths)
         length = 1.0
         while True:
-            trial = asked.text(x + length * change)
+            trial = search.text(x + length * change)
             parts = residuals(trial)
             moved = np.concatenate([*parts.values()])
             if np.linalg.norm(moved) <= np.linalg.norm(r) or length < SHRINK**8:
@@ -99,33 +99,33 @@ def find(asked: Find, residuals: Callable[[Mapping[str, str]], dict[str, Array]]
         small = np.abs(change) <= SETTLED * np.maximum(np.abs(x), widths / DIFFERENCE)
         if small.all() or np.linalg.norm(moved) >= (1.0 - 1e-9) * np.linalg.norm(r):
             best = x + length * change if np.linalg.norm(moved) <= np.linalg.norm(r) else x
-            numbers = tuple(float(x) / _factor(one) for x, one in zip(best, asked.unknown.values(), strict=True))
-            return Found(asked.text(best), numbers, _worst(residuals(asked.text(best))), before, step)
+            numbers = tuple(float(x) / _factor(one) for x, one in zip(best, search.unknown.values(), strict=True))
+            return FoundValues(search.text(best), numbers, _worst(residuals(search.text(best))), before, step)
         x, r = x + length * change, moved
-        widths = asked.widths(x)
+        widths = search.widths(x)
     raise IntegrationError(
-        f"the values of {', '.join(asked.unknown)} do not settle in {ITERATIONS} steps",
+        f"the values of {', '.join(search.unknown)} do not settle in {ITERATIONS} steps",
         hint="other starts, or quantities that depend on them more smoothly",
     )
 
 
-def _slopes(asked: Find, residuals: Callable[[Mapping[str, str]], dict[str, Array]], x: Array, widths: Array) -> Array:
+def _slopes(search: Find, residuals: Callable[[Mapping[str, str]], dict[str, Array]], x: Array, widths: Array) -> Array:
     """Return the Jacobian of the residuals by central differences, shape (rows, k)."""
     columns = []
     for k, width in enumerate(widths):
         ahead, behind = (
-            np.concatenate([*residuals(asked.text(x + sign * width * np.eye(len(x))[k])).values()])
+            np.concatenate([*residuals(search.text(x + sign * width * np.eye(len(x))[k])).values()])
             for sign in (1.0, -1.0)
         )
         columns.append((ahead - behind) / (2.0 * width))
     return np.array(columns).T
 
 
-def _solved(asked: Find, jacobian: Array, r: Array, widths: Array) -> Array:
+def _solved(search: Find, jacobian: Array, r: Array, widths: Array) -> Array:
     u, s, vt = np.linalg.svd(jacobian * widths, full_matrices=False)
-    if len(s) < len(asked.unknown) or s[-1] <= INDEPENDENT * s[0] or not s[0]:
-        weak = vt[-1] if len(s) == len(asked.unknown) else np.ones(len(asked.unknown))
-        tied = [path for path, share in zip(asked.unknown, weak, strict=True) if abs(share) > 0.1]
+    if len(s) < len(search.unknown) or s[-1] <= INDEPENDENT * s[0] or not s[0]:
+        weak = vt[-1] if len(s) == len(search.unknown) else np.ones(len(search.unknown))
+        tied = [path for path, share in zip(search.unknown, weak, strict=True) if abs(share) > 0.1]
         raise InputError(
             f"what is wanted does not determine {', '.join(tied)}",
             expected="unknowns that change what is wanted, each in its own way",

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,8 +16,8 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import table_figures
-from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.mechanism import Mechanism, mechanism_document, read_mechanism
+from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DynamicsError, InputError, MethodError, NumericsError
 from pinarm.input.formulas.expressions import Expression
@@ -25,12 +25,13 @@ from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import read_quantity
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.schema import InputStruct, Measured
+from pinarm.input.yaml.values import Values, varied, written_unit
 from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.payloads import Payload
 from pinarm.problems import KINDS, Problem, problem_class
-from pinarm.problems.common import Accuracy
-from pinarm.problems.simplify.requested_joints import joints_asked
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplified import Scene
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.result import Result
@@ -117,18 +118,14 @@ class Scenario:
     seed: int | None = None
 
     @classmethod
-    def load(cls, path: str | Path, overrides: list[str] | None = None) -> Scenario:
-        """Read a scenario file.
-
-        Args:
-            path: The file.
-            overrides: Assignments such as ``problem.time.end=3 s`` that replace values of the file.
+    def load(cls, path: str | Path, values: Values | None = None) -> Scenario:
+        """Read a scenario file; see ``pinarm.load``.
 
         Raises:
             InputError: The file cannot be read or has a mistake; the message says where.
         """
-        document = Document.read(Path(path), source=str(path))
-        return cls.of(_overridden(document, overrides), Path(path).parent)
+        document, folder = Document.read(Path(path), source=str(path)), Path(path).parent
+        return cls.of(_varied(document, folder, values) if values else document, folder)
 
     @classmethod
     def of(cls, document: Document, folder: Path) -> Scenario:
@@ -140,24 +137,17 @@ class Scenario:
         content = document.validate(ScenarioFile)
         return cls(document, content, _problem(document, content.problem), folder)
 
-    def varied(self, values: Mapping[str, Any]) -> Scenario:
+    def varied(self, values: Values) -> Scenario:
         """Return the scenario with other values.
 
         Args:
-            values: Path -> value as a file would have it, such as ``{"arguments.m_A": "0.2 kg"}``.
+            values: Path -> value as a file would have it, such as ``{"arguments.m_A": "0.2 kg"}``, or texts such as
+                ``["arguments.m_A=0.2 kg"]``; see ``input.yaml.values``.
 
         Raises:
             InputError: A path leads nowhere, or a value is wrong there.
         """
-        return self._of(self.document.varied(values))
-
-    def overridden(self, overrides: list[str] | None) -> Scenario:
-        """Return the scenario with assignments made to it; see ``load``.
-
-        Raises:
-            InputError: A path leads nowhere, or a value is wrong there.
-        """
-        return self._of(_overridden(self.document, overrides)) if overrides else self
+        return self._of(_varied(self.document, self.folder, values)) if values else self
 
     def merged(self, changes: Mapping[str, Any]) -> Scenario:
         """Return the scenario with the values that ``changes`` has at the same paths, as a file would have them."""
@@ -182,7 +172,7 @@ class Scenario:
             if Path(wanted).suffix:
                 source = contained_file((self.folder / wanted).absolute(), root_of(self.folder), {})
             changes = self.document.part("changes") if self.content.changes else None
-            loaded = Mechanism.load(
+            loaded = read_mechanism(
                 source, self.content.arguments, gravity=gravity, payloads=self.content.payloads, changes=changes,
                 locate=self.document.locating,
             )  # fmt: skip
@@ -203,8 +193,8 @@ class Scenario:
         if self.content.modelled == "whole":
             return Scene.whole(self.problem, self.mechanism)
         expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
-        asked = joints_asked([*self.content.outputs, *expected], self.symbols, self.mechanism)
-        return Scene.required(self.problem, self.mechanism, asked, self._place)
+        requested = requested_joints([*self.content.outputs, *expected], self.symbols, self.mechanism)
+        return Scene.required(self.problem, self.mechanism, requested, self._place)
 
     def run(self) -> Result:
         """Solve the problem; with ``accuracy.target``, at the cheapest setting whose error is below it.
@@ -212,11 +202,9 @@ class Scenario:
         Raises:
             PinarmError: The input is impossible, or the numerics failed; then ``partial`` holds the result until there.
         """
-        if self.content.accuracy.target is None:
-            return self.solve()
-        from pinarm.use.study.accuracy.tolerance_search import reach
+        from pinarm.use.study.accuracy.solved import solved
 
-        return reach(self)
+        return solved(self)
 
     def verified(self) -> Result:
         """Return the result with its global error estimated, and every row of it checked.
@@ -224,44 +212,44 @@ class Scenario:
         Raises:
             PinarmError: See ``run``.
         """
-        from pinarm.use.study.accuracy.error_estimate import verified
+        from pinarm.use.study.accuracy.solved import verified
 
         return verified(self)
 
     def solve(self) -> Result:
-        """Solve the problem as it is set; with ``find``, for the values that bring about what is wanted.
+        """Solve the problem once, at its own setting; with ``find``, for the values that bring about what is wanted.
 
         Raises:
             PinarmError: See ``run``.
         """
         if self.content.find:
-            return self._found(self.content.find)
+            return self._solve_found(self.content.find)
         try:
             with np.errstate(all="ignore"):  # what is not finite is found in the results, and said in words
-                return self._solved()
+                return self._solve_once()
         except np.linalg.LinAlgError as error:
             raise DynamicsError(
                 f"the equations of this mechanism have no solution ({error})",
                 hint="numbers of ordinary size, and a mass for whatever is free to move",
             ) from error
         except NumericsError as error:
-            if isinstance(error.partial, Trajectory):
-                error.partial = self.result(error.partial, {})
+            if isinstance(error.partial, Outcome):
+                error.partial = self.result(error.partial)
             raise
 
-    def _found(self, asked: Find) -> Result:
+    def _solve_found(self, search: Find) -> Result:
         """Find the unknown values and solve the problem with them."""
         bare = replace(
             self, document=replace(self.document, data={k: v for k, v in self.document.data.items() if k != "find"})
         )
 
         def residuals(values: Mapping[str, str]) -> dict[str, Array]:
-            return bare.varied(values)._left(asked)
+            return bare.varied(values)._residuals(search)
 
         with self.document.locating("find"):
-            found = find(asked, residuals)
+            found = find(search, residuals)
         result = bare.varied(found.values).solve()
-        starts = zip(asked.unknown.items(), found.numbers, strict=True)
+        starts = zip(search.unknown.items(), found.numbers, strict=True)
         figures = {f"{path} [{start.unit or '1'}]" if isinstance(start, Measured) else path: value
                    for (path, start), value in starts}  # fmt: skip
         left = {
@@ -269,19 +257,19 @@ class Scenario:
         }
         return replace(result, figures={**result.figures, **figures, **left})
 
-    def _left(self, asked: Find) -> dict[str, Array]:
+    def _residuals(self, search: Find) -> dict[str, Array]:
         """Return the wanted quantities less their targets, at all rows."""
-        _, run = self.scene.solve(self.content.accuracy, self._place)
-        quantities = Quantities(run, self.symbols, self.content.undetermined)
+        _, outcome = self.scene.solve(self.content.accuracy, self._place)
+        quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
         left = {}
-        for name, target in asked.wanted.items():
+        for name, target in search.wanted.items():
             series = quantities[name]
             if isinstance(target, Measured) and series.unit:
                 target.check(series.unit)
             left[name] = series.values - float(target)
         return left
 
-    def _solved(self) -> Result:
+    def _solve_once(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""
         try:
             solved = self.scene.solve(self.content.accuracy, self._place)
@@ -289,27 +277,33 @@ class Scenario:
             raise error.at(self.document.locate(("accuracy", "method"))) from None
         return self.measured(*solved)
 
-    def measured(self, solved: Trajectory, trajectory: Trajectory) -> Result:
-        """Return the result of a run that was solved, and of the same run of the whole mechanism, with its accuracy.
+    def measured(self, solved: Outcome, whole: Outcome) -> Result:
+        """Return the result with its accuracy, measured on the mechanism that was solved.
+
+        Args:
+            solved: What came out for that mechanism.
+            whole: The same for the whole mechanism.
 
         Raises:
             NumericsError: It is not finite.
         """
-        measured = {**solved.figures, **power_balance(solved), **table_figures(solved)}
-        removals = self.scene.removals if solved is not trajectory else ()
-        result = replace(self.result(trajectory, measured), removals=removals)
+        measured = {**solved.figures, **power_balance(solved.rows), **table_figures(solved.rows, solved.motion)}
+        removals = self.scene.removals if solved is not whole else ()
+        result = replace(self.result(whole), figures=measured, removals=removals)
         for index, name in enumerate(self.content.outputs):
             with self.document.locating("outputs", index):
                 result.require_finite(name)
         result = replace(result, figures={**result.figures, **result.quantities.figures()})
         if not all(math.isfinite(figure) for figure in result.figures.values()):
-            raise _beyond(trajectory)
+            raise _overflow(whole)
         return result
 
-    def result(self, trajectory: Trajectory, figures: Mapping[str, float]) -> Result:
-        """Return the result of a run of the whole mechanism, and the figures of its accuracy."""
-        quantities = Quantities(trajectory, self.symbols, self.content.undetermined)
-        return Result(self.name, self.problem.kind, self.content, self.document.data, quantities, figures, self.folder)
+    def result(self, outcome: Outcome) -> Result:
+        """Return the result of what came out for the whole mechanism; its accuracy is not measured."""
+        quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
+        return Result(
+            self.name, self.problem.kind, self.content, self.document.data, outcome, quantities, folder=self.folder
+        )
 
     def validate(self) -> None:
         """Check everything that can be checked without solving: the model, all names, all units.
@@ -343,16 +337,37 @@ class Scenario:
 
     def quantities(self) -> Quantities:
         """Return the quantities of one row, with nothing solved: enough to see which there are, and their units."""
-        return Quantities(self.problem.still(self.mechanism), self.symbols, self.content.undetermined)
+        return Quantities(self.problem.schema_row(self.mechanism), self.symbols, self.content.undetermined)
 
     def _place(self, *path: str | int) -> AbstractContextManager[None]:
         return self.document.locating("problem", *path)
 
 
-def _overridden(document: Document, overrides: list[str] | None) -> Document:
-    for assignment in overrides or []:
-        document = document.override(assignment)
-    return document
+def _varied(document: Document, folder: Path, values: Values) -> Document:
+    """Return the scenario in a document with other values; what it does not say itself, its mechanism file may."""
+    return varied(document, values, partial(declared_unit, document.data, folder))
+
+
+def declared_unit(data: Mapping[str, Any], folder: Path, path: str) -> str:
+    """Return the unit in which a scenario's mechanism file has the value at a path; empty for none.
+
+    Args:
+        data: The scenario as plain data.
+        folder: Folder that paths in it are relative to.
+        path: Path in the scenario: below ``arguments`` or ``changes``.
+    """
+    part, _, rest = path.partition(".")
+    wanted = data.get("mechanism")
+    if part not in ("arguments", "changes") or not isinstance(wanted, str) or not Path(wanted).suffix:
+        return ""
+    try:
+        file = mechanism_document(contained_file((folder / wanted).absolute(), root_of(folder), {})).data
+    except InputError:  # whoever needs the mechanism says what is wrong with it
+        return ""
+    if part == "changes":
+        return written_unit(file, rest)
+    declared = file.get("arguments") if isinstance(file, dict) else None
+    return str(declared.get(rest, "")) if isinstance(declared, dict) else ""
 
 
 def _problem(document: Document, given: object) -> Problem:
@@ -372,15 +387,27 @@ CHECKABLE = 1e150
 """Size of numbers whose squares, and so energies and powers, are still finite."""
 
 
-def _beyond(run: Trajectory) -> DynamicsError:
+def _overflow(outcome: Outcome) -> DynamicsError:
     """Return the error of a run whose numbers are too large to be checked: says from where on."""
+    run = outcome.rows
     state = np.hstack([run.q, run.v, run.a, run.tau])
     row = int((~(np.abs(state) < CHECKABLE)).any(axis=1).argmax())
     state_there = format_configuration(run.mechanism.model, run.q[row])
     where = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit} on, where {state_there}"
-    return DynamicsError(f"the numbers of this run are too large to be checked, from {where}", partial=run)
+    return DynamicsError(f"the numbers of this run are too large to be checked, from {where}", partial=outcome)
 
 
-def load(scenario: Scenario | str | Path, overrides: list[str] | None = None) -> Scenario:
-    """Read a scenario file; see ``Scenario.load``. Of a scenario that has been read, replace values."""
-    return scenario.overridden(overrides) if isinstance(scenario, Scenario) else Scenario.load(scenario, overrides)
+def load(scenario: Scenario | str | Path, values: Values | None = None) -> Scenario:
+    """Read and check a scenario file; nothing is computed before ``run``.
+
+    Args:
+        scenario: The file; or a scenario that has been read, of which values are to be replaced.
+        values: Other values than those of the file: ``{"problem.time.end": "3 s", "arguments.m_A": 0.2}``, or texts
+            ``["problem.time.end=3 s"]``. A bare number is in SI, and allowed where the file has an SI unit or none.
+
+    Raises:
+        InputError: The file cannot be read or has a mistake, or a path leads nowhere; the message says where.
+    """
+    if isinstance(scenario, Scenario):
+        return scenario.varied(values) if values else scenario
+    return Scenario.load(scenario, values)

@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
@@ -16,11 +16,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.motion.trajectory import ROW
+from pinarm.engine.series import Series
 from pinarm.input.units import Unit
 from pinarm.use.result.expectation import in_si
-from pinarm.use.result.result import Result
 from pinarm.use.result.row_lookup import at
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's palette."""
@@ -75,13 +78,13 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
         figure = Picture(figsize=(WIDTH, HEAD + HEIGHT * len(names)))
         FigureCanvasAgg(figure)
         axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-        look = POINTS if run.parameter == "row" else {}
+        look = POINTS if run.numbered else {}
         for index, (name, axis) in enumerate(zip(names, axes, strict=True)):
             _draw(axis, result[name], along.values / scale, {"color": COLOURS[index % len(COLOURS)], **look})
             _mark(axis, result[name], [entry for entry in keys if entry.quantity == name], scale)
         axes[-1].set_xlabel(axis_label(along.name, measured))
         axes[-1].margins(x=0.05 if look else 0.01)
-        if along.name == "row" and len(run) <= FEW:
+        if along.name == ROW and len(run) <= FEW:
             axes[-1].set_xticks(run.grid.t)
         figure.suptitle(plain(result.content.title or result.name))
     return figure
@@ -128,7 +131,7 @@ def answer_key(result: Result, along: str) -> list[Printed]:
             figures = np.broadcast_to(result.quantities.figure(entry.published_formula), len(result))
             found.append(Printed(entry.quantity, result[along].values, figures, entry.verdict == "misprint"))
         elif entry.published is not None and entry.at != "all":
-            row = at(result.quantities, entry.at, entry.quantity)
+            row = at(result, entry.at, entry.quantity)
             printed = in_si(entry.published, row[entry.quantity].unit)
             found.append(Printed(entry.quantity, float(row[along].values[0]), printed, entry.verdict == "misprint"))
     return found

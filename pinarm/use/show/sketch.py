@@ -6,7 +6,7 @@ import itertools
 import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
@@ -16,12 +16,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.use.result.result import Result
 from pinarm.use.show.plot import COLOURS, STYLE, Picture, plain, shown, symbol
 from pinarm.use.show.replay.framing import framing, upwards
-from pinarm.use.show.replay.overlays import Pair, Point, pairs
+from pinarm.use.show.replay.overlays import BodyPoint, Connection, pairs
 from pinarm.use.show.replay.sticks import cuboid, reach, sticks
 from pinarm.use.show.replay.tracks import nodes_of, placed
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
 
 BETWEEN = 4
 """Positions between start and end."""
@@ -62,10 +64,10 @@ class Sticks:
 
     lines: list[tuple[int, Array]]
     pins: list[int]
-    rails: list[tuple[int, Point]]
+    rails: list[tuple[int, BodyPoint]]
     mounts: list[Array]
-    tips: list[Point]
-    pairs: list[Pair]
+    tips: list[BodyPoint]
+    pairs: list[Connection]
     axes: Array
 
     def flat(self, place: Array, node: int, points: Array) -> Array:
@@ -83,17 +85,17 @@ def sketch(result: Result) -> Picture:
     drawn, model = _sticks(run), run.mechanism.model
     rows = np.unique(np.linspace(0, len(run) - 1, BETWEEN + 2).round().astype(np.intp))
     places = dict(zip(rows.tolist(), placed(model, run.q[rows]), strict=True))
-    told = rows.tolist() if run.parameter == "row" else [0, len(run) - 1]
+    drawn_rows = rows.tolist() if run.numbered else [0, len(run) - 1]
     with matplotlib.rc_context({**STYLE, "axes.grid": False}):
         figure = Picture(figsize=(SIZE, SIZE))
         FigureCanvasAgg(figure)
         axis = figure.subplots()
-        if run.parameter != "row":
+        if not run.numbered:
             for tip, paths in itertools.product(drawn.tips, [placed(model, run.q, FINE)]):
                 axis.plot(*(drawn.axes @ tip.path(paths).T), color="0.6", linewidth=0.7, linestyle=":")
-        for row in places.keys() - set(told):
+        for row in places.keys() - set(drawn_rows):
             _draw(axis, drawn, places[row], "0.8", 1.0)
-        for k, row in enumerate(told):
+        for k, row in enumerate(drawn_rows):
             _draw(axis, drawn, places[row], COLOURS[k], 2.2, _where(result, row))
         for mount in drawn.mounts:
             axis.plot(*drawn.axes @ mount, marker=MOUNT, color="0.35", markersize=14, zorder=1)
@@ -113,13 +115,13 @@ def _sticks(run: Trajectory) -> Sticks:
         points = reach(model, nodes, node)
         ends = points[points.any(axis=1)]
         lines += [(node, np.array([np.zeros(3), end])) for end in ends] or list(_box(model.inertias[node], node))
-        tips += [Point(node, end) for end in ends if (node, tuple(end)) not in known]
+        tips += [BodyPoint(node, end) for end in ends if (node, tuple(end)) not in known]
     seen = framing(model, nodes, list(sticks(model, nodes, range(len(nodes)))), places, [])
     eye = seen.eye if seen.normal is None else seen.normal
     up = upwards(eye, seen.up)
     own = [k for k, node in enumerate(nodes) if k and node.carries and (not node.parent or nodes[node.parent].carries)]
     pins = [k for k in own if nodes[k].kind == "turn"]
-    rails = [(k, Point(nodes[k].parent, np.asarray(nodes[k].placement.translation))) for k in own
+    rails = [(k, BodyPoint(nodes[k].parent, np.asarray(nodes[k].placement.translation))) for k in own
              if nodes[k].kind == "slide"]  # fmt: skip
     mounts = [np.asarray(nodes[k].placement.translation) for k in pins if not nodes[k].parent]
     mounts += [end.place for pair in joined if pair.kind in ("loop", "spring") for end in pair.ends if not end.node]
@@ -152,7 +154,7 @@ def _draw(axis: Axes, drawn: Sticks, place: Array, colour: str, width: float, la
     axis.plot([], [], color=colour, linewidth=width, label=label)
 
 
-def _join(axis: Axes, pair: Pair, ends: list[Array], colour: str, width: float) -> None:
+def _join(axis: Axes, pair: Connection, ends: list[Array], colour: str, width: float) -> None:
     """Draw what joins two points: a spring as a coil, a cylinder thick and light, a loop joint as its pin."""
     one, two = ends
     along, share = two - one, np.linspace(0.0, 1.0, len(COIL))
@@ -180,7 +182,7 @@ def _where(result: Result, row: int) -> str:
     run = result.trajectory
     scale, measured = shown(result[run.parameter])
     value = f"{run.grid.t[row] / scale:.4g}".replace("-", "−")
-    if run.parameter == "row":
+    if run.numbered:
         return f"row {value}"
     unit = {"1": "", "°": "°"}.get(str(measured or "1"), f" {measured}")
     return f"{'end' if row else 'start'}: {symbol(run.parameter)} = {plain(value + unit)}"

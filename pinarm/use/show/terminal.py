@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.errors import printable
-from pinarm.problems.simplify.simplified import in_short
-from pinarm.use.result.result import CLOSURES, COSTS, MEASURES, RESIDUALS, Result
+from pinarm.problems.simplify.simplified import removal_lines
+from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, RESIDUALS
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
 
 FEW = 6
 """Rows that are shown beside each other."""
@@ -21,7 +25,7 @@ def report(result: Result) -> str:
 def ranges(result: Result) -> list[list[str]]:
     """Return a heading and the range of every output; a few rows that stand for themselves are shown as they are."""
     run = result.trajectory
-    if run.parameter == "row" and len(run) <= FEW:
+    if run.numbered and len(run) <= FEW:
         rows = [["", "unit", *(f"row {number:g}" for number in run.grid.t)]]
         rows += [[*_heading(series), *(f"{number:.7g}" for number in series.values + 0.0)]  # -0 becomes 0
                  for series in result.columns()[1:]]  # fmt: skip
@@ -46,19 +50,19 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 def remarks(result: Result) -> list[str]:
     """Return what is to be said beside the numbers, a line each: accuracy, cost, what was found, limits, notes."""
     run = result.trajectory
-    lines = _error(result) + _worth(result.figures, run.parameter)
+    lines = _error_lines(result) + _accuracy_lines(result.figures, run.parameter)
     cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name in COSTS]
     lines.append(f"rows: {len(run)}" + (f"; {', '.join(cost)}" if cost else ""))
     lines += [f"{name}: {value:.9g}" for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
     lines += [f"payload {name}: {float(payload.mass):.9g} kg at {payload.point}"
               for name, payload in run.mechanism.payloads.items()]  # fmt: skip
-    lines += in_short(result.removals)
+    lines += removal_lines(result.removals)
     lines += [f"limit: {excess.words(run)}" for excess in result.excesses()]
     lines += [f"note: {note}" for note in result.notes()]
     return [printable(line) for line in lines]
 
 
-def _error(result: Result) -> list[str]:
+def _error_lines(result: Result) -> list[str]:
     """Return what is known of the global error, and whether it is below its target."""
     if result.error is None:
         return []
@@ -70,7 +74,7 @@ def _error(result: Result) -> list[str]:
     return [line] + ([f"target {target:g}: {verdict}"] if target is not None else [])
 
 
-def _worth(figures: Mapping[str, float], parameter: str) -> list[str]:
+def _accuracy_lines(figures: Mapping[str, float], parameter: str) -> list[str]:
     """Return what a run says of its accuracy, a line for each kind of figure."""
     residuals, gaps = (
         ", ".join(f"{name} {figures[name]:.1e}" for name in names if name in figures) for names in (RESIDUALS, CLOSURES)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.use.store.files import cell
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
@@ -58,6 +58,20 @@ def statistics(series: Series) -> dict[str, Any]:
     found |= {"mean": values.mean(), "deviation": values.std(ddof=1) if len(values) > 1 else 0.0}
     found |= {name: np.quantile(values, share) for name, share in QUANTILES.items()}
     return {name: float(value) if isinstance(value, np.floating) else value for name, value in found.items()}
+
+
+def statistics_rows(each: str, entries: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
+    """Return a table of the statistics of columns: a heading, and a row for each.
+
+    Args:
+        each: What a line of the columns is, such as ``case``, for the headings.
+        entries: Column -> its ``statistics``.
+    """
+    rows = [["", "unit", "min", f"in {each}", "mean", "deviation", "max", f"in {each}"]]
+    for name, entry in entries.items():
+        numbers = [entry.get(key) for key in ("min", "at_min", "mean", "deviation", "max", "at_max")]
+        rows.append([name[:48], entry["unit"], *("-" if number is None else f"{number:.7g}" for number in numbers)])
+    return rows
 
 
 def failures(errors: Mapping[int, str]) -> list[dict[str, Any]]:

@@ -7,25 +7,29 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.dynamics.equation import Dynamics
-from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.mechanism import Mechanism, read_mechanism
+from pinarm.engine.motion.outcome import Outcome, SolvedMotion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.problems.common import bind_loads
 from pinarm.problems.simplify.simplified import Removal
-from pinarm.use.result.result import MEASURES, Result
+from pinarm.use.result.measures import MEASURES
+from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
+
+if TYPE_CHECKING:
+    from pinarm.use.show.replay.page import Replay
 
 NEEDED = ("scenario.yaml", "mechanism.yaml", "trajectory.npz", "summary.json")
 """Files without which a folder is no result."""
@@ -52,12 +56,37 @@ def restore(folder: str | Path) -> Result:
     scenario = Scenario.load(folder / "scenario.yaml")
     content = scenario.content
     mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
-    run = _trajectory(scenario, mechanism, arrays)
-    figures = summary["figures"]
-    quantities = Quantities(replace(run, figures=figures), scenario.symbols, content.undetermined)
+    rows, figures = _rows(scenario, mechanism, arrays), summary["figures"]
+    outcome = Outcome(rows, None if rows.numbered else SolvedAnew(scenario, mechanism, rows.grid.cuts))
+    quantities = Quantities(rows, scenario.symbols, content.undetermined)
     name, kind = str(summary["scenario"]), scenario.problem.kind
-    data, told = scenario.document.data, {key: summary[key] for key in ("errors", "setting", "removals")}
-    return Result(name, kind, content, data, quantities, figures, folder, **told)
+    data = scenario.document.data
+    measured = {key: summary[key] for key in ("errors", "setting", "removals")}
+    return Result(name, kind, content, data, outcome, quantities, figures, folder, **measured)
+
+
+def replay(
+    result: Result | str | Path,
+    *,
+    traces: Sequence[str] = (),
+    arrows: Sequence[str] = (),
+    plots: Sequence[str] | None = None,
+) -> Replay:
+    """Return the moving picture of a result.
+
+    Args:
+        result: The result, or the folder that it was written to.
+        traces: Links whose origins leave a path; ``com`` for the centre of mass.
+        arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
+        plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
+
+    Raises:
+        InputError: A name is unknown, the run does not have what is asked, or the folder is no result.
+    """
+    from pinarm.use.show.replay.page import replay_page
+
+    given = result if isinstance(result, Result) else restore(result)
+    return replay_page(given, traces=traces, arrows=arrows, plots=plots)
 
 
 def _summary(path: Path) -> dict[str, Any]:
@@ -96,24 +125,58 @@ def _arrays(path: Path) -> dict[str, Array]:
 
 def _mechanism(folder: Path, scenario: Scenario) -> Mechanism:
     """Return the mechanism, whose arguments the text of the model no longer has."""
-    mechanism = Mechanism.load(folder / "mechanism.yaml", gravity=scenario.content.gravity,
-                               payloads=scenario.content.payloads)  # fmt: skip
-    given = scenario.content.arguments
+    content = scenario.content
+    mechanism = read_mechanism(folder / "mechanism.yaml", gravity=content.gravity, payloads=content.payloads)
+    given = content.arguments
     units = {name: value.unit for name, value in given.items() if value.unit is not None}
     arguments: Mapping[str, float] = {name: float(value) for name, value in given.items()}
     return replace(mechanism, arguments=arguments, argument_units=units)
 
 
-def _trajectory(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
-    """Return the motion; asked for other instants, it is solved anew.
+@dataclass(frozen=True, eq=False)
+class SolvedAnew:
+    """The motion of a result that was read: solved when other instants than the saved ones are asked for.
+
+    Attributes:
+        scenario: The scenario.
+        mechanism: The mechanism, as it was saved.
+        cuts: Bounds of the intervals between jumps.
+    """
+
+    scenario: Scenario
+    mechanism: Mechanism
+    cuts: Sequence[float]
+
+    @cached_property
+    def _motion(self) -> SolvedMotion:
+        place = partial(self.scenario.document.locating, "problem")
+        outcome = self.scenario.problem.solve(self.mechanism, self.scenario.content.accuracy, place)
+        assert outcome.motion is not None
+        return outcome.motion
+
+    def at(self, grid: Grid) -> Trajectory:
+        """Return the states at other values of the parameter.
+
+        Raises:
+            PinarmError: The problem cannot be solved any more.
+        """
+        return self._motion.at(grid)
+
+    def positions(self, t: Array) -> Array:
+        """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""
+        return self._motion.positions(t)
+
+
+def _rows(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
+    """Return the states of a result.
 
     Raises:
         InputError: The arrays are not those of this mechanism.
     """
-    problem, place, n = scenario.problem, scenario.document.locating, len(arrays["t"])
+    problem, n = scenario.problem, len(arrays["t"])
     guides = [str(name) for name in arrays["guides"].reshape(-1)]
     closure = mechanism.closure.with_guides(guides, [mechanism.coordinate(name) for name in guides])
-    still, (nq, nv) = problem.still(mechanism), (mechanism.model.nq, mechanism.model.nv)
+    still, (nq, nv) = problem.schema_row(mechanism), (mechanism.model.nq, mechanism.model.nv)
     wanted = {"q": (n, nq), "v": (n, nv), "a": (n, nv), "tau": (n, nv), "lam": (n, closure.size), "t": (n,)}
     wanted |= {"further": (len(still.further), n)} if still.further else {}
     grid = Grid(arrays["t"], tuple(arrays["cuts"].tolist()), tuple(int(row) for row in arrays["rows"]))
@@ -121,12 +184,10 @@ def _trajectory(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, A
         raise InputError("the states of this result are not those of its model", hint=AGAIN)
     further = {name: replace(series, values=row)
                for (name, series), row in zip(still.further.items(), arrays["further"], strict=False)}  # fmt: skip
-    loads = bind_loads(mechanism, getattr(problem, "loads", {}), lambda *at: place("problem", *at))
-    again = lambda other: problem.solve(mechanism, scenario.content.accuracy, place).again(other)  # noqa: E731
     lam = Multipliers.known(arrays["lam"], mechanism.closure.size)
     return replace(
         still, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], tau=arrays["tau"], lam=lam,
-        closure=closure, dynamics=Dynamics.of(mechanism.model, loads), again=again, further=further,
+        closure=closure, further=further,
     )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -14,12 +14,13 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import Source
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.mechanics.loading.pinocchio_model import file_suffix
-from pinarm.use.result.integration_settings import setting_of
-from pinarm.use.result.result import Result
 from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
 
 
 def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, float] | None = None) -> Path:
@@ -124,7 +125,7 @@ def _resolved(result: Result, folder: Path) -> str:
         for name, value in result.trajectory.mechanism.arguments.items()
     }
     accuracy = result.content.accuracy
-    decided = setting_of(accuracy) if accuracy.target is None else result.data["accuracy"]
+    decided = accuracy.setting_keys if accuracy.target is None else result.data["accuracy"]
     written["accuracy"] = {**decided, "max_steps": accuracy.max_steps}
     source = Path(str(written["mechanism"]))
     if source.suffix:
@@ -135,9 +136,9 @@ def _resolved(result: Result, folder: Path) -> str:
 
 def _mechanism(source: Source, folder: Path, model: str) -> str:
     """Return the mechanism file for the model beside it, which has no arguments any more."""
-    told = {key: value for key, value in _moved(source.data, source.folder, folder).items() if key != "arguments"}
+    data = {key: value for key, value in _moved(source.data, source.folder, folder).items() if key != "arguments"}
     base = {"base": source.base} if source.base else {}
-    return yaml_text({**told, "robot": model, **base, "defects": source.defects})
+    return yaml_text({**data, "robot": model, **base, "defects": source.defects})
 
 
 _MESH = re.compile(r"""(<mesh\b[^>]*?\bfilename\s*=\s*)(["'])(?!\w+://|/)(.*?)\2""", re.DOTALL)

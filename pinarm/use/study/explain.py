@@ -9,10 +9,12 @@ from pathlib import Path
 from pinarm.engine.kinematics.mobility import Mobility, assembled_near, joint_kind, mobility_of
 from pinarm.engine.mechanism import Mechanism
 from pinarm.input.yaml.document import Document
+from pinarm.input.yaml.values import Values
 from pinarm.mechanics.couplings import Coupling
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.problems.simplify.simplified import Removal
 from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.study.run import run
 
 
 @dataclass(frozen=True)
@@ -95,21 +97,22 @@ class Explanation:
         return lines + [f"  {one.joint}: {one.how}, {one.why}" for one in self.removals]
 
 
-def explain(path: str | Path, overrides: list[str] | None = None) -> Explanation:
+def explain(path: str | Path, values: Values | None = None) -> Explanation:
     """Return the structure of a scenario's mechanism where its motion begins, or of a model near its zero position.
 
     Args:
         path: A scenario, a mechanism file, a model file, or the name of a robot.
-        overrides: Assignments to a scenario, as ``--set`` makes them.
+        values: Other values than those of the scenario (see ``pinarm.load``), or of the mechanism file (see
+            ``Mechanism.load``).
 
     Raises:
         PinarmError: The file has a mistake, or the loops cannot be closed.
     """
     file = Path(path)
     if file.suffix in (".yaml", ".yml") and "problem" in (Document.read(file).data or {}):
-        scenario = Scenario.load(file, overrides)
-        q, whole = scenario.run().trajectory.q[0], scenario.mechanism
+        scenario = Scenario.load(file, values)
+        q, whole = run(scenario).trajectory.q[0], scenario.mechanism
         return Explanation(whole, mobility_of(whole, q), "where the motion begins", scenario.scene.removals)
-    mechanism = Mechanism.load(path)
+    mechanism = Mechanism.load(path, values=values)
     q = assembled_near(mechanism, {})
     return Explanation(mechanism, mobility_of(mechanism, q), "in the closed position nearest to zero")

@@ -1,50 +1,56 @@
-"""One call to solve a scenario, and one to look whether it could be solved."""
+"""One call to solve a scenario, and one to check it without solving."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from pinarm.errors import InputError
+from pinarm.input.yaml.values import Values
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario, load
 
 
-def run(scenario: Scenario | str | Path, overrides: list[str] | None = None) -> Result:
-    """Solve a scenario.
+def run(scenario: Scenario | str | Path, values: Values | None = None) -> Result:
+    """Solve a scenario; with ``accuracy.target``, at the cheapest setting whose error is below it.
 
     Args:
         scenario: The scenario, or its file.
-        overrides: Assignments such as ``problem.time.end=3 s`` that replace values of it.
+        values: Other values than those of the file, such as ``{"problem.time.end": "3 s"}``; see ``pinarm.load``.
+
+    Returns:
+        The result: ``result["C_B"]`` is a quantity with its unit, one value per row.
 
     Raises:
         PinarmError: The input has a mistake or is impossible, or the numerics failed; then ``partial`` holds the result
             until there.
     """
-    return load(scenario, overrides).run()
+    return load(scenario, values).run()
 
 
-def validate(scenario: Scenario | str | Path) -> list[Scenario]:
+def validate(scenario: Scenario | str | Path, values: Values | None = None) -> list[Scenario]:
     """Check everything that can be checked without solving, and return what was checked.
 
     Args:
         scenario: The scenario, its file, or a folder of them.
+        values: Other values for each of them, such as ``{"problem.time.end": "3 s"}``; see ``pinarm.load``.
 
     Raises:
         PinarmError: One has a mistake; the message says where.
     """
-    found = scenarios(scenario)
-    for one in found:
-        one.validate()
-    return found
+    checked = scenarios(scenario, values)
+    for each in checked:
+        each.validate()
+    return checked
 
 
-def scenarios(given: Scenario | str | Path) -> list[Scenario]:
-    """Return a scenario, that of a file, or those of a folder.
+def scenarios(given: Scenario | str | Path, values: Values | None = None) -> list[Scenario]:
+    """Return a scenario, that of a file, or those of a folder, with other values.
 
     Raises:
         InputError: A file has a mistake, or the folder has none.
     """
-    return [given] if isinstance(given, Scenario) else [load(file) for file in scenario_files(Path(given))]
+    files = [given] if isinstance(given, Scenario) else scenario_files(Path(given))
+    return [load(each, values) for each in files]
 
 
 def scenario_files(path: Path) -> list[Path]:

@@ -2,11 +2,17 @@
 
 import numpy as np
 import pytest
+from pinarm.engine.imposed import Imposed
+from pinarm.engine.systems import system_of
+from pinarm.engine.systems.contract import Initial
 
+from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import PinarmError
 from pinarm.mechanics.laws import Harmonic
 
 from . import equal_four_bars
+from .conftest import MODELS
 from .energy_integral import EnergyIntegral
 from .four_bar_closed_form import ChangePoint, FourBar
 
@@ -83,6 +89,49 @@ def test_no_tolerance_takes_the_change_point_linkage_to_another_motion(solve, to
         theta3, theta4, *_ = CHANGE_POINT.slopes(found["theta2"].values)
         assert np.exp(1j * found["theta3"].values) == pytest.approx(np.exp(1j * theta3), abs=1e-9)
         assert np.exp(1j * found["theta4"].values) == pytest.approx(np.exp(1j * theta4), abs=1e-9)
+
+
+def test_last_digits_of_the_start_do_not_decide_how_a_change_point_is_passed(solve):
+    """Where the passage hung on rounding, the same motion took 1400 to 8300 steps, or was refused."""
+    steps = []
+    for k in range(4):
+        initial = {"position": {"theta2": 0.0}, "velocity": {"theta2": 17.3 * (1.0 + 1e-13 * k)}}
+        found = solve("change_point_four_bar", "forward", end=3.0, tolerance=1e-12, start=OPEN, initial=initial)
+        steps.append(found.trajectory.figures["steps"])
+    assert max(steps) < 1.1 * min(steps)
+
+
+@pytest.mark.parametrize("speed", [12.0, -6.0])
+def test_a_step_may_end_on_a_change_point(speed):
+    """A singular position is not taken for one of a mechanism of lower rank: the acceleration stays smooth."""
+    mechanism = Mechanism.load(MODELS / "change_point_four_bar" / "mechanism.yaml")
+    dynamics, initial = Dynamics.of(mechanism.model), Initial(np.array([0.0, 0.8, 1.8]), np.zeros(3))
+    interval = system_of(mechanism.closure, dynamics, Imposed((), (), ()), initial).interval(dynamics, 0.0, 1.0)
+    found = []
+    for t, turned in enumerate([2.0, 3.0, np.pi - 0.01, np.pi, np.pi + 0.01]):
+        theta3, theta4, d3, d4 = CHANGE_POINT.slopes(np.array(turned))
+        q, v = np.array([turned, theta3 - turned, theta4]), speed * np.array([1.0, d3 - 1.0, d4])
+        found.append(interval.acceleration(0.1 * t, *interval.settle(0.1 * t, q, v)).copy())
+    assert found[3] == pytest.approx(0.5 * (found[2] + found[4]), rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5, 1e-7, 1e-9, 1e-11, 1e-12, 1e-13])
+def test_it_is_passed_from_any_start(solve, tolerance):
+    generator = np.random.default_rng(3)
+    for _ in range(40):
+        turned, speed = generator.uniform(-2.5, 2.5), generator.uniform(12.5, 20.0) * generator.choice([-1.0, 1.0])
+        theta3, theta4, *_ = CHANGE_POINT.slopes(np.array(turned))
+        found = solve(
+            "change_point_four_bar", "forward", end=3.0, samples=61, tolerance=tolerance,
+            start={"A": theta3 - turned, "theta4": theta4},
+            initial={"position": {"theta2": turned}, "velocity": {"theta2": speed}},
+        )  # fmt: skip
+        theta3, theta4, *_ = CHANGE_POINT.slopes(found["theta2"].values)
+        assert np.exp(1j * found["theta3"].values) == pytest.approx(np.exp(1j * theta3), abs=1e-9)
+        assert np.exp(1j * found["theta4"].values) == pytest.approx(np.exp(1j * theta4), abs=1e-9)
+        error = np.ptp(found["energy.total"].values) / np.ptp(found["energy.kinetic"].values)
+        assert error < max(100.0 * tolerance, 1e-8)
 
 
 @pytest.mark.parametrize("speed", [7.5, 10.5])

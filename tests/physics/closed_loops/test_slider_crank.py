@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pinarm.engine.checks.residuals import table_figures
+from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import NumericsError
 from pinarm.mechanics.forces.point import Wrench
 from pinarm.mechanics.laws import ConstantSpeed, Harmonic
@@ -77,30 +78,31 @@ def test_a_rod_as_long_as_the_crank_goes_on_through_the_singular_position(solve,
 
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-6, 1e-7, 1e-8, 1e-9])
 @pytest.mark.parametrize("speed", [1.0, 6.0])
-def test_with_a_rod_without_mass_it_goes_through_or_says_that_it_does_not(solve, tolerance, speed):
+def test_with_a_rod_without_mass_it_goes_through_or_says_that_it_does_not(outcome, tolerance, speed):
     light = {"r": 0.1, "L": 0.1, "m3": 0.0, "I3": 0.0}
     start = {"position": {"theta": 0.1}, "velocity": {"theta": speed}}
     try:
-        found = solve("slider_crank", "forward", arguments=light, end=3.0 / speed, samples=13, initial=start,
+        solved = outcome("slider_crank", "forward", arguments=light, end=3.0 / speed, samples=13, initial=start,
                       start=TURNING["start"], tolerance=tolerance)  # fmt: skip
     except NumericsError as error:
         assert "singular" in str(error)
     else:
-        if not any(note.startswith("energy: ") for note in found.trajectory.notes):
+        if not any(note.startswith("energy: ") for note in solved.notes):
+            found = Quantities(solved.rows)
             assert found["x"].values == pytest.approx(0.2 * np.cos(found["theta"].values), abs=1e-6)
 
 
 @pytest.mark.parametrize("kind", ["inverse", "forward"])
-def test_the_nearest_singular_position_is_found_between_the_rows(solve, kind):
+def test_the_nearest_singular_position_is_found_between_the_rows(outcome, kind):
     """Of all positions the one at a quarter turn is the nearest, by the square root of what the rod is longer."""
     start = {"position": {"theta": 0.1}, "velocity": {"theta": 6.0}}
     asked = TURNING if kind == "inverse" else {"initial": start, "start": TURNING["start"]}
     close = []
     for longer in (1e-6, 1e-7):
-        found = solve(
+        solved = outcome(
             "slider_crank", kind, arguments={"r": 0.1, "L": 0.1 * (1.0 + longer)}, end=0.6, samples=13, **asked
         )
-        figures = table_figures(found.trajectory)
+        figures, found = table_figures(solved.rows, solved.motion), Quantities(solved.rows)
         close.append(figures["regularity"])
         place = np.interp(figures["least regular at"], found["t"].values, found["theta"].values)
         assert place == pytest.approx(np.pi / 2, abs=0.03)  # rows are 0.3 rad apart, and not evenly

@@ -282,7 +282,7 @@ class AdaptiveStepper:
         self.y = self.stages.y
         self.errors, self.sizes = np.empty((len(method.tableau.error), len(self.y))), np.empty((2, len(self.y)))
         self.order = method.tableau.error_order + 1
-        self.ceiling = FASTEST
+        self.ceiling, self.floored = FASTEST, False
 
     @property
     def finite(self) -> bool:
@@ -308,10 +308,9 @@ class AdaptiveStepper:
         self.stages.advance(t, h)
         self.count.evaluations += self.tableau.stages
         error = self._error(h)
-        if 1.0 < error < NOISE / self.tolerance and h <= 1.001 * self.stages.interval.floor():
-            self.count.floored += 1
-            return 1.0
-        return error
+        self.floored = 1.0 < error < NOISE / self.tolerance and h <= 1.001 * self.stages.interval.floor()
+        self.count.floored += self.floored
+        return 1.0 if self.floored else error
 
     def _error(self, h: float) -> float:
         """Return the error of the step over the tolerance; Hairer, Norsett, Wanner, section II.10, eq. (10.17).
@@ -345,6 +344,8 @@ class AdaptiveStepper:
         self.stages.move()
         self.count.evaluations += self.stages.settle(t)
         grown = h * growth(error, self.order, self.ceiling)
+        if self.floored:
+            grown = max(grown, self.stages.interval.floor())
         self.ceiling = FASTEST
         return slopes, grown
 

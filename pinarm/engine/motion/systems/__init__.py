@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.coordinate_partition import Reduction
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.pinocchio_constraints import PointClosure
 from pinarm.engine.integration.integrator import Flat
 from pinarm.engine.kinematics.prescribed import Imposed
@@ -15,12 +15,12 @@ from pinarm.engine.motion.systems.constrained import ConstrainedSystem
 from pinarm.engine.motion.systems.free import FreeSystem
 from pinarm.engine.motion.systems.partitioned import FreePart, ReducedSystem
 from pinarm.engine.motion.systems.point_constrained import PointSystem
-from pinarm.engine.motion.systems.system import Initial, Motion, System
+from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings import Coupling, independent
 from pinarm.mechanics.laws import Constant
 
-__all__ = ["Initial", "Motion", "System", "system_of"]
+__all__ = ["CompletedStates", "Initial", "System", "system_of"]
 
 
 def system_of(closure: Closure, dynamics: Dynamics, imposed: Imposed, initial: Initial) -> System:

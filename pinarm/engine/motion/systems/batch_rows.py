@@ -15,7 +15,7 @@ from pinarm.engine.constraints.batch_jacobians import MeasuredAll, Measures
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.elimination import dense
 from pinarm.engine.constraints.nullspace_batch import Freedom, regular_order
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
 
 CLOSED = 1e-13
 """Gap at which a state counts as closed [m or rad]; one step more ends at rounding."""

@@ -18,14 +18,16 @@ from pinarm.engine.constraints.batch_jacobians import BLOCK
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspace import RANK, Split, Splits
-from pinarm.engine.dynamics.equation import Dynamics, mass_matrices, mass_matrix, parts
+from pinarm.engine.dynamics.dynamics import Dynamics, parts
+from pinarm.engine.dynamics.equation import solve, solve_each
+from pinarm.engine.dynamics.mass_matrix import mass_matrices, mass_matrix
 from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.integration.integrator import Energy, Interval, Manifold
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.motion.systems.batch_rows import CLOSED, ITERATIONS, ROUNDED, TURNED, Solved, Together
 from pinarm.engine.motion.systems.row_motion import RowMotion
-from pinarm.engine.motion.systems.system import Initial, Motion
+from pinarm.engine.motion.systems.system import CompletedStates, Initial
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.ball_joints import coordinate_at, coordinate_name
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -77,15 +79,15 @@ class ConstrainedSystem:
         """
         w, dw, ddw = self.imposed.on(start, end)(start)
         given = [coordinate_at(self.rows.model, index) for index in initial.positions]
-        values = [one.value(self.rows.data, initial.q) for one in given]
+        here = self.rows.state(initial.q)
+        values = [one.value(here) for one in given]
         everything = Imposed(
             (*self.imposed.names, *(coordinate_name(self.rows.model, index) for index in initial.positions)),
             (*self.imposed.coordinates, *given),
             (*self.imposed.laws, *(Constant(value=value) for value in values)),
         )
         q = assembled(self.own, everything, initial.q, np.array([*w, *values]), start)
-        self.rows.place(q)
-        self._check_independent()
+        self._check_independent(self.rows.rows(self.rows.state(q)))
         require_masses(self.rows, q[None], start)
         v = self._velocity(q, initial, dw)
         self._check_lasting(q, v, ddw)
@@ -93,8 +95,8 @@ class ConstrainedSystem:
 
     def _check_lasting(self, q: Array, v: Array, ddw: Array) -> None:
         """Raise where the loops allow velocities for an instant only, as of two bars in one line between fixed ends."""
-        self.rows.place(q)
-        rows, right = self.rows.rows(), self.rates(ddw) - self.rows.drift(q, v)
+        state = self.rows.state(q, v)
+        rows, right = self.rows.rows(state), self.rates(ddw) - self.rows.drift(state)
         left = np.abs(rows @ Split.of(rows).particular(right) - right)
         rounding = ROUNDING * float(np.abs(v).max(initial=0.0)) ** 2
         if left.max(initial=0.0) > LASTING * np.abs(right).max(initial=0.0) + rounding:
@@ -108,8 +110,8 @@ class ConstrainedSystem:
                 hint="start beside the position, or at rest",
             )
 
-    def _check_independent(self) -> None:
-        k, rows = len(self.imposed.names), self.rows.rows()
+    def _check_independent(self, rows: Array) -> None:
+        k = len(self.imposed.names)
         if k and len(Split.of(rows).values) < len(Split.of(rows[: self.own.size]).values) + k:
             raise InputError(
                 f"the laws of {', '.join(self.imposed.names)} and the loops determine the same motion twice",
@@ -122,16 +124,15 @@ class ConstrainedSystem:
         Where it cannot have that, it has what comes closest.
         """
         model = self.rows.model
-        nv, mass = model.nv, mass_matrix(model, self.rows.data, q)
-        self.rows.place(q)
-        rows, right = self.rows.rows(), self.rates(dw)
+        nv, mass = model.nv, mass_matrix(model, q)
+        rows, right = self.rows.rows(self.rows.state(q)), self.rates(dw)
         given = np.eye(nv)[list(initial.velocities)]
         split = Split.of(rows)
         x, scale = split.particular(right), 1.0 / self.rows.scale[list(initial.velocities)]
         left = initial.v[list(initial.velocities)] - given @ x
         ways = np.linalg.lstsq(scale[:, None] * (given @ split.free), scale * left, rcond=RANK)[0]
         values = given @ (x + split.free @ ways)
-        return Split.of(np.vstack([rows, given])).solve(mass, np.zeros(nv), np.concatenate([right, values]))
+        return solve(Split.of(np.vstack([rows, given])), mass, np.zeros(nv), np.concatenate([right, values]))
 
     def rates(self, targets: Array) -> Array:
         """Return the right-hand side of the rows: 0 for the constraints, then what the laws ask for, shape (.., k)."""
@@ -161,15 +162,15 @@ class ConstrainedSystem:
             AssemblyError: Newton's method does not close one.
         """
         model, rows, values, polished = self.rows.model, self.rows, self.rates(w), False
-        mass, still, size = mass_matrices(model, rows.data, q), np.zeros_like(v), max(1.0, rows.extent)
+        mass, still, size = mass_matrices(model, q), np.zeros_like(v), max(1.0, rows.extent)
         whole = size + np.abs(values).max(axis=1)
         for _ in range(ITERATIONS):
             gaps, matrices = rows.at(q)
             gaps, splits = values - gaps, rows.splits(q, matrices)
             torn = np.abs(gaps).max(axis=1)
             if polished or (torn <= ROUNDED * whole).all():
-                return q, splits.solve(mass, np.matvec(mass, v), self.rates(dw)), splits
-            q = _moved(model, q, splits.solve(mass, still, gaps))
+                return q, solve_each(splits, mass, np.matvec(mass, v), self.rates(dw)), splits
+            q = _moved(model, q, solve_each(splits, mass, still, gaps))
             excess = torn - CLOSED * whole - TURNED * size * np.abs(q).max(axis=1)
             polished = bool((excess <= 0.0).all())
         worst = int(excess.argmax())
@@ -196,7 +197,7 @@ class ConstrainedSystem:
     def _together(self) -> Together | None:
         return Together.of(self.rows, self.own.size)
 
-    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
+    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         """Return the motion, closed at every row, with accelerations, efforts and multipliers."""
         k, together = len(self.imposed.names), self._together
         w = np.array([grid.evaluate(law) for law in self.imposed.laws]).reshape(k, 3, len(q)).swapaxes(0, 1)
@@ -218,18 +219,20 @@ class ConstrainedSystem:
         w, t = w[:, :, some].transpose(0, 2, 1), t[some]
         q, v, splits = self.settled(q[some], v[some], w[0], w[1], t)
         mass, force = dynamics.mass_matrices(q), -dynamics.inverse(t, q, v, np.zeros_like(v))
-        a = splits.solve(mass, force, self.rates(w[2]) - self.rows.drifts(q, v))
+        a = solve_each(splits, mass, force, self.rates(w[2]) - self.rows.drifts(q, v))
         efforts = splits.multipliers(np.matvec(mass, a) - force)[:, self.own.size :] if w.size else w[0]
         return some, (q, v, a, efforts)
 
-    def _with_efforts(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array, efforts: Array) -> Motion:
+    def _with_efforts(
+        self, dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array, efforts: Array
+    ) -> CompletedStates:
         """Return a motion with the efforts of the imposed coordinates, shape (n, k): at joints and along others."""
         demand = np.concatenate([local.inverse(grid.t[rows], q[rows], v[rows], a[rows])
                                  for rows, local in parts(dynamics, grid)])  # fmt: skip
         others = self.closure.size - self.own.size
         weights = [one.weights for one in self.imposed.coordinates if isinstance(one, LinearCoordinate)]
         tau = efforts[:, others:] @ np.reshape(weights, (-1, v.shape[1]))
-        return Motion(q, v, a, tau, Multipliers.least(self.closure, q, demand - tau, efforts[:, :others]))
+        return CompletedStates(q, v, a, tau, Multipliers.least(self.closure, q, demand - tau, efforts[:, :others]))
 
 
 def _moved(model: pin.Model, q: Array, x: Array) -> Array:

@@ -9,9 +9,9 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.dynamics.equation import Dynamics, parts
+from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.integration.integrator import Interval, Manifold
-from pinarm.engine.motion.systems.system import Initial, Motion
+from pinarm.engine.motion.systems.system import CompletedStates, Initial
 from pinarm.mechanics.laws.motion_law import Grid
 
 
@@ -47,7 +47,7 @@ class FreeSystem:
         """Return the states themselves."""
         return q, v
 
-    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
+    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         """Return the states with the accelerations of the equation of motion."""
         a = np.concatenate([part.forward(grid.t[rows], q[rows], v[rows]) for rows, part in parts(dynamics, grid)])
-        return Motion(q, v, a, np.zeros_like(v), Multipliers.zero(len(q), 0))
+        return CompletedStates(q, v, a, np.zeros_like(v), Multipliers.zero(len(q), 0))

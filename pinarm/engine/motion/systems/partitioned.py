@@ -10,10 +10,10 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.coordinate_partition import Reduction
-from pinarm.engine.dynamics.equation import Dynamics, parts
+from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.integration.integrator import Acceleration, Accelerations, Energy, Interval, Manifold
 from pinarm.engine.kinematics.prescribed import Imposed
-from pinarm.engine.motion.systems.system import Initial, Motion
+from pinarm.engine.motion.systems.system import CompletedStates, Initial
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
@@ -89,7 +89,7 @@ class ReducedSystem:
         w, dw = np.array([w for w, _, _ in targets]), np.array([dw for _, dw, _ in targets])
         return self.reduction.configuration(q, w), self.reduction.velocity(v, dw)
 
-    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
+    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         """Return the whole motion, and the efforts by inverse dynamics."""
         reduction, targets = self.reduction, np.array([grid.evaluate(law) for law in self.imposed.laws])  # (k, 3, n)
         whole_q, whole_v = reduction.configuration(q, targets[:, 0].T), reduction.velocity(v, targets[:, 1].T)
@@ -102,7 +102,9 @@ class ReducedSystem:
         )
         efforts = demand @ reduction.particular  # W^T efforts = demand, and W P = 1
         m = self.closure.size
-        return Motion(whole_q, whole_v, a, efforts[:, m:] @ reduction.rows[m:], Multipliers.known(efforts[:, :m], m))
+        return CompletedStates(
+            whole_q, whole_v, a, efforts[:, m:] @ reduction.rows[m:], Multipliers.known(efforts[:, :m], m)
+        )
 
 
 @dataclass(frozen=True)

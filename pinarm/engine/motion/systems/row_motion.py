@@ -11,7 +11,9 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import Split, Splits
 from pinarm.engine.dynamics.coordinate_partition import Targets
-from pinarm.engine.dynamics.equation import Dynamics, mass_matrix
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.equation import solve
+from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.joints import format_configuration
 
@@ -44,11 +46,11 @@ class RowMotion:
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the acceleration."""
         closure, dynamics, ddw = self.rows, self.dynamics, self.targets(t)[2]
-        closure.place(q)
-        rows, right = closure.rows(), -closure.drift(q, v)
+        state = closure.state(q, v)
+        rows, right = closure.rows(state), -closure.drift(state)
         right[len(right) - len(ddw) :] += ddw
         force = dynamics.loads(t, q, v) - pin.nonLinearEffects(dynamics.model, dynamics.data, q, v)
-        a = Split.of(rows).solve(mass_matrix(dynamics.model, dynamics.data, q), force, right)
+        a = solve(Split.of(rows), mass_matrix(dynamics.model, q), force, right)
         if t == self.t:
             require_met(rows, a, right, t, q)
         return a

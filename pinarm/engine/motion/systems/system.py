@@ -8,7 +8,7 @@ from typing import Protocol
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.dynamics.equation import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.mechanics.laws.motion_law import Grid
 
@@ -31,7 +31,7 @@ class Initial:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class CompletedStates:
     """The motion of a mechanism at the rows of a grid.
 
     Attributes:
@@ -78,6 +78,6 @@ class System(Protocol):
         """Return the mechanism's states, shapes (..., n, nq) and (..., n, nv), from integrated ones at n times t."""
         ...
 
-    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> Motion:
+    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         """Return the motion of the mechanism at the rows of a grid, from the integrated states there."""
         ...

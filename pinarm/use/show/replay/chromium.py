@@ -92,11 +92,11 @@ class Page:
         Raises:
             PinarmError: It throws.
         """
-        told = self.call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
-        if "exceptionDetails" in told:
-            details = told["exceptionDetails"]
+        answer = self.call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
+        if "exceptionDetails" in answer:
+            details = answer["exceptionDetails"]
             raise PinarmError(f"the page failed: {details.get('exception', {}).get('description', details['text'])}")
-        return told["result"].get("value")
+        return answer["result"].get("value")
 
     def screenshot(self) -> bytes:
         """Return what is on the screen, as PNG."""

@@ -16,7 +16,7 @@ PARALLEL = 1e-6
 """Sine of the angle between axes that still are parallel."""
 
 DIRECTIONS, GOLDEN = 80, np.pi * (1.0 + np.sqrt(5.0))
-"""By how many points the extent is told, and the turn from one of their directions to the next."""
+"""By how many points the extent is described, and the turn from one of their directions to the next."""
 
 SLACK = 0.03
 """By how much, relative to the extent, a wall may stand before the mechanism."""

@@ -29,7 +29,7 @@ ARROWS = {
 
 
 @dataclass(frozen=True)
-class Point:
+class BodyPoint:
     """A point that is fixed to a body.
 
     Attributes:
@@ -50,7 +50,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Pair:
+class Connection:
     """Two points that something joins, drawn as what it is.
 
     Attributes:
@@ -59,7 +59,7 @@ class Pair:
     """
 
     kind: Literal["spring", "cylinder", "rod", "loop"]
-    ends: tuple[Point, Point]
+    ends: tuple[BodyPoint, BodyPoint]
 
     def plain(self, places: Array) -> dict[str, Any]:
         """Return it for JSON, with its extreme lengths."""
@@ -83,7 +83,7 @@ class Arrow:
     """
 
     of: str
-    at: Point
+    at: BodyPoint
     moment: bool
     vectors: Array
     axis: Array | None = None
@@ -97,21 +97,21 @@ class Arrow:
 
     def plain(self, packing: Packing, largest: float) -> dict[str, Any]:
         """Return it for JSON; ``largest`` is the magnitude of the longest arrow of its kind."""
-        told: dict[str, Any] = {"of": self.of, "moment": self.moment, "largest": largest, **self.at.plain()}
+        plain: dict[str, Any] = {"of": self.of, "moment": self.moment, "largest": largest, **self.at.plain()}
         if self.axis is not None:
             values = packing.add(self.vectors.astype(np.float32))
-            return {**told, "axis": self.axis.tolist(), "values": values}
+            return {**plain, "axis": self.axis.tolist(), "values": values}
         if self.vectors.ndim == 1 and not self.moment:
-            return {**told, "vector": self.vectors.tolist()}
-        return {**told, "vectors": packing.add(self.vectors.astype(np.float32))}
+            return {**plain, "vector": self.vectors.tolist()}
+        return {**plain, "vectors": packing.add(self.vectors.astype(np.float32))}
 
 
-def point_of(model: pin.Model, frame: int) -> Point:
+def point_of(model: pin.Model, frame: int) -> BodyPoint:
     """Return the origin of a frame."""
-    return Point(int(model.frames[frame].parentJoint), np.array(model.frames[frame].placement.translation))
+    return BodyPoint(int(model.frames[frame].parentJoint), np.array(model.frames[frame].placement.translation))
 
 
-def traced(model: pin.Model, name: str) -> list[tuple[Point, float]]:
+def traced(model: pin.Model, name: str) -> list[tuple[BodyPoint, float]]:
     """Return the points, with their weights, whose mean is traced: the origin of a link, or all masses for ``com``.
 
     Raises:
@@ -119,22 +119,23 @@ def traced(model: pin.Model, name: str) -> list[tuple[Point, float]]:
     """
     if name != "com":
         return [(point_of(model, frame_of(model, name)), 1.0)]
-    masses = [(Point(i, np.array(inertia.lever)), float(inertia.mass))
+    masses = [(BodyPoint(i, np.array(inertia.lever)), float(inertia.mass))
               for i, inertia in enumerate(model.inertias) if i and inertia.mass > 0.0]  # fmt: skip
     if not masses:
         raise InputError("the mechanism has no mass, and so no centre of mass")
     return masses
 
 
-def pairs(run: Trajectory) -> list[Pair]:
+def pairs(run: Trajectory) -> list[Connection]:
     """Return what joins two points: springs and cylinders among the forces of the run, and its loop joints."""
     model = run.mechanism.model
     found = [
-        Pair("spring" if force.stiffness > 0.0 else "cylinder", (point_of(model, one), point_of(model, two)))
+        Connection("spring" if force.stiffness > 0.0 else "cylinder", (point_of(model, one), point_of(model, two)))
         for force in run.dynamics.forces.values() if isinstance(force, TwoPointSpring) for one, two in [force.frames]
     ]  # fmt: skip
     return found + [
-        Pair("rod" if joint.kind == "rod" else "loop", (point_of(model, joint.first), point_of(model, joint.second)))
+        Connection("rod" if joint.kind == "rod" else "loop",
+                   (point_of(model, joint.first), point_of(model, joint.second)))
         for joint in run.mechanism.constraints if isinstance(joint, LoopJoint)
     ]  # fmt: skip
 
@@ -168,7 +169,7 @@ def _forces(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
     for node, inertia in enumerate(model.inertias):
         if node and inertia.mass > 0.0:
             weight = inertia.mass * np.asarray(model.gravity.linear)
-            yield Arrow("forces", Point(node, np.array(inertia.lever)), False, weight)
+            yield Arrow("forces", BodyPoint(node, np.array(inertia.lever)), False, weight)
     for name, force in run.dynamics.forces.items():
         if isinstance(force, AppliedWrench):
             frame = force.frame
@@ -208,7 +209,7 @@ def _torques(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
     for joint in run.mechanism.joints.values():
         node = nodes[joint.index]
         effort = run.tau[:, joint.v] - float(run.mechanism.model.armature[joint.v]) * run.a[:, joint.v]
-        yield Arrow("torques", Point(joint.index, np.zeros(3)), node.kind == "turn", effort, node.axis)
+        yield Arrow("torques", BodyPoint(joint.index, np.zeros(3)), node.kind == "turn", effort, node.axis)
 
 
 def _reactions(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
@@ -216,13 +217,13 @@ def _reactions(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
     found, model = Reactions(run), run.mechanism.model
     for joint in range(1, model.njoints):
         added = [stressed[:, joint, :3] for stressed in found.stressed_joints]
-        yield _reaction(Point(joint, np.zeros(3)), found.joints[:, joint, :3], added)
+        yield _reaction(BodyPoint(joint, np.zeros(3)), found.joints[:, joint, :3], added)
     for name, loop in found.loops.items():
         added = [stressed[:, :3] for stressed in found.stressed_loop(name)]
         yield _reaction(point_of(model, loop.second), found.loop(name)[:, :3], added)
 
 
-def _reaction(at: Point, forces: Array, added: Sequence[Array]) -> Arrow:
+def _reaction(at: BodyPoint, forces: Array, added: Sequence[Array]) -> Arrow:
     """Return a reaction without the directions in which self-stresses can add to it.
 
     In planar loops of revolute joints, for example, the forces in the plane are determined, those across it are not.

@@ -6,19 +6,18 @@ import html
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.motion.trajectory import Series, Trajectory
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.series import Series
 from pinarm.errors import InputError
-from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.use.result.result import Result
 from pinarm.use.show.replay import overlays
 from pinarm.use.show.replay.framing import Framing, framing
 from pinarm.use.show.replay.meshes import thinned
@@ -26,7 +25,9 @@ from pinarm.use.show.replay.packing import Packing, compressed
 from pinarm.use.show.replay.shapes import Shape, visuals
 from pinarm.use.show.replay.sticks import sticks
 from pinarm.use.show.replay.tracks import Node, nodes_of, placed, rows_shown
-from pinarm.use.store.restore import restore
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
 
 FILES = Path(__file__).parent / "page"
 SCRIPTS = ("data.js", "motion.js", "solids.js", "view.js", "overlays.js", "plots.js", "main.js")
@@ -35,7 +36,7 @@ LINKS = 6.0
 """Typical links along the extent of a mechanism; one of more has smaller marks."""
 
 VIEW = ("up", "eye", "low", "high", "outline")
-"""What the page is told of the framing."""
+"""What the page gets of the framing."""
 
 DEGREE = 0.017453292519943295
 
@@ -75,29 +76,24 @@ class Replay:
         return frame(self.html, height=560)
 
 
-def replay(
-    result: Result | str | Path,
-    *,
-    traces: Sequence[str] = (),
-    arrows: Sequence[str] = (),
-    plots: Sequence[str] | None = None,
+def replay_page(
+    result: Result, *, traces: Sequence[str] = (), arrows: Sequence[str] = (), plots: Sequence[str] | None = None
 ) -> Replay:
     """Return the moving picture of a result.
 
     Args:
-        result: The result, or the folder that it was written to.
+        result: The result.
         traces: Links whose origins leave a path; ``com`` for the centre of mass.
         arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
         plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
 
     Raises:
-        InputError: A name is unknown, the run does not have what is asked, or the folder is no result.
+        InputError: A name is unknown, or the run does not have what is asked.
     """
-    result = result if isinstance(result, Result) else restore(result)
     names = list(dict.fromkeys(result.content.outputs if plots is None else plots))
     curves = [result[name] for name in names]
     rows = rows_shown(result.trajectory, [series.values for series in curves])
-    run = _only(result.trajectory, rows)
+    run = result.trajectory.some(rows) if len(rows) < len(result) else result.trajectory
     packing = Packing()
     scene, notes = _scene(run, traces, arrows, packing)
     scene["plots"] = [_curve(series, rows, CURVES[k % len(CURVES)], packing) for k, series in enumerate(curves)]
@@ -144,16 +140,6 @@ def _scene(
     return scene, drawn.notes
 
 
-def _only(run: Trajectory, rows: Indices) -> Trajectory:
-    """Return the run at some of its rows."""
-    if len(rows) == len(run):
-        return run
-    starts = tuple(int(k) for k in np.searchsorted(rows, run.grid.rows))
-    grid = Grid(run.grid.t[rows], run.grid.cuts, starts)
-    q, v, a, tau = (array[rows] for array in (run.q, run.v, run.a, run.tau))
-    return replace(run, grid=grid, q=q, v=v, a=a, tau=tau, lam=run.lam.some(rows))
-
-
 def _node(node: Node, packing: Packing) -> Plain:
     plain = {"parent": node.parent, "place": _place(node.placement), "kind": node.kind, "axis": node.axis.tolist()}
     return {**plain, "values": packing.add(node.values)} if node.kind != "fixed" else plain
@@ -181,7 +167,7 @@ def _detail(nodes: Sequence[Node], seen: Framing) -> float:
     return min(seen.size, LINKS * float(np.median(links))) if links else seen.size
 
 
-def _trace(path: Sequence[tuple[overlays.Point, float]]) -> Plain:
+def _trace(path: Sequence[tuple[overlays.BodyPoint, float]]) -> Plain:
     if len(path) == 1:
         return path[0][0].plain()
     return {"masses": [{**point.plain(), "mass": mass} for point, mass in path]}
@@ -196,18 +182,18 @@ def _paths(traces: Sequence[str]) -> list[Plain]:
 
 def _families(acting: Sequence[overlays.Arrow], largest: Mapping[tuple[str, bool], float]) -> list[Plain]:
     """Return what the colours of the arrows mean, and what the longest of each kind stands for."""
-    told: list[Plain] = []
+    legend: list[Plain] = []
     for (kind, moment), size in largest.items():
         partial = any(arrow.partial for arrow in acting if arrow.of == kind)
         name = overlays.ARROWS[kind] + (" (components that rigid bodies determine)" if partial else "")
         number = f"{float(f'{size:.4g}'):g}"
-        told.append(
+        legend.append(
             {"arrow": kind, "text": f"{name}: full arc {number} N·m" if moment else f"{name}: longest arrow {number} N"}
         )
-    return told
+    return legend
 
 
-def _marks(joined: Sequence[overlays.Pair]) -> list[Plain]:
+def _marks(joined: Sequence[overlays.Connection]) -> list[Plain]:
     """Return what the marks mean."""
     return [{"loop": True, "text": "loop joint"}] if any(pair.kind == "loop" for pair in joined) else []
 
@@ -216,7 +202,7 @@ def _parameter(run: Trajectory) -> Plain:
     turning = run.unit.text == "rad"
     return {
         "name": run.parameter, "unit": "°" if turning else "" if str(run.unit) == "1" else _pretty(str(run.unit)),
-        "scale": DEGREE if turning else 1.0, "time": run.parameter == "t", "discrete": run.parameter == "row",
+        "scale": DEGREE if turning else 1.0, "time": run.parameter == "t", "discrete": run.numbered,
     }  # fmt: skip
 
 

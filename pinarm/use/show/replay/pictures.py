@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.errors import InputError, PinarmError
 from pinarm.input.units import read_quantity
 from pinarm.use.show.replay.chromium import browser
@@ -29,7 +29,7 @@ def place(run: Trajectory, text: str) -> float:
     if not equals or name != run.parameter:
         raise InputError(f"'{text}' is no place of this run", expected=f"{run.parameter}=VALUE [{run.unit}]")
     number, written = read_quantity(said)
-    if written is None and number and name not in ("t", "row"):
+    if written is None and number and name not in ("t", ROW):
         raise InputError(f"'{said}' has no unit", expected=f"a value such as {said} {run.unit}")
     if written is not None and written.dimension != run.unit.dimension:
         raise InputError(f"'{written}' is not a unit of {name}", expected=f"a unit such as {run.unit}")
@@ -96,9 +96,9 @@ def video(
             pass  # ffmpeg says why
         finally:
             progress("")
-            _, told = encoder.communicate()
+            _, complaint = encoder.communicate()
     if encoder.returncode:
-        last = told.decode(errors="replace").strip().splitlines()[-1:] or ["it does not say why"]
+        last = complaint.decode(errors="replace").strip().splitlines()[-1:] or ["it does not say why"]
         raise PinarmError(f"ffmpeg could not write {target}: {last[0]}")
     return target
 

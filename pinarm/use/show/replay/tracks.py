@@ -1,7 +1,7 @@
 """How the bodies move: one node per joint, placed in its parent's node by the value of its coordinate.
 
-A revolute or prismatic joint is told by its axis and its values, so that between two rows the page turns and slides it
-exactly, over any number of turns. Other joints are told by their placements.
+A revolute or prismatic joint is given by its axis and its values, so that between two rows the page turns and slides it
+exactly, over any number of turns. Other joints are given by their placements.
 """
 
 from __future__ import annotations

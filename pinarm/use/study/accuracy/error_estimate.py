@@ -9,21 +9,18 @@ the finer one; where a motion is chaotic, it grows in the difference as it does 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pinarm.arrays import Indices
-from pinarm.engine.checks.balance import power_balance
-from pinarm.engine.checks.residuals import table_figures
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import NumericsError
 from pinarm.input.units import Unit
-from pinarm.use.result.integration_settings import comparable, patience, setting_of, spoken, varied
-from pinarm.use.result.result import Result
+from pinarm.use.study.accuracy.integration_settings import comparison_settings, format_setting, step_limit, with_setting
 
 if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
     from pinarm.use.scenario.scenario import Scenario
 
 ZERO = 1e-12
@@ -33,22 +30,7 @@ UNSEEN = 1e-15
 """Relative error that no comparison in double precision can tell from none."""
 
 
-def verified(scenario: Scenario) -> Result:
-    """Return the result of a scenario with its errors estimated and all its rows checked.
-
-    Raises:
-        PinarmError: See ``Scenario.run``.
-    """
-    result = scenario.run()
-    run, rows = result.trajectory, len(result)
-    figures = {**result.figures, **power_balance(run, rows), **table_figures(run, rows)}
-    if result.errors:
-        return replace(result, figures=figures)
-    errors, setting = estimated(scenario, result)
-    return replace(result, figures=figures, errors=errors, setting=setting)
-
-
-def estimated(scenario: Scenario, result: Result) -> tuple[dict[str, float], str]:
+def estimate_errors(scenario: Scenario, result: Result) -> tuple[dict[str, float], str]:
     """Return the estimate of every output's error, and what it rests on.
 
     Args:
@@ -61,37 +43,37 @@ def estimated(scenario: Scenario, result: Result) -> tuple[dict[str, float], str
     """
     accuracy = scenario.content.accuracy
     if "evaluations" not in result.figures:
-        return _compared(scenario, result, setting_of(accuracy), accuracy.max_steps), "against other last digits"
-    used, steps = spoken(setting_of(accuracy)), patience(result, accuracy.max_steps)
-    for setting in comparable(accuracy):
+        return _compared(scenario, result, accuracy.setting_keys, accuracy.max_steps), "against other last digits"
+    used, steps = format_setting(accuracy.setting_keys), step_limit(result, accuracy.max_steps)
+    for setting in comparison_settings(accuracy):
         errors = _compared(scenario, result, setting, steps)
         if np.isfinite(max(errors.values())):
-            return errors, f"{used}, against {spoken(setting)} and other last digits"
+            return errors, f"{used}, against {format_setting(setting)} and other last digits"
     return errors, f"{used}; no other setting got to the end"
 
 
 def _compared(scenario: Scenario, result: Result, setting: Mapping[str, Any], max_steps: int) -> dict[str, float]:
     """Return the differences to the solution of another setting; infinite where that fails."""
     try:
-        return differences(result, varied(scenario, setting, max_steps, seed=1).solve())
+        return output_differences(result, with_setting(scenario, setting, max_steps, seed=1).solve())
     except NumericsError:
         return dict.fromkeys(result.content.outputs, np.inf)
 
 
-def differences(result: Result, other: Result) -> dict[str, float]:
+def output_differences(result: Result, other: Result) -> dict[str, float]:
     """Return the largest difference of every output of two results, relative to its scale in the first."""
-    first, second = common(result.trajectory, other.trajectory)
+    first, second = common_rows(result.trajectory, other.trajectory)
     if not len(first):
         return dict.fromkeys(result.content.outputs, np.inf)
     found = {}
-    for name, scale in scales(result).items():
+    for name, scale in output_scales(result).items():
         one, two = result[name].values[first], other[name].values[second]
         difference = float(np.abs(one - two).max())
         found[name] = max(difference / scale, UNSEEN) if np.isfinite(difference) else np.inf
     return found
 
 
-def scales(result: Result) -> dict[str, float]:
+def output_scales(result: Result) -> dict[str, float]:
     """Return what the errors of the outputs are relative to.
 
     That is the largest absolute value over the run; of an output that is 0 but for rounding, what the masses, lengths
@@ -106,7 +88,7 @@ def scales(result: Result) -> dict[str, float]:
     return found
 
 
-def common(one: Trajectory, two: Trajectory) -> tuple[Indices, Indices]:
+def common_rows(one: Trajectory, two: Trajectory) -> tuple[Indices, Indices]:
     """Return the rows of two runs that belong together; none where that cannot be told.
 
     Events may stand at other instants in either. Where there are as many rows, an event's rows belong together, however

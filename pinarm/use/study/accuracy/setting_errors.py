@@ -9,10 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.errors import IntegrationError, NumericsError
-from pinarm.use.result.integration_settings import ladders, patience, references, spoken, varied
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
-from pinarm.use.study.accuracy.error_estimate import differences
+from pinarm.use.study.accuracy.error_estimate import output_differences
+from pinarm.use.study.accuracy.integration_settings import (
+    format_setting,
+    reference_settings,
+    settings_by_method,
+    step_limit,
+    with_setting,
+)
 
 WANTED = (1e-3, 1e-6, 1e-9)
 """Errors that a setting is recommended for."""
@@ -25,7 +31,7 @@ MOST = 5000
 
 
 @dataclass(frozen=True)
-class Point:
+class TriedSetting:
     """A setting, its error and its price.
 
     Attributes:
@@ -64,51 +70,53 @@ class Reference:
     words: str
 
 
-def reference(scenario: Scenario) -> Reference:
+def reference_solution(scenario: Scenario) -> Reference:
     """Return the reference of a scenario.
 
     Raises:
         IntegrationError: Fewer than two tight settings get to the end.
     """
     solved: list[tuple[str, Result]] = []
-    for seed, setting in enumerate(references()):
-        most = patience(solved[-1][1], scenario.content.accuracy.max_steps) if solved else None
+    for seed, setting in enumerate(reference_settings()):
+        most = step_limit(solved[-1][1], scenario.content.accuracy.max_steps) if solved else None
         try:
-            solved.append((spoken(setting), varied(scenario, setting, most, seed=seed).solve()))
+            solved.append((format_setting(setting), with_setting(scenario, setting, most, seed=seed).solve()))
         except NumericsError:
             continue
     if len(solved) > 1:
         (two, other), (one, result) = solved[-2:]
-        return Reference(result, max(differences(result, other).values()), f"{one}, compared with {two}")
+        return Reference(result, max(output_differences(result, other).values()), f"{one}, compared with {two}")
     raise IntegrationError("no two tight settings get to the end: there is no reference to measure errors against",
                            hint="a shorter time, away from singular positions")  # fmt: skip
 
 
-def points(scenario: Scenario, against: Reference) -> list[Point]:
+def tried_settings(scenario: Scenario, against: Reference) -> list[TriedSetting]:
     """Return all settings that are tried, method by method, the coarsest first."""
-    found, most = [], max(MOST, patience(against.result, scenario.content.accuracy.max_steps))
-    for method, settings in ladders(against.result).items():
+    found, most = [], max(MOST, step_limit(against.result, scenario.content.accuracy.max_steps))
+    for method, settings in settings_by_method(against.result).items():
         for setting in settings:
-            asked = varied(scenario, setting, most)
-            assert asked.mechanism  # loaded before the clock runs
-            found.append(_point(asked, method, spoken(setting), against))
+            variant = with_setting(scenario, setting, most)
+            assert variant.mechanism  # loaded before the clock runs
+            found.append(_tried(variant, method, format_setting(setting), against))
     return found
 
 
-def _point(asked: Scenario, method: str, words: str, against: Reference) -> Point:
+def _tried(variant: Scenario, method: str, words: str, against: Reference) -> TriedSetting:
     seconds: list[float] = []
     while sum(seconds) < LONG:
         begin = time.perf_counter()
         try:
-            result = asked.solve()
+            result = variant.solve()
         except NumericsError:
-            return Point(method, words, dict.fromkeys(asked.content.outputs, np.inf), 0, time.perf_counter() - begin)
+            return TriedSetting(
+                method, words, dict.fromkeys(variant.content.outputs, np.inf), 0, time.perf_counter() - begin
+            )
         seconds.append(time.perf_counter() - begin)
-    errors = differences(against.result, result)
-    return Point(method, words, errors, int(result.figures["evaluations"]), min(seconds))
+    errors = output_differences(against.result, result)
+    return TriedSetting(method, words, errors, int(result.figures["evaluations"]), min(seconds))
 
 
-def recommended(points: Sequence[Point], bound: float, wanted: float) -> Point | None:
+def recommended_setting(points: Sequence[TriedSetting], bound: float, wanted: float) -> TriedSetting | None:
     """Return the cheapest setting, by its evaluations, whose error is below what is wanted, whatever the reference's.
 
     Evaluations decide because they are the same on every machine.

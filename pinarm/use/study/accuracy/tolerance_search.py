@@ -11,11 +11,11 @@ from pinarm.engine.integration.methods import METHODS, MethodName
 from pinarm.engine.integration.methods.explicit import LIMITED
 from pinarm.errors import NumericsError
 from pinarm.problems.forward import Forward
-from pinarm.use.result.integration_settings import Ladder, patience, spoken, varied
-from pinarm.use.result.result import Result
-from pinarm.use.study.accuracy.error_estimate import differences, estimated
+from pinarm.use.study.accuracy.error_estimate import estimate_errors, output_differences
+from pinarm.use.study.accuracy.integration_settings import Ladder, format_setting, step_limit, with_setting
 
 if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
     from pinarm.use.scenario.scenario import Scenario
 
 FIRST = 2
@@ -36,7 +36,7 @@ TRIED: tuple[MethodName, ...] = tuple(
 """Methods that are tried where the scenario names none, in this order; the other way round where a motion is stiff."""
 
 
-def reach(scenario: Scenario) -> Result:
+def reach_target(scenario: Scenario) -> Result:
     """Return the result of the cheapest setting whose estimated error is at most the scenario's target.
 
     Tolerances are tried by decades, steps by halves, of the method that the scenario names, or of several. The price is
@@ -60,26 +60,28 @@ def reach(scenario: Scenario) -> Result:
     named = "method" in scenario.document.data["accuracy"]
     searches: list[_Search] = []
     for method in (scenario.content.accuracy.method,) if named else _ordered(scenario, span, target):
-        most = min([scenario.content.accuracy.max_steps, *(search.limit(target) for search in searches)])
+        most = min([scenario.content.accuracy.max_steps, *(search.step_limit(target) for search in searches)])
         searches.append(_Search(scenario, Ladder(method, span), most))
-        searches[-1].look(target)
+        searches[-1].search(target)
     while True:
-        best = min(searches, key=lambda search: search.price(target))
+        best = min(searches, key=lambda search: search.cost(target))
         result = best.result(target, sum(len(search.errors) for search in searches))
-        if not result.missed or best.price(target)[0]:
+        if not result.missed or best.cost(target)[0]:
             return result
-        best.miss(target, max(result.errors.values()))
+        best.note_miss(target, max(result.errors.values()))
 
 
 def _ordered(scenario: Scenario, span: float, target: float) -> tuple[MethodName, ...]:
     """Return the methods in the order in which they are tried: what one costs limits those that follow."""
     ladder = Ladder(TRIED[0], span)
     try:
-        first = varied(scenario, ladder.setting(_guess(ladder, target)), min(MANY, scenario.content.accuracy.max_steps))
+        first = with_setting(
+            scenario, ladder.setting(_guess(ladder, target)), min(MANY, scenario.content.accuracy.max_steps)
+        )
         run: Result | None = first.solve()
     except NumericsError as error:
         run = error.partial
-    is_stiff = run is not None and any(note.startswith(LIMITED) for note in run.trajectory.notes)
+    is_stiff = run is not None and any(note.startswith(LIMITED) for note in run.outcome.notes)
     return TRIED[::-1] if is_stiff else TRIED
 
 
@@ -91,8 +93,8 @@ def _guess(ladder: Ladder, target: float) -> int:
 
 def _as_it_is(scenario: Scenario) -> Result:
     """Return the result of a problem that no setting changes."""
-    result = varied(scenario, {}).solve()
-    errors, setting = estimated(scenario, result)
+    result = with_setting(scenario, {}).solve()
+    errors, setting = estimate_errors(scenario, result)
     return replace(result, content=scenario.content, data=scenario.document.data, errors=errors, setting=setting)
 
 
@@ -114,7 +116,7 @@ class _Search:
     runs: dict[int, Result | None] = field(default_factory=dict)
     errors: dict[int, float] = field(default_factory=dict)
 
-    def look(self, target: float) -> None:
+    def search(self, target: float) -> None:
         """Go up and down the ladder for the coarsest rung that reaches the target.
 
         A rung whose finer solution takes more steps than are left tells nothing of those below it.
@@ -133,14 +135,14 @@ class _Search:
         if rung not in self.runs:
             try:
                 setting = self.ladder.setting(rung)
-                self.runs[rung] = varied(self.scenario, setting, self._patience(), seed=rung).solve()
+                self.runs[rung] = with_setting(self.scenario, setting, self._step_limit(), seed=rung).solve()
             except NumericsError:
                 self.runs[rung] = None
         return self.runs[rung]
 
-    def _patience(self) -> int:
+    def _step_limit(self) -> int:
         solved = [run for run in self.runs.values() if run]
-        return patience(solved[-1], self.most) if solved else self.most
+        return step_limit(solved[-1], self.most) if solved else self.most
 
     def finer(self, rung: int) -> Result | None:
         """Return the solution that one of a rung is compared with."""
@@ -150,44 +152,44 @@ class _Search:
         """Return the estimated error at a rung; infinite where a solution failed."""
         if rung not in self.errors:
             one, two = self.run(rung), self.finer(rung)
-            self.errors[rung] = max(differences(one, two).values()) if one and two else np.inf
+            self.errors[rung] = max(output_differences(one, two).values()) if one and two else np.inf
         return self.errors[rung]
 
-    def found(self, target: float) -> int:
+    def best_rung(self, target: float) -> int:
         """Return the coarsest rung that reaches the target, or that of the smallest error."""
         good = [rung for rung, error in self.errors.items() if error <= target]
         return min(good) if good else min(self.errors, key=lambda rung: (self.errors[rung], rung))
 
-    def price(self, target: float) -> tuple[float, float]:
+    def cost(self, target: float) -> tuple[float, float]:
         """Return how much is missing to the target, 0 where it is reached, and the evaluations that it takes."""
-        rung = self.found(target)
+        rung = self.best_rung(target)
         run, error = self.run(rung), self.errors[rung]
         return 0.0 if error <= target else error, run.figures["evaluations"] if run else np.inf
 
-    def limit(self, target: float) -> int:
+    def step_limit(self, target: float) -> int:
         """Return the number of steps with which any other method costs more; finer solutions may take as many.
 
         Where this one does not reach the target, another may cost as much as its most expensive solution.
         """
-        missing, evaluations = self.price(target)
+        missing, evaluations = self.cost(target)
         if missing:
             evaluations = max((run.figures["evaluations"] for run in self.runs.values() if run), default=np.inf)
         return int(min(self.most, max(evaluations / CHEAPEST_STEP, FEW)))
 
-    def miss(self, target: float, error: float) -> None:
+    def note_miss(self, target: float, error: float) -> None:
         """Note that the rung found misses the target after all, of the mechanism as it is; look beyond it."""
-        rung = self.found(target)
+        rung = self.best_rung(target)
         self.errors[rung] = error
         if rung < self.ladder.last - 1:
             self.error(rung + 1)
 
     def result(self, target: float, tried: int) -> Result:
         """Return the result of the rung found, of the mechanism as it is."""
-        rung = self.found(target)
+        rung = self.best_rung(target)
         chosen = self.ladder.setting(rung)
-        result, two = varied(self.scenario, chosen).solve(), self.finer(rung)
-        errors = differences(result, two) if two else dict.fromkeys(result.content.outputs, np.inf)
+        result, two = with_setting(self.scenario, chosen).solve(), self.finer(rung)
+        errors = output_differences(result, two) if two else dict.fromkeys(result.content.outputs, np.inf)
         verdict = "cheapest" if max(errors.values()) <= target else "best"
-        setting = f"{spoken(chosen)}, the {verdict} of {tried} settings tried"
+        setting = f"{format_setting(chosen)}, the {verdict} of {tried} settings tried"
         content, data = self.scenario.content, self.scenario.document.data
         return replace(result, content=content, data=data, errors=errors, setting=setting)

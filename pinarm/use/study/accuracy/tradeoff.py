@@ -7,10 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pinarm.errors import InputError
+from pinarm.input.yaml.values import Values
 from pinarm.use.scenario.scenario import Scenario, load
 from pinarm.use.store.files import json_text, write
-from pinarm.use.study.accuracy.setting_errors import WANTED, Point, Reference, points, recommended, reference
-from pinarm.use.study.accuracy.variant_errors import Variant, variants
+from pinarm.use.study.accuracy.setting_errors import (
+    WANTED,
+    Reference,
+    TriedSetting,
+    recommended_setting,
+    reference_solution,
+    tried_settings,
+)
+from pinarm.use.study.accuracy.variant_errors import Variant, solve_variants
 
 if TYPE_CHECKING:
     from pinarm.use.show.plot import Picture
@@ -29,13 +37,13 @@ class Tradeoff:
 
     scenario: Scenario
     reference: Reference | None
-    points: list[Point] = field(default_factory=list)
+    points: list[TriedSetting] = field(default_factory=list)
     variants: list[Variant] = field(default_factory=list)
 
-    def recommended(self) -> dict[float, Point | None]:
+    def recommended(self) -> dict[float, TriedSetting | None]:
         """Return the cheapest setting for every wanted error."""
         bound = self.reference.bound if self.reference else 0.0
-        return {wanted: recommended(self.points, bound, wanted) for wanted in WANTED}
+        return {wanted: recommended_setting(self.points, bound, wanted) for wanted in WANTED}
 
     def summary(self) -> dict[str, Any]:
         """Return everything but the curves as plain data."""
@@ -79,27 +87,35 @@ class Tradeoff:
 
     def _repr_html_(self) -> str:
         """Return tables and plots, for notebooks."""
-        from pinarm.use.show.notebook import of_tradeoff
+        from pinarm.use.show.notebook import blocks, folded, heading, lines, picture, table
+        from pinarm.use.study.accuracy.tradeoff_text import advice, remarks, settings, solve_variants
 
-        return of_tradeoff(self)
+        drawn = {name: picture(figure) for name, figure in self.plots().items()}
+        parts = [heading(self.scenario.content.title or self.scenario.name)]
+        if self.reference:
+            parts += [lines(advice(self)), drawn["settings"], folded("all settings", table(settings(self)))]
+        if self.variants:
+            parts += [table(solve_variants(self)), lines(remarks(self)), drawn["variants"]]
+        return blocks(*parts)
 
 
-def tradeoff(scenario: Scenario | str | Path) -> Tradeoff:
+def tradeoff(scenario: Scenario | str | Path, values: Values | None = None) -> Tradeoff:
     """Measure what accuracy costs: of settings, where the scenario is integrated over time, and of its variants.
 
     Args:
         scenario: The scenario, or its file.
+        values: Other values than those of the file, such as ``{"problem.time.end": "3 s"}``; see ``pinarm.load``.
 
     Raises:
         InputError: Neither is there to be traded.
         PinarmError: The scenario cannot be solved.
     """
-    scenario = load(scenario)
+    scenario = load(scenario, values)
     integrated = scenario.problem.kind == "forward"
     if not integrated and not scenario.content.variants:
         raise InputError(f"there is nothing to trade: a problem of kind {scenario.problem.kind} is solved to rounding, "
                          "whatever the setting, and the scenario has no variants",
                          hint="variants: {light: {arguments.mass: 0 kg}}")  # fmt: skip
-    against = reference(scenario) if integrated else None
-    tried = points(scenario, against) if against else []
-    return Tradeoff(scenario, against, tried, variants(scenario) if scenario.content.variants else [])
+    against = reference_solution(scenario) if integrated else None
+    tried = tried_settings(scenario, against) if against else []
+    return Tradeoff(scenario, against, tried, solve_variants(scenario) if scenario.content.variants else [])

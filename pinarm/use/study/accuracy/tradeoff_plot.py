@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.use.study.accuracy.setting_errors import WANTED
-from pinarm.use.study.accuracy.tradeoff import Tradeoff
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from pinarm.use.show.plot import Picture
+    from pinarm.use.study.accuracy.tradeoff import Tradeoff
 
 MARKERS = "os^Dv*"
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from pinarm.use.study.accuracy.tradeoff import Tradeoff
+if TYPE_CHECKING:
+    from pinarm.use.study.accuracy.tradeoff import Tradeoff
 
 
 def report(trade: Tradeoff) -> str:
@@ -14,7 +16,7 @@ def report(trade: Tradeoff) -> str:
     if trade.reference:
         lines += [*_aligned(settings(trade)), *advice(trade)]
     if trade.variants:
-        lines += [*_aligned(variants(trade)), *remarks(trade)]
+        lines += [*_aligned(solve_variants(trade)), *remarks(trade)]
     return "\n".join(lines)
 
 
@@ -25,8 +27,8 @@ def settings(trade: Tradeoff) -> list[list[str]]:
     for point in trade.points:
         worst = max(point.errors, key=lambda name: point.errors[name])
         error = f"{point.error:.1e}" if point.error > trade.reference.bound else f"< {trade.reference.bound:.0e}"
-        told = [error, worst[:24]] if math.isfinite(point.error) else ["failed", ""]
-        rows.append([point.setting, *told, f"{point.evaluations}", f"{1e3 * point.seconds:.1f}"])
+        cells = [error, worst[:24]] if math.isfinite(point.error) else ["failed", ""]
+        rows.append([point.setting, *cells, f"{point.evaluations}", f"{1e3 * point.seconds:.1f}"])
     return rows
 
 
@@ -40,7 +42,7 @@ def advice(trade: Tradeoff) -> list[str]:
     ]  # fmt: skip
 
 
-def variants(trade: Tradeoff) -> list[list[str]]:
+def solve_variants(trade: Tradeoff) -> list[list[str]]:
     """Return a heading and the errors of the outputs of every simplified model."""
     exact = trade.variants[0].result
     parameter = exact.trajectory.parameter if exact else ""

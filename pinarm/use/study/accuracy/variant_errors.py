@@ -10,7 +10,8 @@ import numpy as np
 from pinarm.errors import InputError, NumericsError
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
-from pinarm.use.study.accuracy.error_estimate import common, scales
+from pinarm.use.study.accuracy.error_estimate import common_rows, output_scales
+from pinarm.use.study.accuracy.solved import solved
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,7 @@ class Variant:
     failure: str = ""
 
 
-def variants(scenario: Scenario) -> list[Variant]:
+def solve_variants(scenario: Scenario) -> list[Variant]:
     """Return the exact model and all variants of a scenario.
 
     Raises:
@@ -50,7 +51,7 @@ def variants(scenario: Scenario) -> list[Variant]:
 def _solved(name: str, scenario: Scenario) -> Variant:
     assert scenario.mechanism  # loaded before the clock runs
     begin = time.perf_counter()
-    result = scenario.run()
+    result = solved(scenario)
     return Variant(name, result, seconds=time.perf_counter() - begin)
 
 
@@ -66,12 +67,12 @@ def _compared(variant: Variant, exact: Result) -> Variant:
     """Return the variant with its differences to the exact model."""
     if variant.result is None:
         return variant
-    one, two = common(exact.trajectory, variant.result.trajectory)
+    one, two = common_rows(exact.trajectory, variant.result.trajectory)
     if not len(one):
         raise InputError(f"the rows of the variant '{variant.name}' are not those of the scenario",
                          expected="the same time or range, and as many samples")  # fmt: skip
     errors, relative, where = {}, {}, {}
-    for name, scale in scales(exact).items():
+    for name, scale in output_scales(exact).items():
         apart = np.abs(exact[name].values[one] - variant.result[name].values[two])
         row = int(apart.argmax())
         errors[name], relative[name] = float(apart[row]), float(apart[row]) / scale

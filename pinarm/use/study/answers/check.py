@@ -18,11 +18,12 @@ from pinarm.arrays import Array
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, half_last_digit
-from pinarm.use.result import row_lookup as instants
+from pinarm.input.yaml.values import Values
+from pinarm.use.result import row_lookup
 from pinarm.use.result.expectation import Expectation, in_si
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
-from pinarm.use.study.run import scenarios
+from pinarm.use.study.run import run, scenarios
 
 FORMULA = 1e-10
 """Relative tolerance of formulas where the entry gives none."""
@@ -76,24 +77,27 @@ class Findings(tuple[Finding, ...]):
 
     def _repr_html_(self) -> str:
         """Return them as a table, for notebooks."""
-        from pinarm.use.show.notebook import of_findings
+        from pinarm.use.show.notebook import blocks, lines, table
+        from pinarm.use.study.answers.verdict_table import HEADING, remarks, rows
 
-        return of_findings(self)
+        return blocks(table([list(HEADING), *rows(self)]), lines(remarks(self)))
 
 
-def check(scenario: Scenario | str | Path, result: Result | None = None) -> Findings:
+def check(scenario: Scenario | str | Path, values: Values | None = None, *, result: Result | None = None) -> Findings:
     """Solve scenarios and compare them with their answer keys.
 
     Args:
         scenario: The scenario, its file, or a folder of them.
-        result: What came out of it, where that is known.
+        values: Other values for each of them, such as ``{"problem.time.end": "3 s"}``; see ``pinarm.load``.
+        result: What came out of a scenario that is solved already.
 
     Raises:
         InputError: An expectation asks for something that does not exist; the message says where.
+        PinarmError: A scenario cannot be solved.
     """
     findings = []
-    for one in scenarios(scenario):
-        solved = result or one.run()
+    for one in scenarios(scenario, values):
+        solved = result or run(one)
         for index, expectation in enumerate(one.content.expect):
             with one.document.locating("expect", index):
                 findings.append(compare(solved, expectation))
@@ -108,7 +112,7 @@ def compare(result: Result, expectation: Expectation) -> Finding:
             _ = quantities[expectation.quantity]
     if expectation.at != "all":
         with within("at"):
-            quantities = instants.at(quantities, expectation.at, expectation.quantity)
+            quantities = row_lookup.at(result, expectation.at, expectation.quantity)
     with within("quantity"):
         series = quantities[expectation.quantity]
     wanted, tolerance = _wanted(quantities, expectation, series.unit)

@@ -12,14 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.errors import InputError, NumericsError
+from pinarm.input.yaml.values import Values
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario, load
 from pinarm.use.study.batch.block import Block, Question, answered
 from pinarm.use.study.batch.initial_states import Starts
-from pinarm.use.study.batch.reduced_table import Table
-from pinarm.use.study.batch.reductions import Asked, Measure, reduced
+from pinarm.use.study.batch.reduced_table import ReducedTable
+from pinarm.use.study.batch.reductions import ColumnReduction, Measure, reduced
 
 AnswerT = TypeVar("AnswerT")
 
@@ -89,16 +90,19 @@ class Batch:
                 pass
         return dict(sorted(self._failures.items()))
 
-    def __getitem__(self, name: str) -> Array:
-        """Return a quantity of all motions, shape (b, n), not a number beyond the end of a motion.
+    def __getitem__(self, name: str) -> Series:
+        """Return a quantity of all motions with its unit, shape (b, n), not a number beyond the end of a motion.
+
+        Args:
+            name: A quantity, a symbol or a formula, as of a result.
 
         Raises:
             InputError: There is no quantity of that name.
         """
-        return np.asarray(self.values(name)[0])
+        return replace(self._require([name])[name], name=name, values=self.values(name)[0])
 
     def values(self, *names: str) -> Array:
-        """Return several quantities of all motions, shape (k, b, n); see ``batch[name]``.
+        """Return several quantities of all motions in SI, shape (k, b, n), solved for at once; see ``batch[name]``.
 
         Raises:
             InputError: There is no quantity of a name.
@@ -117,7 +121,7 @@ class Batch:
             q[part], v[part] = states
         return q, v
 
-    def reduced(self, asked: Mapping[str, Measure | Sequence[Measure]]) -> Table:
+    def reduced(self, asked: Mapping[str, Measure | Sequence[Measure]]) -> ReducedTable:
         """Return a few numbers of every motion: ``reduced({"A_y": ["max", 95], "joint.B.velocity": "rms"})``.
 
         They are taken over the instants of the table that a motion reached, means over time by the trapezoidal rule.
@@ -130,10 +134,10 @@ class Batch:
         Raises:
             InputError: There is no such quantity, or no such measure.
         """
-        wanted = Asked.read(asked)
+        wanted = ColumnReduction.read(asked)
         known = self._require([one.quantity for one in wanted])
         numbers = np.empty((len(self), len(wanted)))
-        for part, found in self._answers(partial(reduced, asked=wanted)):
+        for part, found in self._answers(partial(reduced, reductions=wanted)):
             numbers[part] = found
         columns = [Series(one.label, one.unit(known), x) for one, x in zip(wanted, numbers.T, strict=True)]
         return self._table(columns, self.failures)
@@ -160,15 +164,16 @@ class Batch:
             for part, lines in self._answers(partial(saved, folder=home)):
                 numbers[part] = [line for line, _ in lines]
                 errors |= {part.start + k: why for k, (_, why) in enumerate(lines) if why}
-            told = [replace(one, values=x) for one, x in zip(columns, numbers.T, strict=True)]
-            write_table(self._table([one for one in told if not np.isnan(one.values).all()], errors), home)
+            filled = [replace(series, values=x) for series, x in zip(columns, numbers.T, strict=True)]
+            known_columns = [series for series in filled if not np.isnan(series.values).all()]
+            write_table(self._table(known_columns, errors), home)
         except OSError as error:
             raise InputError(f"the batch cannot be written to {home}: {error.strerror}") from None
         return home
 
-    def _table(self, numbers: Sequence[Series], errors: Mapping[int, str]) -> Table:
+    def _table(self, numbers: Sequence[Series], errors: Mapping[int, str]) -> ReducedTable:
         starts = self.starts.columns(self.question.scenario.quantities())
-        return Table(self.question.scenario.name, [*starts, *numbers], errors, len(self))
+        return ReducedTable(self.question.scenario.name, [*starts, *numbers], errors, len(self))
 
     def _require(self, names: Sequence[str]) -> dict[str, Series]:
         """Return quantities, of no motion yet.
@@ -183,12 +188,12 @@ class Batch:
     def _answers(self, answer: Callable[[Block], AnswerT]) -> Iterator[tuple[slice, AnswerT]]:
         """Yield what every block answers, and which motions it holds; ``answer`` can be imported by its name."""
         parts = [slice(begin, min(begin + self._size, len(self))) for begin in self._begins()]
-        for part, found, failures in self._told(parts, answer):
+        for part, found, failures in self._block_answers(parts, answer):
             self._failures.update({part.start + number: why for number, why in failures.items()})
             self._looked.add(part.start)
             yield part, found
 
-    def _told(
+    def _block_answers(
         self, parts: Sequence[slice], answer: Callable[[Block], AnswerT]
     ) -> Iterator[tuple[slice, AnswerT, dict[int, str]]]:
         """Yield the answers of blocks, with the failures in them, of this process or as those of others come."""
@@ -222,12 +227,12 @@ class Batch:
     @property
     def _size(self) -> int:
         """Return the number of motions in a block."""
-        return min(TOGETHER, max(1, ROWS // len(self.t))) if self.question.journey.together else ALONE
+        return min(TOGETHER, max(1, ROWS // len(self.t))) if self.question.hybrid.batchable else ALONE
 
 
 def batch(
     scenario: Scenario | str | Path, position: Mapping[str, ArrayLike] | None = None,
-    velocity: Mapping[str, ArrayLike] | None = None, *, overrides: list[str] | None = None, workers: int = 1,
+    velocity: Mapping[str, ArrayLike] | None = None, *, values: Values | None = None, workers: int = 1,
 ) -> Batch:  # fmt: skip
     """Ask a scenario of kind ``forward`` from many initial states.
 
@@ -236,7 +241,7 @@ def batch(
         position: Joint -> its initial coordinates [rad or m], shape (b,) or one for all; other joints begin as in the
             scenario.
         velocity: Joint -> its initial velocities [rad/s or m/s], likewise.
-        overrides: Assignments such as ``problem.time.end=3 s`` that replace values of the scenario.
+        values: Other values than those of the file, such as ``{"problem.time.end": "3 s"}``; see ``pinarm.load``.
         workers: Processes that solve the motions, as pays where loops are taken one by one; the numbers are the same.
 
     Raises:
@@ -246,6 +251,6 @@ def batch(
     """
     if workers < 1:
         raise InputError(f"{workers} workers solve nothing", expected="at least 1")
-    question = Question.of(load(scenario, overrides))
-    starts = Starts.of(question.scenario.scene.solved, question.journey, position or {}, velocity or {})
-    return Batch(question, starts, *question.begin(starts.initial(question.journey)), workers)
+    question = Question.of(load(scenario, values))
+    starts = Starts.of(question.scenario.scene.solved, question.hybrid, position or {}, velocity or {})
+    return Batch(question, starts, *question.begin(starts.initial(question.hybrid)), workers)

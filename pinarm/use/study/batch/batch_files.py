@@ -6,15 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.errors import InputError, NumericsError
 from pinarm.input.units import DIMENSIONLESS
-from pinarm.use.result.result import COSTS, MEASURES, Result
+from pinarm.use.result.measures import COSTS, MEASURES
+from pinarm.use.result.result import Result
 from pinarm.use.store import case_columns as columns
 from pinarm.use.store.files import json_text, write, write_arrays, write_parts
 from pinarm.use.store.save import arrays, csv
 from pinarm.use.study.batch.block import Block
-from pinarm.use.study.batch.reduced_table import Table
+from pinarm.use.study.batch.reduced_table import ReducedTable
 
 WORTH = (*(name for name in MEASURES if name != "least regular at"), *COSTS)
 """Figures of every motion: what it is worth, and what it cost."""
@@ -40,10 +41,10 @@ def _saved(block: Block, number: int, folder: Path) -> Line:
         if not isinstance(found, Result):
             return [np.nan] * (2 * len(dict.fromkeys(outputs)) + len(WORTH)), why
         result = found
-    told = result.columns()
-    write_parts(folder / f"{block.first + number:06d}.csv", csv(told))
-    write_arrays(folder / f"{block.first + number:06d}.npz", arrays(result, told))
-    extremes = [x for series in told[1:] for x in (series.values.min(), series.values.max())]
+    written = result.columns()
+    write_parts(folder / f"{block.first + number:06d}.csv", csv(written))
+    write_arrays(folder / f"{block.first + number:06d}.npz", arrays(result, written))
+    extremes = [x for series in written[1:] for x in (series.values.min(), series.values.max())]
     line = [float(x) for x in (*extremes, *(result.figures.get(name, np.nan) for name in WORTH))]
     return [np.nan if why else x for x in line], why
 
@@ -62,7 +63,7 @@ def empty(folder: Path) -> None:
     write(folder / OWN[0], "")
 
 
-def write_table(table: Table, folder: Path) -> None:
+def write_table(table: ReducedTable, folder: Path) -> None:
     """Write the table of all motions, and what their numbers are over all of them."""
     write(folder / "motions.csv", table.csv())
     write_arrays(folder / "motions.npz", columns.arrays(table.columns, table.errors))

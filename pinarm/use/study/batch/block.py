@@ -12,13 +12,14 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integration.batch_solution import Ensemble
-from pinarm.engine.motion.hybrid_motion import Journey
+from pinarm.engine.motion.hybrid_motion import HybridSystem
+from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, Interrupted, NumericsError
 from pinarm.mechanics.laws.motion_law import ROUNDING
-from pinarm.problems.batch_table import Abreast
+from pinarm.problems.batch_table import BatchTable
 from pinarm.problems.forward import Forward
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
@@ -33,12 +34,12 @@ class Question:
     Attributes:
         scenario: The scenario.
         problem: The question about what is solved.
-        journey: What is integrated.
+        hybrid: What is integrated.
     """
 
     scenario: Scenario
     problem: Forward = field(repr=False)
-    journey: Journey = field(repr=False)
+    hybrid: HybridSystem = field(repr=False)
 
     @classmethod
     def of(cls, scenario: Scenario) -> Question:
@@ -65,8 +66,8 @@ class Question:
             InputError: One contradicts itself, the laws, or a stop.
             DynamicsError: Masses do not determine the accelerations there.
         """
-        q, v = (np.array(x) for x in zip(*(self.journey.begin(start) for start in starts), strict=True))
-        self.problem.require_masses(self.scenario.scene.solved, self.journey, q)
+        q, v = (np.array(x) for x in zip(*(self.hybrid.begin(start) for start in starts), strict=True))
+        self.problem.require_masses(self.scenario.scene.solved, self.hybrid, q)
         return q, v
 
 
@@ -85,7 +86,7 @@ class Block:
     q: Array = field(repr=False)
     v: Array = field(repr=False)
     first: int = 0
-    _followed: dict[int, Trajectory | NumericsError] = field(default_factory=dict, repr=False)
+    _followed: dict[int, Outcome | NumericsError] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
         return len(self.q)
@@ -97,17 +98,17 @@ class Block:
 
     @cached_property
     def ensemble(self) -> Ensemble | None:
-        """Return the motions, their first legs where there are end stops; ``None`` where each is taken alone."""
-        journey = self.question.journey
-        if journey.bounds and any(journey.contacts.near(row) for row in self.q):
+        """Return the motions, their first segments where there are end stops; ``None`` where each is taken alone."""
+        hybrid = self.question.hybrid
+        if hybrid.bounds and any(hybrid.contacts.near(row) for row in self.q):
             return None
         with np.errstate(all="ignore"):  # what is not finite is found in the results, and said in words
-            return journey.abreast(self.q, self.v)
+            return hybrid.integrate_together(self.q, self.v)
 
     @cached_property
     def whole(self) -> Ensemble | None:
         """Return the motions where they are integrated together from end to end."""
-        return None if self.question.journey.bounds else self.ensemble
+        return None if self.question.hybrid.bounds else self.ensemble
 
     def run(self, number: int) -> Result:
         """Return the result of one motion, with its accuracy.
@@ -118,14 +119,14 @@ class Block:
         scenario, solved = self.question.scenario, self._solved(number)
         try:
             with np.errstate(all="ignore"):
-                if isinstance(solved, Trajectory):
+                if isinstance(solved, Outcome):
                     return scenario.measured(solved, scenario.scene.restored(solved))
-                error, told = copy(solved), self._told(number)
-                error.partial = None if told is None else scenario.scene.restored(told)
+                error, kept = copy(solved), self._outcome(number)
+                error.partial = None if kept is None else scenario.scene.restored(kept)
                 raise error
         except NumericsError as error:
-            if isinstance(error.partial, Trajectory):
-                error.partial = scenario.result(error.partial, {})
+            if isinstance(error.partial, Outcome):
+                error.partial = scenario.result(error.partial)
             raise
 
     @cached_property
@@ -143,8 +144,8 @@ class Block:
             return self.whole.reached(self.t)
         reached = np.zeros((len(self), len(self.t)), dtype=bool)
         for number in range(len(self)):
-            if (run := self._told(number)) is not None:
-                reached[number, _rows(run.grid.t, self.t)[1]] = True
+            if (found := self._outcome(number)) is not None:
+                reached[number, _rows(found.rows.grid.t, self.t)[1]] = True
         return reached
 
     def values(self, names: Sequence[str]) -> Array:
@@ -152,7 +153,7 @@ class Block:
         found = np.full((len(names), len(self), len(self.t)), np.nan)
         scenario = self.question.scenario
         for motion, instant, run, rows in self._tables():
-            quantities = Quantities(scenario.scene.restored(run), scenario.symbols, scenario.content.undetermined)
+            quantities = Quantities(scenario.scene.restored_rows(run), scenario.symbols, scenario.content.undetermined)
             with np.errstate(all="ignore"):
                 for k, name in enumerate(names):
                     found[k, motion, instant] = quantities[name].values[rows]
@@ -161,12 +162,12 @@ class Block:
     def states(self) -> tuple[Array, Array]:
         """Return q, shape (b, n, nq), and v, shape (b, n, nv), of the whole mechanism; not a number beyond an end."""
         if self.whole is not None:
-            q, v = self.question.journey.system().whole(self.t, *self.whole.states(self.t))
+            q, v = self.question.hybrid.system().whole(self.t, *self.whole.states(self.t))
         else:
             q, v = (np.full((len(self), len(self.t), x.shape[1]), np.nan) for x in (self.q, self.v))
             for motion, instant, run, rows in self._tables():
                 q[motion, instant], v[motion, instant] = run.q[rows], run.v[rows]
-        return self.question.scenario.scene.spread(self.question.journey.once(self.t), q, v)
+        return self.question.scenario.scene.spread(self.question.hybrid.grid_of_each(self.t), q, v)
 
     def _tables(self) -> Iterator[tuple[Indices, Indices, Trajectory, Indices]]:
         """Yield motions, the instants that they have come to, trajectories, and where in these they stand."""
@@ -174,28 +175,28 @@ class Block:
         mechanism = question.scenario.scene.solved
         lossy = any(drive.efficiency < 1.0 for drive in question.scenario.mechanism.drives.values())
         if self.whole is not None and not lossy:  # whether a motor drives, its own motion tells at standstill
-            table = Abreast.of(question.problem, mechanism, question.journey, self.whole)
+            table = BatchTable.of(question.problem, mechanism, question.hybrid, self.whole)
             yield table.motion, table.instant, table.run, np.arange(len(table.motion))
             return
         for number in range(len(self)):
-            if (run := self._told(number)) is not None:
-                rows, instant = _rows(run.grid.t, self.t)
-                yield np.full(len(rows), number), instant, run, rows
+            if (found := self._outcome(number)) is not None:
+                rows, instant = _rows(found.rows.grid.t, self.t)
+                yield np.full(len(rows), number), instant, found.rows, rows
 
-    def _told(self, number: int) -> Trajectory | None:
+    def _outcome(self, number: int) -> Outcome | None:
         """Return as much of one motion of what is solved as there is."""
         found = self._solved(number)
-        run = found.partial if isinstance(found, NumericsError) else found
-        return run if isinstance(run, Trajectory) else None
+        outcome = found.partial if isinstance(found, NumericsError) else found
+        return outcome if isinstance(outcome, Outcome) else None
 
-    def _solved(self, number: int) -> Trajectory | NumericsError:
+    def _solved(self, number: int) -> Outcome | NumericsError:
         """Return one motion of what is solved, or why there is none."""
         if number not in self._followed:
             question, ensemble = self.question, self.ensemble
-            ahead = None if ensemble is None else partial(ensemble.solution, number)
+            first = None if ensemble is None else partial(ensemble.solution, number)
             try:
-                self._followed[number] = question.problem.followed(
-                    question.scenario.scene.solved, question.journey, self.q[number], self.v[number], ahead
+                self._followed[number] = question.problem.solve_from(
+                    question.scenario.scene.solved, question.hybrid, self.q[number], self.v[number], first
                 )
             except Interrupted:
                 raise
@@ -209,14 +210,14 @@ def answered(answer: Callable[[Block], AnswerT], block: Block) -> tuple[AnswerT,
     return answer(block), block.failures
 
 
-def _rows(told: Array, t: Array) -> tuple[Indices, Indices]:
+def _rows(table: Array, t: Array) -> tuple[Indices, Indices]:
     """Return the rows that stand for instants, the last one where there are two, and which instants these are.
 
     Args:
-        told: Instants of a table, shape (n,); where a law jumps they may differ from those asked by rounding.
+        table: Instants of a table, shape (n,); where a law jumps they may differ from those asked by rounding.
         t: Instants that are asked [s], shape (m,).
     """
     slack = 2.0 * ROUNDING * (t[-1] - t[0])
-    rows = np.maximum(np.searchsorted(told, t + slack, side="right") - 1, 0)
-    there = np.abs(told[rows] - t) <= slack
+    rows = np.maximum(np.searchsorted(table, t + slack, side="right") - 1, 0)
+    there = np.abs(table[rows] - t) <= slack
     return rows[there], np.flatnonzero(there)

@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.hybrid_motion import Journey
+from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.systems import Initial
-from pinarm.engine.motion.trajectory import Series
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.quantities.states import columns_of
+from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices
 from pinarm.mechanics.joints import Joint
 
@@ -37,7 +37,7 @@ class Starts:
 
     @classmethod
     def of(
-        cls, mechanism: Mechanism, journey: Journey, position: Mapping[str, ArrayLike],
+        cls, mechanism: Mechanism, hybrid: HybridSystem, position: Mapping[str, ArrayLike],
         velocity: Mapping[str, ArrayLike],
     ) -> Starts:  # fmt: skip
         """Return initial values, those of single numbers the same for all.
@@ -46,8 +46,8 @@ class Starts:
             InputError: A joint has not one coordinate or follows a law, or the numbers of values differ.
         """
         for name in (*position, *velocity):
-            if name not in mechanism.joints or name in journey.imposed.names:
-                free = [joint for joint in mechanism.joints if joint not in journey.imposed.names]
+            if name not in mechanism.joints or name in hybrid.imposed.names:
+                free = [joint for joint in mechanism.joints if joint not in hybrid.imposed.names]
                 expected, hint = choices(name, free)
                 raise InputError(
                     f"no free joint '{name}' with one coordinate can begin elsewhere", expected=expected, hint=hint
@@ -62,9 +62,9 @@ class Starts:
         return cls(mechanism.joints, dict(zip(position, found, strict=False)),
                    dict(zip(velocity, found[len(position) :], strict=True)), *(shape or (1,)))  # fmt: skip
 
-    def initial(self, journey: Journey) -> Iterator[Initial]:
+    def initial(self, hybrid: HybridSystem) -> Iterator[Initial]:
         """Yield the initial states, not yet assembled."""
-        base, joints = journey.initial, self.joints
+        base, joints = hybrid.initial, self.joints
         positions = tuple(dict.fromkeys((*base.positions, *(joints[name].v for name in self.position))))
         velocities = tuple(dict.fromkeys((*base.velocities, *(joints[name].v for name in self.velocity))))
         q, v = np.tile(base.q, (self.size, 1)), np.tile(base.v, (self.size, 1))

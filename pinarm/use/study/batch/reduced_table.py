@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices
 from pinarm.use.store import case_columns as columns
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class ReducedTable:
     """A line per motion.
 
     Attributes:
@@ -70,6 +70,9 @@ class Table:
 
     def _repr_html_(self) -> str:
         """Return the statistics, for notebooks."""
-        from pinarm.use.show.notebook import of_table
+        from pinarm.use.show.notebook import blocks, heading, lines, table
 
-        return of_table(self)
+        summary = self.summary()
+        rows = columns.statistics_rows("motion", summary["columns"])
+        failed = [f"failed: {failure['reason']} ({failure['cases']})" for failure in summary["failures"]]
+        return blocks(heading(f"{self.name}, {len(self)} motions"), table(rows), lines(failed))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices
 from pinarm.input.units import Unit
 from pinarm.use.study.batch.block import Block
@@ -35,7 +35,7 @@ MEASURES: Mapping[str, Callable[[Array, Array], float]] = {
 
 
 @dataclass(frozen=True)
-class Asked:
+class ColumnReduction:
     """One number of every motion.
 
     Attributes:
@@ -47,8 +47,8 @@ class Asked:
     measure: Measure
 
     @classmethod
-    def read(cls, given: Mapping[str, Measure | Sequence[Measure]]) -> list[Asked]:
-        """Return what is asked, quantity by quantity.
+    def read(cls, given: Mapping[str, Measure | Sequence[Measure]]) -> list[ColumnReduction]:
+        """Return what is reductions, quantity by quantity.
 
         Raises:
             InputError: There is no such measure.
@@ -82,13 +82,13 @@ class Asked:
         return float(np.percentile(x, self.measure))
 
 
-def reduced(block: Block, asked: Sequence[Asked]) -> Array:
+def reduced(block: Block, reductions: Sequence[ColumnReduction]) -> Array:
     """Return the numbers of every motion of a block, shape (b, k); none where it was not followed to its end."""
-    names = list(dict.fromkeys(one.quantity for one in asked))
+    names = list(dict.fromkeys(one.quantity for one in reductions))
     values = dict(zip(names, block.values(names), strict=True))
-    found, reached = np.full((len(block), len(asked)), np.nan), block.reached
+    found, reached = np.full((len(block), len(reductions)), np.nan), block.reached
     for number in range(len(block)):
         if number not in block.failures and reached[number].any():
             here = reached[number]
-            found[number] = [one.of(block.t[here], values[one.quantity][number, here]) for one in asked]
+            found[number] = [one.of(block.t[here], values[one.quantity][number, here]) for one in reductions]
     return found

@@ -11,11 +11,11 @@ from typing import Generic, TypeVar
 
 from pinarm.arrays import Array
 from pinarm.errors import NumericsError, PinarmError
-from pinarm.input.roots import given_root, rooted
+from pinarm.input.roots import file_root, given_root
 from pinarm.input.yaml.document import Document
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.batch.block import Block, Question, answered
-from pinarm.use.study.sweep.process_pool import Death, spread
+from pinarm.use.study.sweep.process_pool import WorkerDeath, distribute
 
 AnswerT = TypeVar("AnswerT")
 
@@ -50,7 +50,7 @@ class Remote(Generic[AnswerT]):
         """Return the answer of a block and why motions of it failed, or why it has none."""
         first, q, v = job
         try:
-            with rooted(self.root):
+            with file_root(self.root):
                 return answered(self.answer, Block(self.question, q, v, first))
         except PinarmError as error:
             error.__dict__.pop("partial", None)  # which stays in this process
@@ -69,11 +69,11 @@ def answers(
         NumericsError: A process died.
     """
     remote = Remote(scenario.document, scenario.folder, scenario.seed, given_root(), answer)
-    with closing(spread(remote, iter(jobs), min(workers, len(jobs)))) as found:
-        for job, told in found:
-            if isinstance(told, Death):
+    with closing(distribute(remote, iter(jobs), min(workers, len(jobs)))) as found:
+        for job, answered in found:
+            if isinstance(answered, WorkerDeath):
                 last = job[0] + len(job[1]) - 1
-                raise NumericsError(f"the process that solved the motions {job[0]} to {last} died by {told.how}")
-            if isinstance(told, PinarmError | OSError):
-                raise told
-            yield job, *told
+                raise NumericsError(f"the process that solved the motions {job[0]} to {last} died by {answered.how}")
+            if isinstance(answered, PinarmError | OSError):
+                raise answered
+            yield job, *answered

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import unit
 

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.use.study.sweep.axes import Cases, Value
 from pinarm.use.study.sweep.cases import WORTH, Row, Task, solve_case
 from pinarm.use.study.sweep.journal import Journal, Sources, task_digest
-from pinarm.use.study.sweep.process_pool import Death, spread
+from pinarm.use.study.sweep.process_pool import WorkerDeath, distribute
 
 UNSOLVED = "not solved"
 JOURNAL = "journal.jsonl"
@@ -70,9 +70,9 @@ class Solving:
             self._solve(workers, journal)
 
     def _solve(self, workers: int, journal: Journal | None) -> None:
-        with closing(spread(partial(_solve_job, self.task), self._unknown(journal), workers)) as answers:
+        with closing(distribute(partial(_solve_job, self.task), self._unknown(journal), workers)) as answers:
             for (case, key, _), answer in answers:
-                if isinstance(answer, Death):
+                if isinstance(answer, WorkerDeath):
                     self._take(case, Row((), f"its process died by {answer.how}", final=False))
                     continue
                 self.sources.check(answer.files)

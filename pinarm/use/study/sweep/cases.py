@@ -9,15 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
-from pinarm.engine.motion.trajectory import Series
 from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError, InputError, Location, PinarmError
-from pinarm.input.roots import noting_files, rooted
+from pinarm.input.roots import file_root, noting_files
 from pinarm.input.units import Unit
 from pinarm.input.yaml.document import Document
-from pinarm.use.result import row_lookup as instants
-from pinarm.use.result.result import MEASURES, Result
+from pinarm.input.yaml.values import varied
+from pinarm.use.result import row_lookup
+from pinarm.use.result.measures import MEASURES
+from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.study.run import run
 from pinarm.use.study.sweep.axes import Value
 
 WORTH = (*MEASURES, "global error")
@@ -108,7 +111,7 @@ class Wanted:
         """
         quantities = result.quantities
         if self.at is not None:
-            quantities = instants.at(quantities, self.at, self.of)
+            quantities = row_lookup.at(result, self.at, self.of)
         series = quantities[self.quantity]
         if self.unit and series.unit and series.unit.dimension != self.unit.dimension:
             raise InputError(f"{self.quantity} is in {series.unit} in this case", expected=f"{self.unit}, as in others")
@@ -162,9 +165,9 @@ def solve_case(task: Task, values: Mapping[str, Value]) -> Row:
     Returns:
         The row; that of a case that fails says why.
     """
-    with rooted(task.root), noting_files() as files:
+    with file_root(task.root), noting_files() as files:
         try:
-            result = Scenario.of(task.document.varied(values), task.folder).run()
+            result = run(Scenario.of(varied(task.document, values), task.folder))
             numbers = [number for entry in task.wanted for number in entry.numbers(result)]
             if result.missed:
                 target = result.content.accuracy.target

@@ -38,7 +38,7 @@ AnswerT = TypeVar("AnswerT")
 
 
 @dataclass(frozen=True)
-class Death:
+class WorkerDeath:
     """The end of a worker that was not asked to end; ``how`` says by which signal, or with which exit code."""
 
     how: str
@@ -71,7 +71,7 @@ class _Worker(Generic[JobT]):
         with suppress(OSError):  # it has died, as its pipe is going to say
             self.pipe.send(job)
 
-    def end(self) -> Death:
+    def end(self) -> WorkerDeath:
         """End the process, if it has not ended by itself, and say how it did."""
         self.pipe.close()
         try:
@@ -80,7 +80,7 @@ class _Worker(Generic[JobT]):
             self.process.kill()
             code = self.process.wait()
         names = {int(number): number.name for number in signal.Signals}
-        return Death(names.get(-code, f"signal {-code}") if code < 0 else f"exit code {code}")
+        return WorkerDeath(names.get(-code, f"signal {-code}") if code < 0 else f"exit code {code}")
 
 
 @dataclass(eq=False)
@@ -121,10 +121,10 @@ class _Team(Generic[JobT]):
             except (EOFError, OSError):
                 answer = self._bury(worker)
             yield worker.jobs.popleft(), answer
-            if isinstance(answer, Death):
+            if isinstance(answer, WorkerDeath):
                 self.orphans += worker.jobs
 
-    def _bury(self, worker: _Worker[JobT]) -> Death:
+    def _bury(self, worker: _Worker[JobT]) -> WorkerDeath:
         self.workers.remove(worker)
         death = worker.end()
         self.deaths += 1
@@ -137,9 +137,9 @@ class _Team(Generic[JobT]):
         return death
 
 
-def spread(
+def distribute(
     function: Callable[[JobT], AnswerT], jobs: Iterator[JobT], workers: int
-) -> Generator[tuple[JobT, AnswerT | Death], None, None]:
+) -> Generator[tuple[JobT, AnswerT | WorkerDeath], None, None]:
     """Apply a function to jobs in processes; yield each job with its answer, in the order in which they come.
 
     Args:

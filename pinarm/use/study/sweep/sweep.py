@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from pinarm.engine.dynamics.parallel import cores
-from pinarm.engine.mechanism import mechanism_document
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.errors import InputError, Interrupted, PinarmError, choices
 from pinarm.input.roots import given_root, noting_files
-from pinarm.input.units import DIMENSIONLESS, read_quantity, unit
-from pinarm.use.scenario.scenario import Scenario, load
+from pinarm.input.units import DIMENSIONLESS, unit
+from pinarm.input.yaml.values import Values, written_unit
+from pinarm.use.scenario.scenario import Scenario, declared_unit, load
 from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Sampling, draw
-from pinarm.use.study.sweep.case_solver import Progress, Solving
+from pinarm.use.study.sweep.case_solver import Solving
 from pinarm.use.study.sweep.cases import WORTH, Task, Wanted
 from pinarm.use.study.sweep.value_syntax import read_axis, read_cases
 
@@ -96,30 +96,35 @@ class Sweep:
 
     def _repr_html_(self) -> str:
         """Return statistics and a plot, for notebooks."""
-        from pinarm.use.show.notebook import of_sweep
+        from pinarm.use.show.notebook import blocks, heading, lines, picture, table
+        from pinarm.use.study.sweep.sweep_text import ranges, remarks
 
-        return of_sweep(self)
+        parts = heading(self.title or self.name), table(ranges(self)), lines(remarks(self)), picture(self.plot())
+        return blocks(*parts)
 
 
 def sweep(
     scenario: Scenario | str | Path,
     over: Mapping[str, object] | None = None,
     *,
+    values: Values | None = None,
     cases: str | Path | None = None,
     samples: int | None = None,
     seed: int = 0,
-    sampling: Sampling = "random",
+    sampling: Literal["random", "latin"] = "random",
     results: Sequence[str] = (),
     workers: int | None = None,
     folder: str | Path | None = None,
-    progress: Progress = lambda done, failed, total: None,
+    progress: Callable[[int, int, int], None] = lambda done, failed, total: None,
 ) -> Sweep:
     """Solve a scenario for many values of numbers in it or in its model.
 
     Args:
         scenario: The scenario, or its file.
         over: Path -> values: text such as ``"0.1:0.5:41 kg"`` or ``"normal(0.25, 0.001) m"``, or a list or array. Paths
-            are those of ``--set``: ``arguments.m_A``, ``problem.time.end``, ``changes.forces.spring.stiffness``.
+            are those of ``values``: ``arguments.m_A``, ``problem.time.end``, ``changes.forces.spring.stiffness``.
+        values: Other values than those of the file, the same in all cases, such as ``{"problem.time.end": "3 s"}``; see
+            ``pinarm.load``.
         cases: A CSV file whose lines are cases, with paths and units in its heading.
         samples: How many values to draw from distributions.
         seed: Of the drawing; the same seed gives the same values.
@@ -128,7 +133,7 @@ def sweep(
             ``"t @ max(C_B)"``, ``"C_B @ t=1.5 s"``; the outputs of the scenario where nothing is named.
         workers: Processes; all cores where it is left out.
         folder: Where to keep what is finished; a sweep that finds its cases there does not solve them again.
-        progress: Called after every case.
+        progress: Called after every case: ``progress(done, failed, total)``, numbers of cases.
 
     Raises:
         InputError: The sweep cannot be done as it stands. A case that fails does not raise: ``Sweep.errors`` has it.
@@ -136,10 +141,8 @@ def sweep(
     """
     if workers is not None and workers < 1:
         raise InputError(f"{workers} workers solve nothing", expected="at least 1")
-    scenario = load(scenario)
-    given = {
-        path: values.tolist() if isinstance(values, np.ndarray) else values for path, values in (over or {}).items()
-    }
+    scenario = load(scenario, values)
+    given = {path: x.tolist() if isinstance(x, np.ndarray) else x for path, x in (over or {}).items()}
     with noting_files() as files:
         chosen = Cases.of(_axes(scenario, given, cases, samples, seed, sampling))
         quantities = _end(scenario, chosen).quantities()
@@ -200,30 +203,15 @@ def _unit_of(scenario: Scenario, path: str) -> str:
     Raises:
         InputError: The file and the mechanism give the argument in different units.
     """
-    written = _written(scenario.document.data, path.split("."))
+    written = written_unit(scenario.document.data, path)
     if path.startswith("changes.") and not written:
-        source = scenario.folder / scenario.content.mechanism
-        written = _written(mechanism_document(source).data, path.split(".")[1:])
+        written = declared_unit(scenario.document.data, scenario.folder, path)
     kind, _, name = path.partition(".")
     declared = scenario.mechanism.description.arguments.get(name, "") if kind == "arguments" else ""
     if written and declared and unit(written) != unit(declared):
         raise InputError(f"the argument '{name}' is in {written} in the scenario and in {declared} in the mechanism",
                          expected=f"numbers with their unit, such as '1, 2, 3 {written}'")  # fmt: skip
     return written or declared
-
-
-def _written(data: Any, keys: Sequence[str]) -> str:
-    """Return the unit of the value that stands at a path of a file; empty where there is none."""
-    for key in keys:
-        step: Any = int(key) if isinstance(data, list) and key.isdigit() and int(key) < len(data) else key
-        if not isinstance(data, dict | list) or (isinstance(data, list) and step is key):
-            return ""
-        data = data[step] if isinstance(data, list) else data.get(step)
-    try:
-        measured = read_quantity(data)[1] if isinstance(data, str) else None
-    except InputError:
-        return ""
-    return measured.text if measured else ""
 
 
 def _end(scenario: Scenario, cases: Cases) -> Scenario:

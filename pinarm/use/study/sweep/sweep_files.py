@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.trajectory import Series
+from pinarm.engine.series import Series
 from pinarm.errors import InputError
-from pinarm.use.result.result import CLOSURES, RESIDUALS
+from pinarm.use.result.measures import CLOSURES, RESIDUALS
 from pinarm.use.store import case_columns as columns
 from pinarm.use.store.files import json_text, write, write_arrays, yaml_text
 

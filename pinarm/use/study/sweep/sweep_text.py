@@ -5,13 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
-from pinarm.use.result.result import CLOSURES, RESIDUALS
+from pinarm.use.result.measures import CLOSURES, RESIDUALS
 from pinarm.use.show.terminal import aligned
+from pinarm.use.store.case_columns import statistics_rows
 from pinarm.use.study.sweep.case_solver import Progress
-from pinarm.use.study.sweep.sweep import Sweep
 from pinarm.use.study.sweep.sweep_files import summary
+
+if TYPE_CHECKING:
+    from pinarm.use.study.sweep.sweep import Sweep
 
 PAUSE = 0.1
 """Seconds between two looks at the progress."""
@@ -49,11 +52,7 @@ def report(sweep: Sweep) -> str:
 
 def ranges(sweep: Sweep) -> list[list[str]]:
     """Return a heading and the statistics of every result."""
-    rows = [["", "unit", "min", "in case", "mean", "deviation", "max", "in case"]]
-    for name, entry in summary(sweep)["results"].items():
-        numbers = [entry.get(key) for key in ("min", "at_min", "mean", "deviation", "max", "at_max")]
-        rows.append([name[:48], entry["unit"], *("-" if number is None else f"{number:.7g}" for number in numbers)])
-    return rows
+    return statistics_rows("case", summary(sweep)["results"])
 
 
 def remarks(sweep: Sweep) -> list[str]:

@@ -1,0 +1,264 @@
+"""The dynamics of a tree: ``M(q) a + nle(q, v) = tau + loads``, its terms and the recursive routes to tau and to a.
+
+``tau`` are the efforts of the drives, ``loads`` those of springs, dampers and applied forces. Constraints add
+``G^T lam`` to the right-hand side: see ``engine.dynamics.equation``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, as_rows, same_rows
+from pinarm.engine.dynamics.configuration_space import JointSpace
+from pinarm.engine.dynamics.mass_matrix import mass_matrices
+from pinarm.engine.dynamics.parallel import Parallel
+from pinarm.engine.integration.integrator import BATCH_ROUNDING, Acceleration, Accelerations, Energy, Flat, Manifold
+from pinarm.mechanics.forces import ForceElement, summed
+from pinarm.mechanics.laws.motion_law import Grid
+
+NO_FORCES: Mapping[str, ForceElement] = MappingProxyType({})
+
+
+@dataclass(frozen=True, eq=False)
+class Dynamics:
+    """The terms of the equation of motion of one tree, and the buffers of the integrators' kernels.
+
+    Attributes:
+        model: Pinocchio's model; gravity and the rotors' armature are in it.
+        forces: Force elements, by name.
+        data: Pinocchio's buffers; every call fills them and reads them, and leaves nothing in them for another.
+    """
+
+    model: pin.Model
+    forces: Mapping[str, ForceElement]
+    data: pin.Data = field(repr=False)
+
+    @classmethod
+    def of(cls, model: pin.Model, forces: Mapping[str, ForceElement] = NO_FORCES) -> Dynamics:
+        """Return the dynamics of a model under the given forces."""
+        return cls(model, dict(forces), model.createData())
+
+    @cached_property
+    def manifold(self) -> Manifold:
+        """Return the space of configurations."""
+        nq, nv = self.model.nq, self.model.nv
+        return Flat(nq, nv) if nq == nv else JointSpace(self.model, nq, nv)
+
+    @cached_property
+    def _parallel(self) -> Parallel:
+        return Parallel(self.model)
+
+    def mass_matrices(self, q: Array) -> Array:
+        """Return M at configurations, shape (n, nq), as an array of shape (n, nv, nv)."""
+        return mass_matrices(self.model, q)
+
+    def loads(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the generalised loads of the force elements [N*m or N], shape (..., nv)."""
+        tau = np.zeros((*q.shape[:-1], self.model.nv))
+        for force in self._acting:
+            force.add_load(t, q, v, tau)
+        return tau
+
+    @cached_property
+    def _acting(self) -> tuple[ForceElement, ...]:
+        return summed(self.forces.values())
+
+    def on(self, start: float, end: float) -> Dynamics:
+        """Return the dynamics as it is on an interval of time in which no load jumps; buffers are shared."""
+        if not any(force.laws() for force in self.forces.values()):
+            return self
+        here = {name: force.on(start, end) for name, force in self.forces.items()}
+        return Dynamics(self.model, here, self.data)
+
+    def inverse(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
+        """Return the efforts that the drives must give for a motion: ``rnea(q, v, a) - loads``.
+
+        Args:
+            t: Instants [s], shape (n,), or one for all.
+            q: Configurations, shape (n, nq).
+            v: Velocities, shape (n, nv).
+            a: Accelerations, shape (n, nv).
+
+        Returns:
+            Efforts [N*m or N], shape (n, nv).
+
+        Raises:
+            InputError: The shapes do not fit the model.
+        """
+        nq, nv = self.model.nq, self.model.nv
+        q, v, a = as_rows(q, nq, "q"), as_rows(v, nv, "v"), as_rows(a, nv, "a")
+        same_rows(q, v, a)
+        if not len(q):
+            return np.zeros((0, nv))
+        tau = self._parallel.rnea(q, v, a)
+        return tau - self.loads(t, q, v) if self.forces else tau
+
+    def forward(self, t: Array | float, q: Array, v: Array, tau: Array | None = None) -> Array:
+        """Return the accelerations under given efforts: ``aba(q, v, tau + loads)``.
+
+        Args:
+            t: Instants [s], shape (n,), or one for all.
+            q: Configurations, shape (n, nq).
+            v: Velocities, shape (n, nv).
+            tau: Efforts of the drives [N*m or N], shape (n, nv); none where it is left out.
+
+        Returns:
+            Accelerations, shape (n, nv).
+
+        Raises:
+            InputError: The shapes do not fit the model.
+        """
+        q, v = as_rows(q, self.model.nq, "q"), as_rows(v, self.model.nv, "v")
+        same_rows(q, v)
+        total = self.loads(t, q, v) if len(q) else np.zeros_like(v)
+        if tau is not None:
+            efforts = as_rows(tau, self.model.nv, "tau")
+            same_rows(q, efforts)
+            total += efforts
+        return self._accelerated(q, v, total, {0, len(q) // 2, len(q) - 1, farthest(q)}) if len(q) else total
+
+    def _accelerated(self, q: Array, v: Array, tau: Array, checked: Iterable[int]) -> Array:
+        """Return ``aba(q, v, tau)``, row by row where the recursion for many states at once errs in a checked row."""
+        a = self._parallel.aba(q, v, tau)
+        for row in checked:
+            exact = pin.aba(self.model, self.data, q[row], v[row], tau[row])
+            apart = a[row] - exact
+            if not apart @ apart <= BATCH_ROUNDING**2 * (exact @ exact):
+                return np.array([pin.aba(self.model, self.data, *each) for each in zip(q, v, tau, strict=True)])
+        return a
+
+    def acceleration(self) -> Acceleration:
+        """Return the free motion's ``(t, q, v) -> a`` for one state at a time, with as few calls as there can be."""
+        model, data, aba, load = self.model, self.data, pin.aba, self.load()
+
+        def free(t: float, q: Array, v: Array) -> Array:
+            return aba(model, data, q, v, load(t, q, v))  # type: ignore[no-any-return]
+
+        return free
+
+    def accelerations(self) -> Accelerations:
+        """Return the same of many states at once; the one farthest out stands for how well they are computed."""
+        steady, changing = self.steady, self.changing
+
+        def free(t: Array, q: Array, v: Array) -> Array:
+            tau = np.empty_like(v)
+            tau[:] = steady
+            for force in changing:
+                force.add_load(t, q, v, tau)
+            return self._accelerated(q, v, tau, (farthest(q),))
+
+        return free
+
+    def unchecked(self) -> Accelerations:
+        """Return the same of a few states, as lean as can be: to be checked by whoever takes them."""
+        aba, parallel, nv = pin.abaInParallel, self._parallel, self.model.nv
+        steady, changing, tau = self.steady, self.changing, np.zeros((0, nv))
+
+        def free(t: Array, q: Array, v: Array) -> Array:
+            nonlocal tau
+            if len(tau) < len(q):
+                tau = np.tile(steady, (len(q), 1))
+            loads = tau[: len(q)]
+            if changing:
+                loads[:] = steady
+                for force in changing:
+                    force.add_load(t, q, v, loads)
+            return aba(1, parallel.one, q.T, v.T, loads.T).reshape(nv, len(q)).T  # type: ignore[no-any-return]
+
+        return free
+
+    def load(self) -> Acceleration:
+        """Return ``(t, q, v) -> tau``, the load in one state, to be read only; steady loads are summed once."""
+        steady, changing, tau = self.steady, self.changing, np.zeros(self.model.nv)
+        if not changing:
+            return lambda t, q, v: steady
+
+        def loaded(t: float, q: Array, v: Array) -> Array:
+            tau[:] = steady
+            for force in changing:
+                force.add_load(t, q, v, tau)
+            return tau
+
+        return loaded
+
+    @cached_property
+    def steady(self) -> Array:
+        """The sum of the loads that are the same in all states and at all times [N*m or N], shape (nv,)."""
+        tau, q, still = np.zeros(self.model.nv), pin.neutral(self.model), np.zeros(self.model.nv)
+        for force in self.forces.values():
+            if force.steady:
+                force.add_load(0.0, q, still, tau)
+        return tau
+
+    @cached_property
+    def changing(self) -> tuple[ForceElement, ...]:
+        """The other force elements."""
+        return tuple(force for force in self._acting if not force.steady)
+
+    def energy(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return kinetic and potential energy [J], each of shape (n,); rotors and springs included."""
+        model, data = self.model, self.data
+        kinetic = np.array([pin.computeKineticEnergy(model, data, q[i], v[i]) for i in range(len(q))])
+        kinetic += v**2 @ self._forgotten
+        potential = np.array([pin.computePotentialEnergy(model, data, q[i]) for i in range(len(q))])
+        for force in self.forces.values():
+            potential = potential + force.potential_energy(q)
+        return kinetic, potential
+
+    @cached_property
+    def conserved(self) -> Energy | None:
+        """Return ``(q, v) -> T, V`` of one state; ``None`` where force elements exchange energy."""
+        model, data, forces, forgotten = self.model, self.data, tuple(self.forces.values()), self._forgotten
+        if not all(force.conservative for force in forces):
+            return None
+
+        def energy(q: Array, v: Array) -> tuple[float, float]:
+            potential = pin.computePotentialEnergy(model, data, q)
+            for force in forces:
+                potential += float(force.potential_energy(q))
+            return pin.computeKineticEnergy(model, data, q, v) + float(forgotten.dot(v * v)), potential
+
+        return energy
+
+    @cached_property
+    def _forgotten(self) -> Array:
+        """Half the armatures that ``pin.computeKineticEnergy`` forgets (about skew axes, in pin 4.1), shape (nv,)."""
+        if not self.model.armature.any():
+            return np.zeros(self.model.nv)
+        rotors = self.model.copy()
+        for joint in range(rotors.njoints):
+            rotors.inertias[joint] = pin.Inertia.Zero()
+        data, q = rotors.createData(), pin.neutral(rotors)
+        counted = [pin.computeKineticEnergy(rotors, data, q, unit) for unit in np.eye(rotors.nv)]
+        return np.asarray(0.5 * rotors.armature - counted)
+
+    @cached_property
+    def exchanging(self) -> Dynamics | None:
+        """The same with only those force elements that exchange energy and are not steady; ``None`` without any.
+
+        On mechanisms with quaternions or (cos, sin) pairs steady ones are among them: no difference of their
+        configurations tells the work.
+        """
+        simple = self.model.nq == self.model.nv
+        found = {name: one for name, one in self.forces.items() if not (one.conservative or (one.steady and simple))}
+        return replace(self, forces=found) if found else None
+
+    def dissipated_power(self, t: Array, q: Array, v: Array) -> Array:
+        """Return the power that leaves through force elements [W], shape (n,); negative where they drive."""
+        return np.asarray(sum((force.dissipated_power(t, q, v) for force in self.forces.values()), np.zeros(len(q))))
+
+
+def farthest(q: Array) -> int:
+    """Return the row with the largest coordinate: a state of those that are farthest from the origin."""
+    return int(np.abs(q.T).argmax()) % len(q)
+
+
+def parts(dynamics: Dynamics, grid: Grid) -> list[tuple[slice, Dynamics]]:
+    """Return the rows of every interval of a grid, each with the dynamics that holds there."""
+    return [(rows, dynamics.on(start, end)) for start, end, rows in grid.intervals()]

@@ -1,0 +1,76 @@
+"""A motion that has been integrated over time, as states at any instants."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.hybrid_motion import HybridSystem
+from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.motion.segments import SegmentedMotion
+from pinarm.engine.motion.systems import CompletedStates
+from pinarm.engine.motion.trajectory import Happening, Trajectory
+from pinarm.engine.series import Series
+from pinarm.input.units import unit
+from pinarm.mechanics.laws.motion_law import Grid
+
+
+@dataclass(frozen=True, eq=False)
+class IntegratedMotion:
+    """A motion that has been integrated over time.
+
+    Attributes:
+        mechanism: What moves.
+        hybrid: What was integrated.
+        motion: The integrated states.
+    """
+
+    mechanism: Mechanism
+    hybrid: HybridSystem
+    motion: SegmentedMotion
+
+    def outcome(self, grid: Grid) -> Outcome:
+        """Return the motion with its states at the rows of a grid."""
+        return Outcome(self.at(grid), self, happenings=tuple(self.motion.happenings))
+
+    def at(self, grid: Grid) -> Trajectory:
+        """Return the states at the rows of a grid; accelerations are those of the equation of motion there."""
+        rows = states(self.mechanism, self.hybrid, grid, self.motion.complete(grid))
+        alike = np.zeros(len(grid.t), dtype=np.intp)
+        return replace(rows, further=event_columns(self.hybrid.watches, [self.motion.happenings], alike))
+
+    def positions(self, t: Array) -> Array:
+        """Return the configurations at instants, shape (n,), as they were integrated, shape (n, nq)."""
+        return self.motion.positions(t)
+
+
+def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: CompletedStates) -> Trajectory:
+    """Return completed states as a table."""
+    return Trajectory(
+        mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau, motion.lam,
+        hybrid.system().closure, hybrid.dynamics,
+    )  # fmt: skip
+
+
+def event_columns(
+    names: Iterable[str], happenings: Sequence[Sequence[Happening]], motion: Indices
+) -> dict[str, Series]:
+    """Return when each event first took place, and how often, as columns that are constant within a motion.
+
+    Args:
+        names: Names of the events.
+        happenings: What took place, motion by motion.
+        motion: Which motion each row belongs to, shape (n,).
+    """
+    columns = {}
+    for name in names:
+        times = [[event.t for event in of_one if event.name == name] for of_one in happenings]
+        first = np.array([x[0] if x else np.nan for x in times])[motion]
+        count = np.array([float(len(x)) for x in times])[motion]
+        columns[f"event.{name}.time"] = Series(f"event.{name}.time", unit("s"), first)
+        columns[f"event.{name}.count"] = Series(f"event.{name}.count", unit("1"), count)
+    return columns

@@ -1,0 +1,74 @@
+"""What a problem gives back: a table of states, the motion between its rows where there is one, and how it went."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.motion.trajectory import Happening, Trajectory
+from pinarm.mechanics.laws.motion_law import Grid
+
+
+class SolvedMotion(Protocol):
+    """A motion that has been solved, or a path of positions: it has states at any value of its parameter."""
+
+    def at(self, grid: Grid) -> Trajectory:
+        """Return the states at other values of the parameter; each interval lies within one of the solved ones."""
+        ...
+
+    def positions(self, t: Array) -> Array:
+        """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a problem gives back.
+
+    Attributes:
+        rows: The states that were asked for.
+        motion: The motion, or the path, that they are states of; ``None`` where each is a state of its own.
+        figures: What was measured of accuracy and cost, by name.
+        happenings: Events and impacts, in order of time.
+        notes: What to know of the solution, such as that its integrator was a poor choice.
+    """
+
+    rows: Trajectory
+    motion: SolvedMotion | None = None
+    figures: Mapping[str, float] = field(default_factory=dict)
+    happenings: Sequence[Happening] = ()
+    notes: tuple[str, ...] = ()
+
+
+def on_interval(motion: SolvedMotion, cuts: Sequence[float], interval: int, t: Array) -> Trajectory:
+    """Return a motion at values of one interval; at its ends they are the values of this side of a jump.
+
+    Args:
+        motion: The motion.
+        cuts: Bounds of its intervals.
+        interval: Number of the interval.
+        t: Values of the parameter, shape (n,).
+    """
+    return motion.at(Grid(t, (cuts[interval], cuts[interval + 1]), (0, len(t))))
+
+
+def positions_by_interval(motion: SolvedMotion, cuts: Sequence[float], t: Array) -> Array:
+    """Return the configurations of a motion at values of its parameter, solved interval by interval.
+
+    Args:
+        motion: The motion.
+        cuts: Bounds of its intervals, ascending or descending.
+        t: Values of the parameter, shape (n,).
+
+    Returns:
+        Configurations, shape (n, nq).
+    """
+    sign = 1.0 if cuts[0] <= cuts[-1] else -1.0
+    intervals = np.searchsorted(sign * np.array(cuts[1:-1]), sign * t)
+    rows = [(k, np.flatnonzero(intervals == k)) for k in np.unique(intervals).tolist()]
+    parts = [on_interval(motion, cuts, k, t[here]).q for k, here in rows]
+    return np.concatenate(parts)[np.argsort(np.concatenate([here for _, here in rows]))]

@@ -1,0 +1,105 @@
+"""A motion, or a path of positions, that laws impose on a mechanism, with the efforts that it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.kinematics.joint_motion import follow, joint_rates
+from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.outcome import Outcome, positions_by_interval
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.statics.actuation import Actuation
+from pinarm.input.units import Unit
+from pinarm.mechanics.laws.motion_law import Grid
+
+KINEMATIC = "the problem is kinematic and asks for no forces"
+
+Rates = tuple[Array, Array]
+"""Velocities and accelerations of the imposed coordinates, each of shape (k,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prescription:
+    """What is imposed on a mechanism, and what carries the load.
+
+    Attributes:
+        mechanism: The mechanism.
+        imposed: Coordinates and their laws over the parameter.
+        drives: What carries the load; ``None`` where only the motion is wanted.
+        dynamics: The equation of motion with all forces of the run.
+        parameter: Name of what runs along the rows.
+        unit: Its unit.
+        rates: Velocities and accelerations of the coordinates at every row, in place of those of the laws: the rows
+            are then states of their own, not one motion.
+    """
+
+    mechanism: Mechanism
+    imposed: Imposed
+    drives: Actuation | None
+    dynamics: Dynamics
+    parameter: str
+    unit: Unit
+    rates: Rates | None = None
+
+    def outcome(self, grid: Grid, start: Array) -> Outcome:
+        """Return the states at the rows of a grid, and the motion between them.
+
+        Args:
+            grid: Values of the parameter.
+            start: Rough configuration at the first of them, shape (nq,): it chooses the branch.
+
+        Raises:
+            AssemblyError: A position cannot be reached.
+        """
+        rows = self.states(grid, start)
+        return Outcome(rows) if rows.numbered else Outcome(rows, PrescribedMotion(self, grid.cuts, grid.t, rows.q))
+
+    def states(self, grid: Grid, near: Array) -> Trajectory:
+        """Return the states at the rows of a grid, on the branch of a configuration near the first one."""
+        mechanism, t = self.mechanism, grid.t
+        q, v, a = follow(mechanism, self.imposed, grid, near)
+        if self.rates is not None:
+            v, a = joint_rates(mechanism, self.imposed, q, *self.rates)
+        lam = Multipliers.zero(len(q), mechanism.closure.size)
+        closure = self.drives.closure if self.drives else mechanism.closure
+        rows = Trajectory(
+            mechanism, self.parameter, self.unit, grid, q, v, a, np.zeros_like(v), lam, closure, self.dynamics,
+            separate=self.rates is not None,
+        )  # fmt: skip
+        if self.drives is None:
+            return replace(rows, unasked=KINEMATIC)
+        demand = rows.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], a[part]))
+        tau, lam = self.drives.efforts(t, q, demand)
+        return replace(rows, tau=tau, lam=lam)
+
+
+@dataclass(frozen=True, eq=False)
+class PrescribedMotion:
+    """An imposed motion that has been solved at some values of its parameter.
+
+    Attributes:
+        prescription: What is imposed.
+        cuts: Bounds of the intervals between jumps.
+        t: Values of the parameter at which it has been solved, shape (n,).
+        q: Configurations there, shape (n, nq): they tell the branch in their neighbourhood.
+    """
+
+    prescription: Prescription
+    cuts: Sequence[float]
+    t: Array
+    q: Array
+
+    def at(self, grid: Grid) -> Trajectory:
+        """Return the states at other values of the parameter, on the branch of the nearest solved row."""
+        return self.prescription.states(grid, self.q[np.abs(self.t - grid.t[0]).argmin()])
+
+    def positions(self, t: Array) -> Array:
+        """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""
+        return positions_by_interval(self, self.cuts, t)

@@ -1,0 +1,328 @@
+"""A named array with its unit, which takes part in numpy's arithmetic.
+
+=============================================  ==================================================================
+``a + b``, ``maximum``, ``hypot``, ...         one dimension, the unit of the first; a bare number is in that unit
+``a < b``, ``a == b``, ...                     likewise; the answer is a plain array, which can be used as a mask
+``a*b``, ``a/b``, ``a @ b``, ``sqrt``, ``**``  the unit follows from those of the operands; bare numbers have none
+``sin``, ``exp``, ...                          of angles and other plain numbers only
+=============================================  ==================================================================
+
+Whatever else numpy does, such as ``np.interp``, takes the bare values (``np.asarray``), and gives a plain array.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
+
+from pinarm.arrays import Array
+from pinarm.errors import UnitError
+from pinarm.input.formulas.dimensions import Measure, Rule, power, pure, root, same
+from pinarm.input.units import DIMENSIONLESS, Unit, unit
+
+MOST = 60
+"""Characters of the name of a result, which tells how it was computed."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Series(NDArrayOperatorsMixin):
+    """A named array with its unit. It never changes: ``a += b`` makes another one.
+
+    ``np.asarray(series)`` gives the values without copying them; ``series[3]`` of a single axis is a float, and slices
+    and masks give a ``Series``. ``==`` compares value by value, as numpy does, so that a ``Series`` has no hash.
+
+    Attributes:
+        name: As it was asked for, or how it was computed.
+        unit: Unit of the values; ``None`` where it is not known, which fits every other unit.
+        values: One per row of a run, shape (n,), or of the shape in which states or motions were given; read-only.
+        doubt: Why the values are one choice of many; empty where they are determined.
+    """
+
+    name: str
+    unit: Unit | None
+    values: Array
+    doubt: str = ""
+
+    def __post_init__(self) -> None:
+        values = np.asarray(self.values).view()
+        values.flags.writeable = False
+        object.__setattr__(self, "values", values)
+
+    @property
+    def label(self) -> str:
+        """Name and unit, for headings."""
+        text = str(self.unit) if self.unit else "?"
+        return self.name if text == "1" else f"{self.name} [{text}]"
+
+    def to(self, other: str) -> Series:
+        """Return the same quantity in another unit: ``series.to("deg")``.
+
+        Raises:
+            UnitError: There is no such unit, or it is of another dimension.
+        """
+        wanted = unit(other)
+        same([Measure(self.unit), Measure(wanted)])
+        factor = (self.unit.factor if self.unit else 1.0) / wanted.factor
+        return replace(self, unit=wanted, values=self.values * factor)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the values."""
+        return self.values.shape
+
+    @property
+    def ndim(self) -> int:
+        """Number of their axes."""
+        return self.values.ndim
+
+    @property
+    def size(self) -> int:
+        """Number of the values."""
+        return self.values.size
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the values."""
+        return self.values.dtype
+
+    @property
+    def T(self) -> Series:
+        """The same with its axes reversed."""
+        return replace(self, values=self.values.T)
+
+    def tolist(self) -> Any:
+        """Return the values as lists of numbers."""
+        return self.values.tolist()
+
+    def max(self, axis: int | tuple[int, ...] | None = None, **options: Any) -> Any:
+        """Return the largest value, or a ``Series`` of the largest along an axis; see ``numpy.max``."""
+        return self._reduced("max", axis, options)
+
+    def min(self, axis: int | tuple[int, ...] | None = None, **options: Any) -> Any:
+        """Return the smallest value, or a ``Series`` of the smallest along an axis; see ``numpy.min``."""
+        return self._reduced("min", axis, options)
+
+    def mean(self, axis: int | tuple[int, ...] | None = None, **options: Any) -> Any:
+        """Return the mean of the rows (not over time), or a ``Series`` along an axis; see ``numpy.mean``."""
+        return self._reduced("mean", axis, options)
+
+    def sum(self, axis: int | tuple[int, ...] | None = None, **options: Any) -> Any:
+        """Return the sum, or a ``Series`` of sums along an axis; see ``numpy.sum``."""
+        return self._reduced("sum", axis, options)
+
+    def std(self, axis: int | tuple[int, ...] | None = None, **options: Any) -> Any:
+        """Return the standard deviation, or a ``Series`` of those along an axis; see ``numpy.std``."""
+        return self._reduced("std", axis, options)
+
+    def argmax(self, axis: int | None = None, **options: Any) -> Any:
+        """Return where the largest value stands; see ``numpy.argmax``."""
+        return self.values.argmax(axis=axis, **options)
+
+    def argmin(self, axis: int | None = None, **options: Any) -> Any:
+        """Return where the smallest value stands; see ``numpy.argmin``."""
+        return self.values.argmin(axis=axis, **options)
+
+    def _reduced(self, how: str, axis: Any, options: Mapping[str, Any]) -> Any:
+        found = getattr(self.values, how)(axis=axis, **options)
+        return replace(self, name=f"{how}({self.name})", values=found) if np.ndim(found) else found
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __iter__(self) -> Iterator[Any]:
+        return (self[row] for row in range(len(self)))
+
+    def __getitem__(self, index: Any) -> Any:
+        picked = self.values[index]
+        return replace(self, values=picked) if isinstance(picked, np.ndarray) else picked
+
+    def __float__(self) -> float:
+        return float(self.values)
+
+    def __bool__(self) -> bool:
+        return bool(self.values)
+
+    def __format__(self, form: str) -> str:
+        return format(self.values[()] if form and not self.ndim else repr(self), form)
+
+    def __repr__(self) -> str:
+        doubt = f"; {self.doubt}" if self.doubt else ""
+        return f"{self.label}: {_extent(self.values)}{doubt}"
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        return np.array(self.values, dtype=dtype, copy=copy)
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, out: Any = (), **options: Any) -> Any:
+        """Apply one of numpy's elementwise functions, and give what comes out its unit.
+
+        Raises:
+            UnitError: Dimensions do not go together, or the function has no meaning for quantities.
+            TypeError: A ``Series`` is to be written to.
+        """
+        if not all(isinstance(x, Series | np.ndarray | np.generic | Real | Sequence) for x in inputs):
+            return NotImplemented
+        if method == "at" or any(isinstance(x, Series) for x in out):
+            raise TypeError("a Series is never changed: write x = np.add(x, y), not np.add(x, y, out=x)")
+        folded = method in ("reduce", "accumulate", "reduceat")
+        said = _said(ufunc.__name__, inputs[:1] if folded else inputs)
+        try:
+            arrays, measured = _prepared(ufunc.__name__, inputs[:1] if folded else inputs, folded=folded)
+        except UnitError as error:
+            raise UnitError(f"{said}: {error.message}", expected=error.expected, hint=error.hint) from None
+        found = getattr(ufunc, method)(*arrays, *inputs[len(arrays) :], **options, **({"out": out} if out else {}))
+        if measured is _PLAIN or out or (folded and not np.ndim(found)):
+            return found
+        doubt = next((x.doubt for x in inputs if isinstance(x, Series) and x.doubt), "")
+        return Series(said, measured.unit, found, doubt)
+
+    __iadd__, __isub__ = NDArrayOperatorsMixin.__add__, NDArrayOperatorsMixin.__sub__
+    __imul__, __itruediv__ = NDArrayOperatorsMixin.__mul__, NDArrayOperatorsMixin.__truediv__
+    __ipow__, __ifloordiv__ = NDArrayOperatorsMixin.__pow__, NDArrayOperatorsMixin.__floordiv__
+
+
+def _giving(text: str) -> Rule:
+    """Return the rule of a function of plain numbers whose value has a unit."""
+    measured = Measure(unit(text))
+
+    def rule(measures: Sequence[Measure]) -> Measure:
+        pure(measures)
+        return measured
+
+    return rule
+
+
+def _product(measures: Sequence[Measure]) -> Measure:
+    a, b = (measure.unit for measure in measures)
+    return Measure(None if a is None or b is None else a * b)
+
+
+def _quotient(measures: Sequence[Measure]) -> Measure:
+    a, b = (measure.unit for measure in measures)
+    return Measure(None if a is None or b is None else a / b)
+
+
+def _to_the(exponent: Fraction | int) -> Rule:
+    """Return the rule of a function that takes its argument to a power."""
+    return lambda measures: power(measures[0], Measure(DIMENSIONLESS, Fraction(exponent)))
+
+
+_PLAIN = Measure(DIMENSIONLESS)
+"""Of answers to questions, which come out as plain arrays."""
+
+_ALIKE: Mapping[str, Measure | None] = {
+    **dict.fromkeys(("add", "subtract", "maximum", "minimum", "fmax", "fmin", "hypot", "remainder", "fmod")),
+    **dict.fromkeys(("negative", "positive", "absolute", "fabs", "conjugate")),
+    **dict.fromkeys(("less", "less_equal", "greater", "greater_equal", "equal", "not_equal"), _PLAIN),
+    **dict.fromkeys(("isfinite", "isnan", "isinf", "signbit", "sign"), _PLAIN),
+    "floor_divide": Measure(DIMENSIONLESS), "arctan2": Measure(unit("rad")),
+}  # fmt: skip
+"""Functions of quantities of one dimension, and the unit of their value; ``None`` for the same unit."""
+
+_LOGIC = ("logical_and", "logical_or", "logical_xor", "logical_not")
+
+_RULES: Mapping[str, Rule] = {
+    **dict.fromkeys(("sin", "cos", "tan", "sinh", "cosh", "tanh", "arcsinh", "arccosh", "arctanh"), pure),
+    **dict.fromkeys(("exp", "exp2", "expm1", "log", "log2", "log10", "log1p"), pure),
+    **dict.fromkeys(("floor", "ceil", "trunc", "rint"), pure),
+    **dict.fromkeys(("arcsin", "arccos", "arctan"), _giving("rad")),
+    **dict.fromkeys(("degrees", "rad2deg"), _giving("deg")),
+    **dict.fromkeys(("multiply", "matmul", "vecdot", "matvec", "vecmat"), _product),
+    **dict.fromkeys(("power", "float_power"), lambda measures: power(*measures)),
+    "divide": _quotient, "reciprocal": _to_the(-1), "square": _to_the(2), "cbrt": _to_the(Fraction(1, 3)), "sqrt": root,
+}  # fmt: skip
+"""Functions of values in SI whose unit follows from those of the arguments."""
+
+_SYMBOLS: Mapping[str, str] = {
+    "add": " + ", "subtract": " - ", "multiply": "*", "divide": "/", "floor_divide": "//", "remainder": " % ",
+    "power": "**", "matmul": " @ ", "less": " < ", "less_equal": " <= ", "greater": " > ", "greater_equal": " >= ",
+    "equal": " == ", "not_equal": " != ",
+}  # fmt: skip
+
+
+def _prepared(function: str, inputs: Sequence[Any], *, folded: bool) -> tuple[list[Any], Measure]:
+    """Return the arguments of one of numpy's functions as plain arrays in units that fit, and the value's measure.
+
+    Raises:
+        UnitError: Dimensions do not go together, or the function has no meaning for quantities.
+    """
+    units = [x.unit for x in inputs if isinstance(x, Series)]
+    if function in _LOGIC:
+        return [_in(x, None) for x in inputs], _PLAIN
+    if function in _ALIKE:
+        common = same([Measure(each) for each in units])
+        return [_in(x, common.unit) for x in inputs], _ALIKE[function] or common
+    if function not in _RULES:
+        raise UnitError("this function does not tell a unit", hint="np.asarray(series), for the bare values")
+    if _scales(function, inputs):
+        return [_in(x, None) for x in inputs], Measure(units[0])
+    rule = pure if folded else _RULES[function]
+    measured = rule([_measure(x) for x in inputs])
+    return [_in(x, x.unit.si if isinstance(x, Series) and x.unit else None) for x in inputs], measured
+
+
+def _scales(function: str, inputs: Sequence[Any]) -> bool:
+    """Whether bare numbers multiply or divide a quantity, whose unit stays."""
+    bare = tuple(not isinstance(x, Series) for x in inputs)
+    return (function, bare) in (("multiply", (False, True)), ("multiply", (True, False)), ("divide", (False, True)))
+
+
+def _in(x: Any, wanted: Unit | None) -> Any:
+    """Return the values of a quantity in a unit, or as they are; what is bare stays as it is."""
+    if not isinstance(x, Series):
+        return x
+    if wanted is None or x.unit is None or x.unit.factor == wanted.factor:
+        return x.values
+    return x.values * (x.unit.factor / wanted.factor)
+
+
+def _measure(x: Any) -> Measure:
+    """Return the measure of an argument in SI: its unit, and the number where it is a single one."""
+    if isinstance(x, Series):
+        return Measure(x.unit.si if x.unit else None)
+    return Measure(DIMENSIONLESS, _fraction(float(x)) if isinstance(x, Real) else None)
+
+
+def _fraction(number: float) -> Fraction | None:
+    """Return a number as the simplest fraction that it can be read as, such as 1/3; ``None`` where it is not finite."""
+    if not np.isfinite(number):
+        return None
+    simple = Fraction(number).limit_denominator(1000)
+    return simple if float(simple) == number else Fraction(number)
+
+
+def _said(function: str, inputs: Sequence[Any]) -> str:
+    """Return the name of a result, as a formula would have it."""
+    symbol = _SYMBOLS.get(function)
+    if symbol and len(inputs) == 2:
+        text = symbol.join(map(_operand, inputs))
+    elif function == "negative":
+        text = f"-{_operand(inputs[0])}"
+    else:
+        text = f"{'abs' if function == 'absolute' else function}({', '.join(map(_name, inputs))})"
+    return text if len(text) <= MOST else f"{text[: MOST - 3]}..."
+
+
+def _operand(x: Any) -> str:
+    name = _name(x)
+    return f"({name})" if set(name) & set(" */-+") else name
+
+
+def _name(x: Any) -> str:
+    if isinstance(x, Series):
+        return x.name
+    return f"{x:g}" if isinstance(x, Real) else "array"
+
+
+def _extent(values: Array) -> str:
+    """Return how many values there are, and between which bounds."""
+    if not values.ndim:
+        return f"{values[()]:.5g}" if values.dtype.kind in "fiu" else str(values[()])
+    count = str(values.size) if values.ndim == 1 else str(values.shape)
+    finite = values[np.isfinite(values)] if values.dtype.kind in "fiu" else values[:0]
+    return f"{count} values" + (f", {finite.min():.5g} to {finite.max():.5g}" if len(finite) else "")

@@ -1,0 +1,108 @@
+"""Other values for a file: what Python says as a mapping and the shell as ``key=value``, spelled in one way.
+
+``{"problem.time.end": "3 s", "arguments.m_A": 0.2}`` and ``["problem.time.end=3 s", "arguments.m_A=0.2"]`` are the
+same. Keys are paths, their steps joined by dots, indices of lists included (``expect.0.rtol``). A value is what the
+file would have there: text with a unit, a number, a word, a list or a map, which replaces the whole that stood there.
+
+A bare number is in SI. It is allowed where the file has an SI unit at that place (0.2 for a value in kg), or none.
+Where the file has another unit (mm, deg, rpm) it is refused, since 200 might be meant in either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinarm.errors import InputError, Location, UnitError
+from pinarm.input.units import read_quantity, unit
+from pinarm.input.yaml.document import Document, step_into
+
+Values = Mapping[str, object] | Sequence[str]
+"""Path -> value, or texts such as ``problem.time.end=3 s``."""
+
+SHOWN = 120
+"""Characters of a value that a message repeats."""
+
+
+def varied(document: Document, values: Values, declared: Callable[[str], str] = lambda path: "") -> Document:
+    """Return a file with other values.
+
+    Args:
+        document: The file.
+        values: Path -> value as the file would have it, or texts such as ``problem.time.end=3 s``.
+        declared: The unit that is known of the value at a path where the file itself has none; empty for none.
+
+    Raises:
+        InputError: A path does not lead into the file, or a value is no plain data.
+        UnitError: A number has no unit, and the value that it replaces is not in SI.
+    """
+    for path, value, place in _assignments(values):
+        document = document.assigned(path, _with_unit(document, path, value, place, declared), place)
+    return document
+
+
+def written_unit(data: Any, path: str) -> str:
+    """Return the unit of the value that stands at a path of plain data; empty where there is none."""
+    try:
+        for key in path.split("."):
+            data = data[step_into(data, key, Location(path), create=False)]
+        measured = read_quantity(data)[1] if isinstance(data, str) else None
+    except (InputError, KeyError):  # nothing stands there, or no quantity
+        return ""
+    return measured.text if measured else ""
+
+
+def _assignments(values: Values) -> Iterator[tuple[str, Any, Location]]:
+    """Yield path, value and the place of each, for messages."""
+    if isinstance(values, Mapping):
+        for path, value in values.items():
+            place = Location(f"{path}={value}"[:SHOWN])
+            if not isinstance(path, str) or not path.strip():
+                raise InputError(f"the key {path!r} is no path", expected="text such as 'problem.time.end'").at(place)
+            yield path.strip(), _plain(value, place), place
+        return
+    if isinstance(values, str) or not isinstance(values, Sequence):
+        raise InputError(f"other values are given as {str(values)[:SHOWN]!r}",
+                         expected="{'problem.time.end': '3 s'}, or ['problem.time.end=3 s']")  # fmt: skip
+    for text in values:
+        name, equals, value = str(text).partition("=")
+        option = Location(f"--set {text}")
+        if not equals or not name.strip():
+            raise InputError("this is not an assignment", expected="path.to.key=value").at(option)
+        yield name.strip(), Document.parse(value, source=option.source).data, option
+
+
+def _plain(value: Any, place: Location) -> Any:
+    """Return a value as a file would have it: of numpy's types and tuples, Python's numbers and lists.
+
+    Raises:
+        InputError: It is none that a file could have.
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _plain(inner, place) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(inner, place) for inner in value]
+    if isinstance(value, Path):
+        return str(value)
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    raise InputError(f"a {type(value).__name__} is nothing that a file could have",
+                     expected="text with a unit, a number, a word, a list or a map").at(place)  # fmt: skip
+
+
+def _with_unit(document: Document, path: str, value: Any, place: Location, declared: Callable[[str], str]) -> Any:
+    """Return a bare number with the SI unit in which the file has the value that it replaces; others as they are."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or value == 0:
+        return value
+    text = written_unit(document.data, path) or declared(path)
+    if not text or text == "1":
+        return value
+    if unit(text).factor != 1.0:
+        raise UnitError(f"{value!r} has no unit, and the value that it replaces is in {text}",
+                        expected="a number with its unit", hint=f"'{value!r} {text}'").at(place)  # fmt: skip
+    return f"{value!r} {text}"

@@ -1,0 +1,51 @@
+"""The evaluated state of a tree of links: placements, Jacobians, twists and centripetal accelerations in one state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.mechanics.geometry.buffers import give_back, take
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Kinematics:
+    """A state (q, v) of a tree of links, evaluated by forward kinematics; accelerations are those for ``a = 0``.
+
+    It owns its buffers for as long as it lives: no other state overwrites them.
+
+    Attributes:
+        model: Pinocchio's model.
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,).
+        data: Pinocchio's buffers, to be read only: placements of joints and frames, joint Jacobians, twists, and the
+            accelerations ``J' v``. Views of its arrays are valid for as long as the state lives.
+    """
+
+    model: pin.Model = field(repr=False)
+    q: Array
+    v: Array
+    data: pin.Data = field(repr=False)
+
+    @classmethod
+    def at(cls, model: pin.Model, q: Array, v: Array | None = None) -> Kinematics:
+        """Return the evaluated state; at rest where the velocity is left out.
+
+        Args:
+            model: Pinocchio's model.
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+        """
+        data, at_rest = take(model), np.zeros(model.nv)
+        velocity = at_rest if v is None else v
+        pin.computeJointJacobians(model, data, q)
+        pin.forwardKinematics(model, data, q, velocity, at_rest)
+        pin.updateFramePlacements(model, data)
+        return cls(model, q, velocity, data)
+
+    def __del__(self) -> None:
+        """Let another state have the buffers."""
+        give_back(self.model, self.data)

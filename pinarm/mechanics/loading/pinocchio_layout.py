@@ -1,0 +1,296 @@
+"""States as ``pin.buildModelFromUrdf`` has them, and as pinarm has them: the one from the other.
+
+The joints come in the same order; three types of them have other coordinates. With p the position and R the orientation
+of what moves, w its angular velocity in its own axes, and ' the transpose:
+
+==============  ==================================================  ================================================
+joint           Pinocchio                                           pinarm
+==============  ==================================================  ================================================
+``continuous``  q = (cos, sin) of the angle, v = its rate           q = the angle, turns counted, v = its rate
+free-flyer      q = (p, quaternion), v = (``R' dp/dt``, w)          q = (p, quaternion), v = (``dp/dt``, w)
+``planar``      q = (x, y, cos, sin), v = (``R' d(x, y)/dt``, w)    q = (x, y, angle), v = (``d(x, y)/dt``, w)
+==============  ==================================================  ================================================
+
+A free-flyer is the root of a model with ``base: floating`` (``root_joint`` there, ``root.x`` to ``root.z`` and ``root``
+here), or a joint of the type ``floating``, whose p is along the joint's axes there and along those of the parent link
+here. Joints that mimic others have coordinates of their own in both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError
+from pinarm.mechanics.ball_joints import Ball
+from pinarm.mechanics.joints import Joint
+from pinarm.mechanics.loading.pinocchio_model import BASE
+
+FREE_FLYER = "root_joint"
+"""Name that Pinocchio gives to the joint of a floating base."""
+
+UNIT = 1e-8
+"""How far (cos, sin) and quaternions may be from the length 1: typed digits explain as much."""
+
+SAME = 1e-12
+"""Distance of two axes that is rounding."""
+
+
+class JointStates(Protocol):
+    """The states of one joint. ``p_q, p_v`` are rows as Pinocchio has them, ``q, v`` as pinarm has them."""
+
+    def take(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
+        """Write q and v, from Pinocchio's."""
+
+    def give(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
+        """Write Pinocchio's, from q and v."""
+
+
+@dataclass(frozen=True)
+class Single:
+    """A joint with one coordinate, the same in both.
+
+    Attributes:
+        p_q: Index in Pinocchio's q.
+        p_v: Index in Pinocchio's v.
+        q: Index in q.
+        v: Index in v.
+    """
+
+    p_q: int
+    p_v: int
+    q: int
+    v: int
+
+    def take(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
+        """Copy coordinate and rate."""
+        q[:, self.q], v[:, self.v] = p_q[:, self.p_q], p_v[:, self.p_v]
+
+    def give(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
+        """Copy coordinate and rate."""
+        p_q[:, self.p_q], p_v[:, self.p_v] = q[:, self.q], v[:, self.v]
+
+
+@dataclass(frozen=True)
+class Continuous:
+    """A joint that turns without limits; Pinocchio has the cosine and the sine of its angle.
+
+    Attributes:
+        name: Its name, for messages.
+        p_q: Index of the cosine in Pinocchio's q, before the sine.
+        p_v: Index of the rate in Pinocchio's v.
+        q: Index of the angle in q.
+        v: Index of its rate in v.
+    """
+
+    name: str
+    p_q: int
+    p_v: int
+    q: int
+    v: int
+
+    def take(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
+        """Write the angle, from -pi to pi.
+
+        Raises:
+            InputError: ``(cos, sin)`` has not the length 1.
+        """
+        cos, sin = p_q[:, self.p_q], p_q[:, self.p_q + 1]
+        _require_unit(np.hypot(cos, sin), f"(cos, sin) of '{self.name}'")
+        q[:, self.q], v[:, self.v] = np.arctan2(sin, cos), p_v[:, self.p_v]
+
+    def give(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
+        """Write cosine and sine, which know no turns."""
+        p_q[:, self.p_q], p_q[:, self.p_q + 1] = np.cos(q[:, self.q]), np.sin(q[:, self.q])
+        p_v[:, self.p_v] = v[:, self.v]
+
+
+@dataclass(frozen=True)
+class Planar:
+    """A joint that slides along two axes and turns about the third.
+
+    Attributes:
+        angle: Its angle, whose cosine and sine stand behind x and y in Pinocchio's q.
+        p_q: Index of x in Pinocchio's q, before y.
+        p_v: Index of Pinocchio's velocity, along the axes of what moves.
+        x: The joint along x.
+        y: The joint along y.
+    """
+
+    angle: Continuous
+    p_q: int
+    p_v: int
+    x: Joint
+    y: Joint
+
+    def take(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
+        """Write x, y, the angle, and their rates."""
+        self.angle.take(p_q, p_v, q, v)
+        cos, sin = p_q[:, self.p_q + 2], p_q[:, self.p_q + 3]
+        ahead, aside = p_v[:, self.p_v], p_v[:, self.p_v + 1]
+        q[:, self.x.q], q[:, self.y.q] = p_q[:, self.p_q], p_q[:, self.p_q + 1]
+        v[:, self.x.v], v[:, self.y.v] = cos * ahead - sin * aside, sin * ahead + cos * aside
+
+    def give(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
+        """Write x, y, cosine and sine, and the velocity along the axes of what moves."""
+        self.angle.give(p_q, p_v, q, v)
+        cos, sin = p_q[:, self.p_q + 2], p_q[:, self.p_q + 3]
+        x, y = v[:, self.x.v], v[:, self.y.v]
+        p_q[:, self.p_q], p_q[:, self.p_q + 1] = q[:, self.x.q], q[:, self.y.q]
+        p_v[:, self.p_v], p_v[:, self.p_v + 1] = cos * x + sin * y, cos * y - sin * x
+
+
+@dataclass(frozen=True, eq=False)
+class Floating:
+    """A joint that moves freely: a free-flyer in Pinocchio.
+
+    Attributes:
+        p_q: Index of the position in Pinocchio's q, before the quaternion.
+        p_v: Index of the velocity in Pinocchio's v, before the angular velocity.
+        slides: The joints along x, y and z.
+        ball: The ball joint beyond them.
+        axes: Axes of Pinocchio's position in those of pinarm's, shape (3, 3).
+    """
+
+    p_q: int
+    p_v: int
+    slides: tuple[Joint, Joint, Joint]
+    ball: Ball
+    axes: Array
+
+    def take(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
+        """Write position, quaternion, the rate of the position, and the angular velocity.
+
+        Raises:
+            InputError: The quaternion has not the length 1.
+        """
+        quaternion = p_q[:, self.p_q + 3 : self.p_q + 7]
+        _require_unit(np.linalg.norm(quaternion, axis=1), f"the quaternion of '{self.ball.name}'")
+        at, rate = [joint.q for joint in self.slides], [joint.v for joint in self.slides]
+        q[:, at] = p_q[:, self.p_q : self.p_q + 3] @ self.axes.T
+        v[:, rate] = _turned(quaternion, p_v[:, self.p_v : self.p_v + 3]) @ self.axes.T
+        self.ball.quaternion(q)[:], self.ball.vectors(v)[:] = quaternion, p_v[:, self.p_v + 3 : self.p_v + 6]
+
+    def give(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
+        """Write position, quaternion, the velocity in the axes of what moves, and the angular velocity."""
+        quaternion = self.ball.quaternion(q)
+        _require_unit(np.linalg.norm(quaternion, axis=1), f"the quaternion of '{self.ball.name}'")
+        at, rate = [joint.q for joint in self.slides], [joint.v for joint in self.slides]
+        p_q[:, self.p_q : self.p_q + 3] = q[:, at] @ self.axes
+        p_v[:, self.p_v : self.p_v + 3] = _turned(quaternion * [-1.0, -1.0, -1.0, 1.0], v[:, rate] @ self.axes)
+        p_q[:, self.p_q + 3 : self.p_q + 7], p_v[:, self.p_v + 3 : self.p_v + 6] = quaternion, self.ball.vectors(v)
+
+
+@dataclass(frozen=True, eq=False)
+class PinocchioLayout:
+    """How the states of a mechanism stand in the arrays of ``pin.buildModelFromUrdf``.
+
+    Attributes:
+        p_nq: Length of Pinocchio's q.
+        p_nv: Length of Pinocchio's v.
+        nq: Length of q.
+        nv: Length of v.
+        parts: The joints.
+    """
+
+    p_nq: int
+    p_nv: int
+    nq: int
+    nv: int
+    parts: tuple[JointStates, ...]
+
+    @classmethod
+    def of(cls, xml: str, model: pin.Model, joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> PinocchioLayout:
+        """Compare a mechanism with what Pinocchio's reader makes of the same text.
+
+        Args:
+            xml: The URDF text.
+            model: pinarm's model of it.
+            joints: Its joints with one coordinate, by name.
+            balls: Its ball joints, by name.
+
+        Raises:
+            InputError: The text is MJCF, or Pinocchio's reader makes other joints of it.
+        """
+        root = ElementTree.fromstring(xml)
+        if root.tag != "robot":
+            raise InputError("the model is MJCF, which pin.buildModelFromUrdf does not read", expected="URDF or xacro")
+        floats = BASE in balls and BASE not in {joint.get("name") for joint in root.findall("joint")}
+        theirs = pin.buildModelFromXML(xml, pin.JointModelFreeFlyer()) if floats else pin.buildModelFromXML(xml)
+        names = [BASE if floats and name == FREE_FLYER else name for name in theirs.names]
+        parts = tuple(_part(theirs, k, names[k], model, joints, balls) for k in range(1, theirs.njoints))
+        if theirs.nv != model.nv:
+            raise InputError(f"the mechanism has {model.nv} velocities, and Pinocchio's reader makes {theirs.nv} of it")
+        return cls(theirs.nq, theirs.nv, model.nq, model.nv, parts)
+
+    def take(self, p_q: Array, p_v: Array) -> tuple[Array, Array]:
+        """Return q, shape (n, nq), and v, shape (n, nv), from those of Pinocchio, shapes (n, p_nq) and (n, p_nv)."""
+        q, v = np.zeros((len(p_q), self.nq)), np.zeros((len(p_q), self.nv))
+        for part in self.parts:
+            part.take(p_q, p_v, q, v)
+        return q, v
+
+    def give(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return q, shape (n, p_nq), and v, shape (n, p_nv), of Pinocchio."""
+        p_q, p_v = np.zeros((len(q), self.p_nq)), np.zeros((len(q), self.p_nv))
+        for part in self.parts:
+            part.give(p_q, p_v, q, v)
+        return p_q, p_v
+
+
+PARTS: Mapping[tuple[int, int], tuple[str, ...]] = {
+    (1, 1): ("",), (2, 1): ("",), (4, 3): (".x", ".y", ".angle"), (7, 6): (".x", ".y", ".z"),
+}  # fmt: skip
+"""Lengths of q and v of one of Pinocchio's joints, and what the names of pinarm's joints for it have at their end."""
+
+
+def _part(
+    theirs: pin.Model, index: int, name: str, model: pin.Model, joints: Mapping[str, Joint], balls: Mapping[str, Ball]
+) -> JointStates:
+    """Return the states of one of Pinocchio's joints, which has the name ``name`` here.
+
+    Raises:
+        InputError: The mechanism has no such joint.
+    """
+    joint = theirs.joints[index]
+    p_q, p_v, size = joint.idx_q, joint.idx_v, (joint.nq, joint.nv)
+    named = [f"{name}{ending}" for ending in PARTS.get(size, ())]
+    if not named or not set(named) <= joints.keys() or (size == (7, 6) and name not in balls):
+        raise InputError(f"Pinocchio's reader makes '{name}' a {joint.shortname()}, which it is not here",
+                         hint="the base as the model's text has it, fixed or floating")  # fmt: skip
+    ours = [joints[each] for each in named]
+    if size == (1, 1):
+        return Single(p_q, p_v, ours[0].q, ours[0].v)
+    if size == (2, 1):
+        return Continuous(name, p_q, p_v, ours[0].q, ours[0].v)
+    axes = model.jointPlacements[ours[0].index].rotation.T @ theirs.jointPlacements[index].rotation
+    if size == (7, 6):
+        return Floating(p_q, p_v, (ours[0], ours[1], ours[2]), balls[name], axes)
+    if np.abs(axes - np.eye(3)).max() > SAME:
+        raise InputError(f"Pinocchio's reader takes no notice of the axis of the planar joint '{name}'",
+                         expected="planar joints whose axis is z")  # fmt: skip
+    return Planar(Continuous(name, p_q + 2, p_v + 2, ours[2].q, ours[2].v), p_q, p_v, ours[0], ours[1])
+
+
+def _turned(quaternion: Array, vectors: Array) -> Array:
+    """Return vectors turned by quaternions (x, y, z, w), shape (n, 3): ``c + 2 w (u x c) + 2 u x (u x c)``."""
+    u, w = quaternion[:, :3], quaternion[:, 3:]
+    t = 2.0 * np.cross(u, vectors)
+    return np.asarray(vectors + w * t + np.cross(u, t))
+
+
+def _require_unit(lengths: Array, what: str) -> None:
+    """Raise where something has not the length 1.
+
+    Raises:
+        InputError: Says what, and in which row.
+    """
+    for row in np.flatnonzero(~(np.abs(lengths - 1.0) <= UNIT))[:1]:
+        raise InputError(f"row {row}: {what} has the length {lengths[row]:.6g}", expected="the length 1",
+                         hint="pin.normalize(model, q)")  # fmt: skip

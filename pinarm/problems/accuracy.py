@@ -1,0 +1,72 @@
+"""How accurately a motion is integrated."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import msgspec
+
+from pinarm.engine.integration.integrator import Method
+from pinarm.engine.integration.methods import METHODS, MethodName, described
+from pinarm.errors import InputError, within
+from pinarm.input.yaml.schema import Duration, InputStruct
+
+TOLERANCE = 1e-9
+"""Tolerance of an adaptive method where none is given."""
+
+
+class Accuracy(InputStruct, frozen=True):
+    """How accurate the result is wanted.
+
+    Attributes:
+        method: How motions are integrated over time, one of ``integration.methods.METHODS``.
+        tolerance: Local error of a step of an adaptive method, relative to ``1 + |y|`` in SI; 1e-9 where it is left
+            out. The global error is reported by the balances and is usually ten to a hundred times larger.
+        step: Longest step of a method with fixed steps.
+        target: Largest global error wanted in every output, relative to its largest absolute value over the run. The
+            cheapest setting that reaches it is looked for, of the method if one is given; tolerance and step are then
+            not used.
+        max_steps: Number of steps after which the time integration gives up, rejected ones included.
+    """
+
+    method: Annotated[MethodName, msgspec.Meta(description=described())] = "dop853"
+    tolerance: Annotated[float, msgspec.Meta(ge=1e-14, le=1e-2)] | None = None
+    step: Duration | None = None
+    target: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)] | None = None
+    max_steps: Annotated[int, msgspec.Meta(ge=1)] = 200_000
+
+    def check(self) -> None:
+        """Refuse a tolerance for steps of one length, and a step for a method that chooses its own."""
+        by = METHODS[self.method].setting
+        if by == "step" and self.step is None and self.target is None:
+            raise InputError(f"the method {self.method} takes steps of one length and needs it", hint="step: 1 ms")
+        if by == "tolerance" and self.step is not None:
+            with within("step"):
+                raise InputError(f"the method {self.method} chooses its steps by the tolerance",
+                                 hint="tolerance alone, or method: rk4")  # fmt: skip
+        if by == "step" and self.tolerance is not None:
+            with within("tolerance"):
+                raise InputError(f"the method {self.method} takes steps of one length, whatever their error",
+                                 hint="step alone, or method: dop853")  # fmt: skip
+
+    def integrator(self) -> Method:
+        """Return the method of integration."""
+        return METHODS[self.method].make(self.setting[1])
+
+    @property
+    def setting(self) -> tuple[str, float]:
+        """Return the key that decides the error of the method, and its value."""
+        by = METHODS[self.method].setting
+        wanted = self.step if by == "step" else self.tolerance
+        return by, TOLERANCE if wanted is None else float(wanted)
+
+    @property
+    def setting_keys(self) -> dict[str, Any]:
+        """Return what decides the error of the integration, as the keys of a file."""
+        return setting_keys(self.method, self.setting[1])
+
+
+def setting_keys(method: MethodName, value: float) -> dict[str, Any]:
+    """Return a setting of the integration as the keys of a file, from a method and its tolerance, or its step [s]."""
+    return {"method": method, "step": f"{value!r} s"} if METHODS[method].setting == "step" else {
+        "method": method, "tolerance": value}  # fmt: skip

@@ -1,0 +1,55 @@
+"""What a problem says about the coordinates of a mechanism: all that simplification knows of the problem."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeVar
+
+from pinarm.mechanics.forces import Force
+from pinarm.mechanics.laws import Motion
+
+if TYPE_CHECKING:
+    from pinarm.problems import Problem
+
+ValueT = TypeVar("ValueT")
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """What a problem says about the coordinates of a mechanism.
+
+    Attributes:
+        without: Names -> the problem on a mechanism that lacks these coordinates: all that it says about them is left
+            out, and so are its loads, which are forces of that mechanism.
+        held: Coordinate -> the value at which it stands still.
+        moved: Coordinates that are imposed and not known before: swept over a range, or with given rates.
+        laws: Coordinate -> the law that it follows.
+        span: First and last instant at which the laws are wanted [s].
+        watched: Coordinates that the problem looks at, and that have to be there.
+        drives: Coordinates along which the drives act; empty for those that the kind of problem chooses.
+        loads: Applied forces of the run.
+        integrated: Whether coordinates that nothing imposes move under the forces.
+        massless: Whether only the motion is asked for, and masses play no part.
+    """
+
+    without: Callable[[Collection[str]], Problem]
+    held: Mapping[str, float] = field(default_factory=dict)
+    moved: Collection[str] = ()
+    laws: Mapping[str, Motion] = field(default_factory=dict)
+    span: tuple[float, float] = (0.0, 0.0)
+    watched: Collection[str] = ()
+    drives: Sequence[str] = ()
+    loads: Mapping[str, Force] = field(default_factory=dict)
+    integrated: bool = False
+    massless: bool = False
+
+    @property
+    def imposed(self) -> list[str]:
+        """Coordinates that the problem imposes."""
+        return [*self.held, *self.moved, *self.laws]
+
+
+def others(given: Mapping[str, ValueT], names: Collection[str]) -> dict[str, ValueT]:
+    """Return what is given for coordinates that are not among some names."""
+    return {name: value for name, value in given.items() if name not in names}

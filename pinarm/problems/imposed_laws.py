@@ -1,0 +1,65 @@
+"""The laws of motion of a problem, checked against the coordinates of a mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError, Key, Place, within
+from pinarm.mechanics.laws import Motion, Over
+from pinarm.mechanics.laws.motion_law import MotionLaw
+
+
+def laws_of(
+    mechanism: Mechanism, motion: Mapping[str, Motion], place: Place, span: tuple[float, float] = (0.0, 0.0)
+) -> dict[str, MotionLaw]:
+    """Return the laws over time of coordinates, checked; profiles over coordinates are driven by the laws of those.
+
+    Args:
+        mechanism: The mechanism.
+        motion: Coordinate -> its law.
+        place: Gives errors their place.
+        span: First and last instant at which the laws are wanted [s].
+
+    Raises:
+        InputError: A coordinate does not exist, or a profile's has no law.
+        UnitError: A field of a law has another dimension.
+    """
+    found: dict[str, MotionLaw] = {}
+    for name in motion:
+        with place("motion", Key(name)):
+            mechanism.coordinate(name)
+    for name in motion:
+        _settle(name, (), mechanism, motion, found, place, span)
+    return {name: found[name] for name in motion}
+
+
+def _settle(
+    name: str, before: tuple[str, ...], mechanism: Mechanism, motion: Mapping[str, Motion],
+    found: dict[str, MotionLaw], place: Place, span: tuple[float, float],
+) -> None:  # fmt: skip
+    """Add the law over time of a coordinate, and before it that of the coordinate that drives it."""
+    law, measured = motion[name], mechanism.coordinate(name).unit
+    if not isinstance(law, Over):
+        with place("motion", name):
+            law.check_units(measured)
+            law.require_continuous()
+        found[name] = law
+        return
+    with place("motion", name, "of"):
+        along = mechanism.coordinate(law.of).unit
+        if law.of not in motion:
+            others = ", ".join(other for other in motion if other != name)
+            raise InputError(f"'{law.of}' follows no law: the profile of '{name}' has nothing to run along",
+                             expected=f"one of {others}" if others else "",
+                             hint=f"a law over time for '{law.of}' too")  # fmt: skip
+        if law.of in (*before, name):
+            raise InputError(f"profiles run along each other: {' -> '.join([*before, name, law.of])}")
+    with place("motion", name):
+        law.check_units(measured, along)
+        with within("profile"):
+            law.profile.require_continuous(along)
+    if law.of not in found:
+        _settle(law.of, (*before, name), mechanism, motion, found, place, span)
+    with place("motion", name):
+        found[name] = law.along(found[law.of], *span)

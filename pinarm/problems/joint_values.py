@@ -1,0 +1,34 @@
+"""Values that a problem gives for the coordinates and velocities of joints: their names and units are checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import Key, Place
+from pinarm.input.units import Unit
+from pinarm.input.yaml.schema import check_unit
+from pinarm.mechanics.ball_joints import positions_of, unit_of, velocities_of
+
+
+def check_levels(mechanism: Mechanism, levels: Mapping[str, float], place: Place, *at: str) -> None:
+    """Check names and units of values given for the coordinates of joints.
+
+    Raises:
+        InputError: The joint does not exist.
+        UnitError: The value has another dimension.
+    """
+    _check_values(positions_of(mechanism.joints, mechanism.balls), levels, place, *at)
+
+
+def check_rates(mechanism: Mechanism, rates: Mapping[str, float], place: Place, *at: str) -> None:
+    """Check names and units of values given for the velocities of joints; errors as ``check_levels``."""
+    _check_values(velocities_of(mechanism.joints, mechanism.balls), rates, place, *at)
+
+
+def _check_values(known: Mapping[str, Unit], values: Mapping[str, float], place: Place, *at: str) -> None:
+    for name, value in values.items():
+        with place(*at, Key(name)):
+            expected = unit_of(name, known)
+        with place(*at, name):
+            check_unit(value, expected)

@@ -1,0 +1,59 @@
+"""The force elements of a run: those of the mechanism and the loads of the problem."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import nullcontext
+from dataclasses import replace
+
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.errors import InputError, Place
+from pinarm.input.units import Unit
+from pinarm.mechanics.forces import Force, ForceElement
+from pinarm.mechanics.forces.force_element import check_new
+from pinarm.mechanics.laws import Constant
+
+
+def bind_constant_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -> dict[str, ForceElement]:
+    """Return the force elements of states without time; see ``bind_loads``.
+
+    Raises:
+        InputError: A load names something that does not exist, or changes with time.
+    """
+    forces = bind_loads(mechanism, loads, place)
+    for name, force in forces.items():
+        if not all(isinstance(law, Constant) for law in force.laws()):
+            with place("loads", name):
+                raise InputError(f"the force '{name}' follows a law over time and has no value at rest",
+                                 hint="law: constant")  # fmt: skip
+    return forces
+
+
+def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -> dict[str, ForceElement]:
+    """Return the force elements of a run by name: the mechanism's own and those of the problem.
+
+    Raises:
+        InputError: A load names something that does not exist.
+    """
+    forces = dict(mechanism.forces)
+    for name, load in loads.items():
+        with place("loads", name):
+            check_new(name, forces)
+            forces[name] = load.bind(mechanism.model, mechanism.joints)
+    return forces
+
+
+def schema_row(
+    mechanism: Mechanism, loads: Mapping[str, Force], parameter: str, measured: Unit, closure: Closure
+) -> Trajectory:
+    """Return one row at the neutral configuration, under the forces of a run: enough to see which quantities there are.
+
+    Raises:
+        InputError: A load names something that does not exist.
+    """
+    forces = bind_loads(mechanism, loads, lambda *path: nullcontext())
+    row = Trajectory.schema_row(mechanism, parameter, measured, closure)
+    return replace(row, dynamics=Dynamics.of(mechanism.model, forces))

@@ -1,0 +1,25 @@
+"""The figures of a run: which of them tell its accuracy, and which its cost."""
+
+RESIDUALS = {
+    "equilibrium": "virtual power for every unit velocity, relative to its terms",
+    "power": "balance of power along the motion, relative to its terms",
+    "energy": "energy that nothing accounts for, relative to the energy exchanged",
+    "return trip": "accelerations from the efforts by forward dynamics, relative to the largest",
+    "bodies": "Newton's and Euler's equations of every body with the reactions, relative to their terms",
+}
+CLOSURES = {
+    "closure": "largest gap of a loop [m or rad]",
+    "closure rate": "largest velocity against a loop [m/s or rad/s]",
+    "closure acceleration": "largest acceleration against a loop [m/s^2 or rad/s^2]",
+}
+MEASURES = {
+    **RESIDUALS,
+    **CLOSURES,
+    "regularity": "smallest singular value of the loops' rows relative to the largest: 0 at a singular position",
+    "least regular at": "where along the run that is",
+    "condition": "condition number of the mass matrix of the free motions, scaled to a diagonal of ones",
+}
+"""Figures that tell the accuracy of a run, and what they mean."""
+
+COSTS = ("steps", "evaluations", "rejected steps", "steps at the noise floor")
+"""Figures that count work; what is neither is part of the answer."""

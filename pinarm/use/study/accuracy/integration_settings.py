@@ -1,0 +1,109 @@
+"""Settings of the time integration that a motion is solved with beside its own: finer, coarser, from loose to tight.
+
+A setting is written as the keys of a scenario's ``accuracy``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from pinarm.engine.integration.methods import METHODS, MethodName
+from pinarm.problems.accuracy import Accuracy, setting_keys
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario
+
+FINER = 100.0
+"""Quotient of the tolerances of a solution and of the finer one that it is compared with."""
+
+LOOSEST, TIGHTEST = 1e-2, 1e-14
+"""Tolerances that can be asked for."""
+
+PATIENCE = 10.0
+"""Steps of a finer solution over those of the coarser one beyond which it is given up; order 5 needs 2.5 times."""
+
+
+def comparison_settings(accuracy: Accuracy) -> list[dict[str, Any]]:
+    """Return settings whose errors differ much from that of another, finer ones first.
+
+    A coarser one serves where the given one is at the limit of rounding: the difference is then the coarser's error.
+    """
+    by, own = accuracy.setting
+    if by == "step":
+        return [setting_keys(accuracy.method, own / 2.0), setting_keys(accuracy.method, own * 2.0)]
+    near = [own / FINER, own / 10.0, own * 10.0]
+    return [setting_keys(accuracy.method, value) for value in near if TIGHTEST < 1.001 * value < LOOSEST]
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """Settings of one method: decades of the tolerance, or halves of the step.
+
+    Attributes:
+        method: The method.
+        span: Time of the motion [s].
+    """
+
+    method: MethodName
+    span: float
+
+    @property
+    def halving(self) -> bool:
+        """Whether the rungs are steps."""
+        return METHODS[self.method].setting == "step"
+
+    @property
+    def last(self) -> int:
+        """The rung below which rounding decides."""
+        return 12 if self.halving else 14
+
+    @property
+    def finer(self) -> int:
+        """How many rungs further down the solution is that one is compared with."""
+        return 1 if self.halving else 2
+
+    def setting(self, rung: int) -> dict[str, Any]:
+        """Return the setting of a rung, the coarsest being 2: ``10^-rung``, or the span by ``16 2^rung``."""
+        step = float(f"{self.span / (16.0 * 2.0**rung):.3g}")
+        return setting_keys(self.method, step if self.halving else float(f"1e-{rung}"))
+
+
+def step_limit(result: Result, most: int) -> int:
+    """Return how many steps a comparison may take before it is given up.
+
+    Close to singular positions a tighter tolerance can be below the noise, and would take steps without end.
+    """
+    steps = sum(result.figures[name] for name in ("steps", "rejected steps"))
+    return min(most, int(PATIENCE * steps) + 1000)
+
+
+def format_setting(setting: Mapping[str, Any]) -> str:
+    """Return a setting in words."""
+    words = {key: f"{value:.3g}" if isinstance(value, float) else str(value) for key, value in setting.items()}
+    return ", ".join(value if key == "method" else f"{key} {value}" for key, value in words.items())
+
+
+def with_setting(
+    scenario: Scenario, setting: Mapping[str, Any], max_steps: int | None = None, *, seed: int | None = None
+) -> Scenario:
+    """Return a scenario with another setting of the integration and no target, and with other last digits."""
+    accuracy = {**setting, "max_steps": max_steps or scenario.content.accuracy.max_steps}
+    return replace(scenario, seed=seed).varied({"accuracy": accuracy})
+
+
+def reference_settings() -> list[dict[str, Any]]:
+    """Return tight settings for a reference, the tightest last."""
+    return [setting_keys("dop853", tolerance) for tolerance in (1e-11, 1e-12, 1e-13, 1e-14)]
+
+
+def settings_by_method(result: Result) -> dict[str, list[dict[str, Any]]]:
+    """Return the settings that are worth trying on a motion, by method, the coarsest first."""
+    t = result.trajectory.grid.t
+    return {
+        method: [Ladder(method, float(t[-1] - t[0])).setting(rung) for rung in range(2, entry.finest + 1)]
+        for method, entry in METHODS.items()
+        if entry.finest
+    }

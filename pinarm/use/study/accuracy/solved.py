@@ -1,0 +1,48 @@
+"""A scenario solved at the accuracy that it asks for, or with its accuracy estimated.
+
+One solution is ``Scenario.solve``. What is put together here needs several: the search for the setting that reaches
+``accuracy.target``, and the second solution that the global error is estimated from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from pinarm.engine.checks.balance import power_balance
+from pinarm.engine.checks.residuals import table_figures
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario
+
+
+def solved(scenario: Scenario) -> Result:
+    """Return the result of a scenario; with ``accuracy.target``, at the cheapest setting whose error is below it.
+
+    Raises:
+        PinarmError: The input is impossible, or the numerics failed; then ``partial`` holds the result until there.
+    """
+    if scenario.content.accuracy.target is None:
+        return scenario.solve()
+    from pinarm.use.study.accuracy.tolerance_search import reach_target
+
+    return reach_target(scenario)
+
+
+def verified(scenario: Scenario) -> Result:
+    """Return the result of a scenario with the global error of its outputs estimated, and all its rows checked.
+
+    Raises:
+        PinarmError: See ``solved``.
+    """
+    from pinarm.use.study.accuracy.error_estimate import estimate_errors
+
+    result = solved(scenario)
+    run, rows = result.trajectory, len(result)
+    checked = {**power_balance(run, rows), **table_figures(run, result.outcome.motion, rows)}
+    result = replace(result, figures={**result.figures, **checked})
+    if result.errors:
+        return result
+    errors, setting = estimate_errors(scenario, result)
+    return replace(result, errors=errors, setting=setting)

@@ -1,0 +1,67 @@
+"""How a result is shown and written: the one module through which ``Result`` reaches ``show`` and ``store``.
+
+A view is imported when it is asked for: a run without plots does not load matplotlib.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pinarm.errors import PinarmError
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
+    from pinarm.use.show.plot import Picture
+    from pinarm.use.show.replay.page import Replay
+
+MOST_PLOTS = 8
+"""Outputs that a notebook draws without being asked; ``plot`` draws any."""
+
+FRAME_HEIGHT = 400
+"""Height of the replay in a notebook [px]."""
+
+
+def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) -> Picture:
+    """Return a figure with one axis per quantity; see ``Result.plot``."""
+    from pinarm.use.show import plot
+
+    return plot.plot(result, names, against=against)
+
+
+def sketch(result: Result) -> Picture:
+    """Return a drawing of the mechanism at the start and the end of the run."""
+    from pinarm.use.show import sketch
+
+    return sketch.sketch(result)
+
+
+def replay(result: Result, traces: Sequence[str], arrows: Sequence[str], plots: Sequence[str] | None) -> Replay:
+    """Return the moving picture of the run; see ``Result.replay``."""
+    from pinarm.use.show.replay import page
+
+    return page.replay_page(result, traces=traces, arrows=arrows, plots=plots)
+
+
+def save(result: Result, folder: Path, *, plots: bool) -> Path:
+    """Write the result as a folder; return the folder."""
+    from pinarm.use.store import save
+
+    return save.save(result, folder, plots=plots)
+
+
+def html(result: Result) -> str:
+    """Return ranges of the outputs, accuracy, plots, the positions at start and end, and the replay, for notebooks."""
+    from pinarm.use.show.notebook import blocks, frame, heading, lines, picture, side_by_side, table
+    from pinarm.use.show.terminal import ranges, remarks
+
+    outputs = list(dict.fromkeys(result.content.outputs))
+    parts = [heading(result.content.title or result.name), table(ranges(result)), lines(remarks(result))]
+    if len(result) > 1:
+        parts.append(side_by_side(picture(result.plot(*outputs[:MOST_PLOTS])), picture(result.sketch())))
+    try:
+        parts.append(frame(result.replay(plots=()).html, height=FRAME_HEIGHT))
+    except PinarmError as error:
+        parts.append(lines([f"no replay: {error}"]))
+    return blocks(*parts)

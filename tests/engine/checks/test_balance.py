@@ -1,0 +1,164 @@
+import dataclasses
+import itertools
+from contextlib import nullcontext
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pinarm.engine.checks.balance import Account, energy_balance, power_balance
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Interval
+from pinarm.engine.integration.methods.explicit import Adaptive
+from pinarm.engine.mechanism import Mechanism
+from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
+from pinarm.mechanics.laws import Constant, Harmonic, Polynomial, Trapezoid
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.forward import Forward
+from pinarm.problems.inverse import Inverse
+from pinarm.problems.states import Statics
+from pinarm.problems.time_grid import TimeGrid
+
+MODELS = Path(__file__).parents[3] / "models"
+HONEST = 1e-13
+"""Sums of a few dozen terms, relative to their size."""
+
+
+def outcome(problem, mechanism, tolerance=1e-9):
+    return problem.solve(mechanism, Accuracy(tolerance=tolerance), lambda *path: nullcontext())
+
+
+def solve(problem, mechanism):
+    return outcome(problem, mechanism).rows
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return Mechanism.load(MODELS / "gen411_arm" / "mechanism.yaml")
+
+
+def effort(joint, law):
+    return JointEffort(joint=joint, effort=law)
+
+
+LOADS = {
+    "spring": JointSpring(joint="O", stiffness=5.0, damping=0.4, rest=0.2),
+    "damper": JointSpring(joint="B", damping=0.02),
+    "push": effort("B", Trapezoid(start=0.0, end=1.0, acceleration=9.0, begin=0.3)),
+    "swing": effort("O", Harmonic(amplitude=2.0, pulsation=5.0)),
+    "steady": effort("O", Constant(value=0.7)),
+}
+
+
+@pytest.fixture(scope="module")
+def inverse(arm):
+    motion = {"O": Harmonic(amplitude=1.0, pulsation=3.0), "phi": Polynomial(start=0.0, end=2.0, duration=1.0)}
+    return solve(Inverse(time=TimeGrid(end=2.0, samples=81), motion=motion, loads=LOADS), arm)
+
+
+@pytest.fixture(scope="module")
+def statics(arm):
+    over = {"phi": {"from": -1.0, "to": 1.0, "samples": 31}}
+    return solve(Statics(hold={"O": 0.3}, over=over, loads={"spring": LOADS["spring"]}), arm)
+
+
+@pytest.fixture(scope="module")
+def integrated(arm):
+    initial = {"position": {"O": 0.4}, "velocity": {"B": 3.0}}
+    return outcome(Forward(time=TimeGrid(end=2.0, samples=81), initial=initial, loads=LOADS), arm, 1e-12)
+
+
+@pytest.fixture(scope="module")
+def forward(integrated):
+    return integrated.rows
+
+
+class TestPowerBalance:
+    def test_honest_runs_are_balanced_to_rounding(self, inverse, statics, forward):
+        for run in (inverse, statics, forward):
+            figures = power_balance(run)
+            assert 0.0 <= figures["equilibrium"] < HONEST
+            assert 0.0 <= figures["power"] < HONEST
+
+    def test_honest_runs_of_a_large_robot_are_too(self):
+        panda = Mechanism.load("panda")
+        motion = {
+            name: Harmonic(mean=0.02 * k, amplitude=0.01 + 0.1 * k, pulsation=1.0 + k)
+            for k, name in enumerate([*panda.joints][:-1])  # the last finger mimics the other one
+        }
+        figures = power_balance(solve(Inverse(time=TimeGrid(end=1.0, samples=21), motion=motion), panda))
+        assert max(figures.values()) < HONEST
+
+    @pytest.mark.parametrize("joint", [0, 1])
+    @pytest.mark.parametrize("name", ["inverse", "statics"])
+    def test_a_changed_effort_shows(self, request, name, joint):
+        run = request.getfixturevalue(name)
+        tau = run.tau.copy()
+        tau[len(tau) // 2, joint] += 1e-6 * np.abs(tau).max()
+        figures = power_balance(dataclasses.replace(run, tau=tau))
+        assert figures["equilibrium"] > 1e-8
+
+    @pytest.mark.parametrize("field", ["a", "v", "q"])
+    @pytest.mark.parametrize("name", ["inverse", "forward"])
+    def test_a_changed_motion_shows(self, request, name, field):
+        run = request.getfixturevalue(name)
+        figures = power_balance(dataclasses.replace(run, **{field: getattr(run, field) * (1 + 1e-6)}))
+        assert figures["equilibrium"] > 1e-8
+
+    def test_a_changed_effort_shows_in_the_power_too(self, inverse):
+        figures = power_balance(dataclasses.replace(inverse, tau=inverse.tau * (1 + 1e-6)))
+        assert figures["power"] > 1e-8
+
+    def test_a_forgotten_load_shows(self, inverse):
+        bare = dataclasses.replace(inverse, dynamics=Dynamics.of(inverse.mechanism.model))
+        assert power_balance(bare)["equilibrium"] > 0.1
+
+    def test_rotors_are_in_it(self, mechanism, chain):
+        bodies = ({"name": "first", "com": "0.5 0 0"}, {"name": "second", "at": "1 0 0", "com": "0.5 0 0"})
+        drive = {"joint": "second", "ratio": 100, "rotor_inertia": "1e-5 kg*m^2"}
+        geared = mechanism(chain(*bodies), drives={"motor": drive})
+        motion = {"first": Harmonic(amplitude=1.0, pulsation=2.0), "second": Harmonic(amplitude=1.0, pulsation=3.0)}
+        run = solve(Inverse(time=TimeGrid(end=1.0, samples=21), motion=motion), geared)
+        assert max(power_balance(run).values()) < HONEST
+
+    def test_nothing_moves_and_nothing_pulls(self, mechanism, chain):
+        still = mechanism(chain({"name": "first"}), gravity="none")
+        run = solve(Inverse(time=TimeGrid(end=1.0), motion={"first": Constant(value=0.0)}), still)
+        assert power_balance(run) == {"equilibrium": 0.0, "power": 0.0}
+
+
+class TestEnergyBalance:
+    def test_work_and_dissipation_are_accounted_for(self, integrated):
+        assert integrated.figures["energy"] < 1e-10  # a hundred times the tolerance
+
+    def test_it_shrinks_with_the_tolerance(self, arm):
+        time, found = TimeGrid(end=2.0, samples=5), []
+        for tolerance in (1e-5, 1e-8, 1e-11):
+            run = outcome(Forward(time=time, initial={"position": {"O": 0.4}}, loads=LOADS), arm, tolerance)
+            found.append(run.figures["energy"])
+        assert found[1] < found[0] / 100
+        assert found[2] < found[1] / 100
+
+    @pytest.mark.parametrize("name", [*LOADS])
+    def test_a_load_that_is_not_accounted_for_shows(self, arm, name):
+        bound = {key: load.bind(arm.model, arm.joints) for key, load in LOADS.items()}
+        bounds = [0.0, *(x for x in LOADS["push"].effort.breakpoints() if 0.0 < x < 2.0), 2.0]
+        whole = Dynamics.of(arm.model, bound)
+        less = Dynamics.of(arm.model, {key: force for key, force in bound.items() if key != name})
+        pairs = list(itertools.pairwise(bounds))
+        intervals = [Interval(low, high, whole.on(low, high).acceleration()) for low, high in pairs]
+        solution = integrate(intervals, whole.manifold, np.array([0.4, 0.0]), np.array([0.0, 3.0]), Adaptive(1e-10))
+        assert energy_balance(Account(solution, [whole.on(*pair) for pair in pairs]))["energy"] < 1e-8
+        assert energy_balance(Account(solution, [less.on(*pair) for pair in pairs]))["energy"] > 1e-4
+
+    def test_a_wrong_law_of_motion_shows(self, arm):
+        honest = arm.dynamics.acceleration()
+        skewed = Interval(0.0, 2.0, lambda t, q, v: honest(t, q, v) * (1 + 1e-6))
+        solution = integrate([skewed], arm.dynamics.manifold, np.array([0.4, 0.0]), np.zeros(2), Adaptive(1e-12))
+        assert energy_balance(Account(solution, [arm.dynamics]))["energy"] > 1e-8
+
+    def test_free_motion_keeps_its_energy(self, arm):
+        time = TimeGrid(end=5.0, samples=5)
+        run = outcome(Forward(time=time, initial={"position": {"O": 0.4}}), arm, 1e-12)
+        assert 0.0 < run.figures["energy"] < 1e-10

@@ -1,0 +1,85 @@
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+
+from pinarm.engine.checks.limits import excesses
+from pinarm.mechanics.laws import Harmonic
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.forward import Forward
+from pinarm.problems.inverse import Inverse
+from pinarm.problems.kinematics import KinematicMotion
+from pinarm.problems.time_grid import TimeGrid
+
+LIMIT = '<limit lower="-1000" upper="1000" effort="1000" velocity="1000"/>'
+ARM = {"name": "arm", "kind": "revolute", "inertia": (0.5, 0.5, 0.5)}
+
+
+@pytest.fixture
+def swung(mechanism, chain):
+    """Return a function that swings an arm as 0.9 sin 2t, of inertia 0.5 kg m^2, within given limits."""
+
+    def run(limit, kind=Inverse):
+        arm = mechanism(chain(ARM).replace(LIMIT, f"<limit {limit}/>"), gravity="none")
+        law = Harmonic(amplitude=0.9, pulsation=2.0)
+        problem = kind(time=TimeGrid(end=3.0, samples=301), motion={"arm": law})
+        return problem.solve(arm, Accuracy(), lambda *path: nullcontext()).rows
+
+    return run
+
+
+def test_what_goes_beyond_a_limit_is_told_with_its_first_row(swung):
+    run = swung('lower="-0.5" upper="0.6" velocity="1.5" effort="1.2"')
+    t = run.grid.t
+    position, velocity = 0.9 * np.sin(2 * t), 1.8 * np.cos(2 * t)
+    effort = -0.5 * 4 * position
+    expected = [
+        ("position", -0.5, position.min(), position < -0.5), ("position", 0.6, position.max(), position > 0.6),
+        ("velocity", 1.5, velocity[0], np.abs(velocity) > 1.5),
+        ("effort", 1.2, np.abs(effort).max(), np.abs(effort) > 1.2),
+    ]  # fmt: skip
+    for excess, (of, limit, value, beyond) in zip(excesses(run), expected, strict=True):
+        assert (excess.joint, excess.of, excess.limit, excess.rows) == ("arm", of, limit, beyond.sum())
+        assert abs(excess.value) == pytest.approx(abs(value), rel=1e-12)
+        assert excess.at == t[beyond][0]
+    assert [str(excess.unit) for excess in excesses(run)] == ["rad", "rad", "rad/s", "N*m"]
+
+
+def test_words_say_which_bound_by_how_much_and_since_when(swung):
+    run = swung('lower="-0.5" upper="0.6" effort="9" velocity="9"')
+    below, above = (excess.words(run) for excess in excesses(run))
+    assert below == (
+        "joint arm: position -0.899974 rad is below its limit -0.5 rad, first at t = 1.87 s (98 of 301 rows)"
+    )
+    assert above.startswith("joint arm: position 0.899962 rad exceeds its limit 0.6 rad, first at t = 0.37 s (")
+
+
+def test_a_motion_that_ends_at_its_limits_is_within_them(swung):
+    assert excesses(swung('lower="-0.9" upper="0.9" velocity="1.8" effort="1.8"')) == []
+
+
+def test_limits_that_are_not_given_are_not_passed(swung):
+    assert excesses(swung('effort="0" velocity="0"')) == []
+
+
+def test_efforts_that_were_not_asked_for_do_not_count(swung):
+    found = [excess.of for excess in excesses(swung('velocity="1" effort="1e-3"', KinematicMotion))]
+    assert found == ["velocity"]
+
+
+def test_a_motion_without_drives_has_no_efforts(mechanism, chain):
+    arm = mechanism(
+        chain({**ARM, "com": "0.3 0 0", "axis": "0 1 0"}).replace(LIMIT, '<limit effort="1e-9" velocity="0"/>')
+    )
+    fall = Forward(time=TimeGrid(end=1.0, samples=11))
+    run = fall.solve(arm, Accuracy(), lambda *path: nullcontext()).rows
+    assert excesses(run) == []
+
+
+def test_a_prescribed_joint_of_a_free_motion_has_one(mechanism, chain):
+    xml = chain({**ARM, "com": "0.3 0 0", "axis": "0 1 0"}, {**ARM, "name": "tip"})
+    arm = mechanism(xml.replace(LIMIT, '<limit effort="1" velocity="0"/>', 1))
+    held = Forward(time=TimeGrid(end=1.0, samples=11), motion={"arm": Harmonic(amplitude=0.0, pulsation=1.0)})
+    run = held.solve(arm, Accuracy(), lambda *path: nullcontext()).rows
+    assert [(excess.joint, excess.of) for excess in excesses(run)] == [("arm", "effort")]
+    assert excesses(run)[0].value == pytest.approx(-9.81 * 0.3, rel=1e-6)

@@ -1,0 +1,334 @@
+"""Prescribed coordinates while others are free: against a Lagrangian by hand, and against multipliers (KKT)."""
+
+from contextlib import nullcontext
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.integrate import solve_ivp
+
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.dynamics.coordinate_partition import Reduction, solved
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Flat
+from pinarm.engine.integration.methods.explicit import Adaptive
+from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.systems import Initial, system_of
+from pinarm.engine.motion.systems.partitioned import FreePart
+from pinarm.errors import InputError
+from pinarm.mechanics.coordinates import coordinates_of
+from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
+from pinarm.mechanics.joints import joints_of
+from pinarm.mechanics.laws import Constant, Cycloidal, Harmonic, SCurve, Spline, Trapezoid
+from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.forward import Forward, InitialState
+from pinarm.problems.time_grid import TimeGrid
+
+MODELS = Path(__file__).parents[3] / "models"
+FINE = Accuracy(tolerance=1e-13)
+L1 = L2 = 0.25
+TOTAL, FIRST, SECOND, G = 0.5 + 1.0 + 0.1, (0.5 + 0.1) * L2, (1.0 / 3 + 0.1) * L2**2, 9.81
+"""The arm's mass beyond O, first and second moment of rod and load about B."""
+THREE = ({"name": "first"}, {"name": "second", "at": "1 0 0"}, {"name": "third", "at": "0.5 0 0"})
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return Mechanism.load(MODELS / "gen411_arm" / "mechanism.yaml")
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return Mechanism.load("panda")
+
+
+def solve(mechanism, motion, *, end=1.0, samples=41, position=None, velocity=None, loads=None):
+    problem = Forward(
+        time=TimeGrid(end=end, samples=samples), motion=motion, loads=loads or {},
+        initial=InitialState(position=position or {}, velocity=velocity or {}),
+    )  # fmt: skip
+    return problem.solve(mechanism, FINE, lambda *path: nullcontext()).rows
+
+
+NOD = Harmonic(mean=-0.3, amplitude=0.8, pulsation=5.0, phase=0.2)
+
+
+@pytest.fixture(scope="module")
+def run(arm):
+    """The arm nods with BA while OB swings freely."""
+    return solve(arm, {"phi": NOD}, position={"O": 0.4}, velocity={"O": -1.0}, samples=401)
+
+
+class TestArmWithPrescribedAbsoluteAngle:
+    """The rod BA turns as phi(t); theta is free: l1 M theta'' + S (phi'' cos + phi'^2 sin)(theta - phi) + M g cos = 0.
+
+    M is the mass at and beyond B, S its first moment about B; from the acceleration of B and of the rod's centre along
+    the normal of OB.
+    """
+
+    def phi(self, t):
+        x = 5.0 * t + 0.2
+        return -0.3 + 0.8 * np.sin(x), 4.0 * np.cos(x), -20.0 * np.sin(x)
+
+    def bend(self, t, theta):
+        phi, rate, second = self.phi(t)
+        apart = theta - phi
+        pull = FIRST * (second * np.cos(apart) + rate**2 * np.sin(apart))
+        return -(pull + TOTAL * G * np.cos(theta)) / (L1 * TOTAL)
+
+    def test_free_angle_is_that_of_the_lagrangian(self, run):
+        found = solve_ivp(lambda t, y: [y[1], self.bend(t, y[0])], (0, 1), [0.4, -1.0], "DOP853", t_eval=run.grid.t,
+                          rtol=1e-12, atol=1e-13)  # fmt: skip
+        assert run.q[:, 0] == pytest.approx(found.y[0], abs=1e-9)
+        assert run.v[:, 0] == pytest.approx(found.y[1], abs=1e-9)
+        assert run.a[:, 0] == pytest.approx(self.bend(run.grid.t, run.q[:, 0]), abs=1e-12)
+        assert np.ptp(run.q[:, 0]) > 1.0
+
+    def test_prescribed_angle_is_its_law(self, run):
+        for values, wanted in zip((run.q, run.v, run.a), self.phi(run.grid.t), strict=True):
+            # two angles of a few radians are added
+            assert values.sum(axis=1) == pytest.approx(wanted, abs=2e-14 * max(1.0, np.abs(values).max()))
+
+    def test_effort_is_that_of_the_lagrangian(self, run):
+        """The drive turns BA against the frame: in terms of the joints it is the same effort in both."""
+        (theta, rate, second), (phi, _, ddphi) = (x[:, 0] for x in (run.q, run.v, run.a)), self.phi(run.grid.t)
+        apart = theta - phi
+        swing = FIRST * L1 * (second * np.cos(apart) - rate**2 * np.sin(apart))
+        expected = SECOND * ddphi + swing + FIRST * G * np.cos(phi)
+        assert run.tau[:, 1] == pytest.approx(expected, abs=1e-12)
+        assert run.tau[:, 0] == pytest.approx(expected, abs=1e-12)
+
+    def test_efforts_put_back_as_loads_reproduce_the_motion(self, arm, run):
+        t = run.grid.t
+
+        def effort(joint, values):
+            ends = [np.polynomial.Polynomial.fit(t[part], values[part], 7).deriv()(t[part][k])
+                    for part, k in ((slice(0, 9), 0), (slice(-9, None), -1))]  # fmt: skip
+            points = list(zip(t.tolist(), values.tolist(), strict=True))
+            return JointEffort(joint=joint, effort=Spline(points=points, speeds=ends))
+
+        start = {"O": run.q[0, 0], "B": run.q[0, 1]}, {"O": run.v[0, 0], "B": run.v[0, 1]}
+        loads = {name: effort(name, run.tau[:, k]) for k, name in enumerate(("O", "B"))}
+        again = solve(arm, {}, position=start[0], velocity=start[1], loads=loads, samples=11)
+        # the splines follow the efforts to h^4 with h = 2.5 ms
+        assert again.q == pytest.approx(run.q[::40], abs=1e-7)
+        assert again.v == pytest.approx(run.v[::40], abs=1e-6)
+
+    def test_initial_values_of_a_joint_that_hangs_on_it_are_not_lost(self, arm):
+        """phi(0) is given by its law, and B by the user: O is what is left."""
+        try:
+            run = solve(arm, {"phi": NOD}, position={"B": 0.7})
+        except InputError:
+            return
+        assert run.q[0, 1] == pytest.approx(0.7, abs=1e-14)
+
+
+@pytest.mark.parametrize("free", ["O", "B"])
+def test_a_free_joint_has_no_effort(arm, free):
+    driven = "B" if free == "O" else "O"
+    run = solve(arm, {driven: Trapezoid(start=0.2, end=0.9, acceleration=8.0, begin=0.1)}, position={free: 0.4})
+    index = arm.joints[free].v
+    assert np.abs(run.tau[:, 1 - index]).max() > 1.0
+    assert run.tau[:, index] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_each_side_of_a_jump_has_its_own_effort(arm):
+    law = Trapezoid(start=0.2, end=0.9, acceleration=8.0, begin=0.1)
+    run = solve(arm, {"B": law}, position={"O": 0.4})
+    assert run.grid.cuts[1:-1] == tuple(law.jumps())
+    for row, before, after in zip(run.grid.rows[1:-1], (0.0, 8.0, -8.0), (8.0, -8.0, 0.0), strict=True):
+        assert run.a[row - 1, 1] == pytest.approx(before, abs=1e-13)
+        assert run.a[row, 1] == pytest.approx(after, abs=1e-13)
+        assert run.q[row - 1] == pytest.approx(run.q[row], abs=1e-12)
+        assert run.v[row - 1] == pytest.approx(run.v[row], abs=1e-12)
+
+
+@pytest.mark.parametrize("law", [
+    Cycloidal(start=0.0, end=0.9, duration=0.5, begin=0.1), SCurve(start=0.0, end=0.9, jerk=300.0, speed=4.0, begin=0.1)
+])  # fmt: skip
+def test_a_law_whose_pieces_meet_smoothly_is_followed_piece_by_piece(arm, law):
+    run = solve(arm, {"B": law}, position={"O": 0.4})
+    pieces = law.pieces()
+    instants = [next(p for p in pieces if t <= p.end).function(np.array([t])) for t in run.grid.t]
+    wanted = np.array(instants)[:, :, 0].T
+    for values, exact in zip((run.q, run.v, run.a), wanted, strict=True):
+        assert values[:, 1] == pytest.approx(exact, abs=1e-13 * max(1.0, np.abs(exact).max()))
+
+
+def multipliers(model, data, rows, q, v, ddw, loads):
+    """Return the acceleration under ``W a = ddw`` from the dense system with Lagrange multipliers."""
+    upper = np.triu(pin.crba(model, data, q))
+    mass = upper + np.triu(upper, 1).T
+    k = len(rows)
+    system = np.block([[mass, rows.T], [rows, np.zeros((k, k))]])
+    right = np.concatenate([loads - pin.nonLinearEffects(model, data, q, v), ddw])
+    return np.linalg.solve(system, right)[: model.nv]
+
+
+def selections(nv):
+    """Rows W: every single joint but one, two joints, two sums, and weights that are all different."""
+    one = np.eye(nv)
+    yield from (np.delete(one, k, axis=0) for k in range(nv))
+    yield one[[2, 5]]
+    yield np.array([one[0] + one[1] + one[3], one[3] + one[4]])
+    rng = np.random.default_rng(8)
+    yield from (rng.normal(size=(k, nv)) for k in (1, 4, nv - 1))
+
+
+@pytest.mark.parametrize("rows", list(selections(9)), ids=range(14))
+def test_accelerations_are_those_of_multipliers(panda, rows):
+    spring = JointSpring(joint=next(iter(panda.joints)), stiffness=50.0, damping=3.0, rest=0.2)
+    dynamics = Dynamics.of(panda.model, {"spring": spring.bind(panda.model, panda.joints)})
+    reduction, data = Reduction.of(panda.model, rows, [f"w{k}" for k in range(len(rows))]), panda.model.createData()
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        q, v, ddw = rng.uniform(-2, 2, 9), rng.normal(size=9), 3 * rng.normal(size=len(rows))
+        w, dw = rows @ q, rows @ v
+        assert reduction.configuration(q[reduction.free_q], w) == pytest.approx(q, abs=1e-12)
+        assert reduction.velocity(v[reduction.free_v], dw) == pytest.approx(v, abs=1e-12)
+        target = (w, dw, ddw)
+        rate = reduction.acceleration(dynamics, lambda t, target=target: target)
+        found = reduction.basis @ rate(0.0, q[reduction.free_q], v[reduction.free_v]) + reduction.particular @ ddw
+        expected = multipliers(panda.model, data, rows, q, v, ddw, dynamics.loads(0.0, q, v))
+        # fingers of 15 g on an arm of 16 kg
+        assert found == pytest.approx(expected, rel=1e-10, abs=1e-10 * np.abs(expected).max())
+
+
+@pytest.fixture(scope="module")
+def carousel():
+    """A turning arm with a body on a ball joint at its end, and a wheel in that body."""
+    model = pin.Model()
+    turn = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "turn")
+    ball = model.addJoint(turn, pin.JointModelSpherical(), pin.SE3(np.eye(3), np.array([0.6, 0.0, 0.1])), "ball")
+    wheel = model.addJoint(ball, pin.JointModelRX(), pin.SE3(np.eye(3), np.array([0.0, 0.2, -0.3])), "wheel")
+    for joint, mass, lever in ((turn, 2.0, 0.3), (ball, 1.5, -0.2), (wheel, 0.4, 0.05)):
+        inertia = pin.Inertia(mass, np.array([0.1, 0.0, lever]), np.diag([0.03, 0.05, 0.04]))
+        model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
+    return model
+
+
+class TestQuaternions:
+    def test_indices_keep_q_and_v_apart(self, carousel):
+        reduction = Reduction.of(carousel, np.array([[1.0, 0, 0, 0, 0], [0, 0, 0, 0, 1.0]]), ["turn", "wheel"])
+        assert reduction.free_v.tolist() == [1, 2, 3]
+        assert reduction.free_q.tolist() == [1, 2, 3, 4]
+        ball = np.array([0.1, 0.2, 0.3, 0.9])
+        assert reduction.configuration(ball, np.array([0.7, -0.4])).tolist() == [0.7, 0.1, 0.2, 0.3, 0.9, -0.4]
+
+    @pytest.mark.parametrize("prescribed", [("turn",), ("wheel",), ("turn", "wheel")])
+    def test_motion_is_that_of_multipliers(self, carousel, prescribed):
+        dynamics, joints = Dynamics.of(carousel, {}), joints_of(carousel)
+        laws = {"turn": Harmonic(mean=0.3, amplitude=0.9, pulsation=3.0),
+                "wheel": Harmonic(amplitude=2.0, pulsation=4.0, phase=0.5)}  # fmt: skip
+        coordinates = coordinates_of(carousel, joints, {})
+        imposed = Imposed(prescribed, tuple(coordinates[n] for n in prescribed), tuple(laws[n] for n in prescribed))
+        q, v = pin.neutral(carousel), np.array([0.0, 0.4, -1.2, 0.7, 2.0])
+        q[1:5] = np.array([0.1, 0.5, -0.3, 0.8]) / np.linalg.norm([0.1, 0.5, -0.3, 0.8])
+        for name in prescribed:
+            w, dw, _ = laws[name].on(0.0, 1.0)(np.zeros(1))
+            q[joints[name].q], v[joints[name].v] = w[0], dw[0]
+        t, initial = np.linspace(0.0, 1.0, 11), Initial(q, v)
+        system = system_of(Closure.of(carousel), dynamics, imposed, initial)
+        assert isinstance(system.manifold, FreePart)
+        solution = integrate([system.interval(dynamics, 0.0, 1.0)], system.manifold,
+                             *system.begin(initial, 0.0, 1.0), Adaptive(1e-13))  # fmt: skip
+        found = system.complete(dynamics, Grid(t, (0.0, 1.0), (0, 11)), *solution.states(t))
+        rows, data = np.array([coordinates[n].weights for n in prescribed]), carousel.createData()
+
+        def rate(x, y):
+            ddw = np.array([laws[n].on(0.0, 1.0)(np.array([x]))[2][0] for n in prescribed])
+            a = multipliers(carousel, data, rows, y[:6], y[6:], ddw, np.zeros(5))
+            return np.concatenate([pin.tangentMap(carousel, y[:6]) @ y[6:], a])
+
+        exact = solve_ivp(rate, (0, 1), np.concatenate([q, v]), "DOP853", t_eval=t, rtol=1e-12, atol=1e-13).y.T
+        assert found.q == pytest.approx(exact[:, :6], abs=1e-9)
+        assert found.v == pytest.approx(exact[:, 6:], abs=1e-8)
+        assert np.linalg.norm(found.q[:, 1:5], axis=1) == pytest.approx(1.0, abs=1e-15)
+        others = np.setdiff1d(np.arange(5), [joints[name].v for name in prescribed])
+        assert found.tau[:, others] == pytest.approx(0.0, abs=1e-12)
+        assert np.abs(found.tau).max() > 0.01
+
+    def test_a_wheel_turns_a_free_body_the_other_way(self, mechanism, chain):
+        """Angular momentum stays 0: (0.5 + 0.3) w + 0.3 psi' = 0, about the axis through both mass centres."""
+        body = mechanism(
+            chain({"name": "free", "kind": "floating", "mass": 3.0, "inertia": (0.5, 0.5, 0.5)},
+                  {"name": "wheel", "at": "0 0 0.4", "inertia": (0.2, 0.2, 0.3)}),
+            gravity="none",
+        )  # fmt: skip
+        law = Cycloidal(start=0.0, end=4.0, duration=0.8)
+        run = solve(body, {"wheel": law})
+        psi, rate, _ = run.grid.evaluate(law)
+        angle = 2 * np.arctan2(run.q[:, 5], run.q[:, 6])
+        assert angle == pytest.approx(-0.375 * psi, abs=1e-11)
+        assert run.v[:, 5] == pytest.approx(-0.375 * rate, abs=1e-10)
+        assert run.q[:, [0, 1, 2, 3, 4]] == pytest.approx(0.0, abs=1e-12)
+        assert run.q[:, 7] == pytest.approx(psi, abs=1e-14)
+
+
+class TestRefusals:
+    @pytest.fixture
+    def robot(self, mechanism, chain):
+        sums = {"tip": ["first", "second"], "all": ["first", "second", "third"], "twice": ["first", "first"]}
+        coordinates = {name: {"kind": "sum", "of": joints} for name, joints in sums.items()}
+        coordinates["place"] = {"kind": "point", "point": "third_link", "along": "x"}
+        return mechanism(chain(*THREE, {"name": "fourth"}), coordinates=coordinates)
+
+    @pytest.mark.parametrize(
+        ("names", "message"),
+        [
+            (["first", "second", "tip"], "'tip' is already determined by first, second"),
+            (["tip", "first", "second"], "'second' is already determined by tip, first"),
+            (["first", "twice"], "'twice' is already determined by first"),
+            (["all", "tip", "third"], "'third' is already determined by all, tip"),
+        ],
+    )
+    def test_coordinates_that_say_the_same(self, robot, names, message):
+        with pytest.raises(InputError, match=message) as caught:
+            solve(robot, {name: Constant(value=0.0) for name in names})
+        assert caught.value.expected == "coordinates that can be prescribed independently"
+
+    def test_sums_that_do_not_are_taken(self, robot):
+        run = solve(robot, {name: Constant(value=0.1) for name in ("all", "tip")}, velocity={"first": 1.0}, samples=3)
+        assert run.q[:, :3].sum(axis=1) == pytest.approx(0.1, abs=1e-14)
+        assert run.q[:, :2].sum(axis=1) == pytest.approx(0.1, abs=1e-14)
+
+    @pytest.mark.parametrize("part", ["position", "velocity"])
+    def test_initial_values_of_what_follows_a_law(self, robot, part):
+        with pytest.raises(InputError, match="'second' follows a law"):
+            solve(robot, {"second": Constant(value=0.0)}, **{part: {"second": 0.0}})
+
+    def test_nothing_left_free(self, robot):
+        with pytest.raises(InputError, match="nothing is left to integrate") as caught:
+            solve(robot, {name: Constant(value=0.0) for name in robot.joints})
+        assert caught.value.hint == "kind: inverse"
+
+    def test_unknown_coordinates(self, robot):
+        with pytest.raises(InputError, match="no coordinate 'tipp'"):
+            solve(robot, {"tipp": Constant(value=0.0)})
+
+
+def test_the_free_space_is_flat_where_it_can_be(arm):
+    dynamics = arm.dynamics
+    imposed = Imposed.some(arm, {"B": Constant(value=0.0)})
+    initial = Initial(np.zeros(2), np.zeros(2))
+    assert system_of(arm.closure, dynamics, imposed, initial).manifold == Flat(1, 1)
+
+
+def test_many_states_have_the_accelerations_of_each(panda):
+    law = Trapezoid(start=0.0, end=1.0, speed=1.0, acceleration=4.0)
+    imposed = Imposed.some(panda, {"panda_joint2": law, "panda_finger_joint1": Constant(value=0.02)})
+    initial = Initial(np.zeros(panda.model.nq), np.zeros(panda.model.nv))
+    interval = system_of(panda.closure, panda.dynamics, imposed, initial).interval(panda.dynamics, 0.0, 0.25)
+    t, (q, v) = np.linspace(0.0, 0.25, 30), np.random.default_rng(1).normal(size=(2, 30, 6))
+    alone = [interval.acceleration(*state) for state in zip(t, q, v, strict=True)]
+    assert interval.batch(t, q, v) == pytest.approx(np.array(alone), rel=1e-10, abs=1e-10)  # M has condition 1e4
+
+
+def test_a_singular_state_leaves_the_others_their_accelerations():
+    matrices, right = np.array([np.eye(2), np.zeros((2, 2)), 2.0 * np.eye(2)]), np.ones((3, 2))
+    assert solved(matrices, right).tolist()[::2] == [[1.0, 1.0], [0.5, 0.5]]
+    assert np.isnan(solved(matrices, right)[1]).all()

@@ -1,0 +1,351 @@
+from contextlib import nullcontext
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pinarm.engine.dynamics import parallel
+from pinarm.engine.dynamics.configuration_space import JointSpace
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.parallel import Parallel
+from pinarm.engine.integration.integrator import Flat
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError
+from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
+from pinarm.mechanics.forces.joint_springs import SpringDamper
+from pinarm.mechanics.laws import Harmonic
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.forward import Forward
+from pinarm.problems.time_grid import TimeGrid
+
+MODELS = Path(__file__).parents[3] / "models"
+
+# two bodies of unequal mass in the vertical plane x-y, y up: lengths, mass centres, moments about the mass centre
+L1, C1, C2, M1, M2, I1, I2, G = 0.8, 0.3, 0.45, 1.3, 2.1, 0.07, 0.19, 9.81
+PENDULUM = (
+    {"name": "first", "mass": M1, "com": f"{C1} 0 0", "inertia": (I1, I1, I1)},
+    {"name": "second", "at": f"{L1} 0 0", "mass": M2, "com": f"{C2} 0 0", "inertia": (I2, I2, I2)},
+)
+Y_UP = {"direction": "-y", "magnitude": "9.81 m/s^2"}
+
+
+@pytest.fixture
+def pendulum(mechanism, chain):
+    return mechanism(chain(*PENDULUM), gravity=Y_UP)
+
+
+@pytest.fixture(params=["gen411_arm", "talos_arm"], scope="module")
+def robot(request):
+    return Mechanism.load(MODELS / "gen411_arm" / "mechanism.yaml" if request.param == "gen411_arm" else request.param)
+
+
+def textbook(q, v):
+    """Mass matrix, Coriolis terms and weights of the double pendulum; angles from x, the second relative."""
+    coupling = M2 * L1 * C2 * np.cos(q[1])
+    second = I2 + M2 * C2**2
+    mass = np.array([
+        [I1 + M1 * C1**2 + M2 * L1**2 + second + 2 * coupling, second + coupling], [second + coupling, second]
+    ])  # fmt: skip
+    h = M2 * L1 * C2 * np.sin(q[1])
+    coriolis = np.array([-h * (2 * v[0] + v[1]) * v[1], h * v[0] ** 2])
+    far = M2 * C2 * G * np.cos(q[0] + q[1])
+    return mass, coriolis, np.array([(M1 * C1 + M2 * L1) * G * np.cos(q[0]) + far, far])
+
+
+def states(model, n, seed=0):
+    """Random q, v, a of plain joints: positions within limits of +-2."""
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-2, 2, (n, model.nq)), rng.normal(size=(n, model.nv)), rng.normal(size=(n, model.nv)) * 3
+
+
+class TestDoublePendulum:
+    def test_mass_matrix_coriolis_terms_and_weights_are_those_of_the_textbook(self, pendulum):
+        for q, v, _ in zip(*states(pendulum.model, 10), strict=True):
+            mass, coriolis, weight = textbook(q, v)
+            zero = np.zeros(2)
+            held = pendulum.inverse(q, zero, zero)
+            assert held == pytest.approx(weight, abs=1e-13)  # sums of terms near 30 N*m
+            assert pendulum.inverse(q, v, zero) - held == pytest.approx(coriolis, abs=1e-13)
+            columns = [pendulum.inverse(q, zero, unit) - held for unit in np.eye(2)]
+            assert pytest.approx(mass, abs=1e-13) == np.array(columns).T
+
+    def test_free_motion_solves_the_textbook_equation(self, pendulum):
+        for q, v, tau in zip(*states(pendulum.model, 10, seed=1), strict=True):
+            mass, coriolis, weight = textbook(q, v)
+            expected = np.linalg.solve(mass, tau - coriolis - weight)
+            assert pendulum.forward(q, v, tau) == pytest.approx(expected, rel=1e-12)
+
+    def test_energy_is_that_of_the_textbook(self, pendulum):
+        q, v, _ = states(pendulum.model, 10, seed=2)
+        kinetic, potential = pendulum.dynamics.energy(q, v)
+        for k in range(10):
+            assert kinetic[k] == pytest.approx(0.5 * v[k] @ textbook(q[k], v[k])[0] @ v[k], rel=1e-13)
+        height = (M1 * C1 + M2 * L1) * np.sin(q[:, 0]) + M2 * C2 * np.sin(q.sum(axis=1))
+        assert potential == pytest.approx(G * height, abs=1e-13)
+
+
+class TestRotors:
+    @pytest.fixture
+    def geared(self, mechanism, chain):
+        """Two joints about axes that are none of the frame's, the second with a rotor; Pinocchio forgets its energy."""
+        bodies = (
+            {"name": "first", "axis": "0 0.6 0.8", "com": "0.5 0 0"},
+            {"name": "second", "kind": "revolute", "axis": "0.8 0 0.6", "at": "1 0 0", "com": "0 0.5 0"},
+        )
+        drive = {"joint": "second", "ratio": 100, "rotor_inertia": "1e-5 kg*m^2"}
+        return mechanism(chain(*bodies), drives={"motor": drive})
+
+    def test_their_energy_is_that_of_the_mass_matrix(self, geared):
+        q, v, _ = states(geared.model, 5)
+        M = geared.dynamics.mass_matrices(q)
+        expected = 0.5 * np.einsum("ni,nij,nj->n", v, M, v)
+        assert geared.dynamics.energy(q, v)[0] == pytest.approx(expected, rel=1e-14)
+        assert geared.dynamics.conserved(q[0], v[0])[0] == pytest.approx(expected[0], rel=1e-14)
+
+    def test_free_motion_keeps_it(self, geared):
+        problem = Forward(time=TimeGrid(end=2.0, samples=5), initial={"position": {"first": 1.0}})
+        run = problem.solve(geared, Accuracy(tolerance=1e-11), lambda *path: nullcontext())
+        assert run.figures["energy"] < 1e-9  # a hundred times the tolerance
+
+
+class TestIdentities:
+    def test_inverse_undoes_forward(self, robot):
+        q, v, tau = states(robot.model, 20)
+        a = robot.forward(q, v, tau)
+        # condition of M: the gripper's links weigh some 10 g, the arm 10 kg
+        scale = np.abs(a).max() * 10
+        assert robot.inverse(q, v, a) == pytest.approx(tau, abs=1e-13 * scale)
+
+    def test_forward_undoes_inverse(self, robot):
+        q, v, a = states(robot.model, 20, seed=3)
+        # condition of M: 1e4
+        assert robot.forward(q, v, robot.inverse(q, v, a)) == pytest.approx(a, abs=1e-10)
+
+    def test_one_by_one_is_the_same_as_all_at_once(self, robot):
+        q, v, a = states(robot.model, 7, seed=4)
+        tau, free = robot.inverse(q, v, a), robot.forward(q, v, a)
+        for k in range(7):
+            assert np.array_equal(robot.inverse(q[k], v[k], a[k]), tau[k])
+            assert np.array_equal(robot.forward(q[k], v[k], a[k]), free[k])
+
+    def test_acceleration_for_integrators_is_the_same(self, robot):
+        q, v, _ = states(robot.model, 5, seed=5)
+        rate = robot.dynamics.acceleration()
+        for k in range(5):
+            # both are aba, in two compilations
+            assert rate(0.0, q[k], v[k]) == pytest.approx(robot.forward(q[k], v[k]), rel=1e-11, abs=1e-11)
+
+    def test_inputs_are_left_as_they_were(self, robot):
+        given = states(robot.model, 3, seed=6)
+        copies = [x.copy() for x in given]
+        robot.inverse(*given)
+        robot.forward(*given)
+        assert all(np.array_equal(x, y) for x, y in zip(given, copies, strict=True))
+
+
+def loaded(pendulum):
+    forces = [
+        JointSpring(joint="first", stiffness=20.0, damping=0.5, rest=0.3),
+        JointEffort(joint="second", effort=Harmonic(amplitude=4.0, pulsation=3.0)),
+    ]
+    return Dynamics.of(
+        pendulum.model, {str(k): force.bind(pendulum.model, pendulum.joints) for k, force in enumerate(forces)}
+    ).on(0.0, 1.0)
+
+
+class TestLoads:
+    def test_they_act_like_efforts(self, pendulum):
+        dynamics, (q, v, a) = loaded(pendulum), states(pendulum.model, 6)
+        t = np.linspace(0.1, 0.9, 6)
+        expected = np.stack([-20.0 * (q[:, 0] - 0.3) - 0.5 * v[:, 0], 4.0 * np.sin(3.0 * t)], axis=1)
+        assert dynamics.loads(t, q, v) == pytest.approx(expected, abs=1e-14)
+        bare = pendulum.dynamics
+        assert dynamics.inverse(t, q, v, a) == pytest.approx(bare.inverse(t, q, v, a) - expected, abs=1e-13)
+        assert dynamics.forward(t, q, v) == pytest.approx(bare.forward(t, q, v, expected), abs=1e-12)
+        assert dynamics.forward(t, q, v, a) == pytest.approx(bare.forward(t, q, v, expected + a), abs=1e-12)
+
+    def test_the_integrators_route_has_them_too(self, pendulum):
+        dynamics, (q, v, _) = loaded(pendulum), states(pendulum.model, 6)
+        rate = dynamics.acceleration()
+        for k, t in enumerate(np.linspace(0.1, 0.9, 6)):
+            assert rate(t, q[k], v[k]) == pytest.approx(dynamics.forward(t, q[k], v[k])[0], abs=1e-12)
+
+    def test_springs_that_share_a_joint_add_up(self, pendulum):
+        """k1 (q - r1) + k2 (q - r2) and so on, by hand; the second joint has a damper alone."""
+        springs = {
+            "damping": SpringDamper(np.arange(2), np.arange(2), np.zeros(2), np.array([0.3, 0.2]), np.zeros(2)),
+            "one": SpringDamper(np.array([0]), np.array([0]), np.array([50.0]), np.array([0.1]), np.array([0.4])),
+            "other": SpringDamper(np.array([0]), np.array([0]), np.array([20.0]), np.array([0.0]), np.array([-1.0])),
+        }
+        q, v, _ = states(pendulum.model, 5)
+        expected = -np.stack([50.0 * (q[:, 0] - 0.4) + 20.0 * (q[:, 0] + 1.0) + 0.4 * v[:, 0], 0.2 * v[:, 1]], axis=1)
+        dynamics = Dynamics(pendulum.model, springs, pendulum.model.createData())
+        assert dynamics.loads(0.0, q, v) == pytest.approx(expected, abs=1e-13)  # sums of terms near 100 N*m
+        assert dynamics.load()(0.0, q[2], v[2]) == pytest.approx(expected[2], abs=1e-13)
+
+    def test_energy_and_power_are_theirs(self, pendulum):
+        dynamics, (q, v, _) = loaded(pendulum), states(pendulum.model, 6)
+        t = np.linspace(0.1, 0.9, 6)
+        spring = 10.0 * (q[:, 0] - 0.3) ** 2
+        assert dynamics.energy(q, v)[1] == pytest.approx(pendulum.dynamics.energy(q, v)[1] + spring, abs=1e-13)
+        expected = 0.5 * v[:, 0] ** 2 - 4.0 * np.sin(3.0 * t) * v[:, 1]
+        assert dynamics.dissipated_power(t, q, v) == pytest.approx(expected, abs=1e-13)
+        assert pendulum.dynamics.dissipated_power(t, q, v).tolist() == [0.0] * 6
+
+    def test_on_leaves_a_dynamics_without_laws_alone(self, pendulum):
+        assert pendulum.dynamics.on(0.0, 1.0) is pendulum.dynamics
+
+
+class TestShapes:
+    @pytest.mark.parametrize(
+        ("name", "shapes"),
+        [("q", ((3, 1), (3, 2), (3, 2))), ("v", ((3, 2), (3, 3), (3, 2))), ("a", ((3, 2), (3, 2), (3,)))],
+    )
+    def test_wrong_widths_are_refused(self, pendulum, name, shapes):
+        with pytest.raises(InputError, match=f"{name} has the shape") as caught:
+            pendulum.inverse(*(np.zeros(shape) for shape in shapes))
+        assert caught.value.expected == "(..., 2), such as (2,)"
+
+    def test_efforts_of_the_wrong_width_are_refused(self, pendulum):
+        with pytest.raises(InputError, match="tau has the shape"):
+            pendulum.forward(np.zeros((3, 2)), np.zeros((3, 2)), np.zeros((3, 3)))
+
+    @pytest.mark.parametrize("route", ["inverse", "forward"])
+    def test_unequal_numbers_of_rows_are_refused(self, pendulum, route):
+        with pytest.raises(InputError, match=r"q: \(3, 2\)"):
+            getattr(pendulum, route)(np.zeros((3, 2)), np.zeros((3, 2)), np.zeros((2, 2)))
+
+    def test_lists_and_other_layouts_are_taken(self, pendulum):
+        q, v, a = states(pendulum.model, 4)
+        expected = pendulum.inverse(q, v, a)
+        assert np.array_equal(pendulum.inverse(q.tolist(), v.tolist(), a.tolist()), expected)
+        assert np.array_equal(pendulum.inverse(*(np.asfortranarray(x) for x in (q, v, a))), expected)
+        assert np.array_equal(pendulum.inverse(*(np.repeat(x, 2, axis=0)[::2] for x in (q, v, a))), expected)
+
+    @pytest.mark.parametrize("given", ["right", [[None, 0.0]], np.zeros((1, 2)) + 1j, [[0.0], [0.0, 1.0]]])
+    def test_what_is_no_array_of_real_numbers_is_refused(self, pendulum, given):
+        with pytest.raises(InputError, match="q is no array of real numbers"):
+            pendulum.inverse(given, np.zeros((1, 2)), np.zeros((1, 2)))
+
+    def test_no_states_have_no_efforts(self, pendulum):
+        none, dynamics = np.zeros((0, 2)), loaded(pendulum)
+        assert dynamics.inverse(0.5, none, none, none).shape == (0, 2)
+        assert dynamics.forward(0.5, none, none).shape == (0, 2)
+
+    def test_a_mechanism_of_one_joint_keeps_its_axis(self, mechanism, chain):
+        one = mechanism(chain(PENDULUM[0]))
+        assert one.inverse(np.zeros(1), np.zeros(1), np.zeros(1)).shape == (1,)
+        assert one.forward(np.zeros((5, 1)), np.zeros((5, 1))).shape == (5, 1)
+
+
+class TestGravity:
+    def test_none(self, mechanism, chain):
+        free = mechanism(chain(*PENDULUM), gravity="none")
+        assert free.gravity == 0.0
+        assert free.inverse(np.array([0.3, 0.4]), np.zeros(2), np.zeros(2)).tolist() == [0.0, 0.0]
+
+    @pytest.mark.parametrize(("direction", "factor"), [("-y", 1.0), ("y", -1.0), ("z", 0.0), ("-z", 0.0)])
+    def test_direction(self, mechanism, chain, direction, factor):
+        found = mechanism(chain(*PENDULUM), gravity={"direction": direction}).inverse(*np.zeros((3, 2)))
+        assert found == pytest.approx(factor * textbook(np.zeros(2), np.zeros(2))[2], abs=1e-14)
+
+    @pytest.mark.parametrize(("direction", "angle"), [("-x", np.pi / 2), ("x", -np.pi / 2)])
+    def test_direction_along_x_is_a_turned_pendulum(self, mechanism, chain, direction, angle):
+        q = np.array([0.2, 0.5])
+        found = mechanism(chain(*PENDULUM), gravity={"direction": direction}).inverse(q, *np.zeros((2, 2)))
+        assert found == pytest.approx(textbook(q + np.array([angle, 0.0]), np.zeros(2))[2], abs=1e-13)
+
+    def test_magnitude_scales_the_weights(self, mechanism, chain):
+        moon = mechanism(chain(*PENDULUM), gravity={"direction": "-y", "magnitude": "1.62 m/s^2"})
+        assert moon.gravity == 1.62
+        expected = textbook(np.zeros(2), np.zeros(2))[2] * 1.62 / 9.81
+        assert moon.inverse(*np.zeros((3, 2))) == pytest.approx(expected, rel=1e-14)
+
+    def test_a_caller_replaces_that_of_the_file(self):
+        file = MODELS / "gen411_arm" / "mechanism.yaml"
+        assert Mechanism.load(file, values={"gravity": "none"}).gravity == 0.0
+        up = Mechanism.load(file, values={"gravity": {"direction": "y", "magnitude": "2 m/s^2"}})
+        assert up.model.gravity.linear.tolist() == [0.0, 2.0, 0.0]
+
+
+def test_the_space_is_flat_where_it_can_be(pendulum):
+    assert pendulum.dynamics.manifold == Flat(2, 2)
+    ball = pin.Model()
+    ball.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
+    space = Dynamics.of(ball).manifold
+    assert isinstance(space, JointSpace)
+    assert (space.nq, space.nv) == (4, 3)
+
+
+@pytest.mark.parametrize(("length", "away"), [(1e-6, 0.0), (1.0, 1e6), (1.0, 0.0)])
+def test_many_states_are_as_exact_as_each_where_links_are_short_or_far_away(mechanism, chain, length, away):
+    """Two points on rods: the equations solved by hand; Pinocchio's parallel recursion loses up to all digits here."""
+    point = {"mass": 1.0, "inertia": (0.0, 0.0, 0.0), "axis": "0 1 0"}
+    rods = mechanism(chain(
+        {**point, "name": "A", "at": f"{away!r} 0 0", "com": "0 0 -1"},
+        {**point, "name": "B", "at": "0 0 -1", "com": f"0 0 {-length!r}"},
+    ))  # fmt: skip
+    generator = np.random.default_rng(0)
+    q, v = generator.uniform(-1.0, 1.0, (50, 2)), generator.uniform(-1.0, 1.0, (50, 2)) / [1.0, length**0.5]
+    a, b, u, w = q[:, 0], q.sum(axis=1), v[:, 0], v.sum(axis=1)
+    s, c = np.sin(a - b), np.cos(a - b)
+    first = (-u * u * s * c + 9.81 * np.sin(b) * c - length * w * w * s - 2 * 9.81 * np.sin(a)) / (1 + s * s)
+    second = (2 * (u * u * s - 9.81 * np.sin(b) + 9.81 * np.sin(a) * c) + length * w * w * s * c) / (1 + s * s) / length
+    bound = 1e-8 if away else 1e-10 if length < 1.0 else 1e-13  # the places themselves are rounded; 1e-16 m of 1e-6 m
+    for found in (rods.forward(q, v), Dynamics.of(rods.model).accelerations()(np.zeros(50), q, v)):
+        assert found[:, 0] == pytest.approx(first, abs=bound * np.abs(second).max())
+        assert found.sum(axis=1) == pytest.approx(second, abs=bound * np.abs(second).max())
+
+
+class TestThreads:
+    """Calls on many states use all cores; the numbers are those of one."""
+
+    @pytest.mark.parametrize("call", ["rnea", "aba"])
+    def test_they_change_no_digit(self, call, monkeypatch):
+        model = pin.buildSampleModelManipulator()
+        states = np.random.default_rng(0).normal(size=(3, 500, model.nv))
+        monkeypatch.setattr(parallel, "threads", lambda: 2)
+        monkeypatch.setattr(parallel, "cores", lambda: 2)
+        alone = getattr(Parallel(model), call)(*states)
+        monkeypatch.setattr(parallel, "MANY", 1)
+        assert np.array_equal(getattr(Parallel(model), call)(*states), alone)
+
+    @staticmethod
+    def chosen(pace, seconds, calls):
+        """Return with how many threads of two some calls were made that take so long with each."""
+        found = []
+        for _ in range(calls):
+            found.append(pace.choice(2))
+            pace.note(found[-1], seconds[found[-1]])
+        return found
+
+    def test_the_faster_number_of_them_is_taken_and_the_other_tried_again(self):
+        """Another program takes the second core for a while: the less the slower way is worth, the rarer it is."""
+        pace = parallel.Pace()
+        assert self.chosen(pace, {1: 2.0, 2: 1.0}, 300)[:3] == [2, 1, 2]
+        assert self.chosen(pace, {1: 2.0, 2: 1.0}, 640).count(1) == 640 / (2.0 * parallel.RARELY)
+        busy = self.chosen(pace, {1: 2.0, 2: 20.0}, 640)
+        assert busy[3:30] == [1] * 27
+        assert busy.count(2) <= 10
+        assert self.chosen(pace, {1: 2.0, 2: 1.0}, 900)[-300:].count(2) >= 290
+
+    def test_one_call_that_is_held_up_changes_nothing(self):
+        pace = parallel.Pace()
+        self.chosen(pace, {1: 2.0, 2: 1.0}, 10)
+        pace.note(2, 100.0)
+        assert pace.choice(2) == 2
+
+    def test_small_calls_have_one(self, monkeypatch):
+        monkeypatch.setattr(parallel, "threads", lambda: 2)
+        model = pin.buildSampleModelManipulator()
+        small = Parallel(model)
+        for _ in range(3):
+            small.aba(*np.zeros((3, parallel.FEW // model.nv, model.nv)))
+        assert [set(pace.spent) for pace in small._paces.values()] == [{1}]
+
+    @pytest.mark.parametrize(("said", "found"), [("1", 1), ("", 3), ("2,1", 2), ("9", 3), ("0", 1), ("many", 3)])
+    def test_the_environment_may_allow_fewer(self, monkeypatch, said, found):
+        monkeypatch.setattr(parallel, "cores", lambda: 3)
+        monkeypatch.setenv("OMP_NUM_THREADS", said)
+        assert parallel.threads() == found

@@ -1,0 +1,137 @@
+"""The constrained solve against the dense equation in (a, lam), and every faster route against the solve.
+
+The dense equation ``[M -G^T; G 0] [a; lam] = [f; b]`` is solved in the sense of least squares, so that redundant rows
+do no harm; it shares nothing with the null-space form.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import pinarm
+from pinarm import Mechanism
+from pinarm.engine.constraints.batch_jacobians import Measures
+from pinarm.engine.constraints.elimination import dense
+from pinarm.engine.constraints.nullspace import Split
+from pinarm.engine.constraints.nullspace_batch import Freedom, regular_order
+from pinarm.engine.dynamics.coordinate_partition import Reduction
+from pinarm.engine.dynamics.equation import accelerations, solve
+from pinarm.engine.dynamics.pinocchio_constraints import PointClosure
+from pinarm.engine.kinematics.mobility import assembled_near
+
+MODELS = Path(pinarm.__file__).parents[1] / "models"
+CLOSED = {
+    "crank_rocker": {"theta2": 0.7, "A": 0.8, "theta4": 1.8},
+    "andrews": {},
+    "bricard": {},
+    "rssr": {},
+    "manipulator": {},
+    "two_four_bars": {"upright_0": 0.4, "upright_1": 0.4, "upright_2": 0.4, "coupler_0": -0.4, "coupler_1": -0.4},
+}
+"""Mechanisms with loops, the overconstrained Bricard linkage among them, and rough positions."""
+
+ACCURATE = 1e-9
+"""Relative agreement of two solutions: rounding times the condition of these linkages, up to 1e6."""
+
+
+def state(name: str, seed: int) -> tuple[Mechanism, np.ndarray, np.ndarray, np.ndarray]:
+    """Return a mechanism in a closed state with random velocities that the loops allow, and random efforts."""
+    mechanism = Mechanism.load(MODELS / name / "mechanism.yaml")
+    q = assembled_near(mechanism, CLOSED[name])
+    rows = mechanism.closure.rows(mechanism.closure.state(q))
+    v, tau = np.random.default_rng(seed).normal(size=(2, mechanism.model.nv))
+    return mechanism, q, v - np.linalg.pinv(rows, rcond=1e-9) @ (rows @ v), tau
+
+
+def dense_accelerations(mechanism: Mechanism, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Return the accelerations by the dense equation, masses and bias forces from Pinocchio's own functions."""
+    model, closure = mechanism.model, mechanism.closure
+    data, here = model.createData(), closure.state(q, v)
+    rows, m = closure.rows(here), closure.size
+    upper = np.triu(pin.crba(model, data, q))
+    mass = upper + np.triu(upper, 1).T
+    force = tau + mechanism.dynamics.on(0.0, 1.0).loads(0.0, q, v) - pin.nonLinearEffects(model, data, q, v)
+    # multipliers in the unit of the masses, and rows without length alone: the condition is that of the linkage
+    whole = np.block([[mass, -rows.T], [rows, np.zeros((m, m))]])
+    return np.linalg.lstsq(whole, np.concatenate([force, -closure.drift(here)]), rcond=1e-11)[0][: model.nv]
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", CLOSED)
+class TestLoops:
+    def test_accelerations_are_those_of_the_dense_equation(self, name, seed):
+        mechanism, q, v, tau = state(name, seed)
+        (a,) = accelerations(mechanism.dynamics.on(0.0, 1.0), mechanism.closure, 0.0, q[None], v[None], tau[None])
+        right = dense_accelerations(mechanism, q, v, tau)
+        assert a == pytest.approx(right, abs=ACCURATE * np.abs(right).max())
+
+    def test_elimination_in_one_order_gives_the_same(self, name, seed):
+        mechanism, q, v, tau = state(name, seed)
+        closure, dynamics = mechanism.closure, mechanism.dynamics.on(0.0, 1.0)
+        measures = Measures.of(mechanism.model, closure.constraints)
+        assert measures is not None
+        rows = measures.at(q[:, None]).rows(range(measures.size))
+        order = regular_order(dense(rows, (measures.size, len(q))))
+        assert order is not None
+        mass, force = dynamics.mass_matrices(q[None]), tau[None] - dynamics.inverse(0.0, q, v, np.zeros_like(v))
+        drift = measures.at(q[:, None]).drift(range(measures.size), v[:, None])
+        (a,) = Freedom.of(rows, order, (len(q), 1)).solve(mass, force, {row: -x for row, x in drift.items()})
+        (right,) = accelerations(dynamics, closure, 0.0, q[None], v[None], tau[None])
+        assert a == pytest.approx(right, abs=ACCURATE * np.abs(right).max())
+
+    def test_efforts_and_multipliers_leave_nothing_of_the_equation(self, name, seed):
+        mechanism, q, v, tau = state(name, seed)
+        dynamics, closure = mechanism.dynamics.on(0.0, 1.0), mechanism.closure
+        (a,) = accelerations(dynamics, closure, 0.0, q[None], v[None], tau[None])
+        rows = closure.rows(closure.state(q))
+        held = dynamics.inverse(0.0, q, v, a)[0] - tau
+        assert rows.T @ Split.of(rows).multipliers(held) == pytest.approx(held, abs=1e-9 * np.abs(held).max())
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", sorted(CLOSED.keys() - {"manipulator"}))  # a cylinder of it has no mass
+def test_points_in_pinocchio_give_the_same_without_efforts(name, seed):
+    mechanism, q, v, _ = state(name, seed)
+    points = PointClosure.of(mechanism.closure, q)
+    assert points is not None
+    a = points.acceleration(mechanism.dynamics.on(0.0, 1.0), lambda t: (np.empty(0),) * 3)(0.0, q, v)
+    (right,) = accelerations(
+        mechanism.dynamics.on(0.0, 1.0), mechanism.closure, 0.0, q[None], v[None], np.zeros((1, len(v)))
+    )
+    assert a == pytest.approx(right, abs=1e3 * ACCURATE * np.abs(right).max())  # its proximal term: 1e-10 a row
+
+
+class TestWithoutRows:
+    def test_the_solve_is_that_of_the_tree(self):
+        arm = Mechanism.load("panda")
+        generator = np.random.default_rng(1)
+        q = pin.integrate(arm.model, pin.neutral(arm.model), generator.normal(size=arm.model.nv))
+        v, tau = generator.normal(size=(2, 1, arm.model.nv))
+        none = Mechanism.load("panda").closure.of(arm.model, ())
+        a = accelerations(arm.dynamics, none, 0.0, q[None], v, tau)
+        assert a == pytest.approx(arm.dynamics.forward(0.0, q[None], v, tau), rel=1e-10, abs=1e-9)
+
+    def test_inverse_dynamics_gives_the_efforts_back(self):
+        arm = Mechanism.load(MODELS / "gen411_arm" / "mechanism.yaml")
+        q, v, tau = np.random.default_rng(2).normal(size=(3, 5, arm.model.nv))
+        a = accelerations(arm.dynamics, arm.closure, 0.0, q, v, tau)
+        assert arm.dynamics.inverse(0.0, q, v, a) == pytest.approx(tau, abs=1e-12)  # rounding of terms up to 10
+
+
+def test_linear_rows_give_what_their_elimination_gives():
+    """A three-rod pendulum whose second joint follows the first as a gear would: ``q2 = 2 q1``."""
+    arm = Mechanism.load("panda")
+    generator, nv = np.random.default_rng(3), arm.model.nv
+    rows = np.zeros((1, nv))
+    rows[0, :2] = 2.0, -1.0
+    partition = Reduction.of(arm.model, rows, ["gear"])
+    u, free = generator.normal(size=(2, nv - 1))
+    zeros = np.zeros(1)
+    q, v = partition.configuration(free, zeros), partition.velocity(u, zeros)
+    rates = partition.acceleration(arm.dynamics, lambda t: (zeros, zeros, zeros))(0.0, free, u)
+    force = -arm.dynamics.inverse(0.0, q, v, np.zeros((1, nv)))[0]
+    a = solve(Split.of(rows), arm.dynamics.mass_matrices(q[None])[0], force, zeros)
+    assert a[partition.free_v] == pytest.approx(rates, abs=1e-9 * np.abs(rates).max())
+    assert a[1] == pytest.approx(2.0 * a[0], abs=1e-9 * np.abs(a).max())

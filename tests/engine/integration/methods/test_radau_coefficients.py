@@ -1,0 +1,52 @@
+"""Radau IIA methods: the published coefficients of order 5, and the conditions of order of all."""
+
+import numpy as np
+import pytest
+
+from pinarm.engine.integration.methods.radau_coefficients import radau
+
+
+def test_three_stages_are_those_of_hairer_and_wanner() -> None:
+    """Solving Ordinary Differential Equations II, table IV.5.6."""
+    r = np.sqrt(6.0)
+    c = [(4 - r) / 10, (4 + r) / 10, 1.0]
+    a = [
+        [(88 - 7 * r) / 360, (296 - 169 * r) / 1800, (-2 + 3 * r) / 225],
+        [(296 + 169 * r) / 1800, (88 + 7 * r) / 360, (-2 - 3 * r) / 225],
+        [(16 - r) / 36, (16 + r) / 36, 1 / 9],
+    ]
+    assert radau(3).c == pytest.approx(c, abs=1e-15)
+    assert radau(3).a == pytest.approx(np.array(a), abs=1e-15)
+    # of the inverse of a: 3.6378..., eq. (IV.8.14)
+    assert radau(3).eigenvalues[0] == pytest.approx(3.0 + 3.0 ** (2 / 3) - 3.0 ** (1 / 3), rel=1e-13)
+
+
+@pytest.mark.parametrize("s", [3, 5, 7])
+def test_stages_and_step_integrate_powers(s: int) -> None:
+    method = radau(s)
+    for k in range(s):
+        assert method.a @ method.c**k == pytest.approx(method.c ** (k + 1) / (k + 1), abs=1e-13)
+    for k in range(2 * s - 1):  # order 2 s - 1, no more
+        assert method.a[-1] @ method.c**k == pytest.approx(1.0 / (k + 1), rel=1e-12)
+    assert abs(method.a[-1] @ method.c ** (2 * s - 1) - 0.5 / s) > 1e-9
+
+
+@pytest.mark.parametrize("s", [3, 5, 7])
+def test_real_eigenvectors_take_the_inverse_apart(s: int) -> None:
+    method, x = radau(s), np.random.default_rng(s).normal(size=s)
+    assert method.inverse @ method.a == pytest.approx(np.eye(s), abs=1e-11)
+    assert (method.back @ (method.forth @ x)).real == pytest.approx(x, abs=1e-10)
+    expected = np.linalg.solve(method.a, x)
+    found = (method.back @ (method.eigenvalues * (method.forth @ x))).real
+    assert found == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("s", [3, 5, 7])
+def test_both_forms_of_the_polynomial_go_through_the_stages(s: int) -> None:
+    method, values = radau(s), np.random.default_rng(s).normal(size=s)
+    powers = sum(p * method.c ** (k + 1) for k, p in enumerate(method.powers @ values))
+    assert powers == pytest.approx(values, abs=1e-9)
+    total = np.zeros(s)
+    for k, term in reversed(list(enumerate(method.terms @ values))):
+        total = (total + term) * (method.c if k % 2 == 0 else 1.0 - method.c)
+    assert total == pytest.approx(values, abs=1e-9)

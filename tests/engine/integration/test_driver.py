@@ -1,0 +1,341 @@
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.special import ellipj, ellipk
+
+from pinarm.engine.dynamics.configuration_space import JointSpace
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Flat, Interval
+from pinarm.engine.integration.methods.explicit import Adaptive
+from pinarm.engine.integration.methods.stiff import radau_of
+from pinarm.engine.integration.tableaus import DOPRI5
+from pinarm.errors import IntegrationError, Interrupted
+
+from .methods.known_motions import ATTITUDE, MOMENTS, PLANE, SPIN, attraction, body, orbit, turned
+
+
+def deviation(solution, t):
+    """Largest error of a solution on the orbit."""
+    return max(np.abs(found - exact).max() for found, exact in zip(solution.states(t), orbit(t), strict=True))
+
+
+@pytest.fixture
+def top():
+    return body()
+
+
+class TestDenseOutput:
+    def test_meets_the_steps_at_their_ends(self):
+        solution = integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
+        t = np.array([step.t for step in solution.steps])
+        assert np.array_equal(np.hstack(solution.states(t)), np.array([step.y for step in solution.steps]))
+
+    def test_is_smooth_across_the_steps(self):
+        solution = integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
+        ends = np.array([step.t for step in solution.steps[1:]])
+        before, after = solution.states(np.nextafter(ends, -1.0)), solution.states(ends)
+        assert np.hstack(before) == pytest.approx(np.hstack(after), abs=1e-14)
+
+    def test_is_as_accurate_as_the_steps(self):
+        solution = integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-10))
+        ends = np.array([step.t for step in solution.steps])
+        between = np.linspace(0.0, 6.0, 2001)
+        assert deviation(solution, between) < 10 * deviation(solution, ends) + 1e-12
+
+    def test_takes_times_in_any_order(self):
+        solution = integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
+        t = np.array([5.0, 0.0, 6.0, 2.5, 2.5])
+        together = solution.states(t)
+        for k, instant in enumerate(t):
+            assert np.array_equal(solution.states(np.array([instant]))[0][0], together[0][k])
+
+    @pytest.mark.parametrize(
+        "method", [Adaptive(1e-9), Adaptive(1e-6, DOPRI5), radau_of(1e-6)], ids=lambda one: one.name
+    )
+    def test_of_many_steps_at_once_is_that_of_each(self, top, method):
+        """Further stages of all steps are computed together, where accelerations are known of many states at once."""
+        t = np.linspace(0.0, 4.0, 201)
+        one, many = (
+            integrate([Interval(0.0, 4.0, top.acceleration(), batch=together)], top.manifold, ATTITUDE, SPIN, method)
+            for together in (None, top.forward)
+        )
+        alone = np.array([np.hstack(one.states(np.array([instant])))[0] for instant in t])
+        assert np.hstack(many.states(t)) == pytest.approx(alone, abs=1e-14)
+
+    def test_quaternions_have_unit_length(self, top):
+        solution = integrate([Interval(0.0, 4.0, top.acceleration())], top.manifold, ATTITUDE, SPIN, Adaptive(1e-4))
+        q, _ = solution.states(np.linspace(0.0, 4.0, 101))
+        assert np.linalg.norm(q, axis=1) == pytest.approx(1.0, abs=1e-15)
+        assert all(abs(np.linalg.norm(step.y[:4]) - 1.0) < 1e-15 for step in solution.steps)
+
+
+class TestTolerance:
+    tolerances = 10.0 ** -np.arange(4, 13)
+
+    def errors(self, acceleration, manifold, q, v, t, exact):
+        found = []
+        for tolerance in self.tolerances:
+            solution = integrate([Interval(0.0, t[-1], acceleration)], manifold, q, v, Adaptive(tolerance))
+            found.append(np.abs(np.hstack(solution.states(t)) - exact).max())
+        return np.array(found)
+
+    def check(self, errors):
+        # the step follows tolerance^(1/8) and the error its eighth power; the motions amplify it less than 300 times
+        assert np.polyfit(np.log(self.tolerances), np.log(errors), 1)[0] == pytest.approx(1.0, abs=0.15)
+        assert (errors < 300 * self.tolerances).all()
+
+    def test_error_shrinks_with_it_in_the_plane(self):
+        t = np.linspace(0.0, 20.0, 501)
+        self.check(self.errors(attraction, PLANE, *orbit(0.0), t, np.hstack(orbit(t))))
+
+    def test_error_shrinks_with_it_on_rotations(self, top):
+        t = np.linspace(0.0, 4.0, 301)
+        self.check(self.errors(top.acceleration(), top.manifold, ATTITUDE, SPIN, t, turned()(t).T))
+
+
+@pytest.mark.parametrize("noise", [0.0, 3e-17, -1e-16, 1e-15])
+def test_a_start_at_rest_that_is_off_zero_by_rounding_begins_with_no_smaller_steps(noise):
+    interval = Interval(0.0, 1.0, lambda t, q, v: np.array([np.cos(t), 50.0]))
+    solution = integrate([interval], PLANE, np.full(2, noise), np.zeros(2), Adaptive(1e-12))
+    assert len(solution.steps) < 30
+    assert solution.states(np.ones(1))[0][0] == pytest.approx([1.0 - np.cos(1.0), 25.0], rel=1e-11)
+
+
+def test_free_rotation_follows_the_elliptic_functions(top):
+    """Landau and Lifshitz, Mechanics, section 37, for M^2 > 2 E I2: rotation near the axis of the largest moment."""
+    i1, i2, i3 = MOMENTS
+    w = np.array([0.3, 0.0, 1.2])
+    energy2, momentum2 = float(MOMENTS @ w**2), float(MOMENTS**2 @ w**2)
+    assert momentum2 > energy2 * i2
+    rate = np.sqrt((i3 - i2) * (momentum2 - energy2 * i1) / (i1 * i2 * i3))
+    m = (i2 - i1) * (energy2 * i3 - momentum2) / ((i3 - i2) * (momentum2 - energy2 * i1))
+    t = np.linspace(0.0, 1.3 * 4 * ellipk(m) / rate, 301)
+    sn, cn, dn, _ = ellipj(rate * t, m)
+    expected = np.array([
+        np.sqrt((energy2 * i3 - momentum2) / (i1 * (i3 - i1))) * cn,
+        np.sqrt((energy2 * i3 - momentum2) / (i2 * (i3 - i2))) * sn,
+        np.sqrt((momentum2 - energy2 * i1) / (i3 * (i3 - i1))) * dn,
+    ])  # fmt: skip
+    interval = Interval(0.0, t[-1], top.acceleration())
+    _, v = integrate([interval], top.manifold, ATTITUDE, w, Adaptive(1e-13)).states(t)
+    assert pytest.approx(expected, abs=1e-11) == v.T
+
+
+def oscillator_with(load):
+    return lambda t, q, v: load(t) - q
+
+
+def kicked(t):
+    """The unit oscillator from rest, under a load of 1 from t = 1/3 to t = 2: closed form."""
+    t = np.asarray(t)[:, None]
+    on, off = np.where(t > 1 / 3, t - 1 / 3, 0.0), np.where(t > 2, t - 2, 0.0)
+    return np.cos(off) - np.cos(on), np.sin(on) - np.sin(off)
+
+
+class TestStretches:
+    flat = Flat(1, 1)
+    rest = (np.zeros(1), np.zeros(1))
+    bounds = (0.0, 1 / 3, 2.0, 5.0)
+    levels = (0.0, 1.0, 0.0)
+
+    def intervals(self):
+        return [
+            Interval(low, high, oscillator_with(lambda t, level=level: level))
+            for low, high, level in zip(self.bounds, self.bounds[1:], self.levels, strict=False)
+        ]
+
+    def test_a_load_that_jumps_between_them_costs_no_accuracy(self):
+        solution = integrate(self.intervals(), self.flat, *self.rest, Adaptive(1e-12))
+        t = np.linspace(0.0, 5.0, 301)
+        for found, exact in zip(solution.states(t), kicked(t), strict=True):
+            assert found == pytest.approx(exact, abs=1e-10)
+
+    def test_steps_end_exactly_on_their_bounds(self):
+        solution = integrate(self.intervals(), self.flat, *self.rest, Adaptive(1e-9))
+        first = {k: next(step for step in solution.steps if step.interval == k) for k in range(3)}
+        assert [step.t for step in first.values()] == list(self.bounds[:-1])
+        assert solution.end == pytest.approx(5.0, abs=1e-15)
+        for step, after in zip(solution.steps, solution.steps[1:], strict=False):
+            assert step.t + step.h == pytest.approx(after.t, abs=1e-15)
+
+    def test_without_them_the_same_load_is_refused_again_and_again(self):
+        def load(t):
+            return 1.0 if 1 / 3 < t < 2.0 else 0.0
+
+        split = integrate(self.intervals(), self.flat, *self.rest, Adaptive(1e-12))
+        whole = integrate([Interval(0.0, 5.0, oscillator_with(load))], self.flat, *self.rest, Adaptive(1e-12))
+        assert split.count.rejected <= 2
+        assert whole.count.rejected > 10 * max(1, split.count.rejected)
+
+    def test_a_stretch_that_starts_late_is_on_its_own_clock(self):
+        late = [Interval(s.start + 1e3, s.end + 1e3, s.acceleration) for s in self.intervals()]
+        t = np.linspace(0.0, 5.0, 31)
+        q, _ = integrate(late, self.flat, *self.rest, Adaptive(1e-12)).states(1e3 + t)
+        assert q == pytest.approx(kicked(t)[0], abs=1e-10)  # times near 1000 s are known to 1e-13 s
+
+    def test_rest_is_crossed_in_few_steps(self):
+        solution = integrate([Interval(0.0, 1e3, lambda t, q, v: 0.0 * q)], self.flat, *self.rest, Adaptive(1e-12))
+        assert len(solution.steps) < 20
+        assert np.hstack(solution.states(np.array([1e3]))).tolist() == [[0.0, 0.0]]
+
+
+def test_evaluations_are_counted():
+    calls = []
+
+    def counted(t, q, v):
+        calls.append(t)
+        return attraction(t, q, v)
+
+    solution = integrate([Interval(0.0, 6.0, counted)], PLANE, *orbit(0.0), Adaptive(1e-9))
+    assert solution.count.evaluations == len(calls)
+    assert len(calls) == 2 + 12 * (len(solution.steps) + solution.count.rejected)
+
+
+def test_equal_input_gives_equal_bits():
+    runs = [integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9)) for _ in range(2)]
+    assert all(np.array_equal(one.y, other.y) for one, other in zip(runs[0].steps, runs[1].steps, strict=True))
+
+
+class TestFailures:
+    flat = Flat(1, 1)
+
+    def fails(self, acceleration, q=0.0, v=1.0, end=2.0):
+        with pytest.raises(IntegrationError) as caught:
+            integrate([Interval(0.0, end, acceleration)], self.flat, np.array([q]), np.array([v]), Adaptive(1e-9))
+        return caught.value
+
+    @pytest.mark.parametrize("value", [np.nan, np.inf])
+    def test_no_finite_acceleration_at_the_start(self, value):
+        error = self.fails(lambda t, q, v: v * value)
+        assert "not finite at the start, t = 0 s" in error.message
+        assert error.partial.steps == []
+        assert error.data["v"].tolist() == [1.0]
+
+    def test_blow_up_in_finite_time(self):
+        error = self.fails(lambda t, q, v: v**2)
+        assert "grows without bound" in error.message
+        # v = 1/(1 - t)
+        assert error.partial.end == pytest.approx(1.0, abs=1e-6)
+        t = np.linspace(0.0, 0.9, 10)
+        assert error.partial.states(t)[1][:, 0] == pytest.approx(1 / (1 - t), rel=1e-7)
+
+    def test_acceleration_that_ceases_to_be_a_number(self):
+        error = self.fails(lambda t, q, v: -q if t < 0.7 else np.nan * q)
+        assert "not finite" in error.message
+        assert error.partial.end == pytest.approx(0.7, abs=1e-6)
+        assert error.data["t"] == error.partial.end
+        t = np.linspace(0.0, 0.69, 10)
+        assert error.partial.states(t)[0][:, 0] == pytest.approx(np.sin(t), abs=1e-8)
+
+    def test_the_error_ends_a_command_with_3(self):
+        assert self.fails(lambda t, q, v: v**2).exit_code == 3
+
+
+class TestInterruption:
+    """Ctrl-C arrives in the middle of an acceleration, which is where nearly all of the time is spent."""
+
+    flat = Flat(1, 1)
+    start = (np.ones(1), np.zeros(1))
+
+    def stopped(self, when, intervals=1):
+        """Return what is raised by an oscillator that is interrupted at its call ``when`` in the last interval."""
+        calls = []
+
+        def acceleration(t, q, v):
+            return -q
+
+        def interrupted(t, q, v):
+            calls.append(t)
+            if len(calls) == when:
+                raise KeyboardInterrupt
+            return -q
+
+        cuts = np.linspace(0.0, 20.0, intervals + 1).tolist()
+        parts = [Interval(low, high, acceleration) for low, high in pairwise(cuts)]
+        parts[-1] = Interval(*cuts[-2:], interrupted)
+        with pytest.raises((Interrupted, KeyboardInterrupt)) as caught:
+            integrate(parts, self.flat, *self.start, Adaptive(1e-10))
+        assert isinstance(caught.value, Interrupted), "what was integrated is lost"
+        return caught.value
+
+    @pytest.mark.parametrize("when", [100, 205])
+    def test_what_was_integrated_is_kept(self, when):
+        error = self.stopped(when)
+        assert 0.0 < error.partial.end < 20.0
+        assert f"interrupted at t = {error.partial.end:.9g} s" in error.message
+        assert error.exit_code == 130
+        t = np.linspace(0.0, error.partial.end, 50)
+        q, v = error.partial.states(t)
+        assert q[:, 0] == pytest.approx(np.cos(t), abs=1e-8)
+        assert v[:, 0] == pytest.approx(-np.sin(t), abs=1e-8)
+
+    def test_at_the_first_instant_of_a_later_stretch(self):
+        assert self.stopped(1, intervals=2).partial.end == pytest.approx(10.0, abs=1e-14)
+
+    def test_within_the_first_step(self):
+        error = self.stopped(3)
+        assert error.partial.steps == []
+        assert "t = 0 s" in error.message
+
+
+class TestMaxSteps:
+    def test_no_more_steps_are_taken_and_those_taken_are_kept(self):
+        with pytest.raises(IntegrationError, match="has taken 7 steps and is at t = ") as caught:
+            integrate([Interval(0.0, 60.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=7)
+        partial = caught.value.partial
+        assert len(partial.steps) + partial.count.rejected == 7
+        assert caught.value.data["t"] == pytest.approx(partial.end, abs=1e-14)
+        assert 0.0 < partial.end < 60.0
+        assert deviation(partial, np.linspace(0.0, partial.end, 20)) < 1e-7
+
+    def test_they_are_counted_over_all_stretches(self):
+        cuts = np.linspace(0.0, 6.0, 13).tolist()
+        parts = [Interval(low, high, attraction) for low, high in pairwise(cuts)]
+        whole = integrate(parts, PLANE, *orbit(0.0), Adaptive(1e-9))
+        needed = len(whole.steps) + whole.count.rejected
+        assert integrate(parts, PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=needed).end == pytest.approx(6.0)
+        with pytest.raises(IntegrationError, match=f"has taken {needed - 1} steps"):
+            integrate(parts, PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=needed - 1)
+
+
+class TestJointSpace:
+    @pytest.fixture
+    def space(self):
+        model = pin.Model()
+        ball = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "free")
+        model.addJoint(ball, pin.JointModelRUBX(), pin.SE3.Identity(), "wheel")
+        return JointSpace(model, model.nq, model.nv)
+
+    def test_velocity_is_the_derivative_along_the_manifold(self, space, differentiate):
+        rng = np.random.default_rng(1)
+        q, v = pin.normalize(space.model, rng.normal(size=space.nq)), rng.normal(size=space.nv)
+        change = differentiate(lambda t: pin.integrate(space.model, q, t * v), 0.0)
+        assert space.velocity(q, v) == pytest.approx(change, abs=1e-11)
+
+    def test_rows_are_what_each_is(self, space, differentiate):
+        """Of balls, which have formulas of their own, and of joints that have none."""
+        rng, balls = np.random.default_rng(3), pin.Model()
+        ends = [balls.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "shoulder")]
+        for joint, name in ((pin.JointModelRX(), "elbow"), (pin.JointModelSpherical(), "wrist")):
+            ends.append(balls.addJoint(ends[-1], joint, pin.SE3.Identity(), name))
+        for one in (space, JointSpace(balls, balls.nq, balls.nv)):
+            raw, v = rng.normal(size=(5, one.nq)), rng.normal(size=(5, one.nv))
+            q = one.project(raw)
+            assert q == pytest.approx(np.array([pin.normalize(one.model, row) for row in raw]), abs=1e-15)
+            changes = [
+                differentiate(lambda t, model=one.model, q=a, v=b: pin.integrate(model, q, t * v), 0.0)
+                for a, b in zip(q, v, strict=True)
+            ]
+            assert one.velocity(q, v) == pytest.approx(np.array(changes), abs=1e-11)
+
+    def test_projection_keeps_what_is_on_it_and_takes_rows(self, space):
+        rng = np.random.default_rng(2)
+        rows = rng.normal(size=(4, space.nq))
+        found = space.project(rows)
+        assert np.linalg.norm(found[:, 3:7], axis=1) == pytest.approx(1.0, abs=1e-15)
+        assert np.linalg.norm(found[:, 7:], axis=1) == pytest.approx(1.0, abs=1e-15)
+        assert np.array_equal(found[:, :3], rows[:, :3])
+        assert np.array_equal(found[2], space.project(rows[2]))
+        assert space.project(found) == pytest.approx(found, abs=1e-15)

@@ -1,0 +1,225 @@
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pinarm.engine.kinematics.joint_motion import follow
+from pinarm.engine.kinematics.newton import Solver, start_configuration
+from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import AssemblyError, InputError
+from pinarm.mechanics.laws import Constant, ConstantSpeed, Cycloidal, Harmonic, Polynomial, Trapezoid
+from pinarm.mechanics.laws.motion_law import Grid
+
+MODELS = Path(__file__).parents[3] / "models"
+SHIN, THIGH, ANKLE_Y = 0.518, 0.431, -0.15
+BENT = {"ankle": 0.7, "knee": 1.3, "hip": -2.0}
+BENT_BACK = {"ankle": 2.2, "knee": -1.3, "hip": -0.9}
+RISE = {
+    "hip_height": Trapezoid(start=0.721, end=0.931, acceleration=0.84, begin=1.0),
+    "hip_depth": Constant(value=0.0),
+    "trunk_angle": Constant(value=0.0),
+}
+SMOOTH = {
+    "hip_height": Harmonic(mean=0.75, amplitude=0.1, pulsation=2.0),
+    "hip_depth": Harmonic(mean=-0.05, amplitude=0.1, pulsation=3.0, phase=0.4),
+    "trunk_angle": Harmonic(amplitude=0.3, pulsation=1.0),
+}
+
+
+@pytest.fixture(scope="module")
+def leg():
+    return Mechanism.load(MODELS / "exoskeleton_leg" / "mechanism.yaml")
+
+
+def moved(leg, motion, t, start):
+    imposed = Imposed.of(leg, motion)
+    return follow(leg, imposed, Grid.cover(np.asarray(t, float), motion.values()), start_configuration(leg, start))
+
+
+def hip(leg, q):
+    """Height and depth of the hip and angle of the trunk by trigonometry."""
+    first, second = q[:, 0], q[:, 0] + q[:, 1]
+    return np.stack([
+        SHIN * np.sin(first) + THIGH * np.sin(second),
+        ANKLE_Y + SHIN * np.cos(first) + THIGH * np.cos(second),
+        q.sum(axis=1),
+    ], axis=1)  # fmt: skip
+
+
+class TestTaskMotion:
+    @pytest.mark.parametrize("motion", [RISE, SMOOTH], ids=["rise", "smooth"])
+    def test_coordinates_follow_their_laws(self, leg, motion):
+        t = np.linspace(0.0, 2.5, 51)
+        q, _, _ = moved(leg, motion, t, BENT)
+        grid = Grid.cover(t, motion.values())
+        wanted = np.array([grid.evaluate(law)[0] for law in motion.values()]).T
+        assert hip(leg, q) == pytest.approx(wanted, abs=1e-14)
+
+    @pytest.mark.parametrize(("motion", "t"), [(RISE, 1.25), (RISE, 1.75), (SMOOTH, 0.6), (SMOOTH, 2.1)])
+    def test_rates_are_the_derivatives_of_the_positions(self, leg, motion, t, differentiate):
+        def at(instant):
+            # the step before brings the motion near; both rows lie in one smooth interval
+            q, v, a = moved(leg, motion, [instant - 0.05, instant], BENT)
+            return np.array([q[-1], v[-1], a[-1]])
+
+        # differences of order 8 at h = 0.02 s
+        assert differentiate(at, t)[:2] == pytest.approx(at(t)[1:], abs=1e-9)
+
+    def test_each_side_of_a_jump_has_its_own_acceleration(self, leg):
+        t = np.linspace(0.0, 2.5, 6)
+        grid = Grid.cover(t, RISE.values())
+        q, v, a = moved(leg, RISE, t, BENT)
+        for row, after in ((grid.rows[1] - 1, 0.84), (grid.rows[2] - 1, -1.68), (grid.rows[3] - 1, 0.84)):
+            assert grid.t[row] == grid.t[row + 1]
+            assert q[row] == pytest.approx(q[row + 1], abs=1e-14)
+            assert v[row] == pytest.approx(v[row + 1], abs=1e-13)
+            change = np.array([after, 0.0, 0.0])
+            knee, ankle = q[row, 0] + q[row, 1], q[row, 0]
+            rows = np.array([
+                [SHIN * np.cos(ankle) + THIGH * np.cos(knee), THIGH * np.cos(knee), 0.0],
+                [-SHIN * np.sin(ankle) - THIGH * np.sin(knee), -THIGH * np.sin(knee), 0.0],
+                [1.0, 1.0, 1.0],
+            ])  # fmt: skip
+            assert rows @ (a[row + 1] - a[row]) == pytest.approx(change, abs=1e-12)
+
+    def test_joint_motion_does_not_depend_on_how_densely_it_is_asked(self, leg):
+        coarse = moved(leg, SMOOTH, np.linspace(0.0, 2.5, 6), BENT)
+        fine = moved(leg, SMOOTH, np.linspace(0.0, 2.5, 501), BENT)
+        for few, many in zip(coarse, fine, strict=True):
+            assert few == pytest.approx(many[::100], abs=1e-12)
+
+
+class TestBranch:
+    @pytest.mark.parametrize(("start", "side"), [(BENT, 1.0), (BENT_BACK, -1.0)])
+    def test_it_is_that_of_the_start_and_is_kept(self, leg, start, side):
+        q, _, _ = moved(leg, RISE, np.linspace(0.0, 2.5, 26), start)
+        assert (side * q[:, 1] > 0.0).all()
+        assert hip(leg, q)[:, 0].max() == pytest.approx(0.931, abs=1e-14)
+
+    def test_a_large_step_does_not_leave_it(self, leg):
+        far = {**RISE, "hip_height": Polynomial(start=0.3, end=0.93, duration=1.0)}
+        fine, coarse = (
+            moved(leg, far, np.linspace(0.0, 1.0, n), {"ankle": 0.3, "knee": 2.2, "hip": -2.5})[0] for n in (201, 2)
+        )
+        assert coarse[-1] == pytest.approx(fine[-1], abs=1e-13)
+
+
+@pytest.fixture
+def bounded(monkeypatch):
+    """Let a continuation that goes on for ever fail instead."""
+    newton, calls = Solver._newton, []
+
+    def counted(solver, q, w):
+        calls.append(1)
+        assert len(calls) < 5000, "the continuation does not end"
+        return newton(solver, q, w)
+
+    monkeypatch.setattr(Solver, "_newton", counted)
+
+
+@pytest.mark.usefixtures("bounded")
+class TestUnreachable:
+    def test_the_closest_position_and_its_gap_are_told(self, leg):
+        far = {**RISE, "hip_height": Constant(value=2.0), "hip_depth": Constant(value=ANKLE_Y)}
+        with pytest.raises(AssemblyError, match=r"out of reach at 0: hip_height misses its value by 1.05 m") as caught:
+            moved(leg, far, [0.0, 1.0], BENT)
+        assert np.abs(caught.value.data["gap"]).max() == pytest.approx(2.0 - SHIN - THIGH, rel=1e-4)
+        assert hip(leg, caught.value.data["q"][None])[0, 0] == pytest.approx(SHIN + THIGH, abs=1e-3)
+        assert "knee = " in caught.value.expected
+        assert caught.value.exit_code == 2
+
+    def test_a_motion_that_leaves_the_reach_fails_where_it_does(self, leg):
+        away = {**RISE, "hip_height": ConstantSpeed(start=0.8, speed=0.1), "hip_depth": Constant(value=ANKLE_Y)}
+        with pytest.raises(AssemblyError) as caught:
+            moved(leg, away, np.linspace(0.0, 3.0, 31), BENT)
+        assert caught.value.data["t"] == pytest.approx((SHIN + THIGH - 0.8) / 0.1, abs=0.11)
+
+    def test_a_singular_position_is_refused(self, leg):
+        straight = {**RISE, "hip_height": Constant(value=SHIN + THIGH), "hip_depth": Constant(value=ANKLE_Y)}
+        with pytest.raises(AssemblyError, match=r"singular at 0: .*hip_height.* do not move independently"):
+            moved(leg, straight, [0.0, 1.0], {"ankle": np.pi / 2, "knee": 0.0, "hip": -np.pi / 2})
+
+    def test_a_singular_position_is_refused_from_anywhere_near(self, leg):
+        straight = {**RISE, "hip_height": Constant(value=SHIN + THIGH), "hip_depth": Constant(value=ANKLE_Y)}
+        with pytest.raises(AssemblyError, match="singular"):
+            moved(leg, straight, [0.0, 1.0], {"ankle": 1.5, "knee": 0.1, "hip": -1.6})
+
+    def test_coordinates_that_say_the_same_are_refused(self, mechanism, chain):
+        arm = mechanism(
+            chain({"name": "first"}, {"name": "second", "at": "1 0 0"}),
+            coordinates={"angle": {"kind": "sum", "of": ["first"]}},
+        )
+        with pytest.raises(AssemblyError, match="first, angle do not move independently"):
+            moved(arm, {"first": Constant(value=1.0), "angle": Constant(value=1.0)}, [0.0, 1.0], {})
+
+    def test_a_coordinate_that_nothing_moves_is_refused(self, mechanism, chain):
+        tilt = {"tilt": {"kind": "rotation", "body": "first_link", "about": "x"}}
+        wheel = mechanism(chain({"name": "first"}), coordinates=tilt)
+        with pytest.raises(AssemblyError, match=r"singular at 0: .*tilt do not move"):
+            moved(wheel, {"tilt": Constant(value=0.0)}, [0.0, 1.0], {})
+
+
+class TestCounts:
+    def test_too_few_laws(self, leg):
+        with pytest.raises(InputError, match="3 coordinates have to follow a law and 1 do") as caught:
+            Imposed.of(leg, {"knee": Constant(value=0.0)})
+        assert caught.value.expected == "laws for 2 more, such as of the joints ankle, hip"
+
+    def test_too_many_laws(self, leg):
+        names = ["ankle", "knee", "hip", "hip_height"]
+        with pytest.raises(InputError, match="4 coordinates follow a law, but the mechanism has only 3") as caught:
+            Imposed.of(leg, {name: Constant(value=0.0) for name in names})
+        assert caught.value.expected == "3 of ankle, knee, hip, hip_height"
+
+    def test_unknown_coordinates(self, leg):
+        with pytest.raises(InputError, match="no coordinate 'hip_hight'") as caught:
+            Imposed.of(leg, {"hip_hight": Constant(value=0.0)})
+        assert caught.value.hint == "hip_height"
+
+    def test_unknown_start(self, leg):
+        with pytest.raises(InputError, match="no joint 'trunk'"):
+            start_configuration(leg, {"trunk": 1.0})
+
+
+class TestJointMotion:
+    motion = {"first": Cycloidal(start=0.0, end=1.0, duration=1.0), "tip": Harmonic(amplitude=0.3, pulsation=4.0)}
+
+    @pytest.fixture
+    def arm(self, mechanism, chain):
+        return mechanism(
+            chain({"name": "first"}, {"name": "second", "at": "1 0 0"}),
+            coordinates={"tip": {"kind": "sum", "of": ["first", "second"]}},
+        )
+
+    def test_sums_of_joints_are_solved_exactly(self, arm):
+        t = np.linspace(0.0, 1.0, 11)
+        found = moved(arm, self.motion, t, {})
+        for motion, first, tip in zip(
+            found,
+            Grid.cover(t, []).evaluate(self.motion["first"]),
+            Grid.cover(t, []).evaluate(self.motion["tip"]),
+            strict=True,
+        ):
+            assert motion == pytest.approx(np.stack([first, tip - first], axis=1), abs=1e-14)
+
+    def test_the_order_of_the_laws_does_not_matter(self, arm):
+        t = np.linspace(0.0, 1.0, 11)
+        reverse = dict(reversed(self.motion.items()))
+        for one, other in zip(moved(arm, self.motion, t, {}), moved(arm, reverse, t, {}), strict=True):
+            assert one == pytest.approx(other, abs=1e-14)
+
+    def test_a_free_body_needs_laws_for_all_its_coordinates(self, mechanism, chain):
+        free = mechanism(chain({"name": "free", "kind": "floating"}, {"name": "wheel"}))
+        with pytest.raises(InputError, match="7 coordinates have to follow a law and 1 do") as caught:
+            Imposed.of(free, {"wheel": Constant(value=0.0)})
+        assert caught.value.expected.endswith(
+            "free.x, free.y, free.z, free.rotation.x, free.rotation.y, free.rotation.z"
+        )
+
+
+def test_start_sets_the_named_joints_only(leg):
+    q = start_configuration(leg, {"hip": 0.4})
+    assert q.tolist() == [0.0, 0.0, 0.4]
+    assert np.array_equal(start_configuration(leg, {}), pin.neutral(leg.model))

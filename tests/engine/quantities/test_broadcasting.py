@@ -1,0 +1,110 @@
+"""States in arrays of any leading axes are those of the flat call, and of each state alone."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import pinarm
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError
+
+MODELS = Path(pinarm.__file__).parents[1] / "models"
+ANY = np.random.default_rng(3)
+
+
+def arm():
+    q, v, a = ANY.normal(size=(3, 12, 2))
+    return Mechanism.load(MODELS / "gen411_arm" / "mechanism.yaml"), q, v, a, ()
+
+
+def four_bar():
+    """All rods turn alike, so that any angle closes the loop."""
+    mechanism = Mechanism.load(MODELS / "four_bar" / "mechanism.yaml")
+    shares = {"upright_0": 1.0, "coupler_0": -1.0, "upright_1": 1.0}
+    angle, speed, gain = ANY.uniform(-1.2, 1.2, (3, 12))
+    q, v, a = (mechanism.rates({name: k * x for name, k in shares.items()}) for x in (angle, speed, gain))
+    return mechanism, q, v, a, ("upright_0",)
+
+
+def flying():
+    mechanism = Mechanism.load("panda", values={"base": "floating"})
+    names = ("root.x", "root.angular_velocity.y", *(f"panda_joint{k}" for k in range(1, 8)))
+    v, a = (mechanism.rates(dict(zip(names, x, strict=True))) for x in ANY.normal(size=(2, len(names), 12)))
+    q = np.array([pin.integrate(mechanism.model, pin.neutral(mechanism.model), row) for row in 0.7 * v])
+    return mechanism, q, v, a, ()
+
+
+@pytest.fixture(params=[arm, four_bar, flying], ids=lambda one: one.__name__)
+def case(request):
+    return request.param()
+
+
+def test_efforts_accelerations_and_quantities_keep_the_leading_axes(case):
+    mechanism, *states, drives = case
+    q, v, a = (x.reshape(3, 4, -1) for x in states)
+    flat, nv = mechanism.inverse(*states, drives=drives), mechanism.model.nv
+    tau = mechanism.inverse(q, v, a, drives=drives)
+    assert tau.shape == (3, 4, nv)
+    assert tau.reshape(12, nv) == pytest.approx(flat, rel=1e-13, abs=1e-13)
+    assert mechanism.forward(q, v, tau) == pytest.approx(a, abs=1e-10)  # of the flying arm, whose M has condition 1e4
+    still = mechanism.forward(*states[:2]).reshape(3, 4, nv)
+    assert mechanism.forward(q, v) == pytest.approx(still, rel=1e-13, abs=1e-13)
+    found, rows = mechanism.at(q, v, a, drives=drives), mechanism.at(*states, drives=drives)
+    last = list(mechanism.joints)[-1]
+    for name in ("energy.kinetic", "momentum.all.angular.z", f"joint.{last}.force.x", f"2*joint.{last}.velocity"):
+        assert found[name].values == pytest.approx(rows[name].values.reshape(3, 4), rel=1e-12, abs=1e-12)
+
+
+def test_a_single_state_has_no_leading_axis(case):
+    mechanism, *states, drives = case
+    q, v, a = (x[5] for x in states)
+    tau = mechanism.inverse(q, v, a, drives=drives)
+    assert tau.shape == (mechanism.model.nv,)
+    assert tau == pytest.approx(mechanism.inverse(*states, drives=drives)[5], rel=1e-13, abs=1e-13)
+    assert mechanism.forward(q, v, tau).shape == (mechanism.model.nv,)
+    assert mechanism.at(q, v)["energy.total"].values.shape == ()
+
+
+def test_names_give_states_of_the_shape_of_their_values():
+    robot = Mechanism.load("panda", values={"base": "floating"})
+    bend, height = np.linspace(0.1, 0.3, 3)[:, None], np.linspace(1.0, 2.0, 4)
+    q = robot.configurations({"root.z": height, "panda_joint2": bend})  # a grid, as numpy has it
+    turned = robot.configurations({"root.yaw": bend, "root.z": height})
+    assert q.shape == turned.shape == (3, 4, robot.model.nq)
+    place = robot.joints["root.z"].q
+    assert q[:, :, place] == pytest.approx(np.tile(height, (3, 1)), abs=0.0)
+    assert turned[:, :, place] == pytest.approx(np.tile(height, (3, 1)), abs=0.0)
+    assert robot.at(q)["point.panda_link0.position.z"].values == pytest.approx(np.tile(height, (3, 1)), abs=1e-14)
+    assert robot.rates({"root.angular_velocity.x": bend}).shape == (3, 1, robot.model.nv)
+    assert robot.rates({}).shape == (robot.model.nv,)
+
+
+def test_no_states_have_no_efforts():
+    mechanism, *_ = arm()
+    assert mechanism.inverse(*np.zeros((3, 0, 4, 2))).shape == (0, 4, 2)
+
+
+@pytest.mark.parametrize(("shapes", "message", "expected"), [
+    (((3, 4, 3), (3, 4, 2), (3, 4, 2)), r"q has the shape \(3, 4, 3\)", "(..., 2)"),
+    (((3, 4, 2), (3, 4), (3, 4, 2)), r"v has the shape \(3, 4\)", "(..., 2)"),
+    (((3, 4, 2), (12, 2), (3, 4, 2)), r"q: \(3, 4, 2\), v: \(12, 2\), a: \(3, 4, 2\)", "same axes"),
+    (((4, 2), (2,), (4, 2)), r"v: \(2,\)", "same axes"),
+    (((), (2,), (2,)), r"q has the shape \(\)", "(..., 2)"),
+])  # fmt: skip
+def test_shapes_that_do_not_fit_are_refused(shapes, message, expected):
+    mechanism, *_ = arm()
+    with pytest.raises(InputError, match=message) as caught:
+        mechanism.inverse(*map(np.zeros, shapes))
+    assert expected in caught.value.expected
+
+
+def test_the_state_that_tears_a_loop_is_told_by_its_place():
+    mechanism, *states, drives = four_bar()
+    q, v, a = (x.reshape(3, 4, -1) for x in states)
+    q[2, 1, 0] += 1e-5
+    with pytest.raises(InputError, match=r"^state \(2, 1\): the positions tear"):
+        mechanism.forward(q, v)
+    with pytest.raises(InputError, match=r"^the state: the positions tear"):
+        mechanism.inverse(q[2, 1], v[2, 1], a[2, 1], drives=drives)

@@ -1,0 +1,194 @@
+import dataclasses
+from contextlib import nullcontext
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.quantities.names import Quantities
+from pinarm.errors import InputError
+from pinarm.input.formulas.expressions import Expression
+from pinarm.mechanics.laws import Harmonic, Trapezoid
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.inverse import Inverse
+from pinarm.problems.time_grid import TimeGrid
+
+MODELS = Path(__file__).parents[3] / "models"
+L0, L1, L2, M_A, M_BA, M_B, G = 0.5, 0.25, 0.25, 0.1, 1.0, 0.5, 9.81
+MOTION = {
+    "O": Harmonic(amplitude=0.8, pulsation=3.0, phase=0.3),
+    "phi": Harmonic(mean=0.2, amplitude=1.1, pulsation=2.0),
+}
+
+
+def solve(mechanism, motion, end=2.0, samples=41):
+    problem = Inverse(time=TimeGrid(end=end, samples=samples), motion=motion)
+    return problem.solve(mechanism, Accuracy(), lambda *path: nullcontext()).rows
+
+
+@pytest.fixture(scope="module")
+def run():
+    return solve(Mechanism.load(MODELS / "gen411_arm" / "mechanism.yaml"), MOTION)
+
+
+@pytest.fixture
+def found(run):
+    return Quantities(run)
+
+
+@pytest.fixture(scope="module")
+def tip(run):
+    """Motion of the tip by trigonometry: position, velocity, acceleration, each of shape (n, 2)."""
+    theta, phi = (np.array(law.on(0.0, 2.0)(run.grid.t)) for law in MOTION.values())
+    parts = []
+    for length, (s, ds, dds) in ((L1, theta), (L2, phi)):
+        along, across = np.stack([np.cos(s), np.sin(s)]), np.stack([-np.sin(s), np.cos(s)])
+        parts.append(length * np.array([along, ds * across, dds * across - ds**2 * along]))
+    return sum(parts) + np.array([[[0.0], [L0]], [[0.0], [0.0]], [[0.0], [0.0]]])
+
+
+def test_every_name_that_is_offered_has_finite_values(run, found):
+    names = found.names()
+    assert len(names) > 50
+    for name in names:
+        values = found[name].values
+        assert values.shape == (len(run),), name
+        assert np.isfinite(values).all(), name
+
+
+def test_points_move_as_trigonometry_says(found, tip):
+    for k, rate in enumerate(("position", "velocity", "acceleration")):
+        for axis, expected in zip("xy", tip[k], strict=True):
+            assert found[f"point.A.{rate}.{axis}"].values == pytest.approx(expected, abs=1e-13)
+        assert found[f"point.A.{rate}.z"].values == pytest.approx(0.0, abs=1e-15)
+        assert found[f"point.A.{rate}.norm"].values == pytest.approx(np.hypot(*tip[k]), abs=1e-13)
+
+
+def test_bodies_turn_at_the_rate_of_their_angle(run, found):
+    assert found["body.BA.angular_velocity.z"].values == pytest.approx(run.v.sum(axis=1), abs=1e-14)
+    assert found["body.OB.angular_velocity.norm"].values == pytest.approx(np.abs(run.v[:, 0]), abs=1e-14)
+
+
+def test_coordinates_are_their_laws(run, found):
+    s, ds, dds = MOTION["phi"].on(0.0, 2.0)(run.grid.t)
+    for rate, expected in (("position", s), ("velocity", ds), ("acceleration", dds)):
+        assert found[f"coordinate.phi.{rate}"].values == pytest.approx(expected, abs=1e-13)
+    assert np.array_equal(found["phi"].values, found["coordinate.phi.position"].values)
+    assert np.array_equal(found["joint.O.velocity"].values, run.v[:, 0])
+
+
+def test_task_coordinates_have_their_rates():
+    leg = Mechanism.load(MODELS / "exoskeleton_leg" / "mechanism.yaml")
+    motion = {
+        "ankle": Harmonic(mean=0.7, amplitude=0.2, pulsation=2.0),
+        "knee": Harmonic(mean=1.3, amplitude=0.4, pulsation=3.0),
+        "hip": Harmonic(mean=-2.0, amplitude=0.4, pulsation=1.0),
+    }
+    found = Quantities(solve(leg, motion))
+    for rate in ("position", "velocity", "acceleration"):
+        along = found[f"point.O2.{rate}.z"].values
+        assert found[f"coordinate.hip_height.{rate}"].values == pytest.approx(along, abs=1e-13)
+
+
+def test_pin_at_the_motor_carries_rod_and_load(run, found, tip):
+    """Newton's law for all that hangs on B: rod, load and motor."""
+    theta = np.array(MOTION["O"].on(0.0, 2.0)(run.grid.t))
+    along, across = np.stack([np.cos(theta[0]), np.sin(theta[0])]), np.stack([-np.sin(theta[0]), np.cos(theta[0])])
+    at_b = L1 * (theta[2] * across - theta[1] ** 2 * along)
+    force = M_B * at_b + M_BA * 0.5 * (at_b + tip[2]) + M_A * tip[2]
+    force[1] += (M_A + M_BA + M_B) * G
+    assert found["joint.B.force.x"].values == pytest.approx(force[0], abs=1e-12)
+    assert found["joint.B.force.y"].values == pytest.approx(force[1], abs=1e-12)
+    assert found["joint.B.moment.z"].values == pytest.approx(run.tau[:, 1], abs=1e-12)
+    assert np.array_equal(found["joint.B.effort"].values, run.tau[:, 1])
+
+
+def test_power_of_the_drives_is_the_change_of_energy(run, found, differentiate):
+    def energy(t):
+        law = [np.array(law.on(0.0, 2.0)(np.array([t])))[:, 0] for law in MOTION.values()]
+        q, v = (np.array([[law[0][k], law[1][k] - law[0][k]]]) for k in (0, 1))
+        return sum(run.dynamics.energy(q, v))[0]
+
+    power = found["joint.O.power"].values + found["joint.B.power"].values
+    for row in (5, 18, 33):
+        # differences of order 8 at h = 0.02 s
+        assert differentiate(energy, run.grid.t[row]) == pytest.approx(power[row], abs=1e-9)
+
+
+def test_energy_is_the_sum_of_its_parts(run, found):
+    kinetic, potential = run.dynamics.energy(run.q, run.v)
+    assert np.array_equal(found["energy.kinetic"].values, kinetic)
+    assert np.array_equal(found["energy.potential"].values, potential)
+    assert np.array_equal(found["energy.total"].values, kinetic + potential)
+
+
+def test_an_angle_is_differentiated_on_each_side_of_a_jump():
+    arm = Mechanism.load(MODELS / "gen411_arm" / "mechanism.yaml")
+    law = Trapezoid(start=0.0, end=1.0, acceleration=4.0, begin=0.5)
+    found = Quantities(solve(arm, {"O": law, "phi": Harmonic(amplitude=0.0, pulsation=1.0)}, samples=5))
+    jumps = found["t"].values == 0.5
+    assert found["joint.O.acceleration"].values[jumps].tolist() == [0.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("t", "s"), ("g", "m/s^2"), ("m_A", "kg"), ("O", "rad"), ("phi", "rad"), ("joint.O.velocity", "rad/s"),
+        ("joint.B.acceleration", "rad/s^2"), ("joint.B.effort", "N*m"), ("joint.B.power", "W"), ("C_B", "N*m"),
+        ("joint.B.force.x", "N"), ("joint.B.moment.z", "N*m"), ("point.A.velocity.norm", "m/s"),
+        ("body.BA.angular_velocity.z", "rad/s"), ("energy.total", "J"), ("m_A*g*l2", "N*m"),
+    ],
+)  # fmt: skip
+def test_units(found, name, unit):
+    assert str(found[name].unit) == unit
+
+
+def test_formulas_combine_quantities_symbols_and_arguments(run, found):
+    expected = G * L2 * np.cos(run.q.sum(axis=1)) * (M_A + M_BA / 2)
+    assert found["g*l2*cos(phi)*(m_A + m_BA/2)"].values == pytest.approx(expected, abs=1e-14)
+    own = Quantities(run, {"twice": Expression.parse("2*C_B")})
+    assert np.array_equal(own["twice"].values, 2 * run.tau[:, 1])
+    assert own.figure("twice + 1") == pytest.approx(2 * run.tau[:, 1] + 1)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["joint.Q.position", "joint.O.torque", "joint.O.force.w", "point.Q.position.x", "point.A.position.w", "energy.sum",
+     "body.BA.spin.z", "drive.none.torque", "coordinate.phi.jerk", "coordinate.psi.position", "nothing", "joint.O"],
+)  # fmt: skip
+def test_unknown_names_are_refused(found, name):
+    with pytest.raises(InputError):
+        found[name]
+
+
+def test_a_symbol_that_needs_itself_is_refused(run):
+    symbols = {"one": Expression.parse("two + 1"), "two": Expression.parse("one - 1")}
+    with pytest.raises(InputError, match="defined by itself: one -> two"):
+        Quantities(run, symbols)["one"]
+
+
+@pytest.mark.parametrize(
+    ("name", "asked", "message"),
+    [
+        ("phi", "phi", "'phi' is an argument of the model and a coordinate"),
+        ("O", "2*O", "'O' is an argument of the model and a coordinate"),
+        ("t", "2*t", "'t' is an argument of the model and what runs along the rows"),
+    ],
+)
+def test_a_name_of_several_things_is_refused(run, name, asked, message):
+    mechanism = dataclasses.replace(run.mechanism, arguments={**run.mechanism.arguments, name: 1.0})
+    with pytest.raises(InputError, match=message):
+        Quantities(dataclasses.replace(run, mechanism=mechanism))[asked]
+
+
+def test_a_symbol_for_a_coordinate_is_refused_and_one_for_a_constant_taken(run):
+    with pytest.raises(InputError, match="'phi' is a symbol and a coordinate"):
+        Quantities(run, {"phi": Expression.parse("2*C_B")})["phi + 1"]
+    assert (Quantities(run, {"pi": Expression.parse("3")})["2*pi"].values == 6.0).all()
+
+
+def test_a_misspelt_name_comes_with_the_right_one(found):
+    with pytest.raises(InputError) as caught:
+        found["joint.O.efort"]
+    assert caught.value.hint == "joint.O.effort"

@@ -1,0 +1,59 @@
+"""Reactions are held against Newton's and Euler's equations of every body, and a wrong one is told."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.engine.quantities.reactions import Reactions
+
+SCENARIOS = Path(__file__).parents[3] / "scenarios"
+TWO_POINT = """\
+pinarm: 1
+mechanism: panda
+problem:
+  kind: forward
+  time: {end: 0.3 s, samples: 4}
+  initial: {position: {panda_joint2: 0.4 rad, panda_joint4: -1.2 rad}, velocity: {panda_joint1: 2 rad/s}}
+  loads:
+    pull: {kind: point_spring, between: [panda_link0, panda_hand], stiffness: 300 N/m, free_length: 0.2 m}
+    push: {kind: wrench, point: panda_link5, force: [3 N, -2 N, 8 N], moment: [0, 1 N*m, 0], axes: world}
+outputs: [joint.panda_joint3.moment.x]
+"""
+ASKED = [
+    "crank_rocker_turning", "gen411_arm_dynamic", "gen411_arm_static", "manipulator_held", "rotor_balanced",
+    "rotor_vertical", "slider_crank_gas", "unbalanced_rotor_free",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_those_of_scenarios_keep_every_body_in_balance(name):
+    assert pinarm.run(SCENARIOS / f"{name}.yaml").figures["bodies"] < 1e-13
+
+
+@pytest.fixture
+def pulled(tmp_path):
+    (tmp_path / "s.yaml").write_text(TWO_POINT)
+    return pinarm.load(tmp_path / "s.yaml")
+
+
+def test_loads_at_points_are_part_of_it(pulled):
+    assert pulled.run().figures["bodies"] < 1e-14
+
+
+def test_it_is_not_told_where_no_reaction_is_asked(pulled):
+    assert "bodies" not in pulled.varied({"outputs": ["panda_joint3"]}).run().figures
+
+
+@pytest.mark.parametrize("component", range(6))
+def test_a_reaction_that_is_wrong_shows(pulled, monkeypatch, component):
+    right = Reactions._joints
+
+    def wrong(self, dynamics, part):
+        found = right(self, dynamics, part)
+        found[:, 3, component] += 1e-6 * np.abs(found[:, 3]).max()
+        return found
+
+    monkeypatch.setattr(Reactions, "_joints", wrong)
+    assert pulled.run().figures["bodies"] > 1e-8

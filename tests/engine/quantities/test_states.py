@@ -1,0 +1,182 @@
+"""States of their own: what a run says of them row by row, and closed forms."""
+
+from contextlib import nullcontext
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.quantities.names import Quantities
+from pinarm.errors import InputError, PinarmError
+from pinarm.mechanics.laws import Harmonic
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.inverse import Inverse
+from pinarm.problems.time_grid import TimeGrid
+
+ROOT = Path(pinarm.__file__).parents[1]
+MODELS = ROOT / "models"
+
+
+@pytest.fixture
+def arm():
+    return Mechanism.load(MODELS / "gen411_arm" / "mechanism.yaml")
+
+
+@pytest.fixture
+def states():
+    return np.random.default_rng(8).normal(size=(3, 40, 2))
+
+
+@pytest.mark.parametrize("name", ["exoskeleton_leg_knee", "magic_arms_cycle", "gyroscope_free"])
+def test_every_quantity_of_a_run_is_that_of_its_states(name):
+    run = pinarm.load(ROOT / "scenarios" / f"{name}.yaml").run().trajectory
+    part = slice(3, None, 97)
+    alone = run.mechanism.at(run.q[part], run.v[part], run.a[part])
+    along = Quantities(run)
+    names = [one for one in along.names() if one not in ("t", *(f"drive.{d}.torque" for d in run.mechanism.drives))]
+    assert len(names) > 150
+    for one in names:
+        whole = along[one].values
+        floor = 1e-11 * np.abs(whole).max(initial=1.0)
+        assert alone[one].values == pytest.approx(whole[part], rel=1e-10, abs=floor), one
+        assert alone[one].unit == along[one].unit
+
+
+def test_points_energies_and_moments_by_closed_forms(arm, states):
+    (q, v, a), l1, l2 = states, 0.25, 0.25
+    found, th, ph = arm.at(q, v, a), q[:, 0], q.sum(axis=1)
+    thd, phd = v[:, 0], v.sum(axis=1)
+    thdd, phdd = a[:, 0], a.sum(axis=1)
+    speed = -l1 * thd * np.sin(th) - l2 * phd * np.sin(ph)
+    growth = -l1 * (thdd * np.sin(th) + thd**2 * np.cos(th)) - l2 * (phdd * np.sin(ph) + phd**2 * np.cos(ph))
+    assert found["A_x"].values == pytest.approx(l1 * np.cos(th) + l2 * np.cos(ph), abs=1e-14)
+    assert found["point.A.velocity.x"].values == pytest.approx(speed, abs=1e-13)
+    assert found["point.A.acceleration.x"].values == pytest.approx(growth, abs=1e-12)
+    assert found["2*phi + 1"].values == pytest.approx(2 * ph + 1)
+    assert found["C_B"].values == pytest.approx(arm.inverse(q, v, a)[:, 1], abs=1e-13)
+
+
+def test_efforts_lead_to_their_accelerations_and_back(arm, states):
+    q, v, tau = states
+    found = arm.at(q, v, tau=tau)
+    assert found["joint.B.effort"].values == pytest.approx(tau[:, 1], abs=1e-13)
+    a = np.stack([found[f"joint.{name}.acceleration"].values for name in ("O", "B")], axis=1)
+    assert a == pytest.approx(arm.forward(q, v, tau), abs=1e-12)
+    assert arm.at(q, v, a)["joint.O.effort"].values == pytest.approx(tau[:, 0], abs=1e-11)
+
+
+def test_states_are_built_from_names(arm):
+    q = arm.configurations({"B": [0.1, 0.2, 0.3], "O": 0.5})
+    assert q.tolist() == [[0.5, 0.1], [0.5, 0.2], [0.5, 0.3]]
+    assert arm.rates({"B": np.array([2.0])}).tolist() == [[0.0, 2.0]]
+    assert arm.configurations({}).tolist() == [0.0, 0.0]
+    assert arm.at(q)["theta"].values.tolist() == [0.5] * 3
+
+
+@pytest.mark.parametrize(("given", "message"), [
+    ({"C": 1.0}, "no joint 'C'"), ({"O": [1.0, 2.0], "B": [1.0, 2.0, 3.0]}, r"O: \(2,\), B: \(3,\)"),
+])  # fmt: skip
+def test_names_that_build_nothing(arm, given, message):
+    with pytest.raises(InputError, match=message):
+        arm.configurations(given)
+
+
+@pytest.mark.parametrize(("v", "a", "direction"), [(0.0, 3.0, 1.0), (0.0, -3.0, -1.0), (-1e-15, 3.0, -1.0)])
+def test_a_motor_at_standstill_drives_into_the_motion_that_begins(mechanism, chain, v, a, direction):
+    """At every row, the last one too: these rows are no motion that could end there."""
+    arm = mechanism(chain({"name": "arm"}), gravity="none",
+                    drives={"m": {"joint": "arm", "efficiency": 0.5}})  # fmt: skip
+    one = np.ones((3, 1))
+    torque = arm.at(0 * one, v * one, a * one)["drive.m.torque"].values
+    assert torque == pytest.approx(0.1 * a * (2.0 if a * direction > 0 else 0.5) * np.ones(3), rel=1e-13)
+
+
+def test_forces_over_time_have_the_values_of_the_instant(mechanism, chain):
+    law = {"law": "trapezoid", "from": "0 N*m", "to": "4 N*m", "acceleration": "8 N*m/s^2"}
+    arm = mechanism(chain({"name": "arm"}), gravity="none",
+                    forces={"push": {"kind": "joint_effort", "joint": "arm", "effort": law}})  # fmt: skip
+    q = np.zeros((2, 1))
+    assert arm.at(q, t=5.0)["joint.arm.effort"].values == pytest.approx([-4.0, -4.0], abs=1e-14)
+    assert arm.at(q, t=0.5)["joint.arm.effort"].values == pytest.approx([-1.0, -1.0], abs=1e-14)
+    assert arm.at(q, t=0.5)["t"].values.tolist() == [0.5, 0.5]
+
+
+class TestLoops:
+    @pytest.fixture
+    def run(self):
+        lift = Inverse(time=TimeGrid(end=2.0, samples=117), start={"alpha": 0.1},
+                       motion={"alpha": Harmonic(mean=0.1, amplitude=0.7, pulsation=2.0)})  # fmt: skip
+        manipulator = Mechanism.load(MODELS / "manipulator" / "mechanism.yaml")
+        return lift.solve(manipulator, Accuracy(), lambda *path: nullcontext()).rows
+
+    def test_a_run_and_its_states_agree(self, run):
+        found = run.mechanism.at(run.q, run.v, run.a, drives=["alpha"])
+        along = Quantities(run)
+        for name in ("energy.kinetic", "joint.alpha.effort", "joint.alpha.power", "loop.F.force.y"):
+            whole = along[name].values
+            assert np.abs(whole).max() > 10.0
+            assert found[name].values == pytest.approx(whole, rel=1e-9, abs=1e-9 * np.abs(whole).max())
+
+    def test_efforts_lead_to_the_accelerations_of_the_published_law(self, run):
+        """``I_eq al'' = C - [g (m1 (l - d)/2 + (m2 + m) l + m3 l/2 - m6 d)] cos al``: the cylinder without pressure."""
+        q, v = run.q, run.v
+        arm = run.mechanism.joints["alpha"]
+        effort = np.linspace(-3e4, 3e4, len(q))
+        found = run.mechanism.at(q, v, tau=run.mechanism.rates({"alpha": effort}))
+        moment = 9.81 * (100 * 0.375 + 720 * 2 + 60 * 1 - 270 * 1.25) * np.cos(q[:, arm.q])
+        expected = (effort - moment) / 3483.9583333333335
+        assert found["joint.alpha.acceleration"].values == pytest.approx(expected, rel=1e-10, abs=1e-10)
+        assert found["loop.D.force.y"].values == pytest.approx(0.0, abs=1e-7)
+        a = np.stack([found[f"joint.{name}.acceleration"].values for name in run.mechanism.joints], axis=1)
+        again, along = (
+            run.mechanism.at(q, v, a, drives=["alpha"])["loop.F.force.y"].values,
+            found["loop.F.force.y"].values,
+        )
+        assert along == pytest.approx(again, rel=1e-9)
+        assert np.abs(along).min() > 10.0
+
+    @pytest.mark.parametrize(("what", "column"), [("positions", 0), ("velocities", 1), ("accelerations", 2)])
+    def test_a_state_that_tears_a_loop_is_refused(self, run, what, column):
+        state = [run.q[:5].copy(), run.v[:5].copy(), run.a[:5].copy()]
+        state[column][3, run.mechanism.joints["alpha"].v] += 1e-3
+        with pytest.raises(InputError, match=f"row 3: the {what} tear"):
+            run.mechanism.at(*state)
+
+    def test_without_drives_there_are_no_forces(self, run):
+        found = run.mechanism.at(run.q[:5], run.v[:5], run.a[:5])
+        assert found["energy.kinetic"].values.shape == (5,)
+        with pytest.raises(InputError, match="no drives are named"):
+            _ = found["joint.alpha.effort"]
+
+    def test_efforts_of_named_drives_make_the_accelerations(self, run):
+        state = run.q[:5], run.v[:5]
+        tau = run.mechanism.inverse(*state, run.a[:5], drives=["alpha"])
+        assert np.flatnonzero(tau.any(axis=0)).tolist() == [run.mechanism.joints["alpha"].v]
+        scale = np.abs(run.a).max()
+        assert run.mechanism.forward(*state, tau) == pytest.approx(run.a[:5], abs=1e-11 * scale)
+
+    def test_without_drives_there_is_no_inverse(self, run):
+        with pytest.raises(InputError, match="tied by F, D"):
+            run.mechanism.inverse(run.q[:2], run.v[:2], run.a[:2])
+
+
+def test_what_contradicts_itself_is_refused(arm, states):
+    with pytest.raises(InputError, match="accelerations and efforts are given"):
+        arm.at(*states, tau=states[0])
+    with pytest.raises(InputError, match=r"q: \(40, 2\), v: \(7, 2\)"):
+        arm.at(states[0], states[1][:7])
+    with pytest.raises(PinarmError, match="no quantity 'speed'"):
+        _ = arm.at(states[0])["speed"]
+
+
+@pytest.mark.parametrize("call", ["inverse", "forward", "at"])
+def test_a_quaternion_that_is_none_is_refused(mechanism, chain, call):
+    free = mechanism(chain({"name": "first"}), base="floating")
+    q, still = np.vstack([free.configurations({})] * 2), np.zeros((2, free.model.nv))
+    ask = getattr(free, call)
+    ask(q, still, still)
+    q[1, free.balls["root"].q :][:4] *= 2.0
+    with pytest.raises(InputError, match="row 1: the quaternion of 'root' has the length 2"):
+        ask(q, still, still)

@@ -1,0 +1,154 @@
+"""States of ``pin.buildModelFromUrdf`` and of pinarm are the same motion of the same robot."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError
+
+LINK = '<inertial><origin xyz="0.1 0.2 -0.1"/><mass value="{mass}"/>' + (
+    '<inertia ixx="0.3" iyy="0.4" izz="0.5" ixy="0.01" ixz="0.02" iyz="-0.03"/></inertial>'
+)
+ORIGIN = '<origin xyz="0.3 -0.2 0.5" rpy="0.4 -0.7 1.1"/>'
+
+
+def urdf(*joints: tuple[str, str]) -> str:
+    """A chain of links, each on a joint of a type and an axis."""
+    links = "".join(f'<link name="l{k}">{LINK.format(mass=k)}</link>' for k in range(1, len(joints) + 1))
+    tied = "".join(
+        f'<joint name="j{k}" type="{kind}"><parent link="l{k}"/><child link="l{k + 1}"/>{ORIGIN}<axis xyz="{axis}"/>'
+        '<limit lower="-2" upper="2" effort="1" velocity="1"/></joint>'
+        for k, (kind, axis) in enumerate(joints)
+    )
+    return f'<robot name="chain"><link name="l0"/>{links}{tied}</robot>'
+
+
+CHAIN = urdf(("planar", "0 0 1"), ("continuous", "1 2 3"), ("floating", "1 0 0"), ("prismatic", "0 1 0"),
+             ("continuous", "0 0 1"), ("planar", "0 0 1"), ("floating", "1 0 0"), ("revolute", "1 0 1"))  # fmt: skip
+
+
+def random_states(theirs: pin.Model, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """States of Pinocchio's model; positions within 3 m or the limits of the joints."""
+    generator = np.random.default_rng(5)
+    count = int(np.prod(shape))
+    low, high = np.maximum(theirs.lowerPositionLimit, -3.0), np.minimum(theirs.upperPositionLimit, 3.0)
+    q = generator.uniform(low, high, (count, theirs.nq))
+    for joint in theirs.joints[1:]:
+        unit = {7: slice(3, 7), 4: slice(2, 4), 2: slice(0, 2)}.get(joint.nq)
+        if unit is not None:
+            part = generator.normal(size=(count, unit.stop - unit.start))
+            q[:, joint.idx_q :][:, unit] = part / np.linalg.norm(part, axis=1, keepdims=True)
+    return q.reshape(*shape, -1), generator.normal(size=(*shape, theirs.nv))
+
+
+@pytest.fixture
+def pair(tmp_path, request):
+    """A mechanism, and the model that Pinocchio's own reader makes of the same file."""
+    name, floating = request.param
+    values = {"base": "floating" if floating else "fixed"} if floating is not None else None
+    if name == "chain":
+        (tmp_path / "chain.urdf").write_text(CHAIN)
+        name = tmp_path / "chain.urdf"
+    mechanism = Mechanism.load(name, values=values)
+    path = str(mechanism.source.robot)
+    root = [pin.JointModelFreeFlyer()] if floating else []
+    return mechanism, pin.buildModelFromUrdf(path, *root)
+
+
+BOTH = [("talos", True), ("solo12", True), ("kinova", False), ("kinova", True), ("chain", None), ("chain", True)]
+
+
+@pytest.mark.parametrize("pair", BOTH, ids=str, indirect=True)
+def test_links_are_and_move_where_pinocchio_has_them(pair):
+    mechanism, theirs = pair
+    p_q, p_v = random_states(theirs, (2, 3))
+    q, v = mechanism.from_pinocchio(p_q, p_v)
+    assert q.shape == (2, 3, mechanism.model.nq)
+    assert v.shape == (2, 3, mechanism.model.nv)
+    links = [frame.name for frame in theirs.frames if frame.type == pin.FrameType.BODY and frame.name != "universe"]
+    assert len(links) > 4
+    for k in np.ndindex(2, 3):
+        ours, expected = moving(mechanism.model, links, q[k], v[k]), moving(theirs, links, p_q[k], p_v[k])
+        assert ours == pytest.approx(expected, abs=1e-11)  # sums of some 30 products of numbers up to 10
+        energy = pin.computeKineticEnergy(mechanism.model, mechanism.model.createData(), q[k], v[k])
+        assert energy == pytest.approx(0.5 * p_v[k] @ masses(theirs, p_q[k]) @ p_v[k], rel=1e-11)
+
+
+def moving(model: pin.Model, links: list[str], q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Placements and velocities of links, the latter in their own axes."""
+    data = model.createData()
+    pin.forwardKinematics(model, data, q, v)
+    pin.updateFramePlacements(model, data)
+    frames = [model.getFrameId(link, pin.FrameType.BODY) for link in links]
+    velocities = [pin.getFrameVelocity(model, data, frame).vector for frame in frames]
+    return np.concatenate([*(data.oMf[frame].homogeneous.ravel() for frame in frames), *velocities])
+
+
+def masses(model: pin.Model, q: np.ndarray) -> np.ndarray:
+    upper = np.triu(pin.crba(model, model.createData(), q))
+    return upper + np.triu(upper, 1).T
+
+
+@pytest.mark.parametrize("pair", BOTH, ids=str, indirect=True)
+def test_there_and_back(pair):
+    mechanism, theirs = pair
+    given = random_states(theirs, (4,))
+    found = mechanism.to_pinocchio(*mechanism.from_pinocchio(*given))
+    for expected, back in zip(given, found, strict=True):
+        assert back == pytest.approx(expected, abs=1e-13)
+    q, v = mechanism.from_pinocchio(given[0][0])
+    assert q == pytest.approx(mechanism.from_pinocchio(*given)[0][0], abs=1e-14)
+    assert not v.any()
+
+
+def test_turns_are_counted_here_only(tmp_path):
+    (tmp_path / "wheel.urdf").write_text(urdf(("continuous", "0 0 1")))
+    wheel = Mechanism.load(tmp_path / "wheel.urdf")
+    q, v = wheel.to_pinocchio([2.0 * np.pi + 0.5], [3.0])
+    assert q == pytest.approx([np.cos(0.5), np.sin(0.5)], abs=1e-15)
+    assert wheel.from_pinocchio(q, v)[0] == pytest.approx([0.5], abs=1e-15)
+
+
+class TestWhatCannotBeConverted:
+    def test_joints_that_pinocchio_has_merged(self):
+        """Read with ``mimic=True``, Pinocchio's model has no coordinates of the joints that follow."""
+        panda = Mechanism.load("panda")
+        theirs = pin.buildModelFromUrdf(str(panda.source.robot), mimic=True)
+        assert theirs.nq < panda.model.nq == pin.buildModelFromUrdf(str(panda.source.robot)).nq
+        with pytest.raises(InputError, match=r"q has the shape \(8,\)"):
+            panda.from_pinocchio(pin.neutral(theirs))
+
+    def test_mjcf(self, tmp_path):
+        (tmp_path / "m.xml").write_text(
+            '<mujoco><worldbody><body name="b"><joint name="j" type="hinge"/>'
+            '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody></mujoco>'
+        )
+        with pytest.raises(InputError, match="MJCF"):
+            Mechanism.load(tmp_path / "m.xml").to_pinocchio([0.0], [0.0])
+
+    def test_planar_joints_about_other_axes(self, tmp_path):
+        (tmp_path / "puck.urdf").write_text(urdf(("planar", "1 0 0")))
+        with pytest.raises(InputError, match="takes no notice of the axis of the planar joint 'j0'"):
+            Mechanism.load(tmp_path / "puck.urdf").to_pinocchio([0.0, 0.0, 0.0])
+
+    def test_a_base_that_is_held_here_only(self, tmp_path):
+        (tmp_path / "free.urdf").write_text(urdf(("floating", "1 0 0"), ("revolute", "1 0 0")))
+        with pytest.raises(InputError, match="'j0' a JointModelFreeFlyer") as caught:
+            Mechanism.load(tmp_path / "free.urdf", values={"base": "fixed"}).to_pinocchio([0.0])
+        assert "base" in caught.value.hint
+
+    @pytest.mark.parametrize(("state", "says"), [([1.1, 0.0], r"\(cos, sin\) of 'j0' has the length 1\.1"),
+                                                 ([np.nan, 0.0], "finite|length nan")])  # fmt: skip
+    def test_what_is_no_direction(self, tmp_path, state, says):
+        (tmp_path / "wheel.urdf").write_text(urdf(("continuous", "0 0 1")))
+        with pytest.raises(InputError, match=says):
+            Mechanism.load(tmp_path / "wheel.urdf").from_pinocchio(state)
+
+    def test_quaternions_of_another_length(self):
+        robot = Mechanism.load("solo12")
+        q = np.zeros(robot.model.nq)
+        q[6] = 1.01
+        for convert in (robot.from_pinocchio, robot.to_pinocchio):
+            with pytest.raises(InputError, match=r"quaternion of 'root' has the length 1\.01"):
+                convert(q)

@@ -1,0 +1,148 @@
+"""Numbers with units: required in files, SI from Python, the dimension checked."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from pinarm.errors import InputError, UnitError
+from pinarm.input.units import unit
+from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Level, Measured, Time, convert, quantity, reading_from
+from pinarm.mechanics.description import Gravity
+from pinarm.mechanics.drives import Drive
+from pinarm.mechanics.forces.joint_definitions import JointSpring
+from pinarm.mechanics.laws import Cycloidal, Polynomial
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.time_grid import TimeGrid
+
+
+class Piece(InputStruct, rename={"angle": "from"}):
+    """Something to fill in."""
+
+    length: quantity("m") = 0.0  # type: ignore[valid-type]
+    torque: AnyQuantity = 0.0
+    time: Time = 0.0
+    angle: Level = 0.0
+
+
+def built(model: type[InputStruct], data: Any) -> Any:
+    """Build a model as from a file, and let its own error out."""
+    with reading_from(Path()):
+        try:
+            return msgspec.convert(data, model, dec_hook=convert)
+        except msgspec.ValidationError as error:
+            raise error.__cause__ or InputError(str(error)) from None
+
+
+def from_file(**data: Any) -> Piece:
+    return built(Piece, data)
+
+
+def test_a_quantity_is_read_in_si_and_remembers_its_unit() -> None:
+    piece = from_file(length="250 mm", torque="3 kN*m")
+    assert piece.length == 0.25
+    assert piece.torque == 3000.0
+    assert str(piece.torque.unit) == "kN*m"
+
+
+@pytest.mark.parametrize("value", [0.25, 1, "0.25", "1e-3"])
+@pytest.mark.parametrize("field", ["length", "torque"])
+def test_a_file_must_give_the_unit(field: str, value: float | str) -> None:
+    with pytest.raises(InputError, match="has no unit"):
+        from_file(**{field: value})
+
+
+def test_zero_needs_no_unit() -> None:
+    assert from_file(length=0, torque="0").length == 0.0
+
+
+def test_python_may_give_numbers_in_si() -> None:
+    piece = Piece(length=0.25, torque=3)
+    assert (piece.length, piece.torque) == (0.25, 3.0)
+
+
+def hint(read: Callable[..., Any], **data: Any) -> str:
+    """Return what the refusal of a bare number suggests."""
+    with pytest.raises(InputError, match="has no unit") as caught:
+        read(**data)
+    assert isinstance(caught.value, UnitError)
+    return caught.value.hint
+
+
+def test_the_hint_shows_a_unit_that_would_be_right() -> None:
+    assert hint(from_file, length=2) == "2 m"
+    assert hint(from_file, time=2) == "2 s"
+
+
+def test_the_hint_does_not_show_seconds_for_an_angle() -> None:
+    """``from`` of a range is called ``start`` inside, as the first instant of a run is."""
+
+    class Sweep(InputStruct, rename={"start": "from"}):
+        start: Level
+
+    assert hint(lambda **data: built(Sweep, data), **{"from": -60}) == ""
+
+
+@pytest.mark.parametrize("value", ["1 kg", "1 s", "1 rad", "1 m^2"])
+def test_a_wrong_dimension_is_refused(value: str) -> None:
+    with pytest.raises(InputError, match="not a unit of this quantity"):
+        from_file(length=value)
+
+
+def test_check_compares_dimensions_not_names() -> None:
+    value = from_file(torque="1 J").torque
+    value.check(unit("N*m"))
+    with pytest.raises(InputError, match="'J' is not a unit"):
+        value.check(unit("N"))
+    Measured(1.0).check(unit("N"))  # a bare number of Python's is in SI
+
+
+@pytest.mark.parametrize(
+    "value", [math.nan, math.inf, -math.inf, "1e999 m", "nan", "inf m", pytest.param(10**399, id="400 digits")]
+)
+def test_only_finite_numbers(value: float | str) -> None:
+    with pytest.raises(InputError):
+        Piece(length=value)
+    with pytest.raises(InputError):
+        Piece(torque=value)
+
+
+@pytest.mark.parametrize("value", [True, False, None, [1], {"m": 1}, b"1 m"])
+def test_only_numbers_and_text(value: Any) -> None:
+    with pytest.raises(InputError):
+        from_file(length=value)
+
+
+@pytest.mark.parametrize(
+    ("model", "data"),
+    [
+        (Gravity, {"magnitude": "-9.81 m/s^2"}),
+        (Drive, {"joint": "j", "rotor_inertia": "-1 kg*m^2"}),
+        (JointSpring, {"kind": "joint_spring", "joint": "j", "stiffness": "-1 N/m"}),
+        (JointSpring, {"kind": "joint_spring", "joint": "j", "damping": "-1 N*s/m"}),
+        (Polynomial, {"from": "0 m", "to": "1 m", "duration": "-1 s"}),
+        (Polynomial, {"from": "0 m", "to": "1 m", "duration": "0 s"}),
+        (Cycloidal, {"from": "0 m", "to": "1 m", "duration": "-1 s"}),
+    ],
+)
+def test_bounds_of_a_quantity_hold(model: type[InputStruct], data: dict[str, Any]) -> None:
+    mended = {key: value.lstrip("-").replace("0 s", "1 s") if key != "from" else value for key, value in data.items()}
+    built(model, mended)
+    with pytest.raises(InputError, match="out of bounds"):
+        built(model, data)
+
+
+def test_pieces_are_immutable_and_know_their_keys() -> None:
+    with pytest.raises(InputError):
+        from_file(lenght="1 m")
+    with pytest.raises(AttributeError):
+        from_file(length="1 m").length = 2.0
+
+
+def test_numbers_of_numpy_are_numbers():
+    assert Accuracy(tolerance=np.float64(1e-6)).tolerance == 1e-6
+    assert TimeGrid(end=np.float64(2.0), samples=np.int64(5)).samples == 5

@@ -1,0 +1,75 @@
+"""Evaluated states: what they hold is Pinocchio's, and no state overwrites another."""
+
+import gc
+from pathlib import Path
+from threading import Thread
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import pinarm
+from pinarm import Mechanism
+from pinarm.mechanics.geometry.kinematics import Kinematics
+
+MODELS = Path(pinarm.__file__).parents[1] / "models"
+
+
+@pytest.fixture
+def model():
+    return Mechanism.load(MODELS / "andrews" / "mechanism.yaml").model
+
+
+def random_states(model, n):
+    return np.random.default_rng(0).normal(size=(n, 2, model.nv))
+
+
+def test_a_state_holds_the_jacobians_and_drifts_of_pinocchio(model):
+    q, v = random_states(model, 1)[0]
+    state, data, frame = Kinematics.at(model, q, v), model.createData(), len(model.frames) - 1
+    right = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL)
+    assert pin.getFrameJacobian(model, state.data, frame, pin.LOCAL) == pytest.approx(right, abs=1e-14)
+    pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
+    right = pin.getFrameAcceleration(model, data, frame, pin.LOCAL).vector
+    assert pin.getFrameAcceleration(model, state.data, frame, pin.LOCAL).vector == pytest.approx(right, abs=1e-14)
+
+
+def test_at_rest_nothing_is_left_of_a_state_that_had_the_buffers_before(model):
+    q, v = random_states(model, 1)[0]
+    used = Kinematics.at(model, q, v).data
+    state = Kinematics.at(model, q)
+    assert state.data is used
+    assert np.abs([twist.vector for twist in state.data.v.tolist()]).max() == 0.0
+    assert np.abs([rate.vector for rate in state.data.a.tolist()]).max() == 0.0
+
+
+def test_states_that_live_together_keep_their_placements(model):
+    states = [Kinematics.at(model, q, v) for q, v in random_states(model, 20)]
+    gc.collect()
+    for state in states:
+        data = model.createData()
+        pin.forwardKinematics(model, data, state.q)
+        assert state.data.oMi[model.njoints - 1] == data.oMi[model.njoints - 1]
+
+
+def test_threads_do_not_share_states(model):
+    """Many threads evaluate states of one mechanism at once; a shared buffer would mix their placements."""
+    configurations, wrong = random_states(model, 40)[:, 0], []
+    right = []
+    for q in configurations:
+        pin.forwardKinematics(model, data := model.createData(), q)
+        right.append(data.oMi[model.njoints - 1].translation.copy())
+
+    def evaluate():
+        for _ in range(50):
+            for q, place in zip(configurations, right, strict=True):
+                state = Kinematics.at(model, q)
+                if not np.array_equal(state.data.oMi[model.njoints - 1].translation, place):
+                    wrong.append(q)
+
+    threads = [Thread(target=evaluate) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong

@@ -1,0 +1,60 @@
+"""Placements, twists and wrenches of all links at once, against Pinocchio state by state."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving, supports
+
+N = 4
+
+
+@pytest.fixture
+def model():
+    built = pin.buildSampleModelManipulator()
+    inner = pin.SE3.Random()
+    built.addFrame(pin.Frame("tool", 3, built.frames[0].parentFrame, inner, pin.FrameType.OP_FRAME))
+    return built
+
+
+@pytest.fixture
+def states(model):
+    generator = np.random.default_rng(1)
+    q = np.array([pin.integrate(model, pin.neutral(model), generator.normal(size=model.nv)) for _ in range(N)])
+    return q, generator.normal(size=(N, model.nv)), generator.normal(size=(N, model.nv))
+
+
+def test_links_and_their_twists_are_those_of_pinocchio(model, states):
+    links, twists, rates, columns = moving(model, *states)
+    data, tool = model.createData(), model.getFrameId("tool")
+    turn, place = LinkPlacements.at(model, states[0]).frame(tool)
+    for row, (q, v, a) in enumerate(zip(*states, strict=True)):
+        pin.forwardKinematics(model, data, q, v, a)
+        pin.updateFramePlacements(model, data)
+        assert pin.SE3(turn[row], place[row]).isApprox(data.oMf[tool], 1e-12)
+        for joint in range(1, model.njoints):
+            assert pin.SE3(links.turns[row, joint], links.places[row, joint]).isApprox(data.oMi[joint], 1e-12)
+            assert twists[row, joint] == pytest.approx(data.v[joint].vector, abs=1e-12)
+            assert rates[row, joint] == pytest.approx(data.a[joint].vector, abs=1e-12)
+        assert columns[row] == pytest.approx(pin.computeJointJacobians(model, data, q), abs=1e-12)
+
+
+def test_wrenches_change_their_frame_as_pinocchio_changes_it(model, states):
+    links = LinkPlacements.at(model, states[0])
+    own = np.random.default_rng(2).normal(size=(N, model.njoints, 6))
+    world, outwards = links.at_world(own), links.outwards(own)
+    assert links.inwards(world) == pytest.approx(own, abs=1e-12)
+    for row in range(N):
+        for joint in range(1, model.njoints):
+            placement = pin.SE3(links.turns[row, joint], links.places[row, joint])
+            assert world[row, joint] == pytest.approx(placement.act(pin.Force(own[row, joint])).vector, abs=1e-12)
+            turned = pin.SE3(placement.rotation, np.zeros(3)).act(pin.Force(own[row, joint]))
+            assert outwards[row, joint] == pytest.approx(turned.vector, abs=1e-12)
+
+
+def test_a_velocity_moves_the_links_whose_jacobian_has_its_column(model, states):
+    data = model.createData()
+    pin.computeJointJacobians(model, data, states[0][0])
+    for joint in range(1, model.njoints):
+        columns = pin.getJointJacobian(model, data, joint, pin.WORLD).any(axis=0)
+        assert supports(model)[joint].tolist() == columns.tolist()

@@ -1,0 +1,269 @@
+"""MJCF, held to MuJoCo itself: ``chain.json`` is what MuJoCo 4.0.0 computes for ``chain.xml`` at one state."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import ModelError
+from pinarm.mechanics.loading.model_tree import Mimic
+from pinarm.mechanics.loading.pinocchio_model import build_model
+
+HERE = Path(__file__).parent / "mujoco"
+MUJOCO = json.loads((HERE / "chain.json").read_text())
+SPHERE = '<geom size="0.1"/>'
+HINGE = '<joint name="j"/>'
+
+
+def body(inside, name="b", attributes=""):
+    return f'<body name="{name}" {attributes}>{inside}</body>'
+
+
+def model(*bodies, before=""):
+    return f'<mujoco model="m">{before}<worldbody>{"".join(bodies)}</worldbody></mujoco>'
+
+
+def refusal(xml):
+    with pytest.raises(ModelError) as caught:
+        build_model(xml)
+    return caught.value
+
+
+def turn(values):
+    """Return a quaternion in MuJoCo's order (w, x, y, z) as Pinocchio's."""
+    return pin.Quaternion(*values)
+
+
+@pytest.fixture(scope="module")
+def chain():
+    return Mechanism.load(HERE / "chain.xml")
+
+
+@pytest.fixture(scope="module")
+def state(chain):
+    """q, v and the index in our v of every degree of freedom of MuJoCo."""
+    q, v, index = pin.neutral(chain.model), np.zeros(chain.model.nv), np.zeros(chain.model.nv, int)
+    drawn, given, rates = MUJOCO["qpos0"], MUJOCO["qpos"], MUJOCO["qvel"]
+    for joint in MUJOCO["joints"]:
+        name, at, dof = joint["name"], joint["qpos"], joint["dof"]
+        if joint["type"] in ("hinge", "slide"):
+            q[chain.joints[name].q], index[dof] = given[at], chain.joints[name].v
+            continue
+        if joint["type"] == "free":
+            for k, axis in enumerate("xyz"):
+                one = chain.joints[f"{name}.{axis}"]
+                q[one.q], index[dof + k] = given[at + k] - drawn[at + k], one.v
+            at, dof = at + 3, dof + 3
+        ball = chain.balls[name]
+        q[ball.q : ball.q + 4] = (turn(drawn[at : at + 4]).inverse() * turn(given[at : at + 4])).coeffs()
+        index[dof : dof + 3] = range(ball.v, ball.v + 3)
+    v[index] = rates
+    return q, v, index
+
+
+class TestAgainstMujoco:
+    """Every way to say an orientation, default classes, frames, several joints of a body, references, springs."""
+
+    def test_joints_have_their_names(self, chain):
+        assert {joint["name"] for joint in MUJOCO["joints"]} == {
+            *(name for name in chain.joints if "." not in name), *chain.balls,
+        }  # fmt: skip
+        assert list(chain.balls) == ["j2", "free"]
+
+    def test_mass_matrix(self, chain, state):
+        q, _, index = state
+        upper = np.triu(pin.crba(chain.model, chain.model.createData(), q))
+        found = (upper + np.triu(upper, 1).T)[np.ix_(index, index)]
+        assert found == pytest.approx(np.array(MUJOCO["M"]), abs=1e-12)
+
+    def test_gravity_and_gyroscopic_forces(self, chain, state):
+        q, v, index = state
+        found = pin.nonLinearEffects(chain.model, chain.model.createData(), q, v)[index]
+        assert found == pytest.approx(MUJOCO["bias"], abs=1e-11)
+
+    def test_springs_and_dampers(self, chain, state):
+        q, v, index = state
+        tau = np.zeros(chain.model.nv)
+        assert {"joint damping", "joint springs", "joint friction", "spring of j2"} == chain.forces.keys()
+        for name, force in chain.forces.items():
+            if name != "joint friction":
+                force.add_load(0.0, q, v, tau)
+        assert tau[index] == pytest.approx(MUJOCO["passive"], abs=1e-13)
+
+    def test_dry_friction_at_full_speed(self, chain, state):
+        q, _, index = state
+        fast, tau = np.ones(chain.model.nv), np.zeros(chain.model.nv)
+        chain.forces["joint friction"].add_load(0.0, q, fast, tau)
+        assert tau[index] == pytest.approx(-np.array(MUJOCO["frictionloss"]), abs=1e-15)
+
+    def test_places_of_the_bodies(self, chain, state):
+        data = chain.model.createData()
+        pin.framesForwardKinematics(chain.model, data, state[0])
+        for name, place in MUJOCO["bodies"].items():
+            frame = chain.model.getFrameId(name, pin.FrameType.BODY)
+            assert data.oMf[frame].translation == pytest.approx(place, abs=1e-13), name
+
+    def test_ranges(self, chain):
+        for name, (lower, upper) in MUJOCO["range"].items():
+            index = chain.joints[name].q
+            limits = chain.model.lowerPositionLimit[index], chain.model.upperPositionLimit[index]
+            assert limits == pytest.approx((lower, upper))
+
+
+def test_gravity_is_that_of_the_file_unless_the_mechanism_says_otherwise(tmp_path):
+    option = '<option gravity="0 3 -4"/>'
+    (tmp_path / "m.xml").write_text(model(body(HINGE + SPHERE), before=option))
+    assert Mechanism.load(tmp_path / "m.xml").model.gravity.linear.tolist() == [0.0, 3.0, -4.0]
+    assert Mechanism.load(tmp_path / "m.xml", values={"gravity": "none"}).gravity == 0.0
+    off = build_model(model(body(HINGE + SPHERE), before='<option><flag gravity="disable"/></option>'))
+    assert off.gravity.tolist() == [0.0, 0.0, 0.0]
+    assert build_model(model(body(HINGE + SPHERE))).gravity.tolist() == [0.0, 0.0, -9.81]
+
+
+def test_flags_switch_forces_off():
+    joint = '<joint name="j" stiffness="1" damping="2" frictionloss="3"/>'
+    everything = build_model(model(body(joint + SPHERE))).forces
+    assert set(everything) == {"joint springs", "joint damping", "joint friction"}
+    for flag, left in (("spring", {"joint damping", "joint friction"}), ("passive", {"joint friction"}),
+                       ("frictionloss", {"joint springs", "joint damping"})):  # fmt: skip
+        flags = f'<option><flag {flag}="disable"/></option>'
+        assert set(build_model(model(body(joint + SPHERE), before=flags)).forces) == left
+
+
+def test_a_coupling_by_an_equality_counts_from_the_references():
+    """polycoef relates the ways from the references: q1 - ref1 = c0 + c1 (q2 - ref2)."""
+    two = body('<joint name="a" ref="90"/>' + SPHERE), body('<joint name="b" type="slide" ref="0.5"/>' + SPHERE, "c")
+    equality = '<equality><joint joint1="a" joint2="b" polycoef="0.1 3"/></equality>'
+    mimic = build_model(model(*two, before=equality)).mimics[0]
+    assert (mimic.joint, mimic.of, mimic.multiplier) == ("a", "b", 3.0)
+    assert mimic.offset == pytest.approx(0.1 + np.pi / 2 - 3.0 * 0.5, abs=1e-15)
+    assert build_model(model(*two, before=equality.replace("joint1", 'active="false" joint1'))).mimics == ()
+
+
+def test_a_coupling_may_be_as_plain_as_it_gets():
+    two = body('<joint name="a"/>' + SPHERE), body('<joint name="b"/>' + SPHERE, "c")
+    plain = build_model(model(*two, before='<equality><joint joint1="a" joint2="b"/></equality>'))
+    assert plain.mimics == (Mimic("a", "b", 1.0, 0.0),)
+
+
+def test_a_coupling_that_its_class_switches_off_is_none():
+    """MuJoCo 4.0.0 gives eq_active0 = 0, and 1 for the class that switches it on again."""
+    off = '<default><equality active="false"/><default class="on"><equality active="true"/></default></default>'
+    two = body('<joint name="a"/>' + SPHERE), body('<joint name="b"/>' + SPHERE, "c")
+    equality = '<equality><joint joint1="a" joint2="b"/></equality>'
+    assert build_model(model(*two, before=off + equality)).mimics == ()
+    assert len(build_model(model(*two, before=off + equality.replace("joint1", 'class="on" joint1'))).mimics) == 1
+
+
+def test_least_masses_and_moments_are_kept():
+    bounds = '<compiler boundmass="0.5" boundinertia="0.01"/>'
+    light = body(HINGE + '<inertial pos="0 0 0" mass="0.1" diaginertia="1e-3 1.05e-2 1e-2"/>')
+    inertia = build_model(model(light, before=bounds)).model.inertias[1]
+    assert inertia.mass == 0.5
+    assert np.sort(np.diag(inertia.inertia)) == pytest.approx([0.01, 0.01, 0.0105])
+
+
+def test_all_masses_are_scaled_to_a_total():
+    two = body(HINGE + SPHERE), body('<joint name="k"/>' + SPHERE.replace("0.1", "0.2"), "c")
+    inertias = build_model(model(*two, before='<compiler settotalmass="9"/>')).model.inertias
+    assert [one.mass for one in inertias] == pytest.approx([0.0, 1.0, 8.0])
+
+
+def test_sites_are_points_to_ask_about():
+    robot = build_model(model(body(HINGE + SPHERE + '<site name="tip" pos="0 0 0.4"/>')))
+    frame = robot.model.frames[robot.model.getFrameId("tip", pin.FrameType.BODY)]
+    assert (frame.parentJoint, frame.placement.translation.tolist()) == (1, [0.0, 0.0, 0.4])
+
+
+def test_a_base_of_a_file_may_be_set_free():
+    still = model(body(SPHERE + body(HINGE + SPHERE, "arm")))
+    assert build_model(still).model.nv == 1
+    assert build_model(still, base="floating").model.nv == 7
+
+
+@pytest.mark.parametrize(
+    ("inside", "message"),
+    [
+        ('<joint name="j" type="screw"/>' + SPHERE, "joint 'j': type is 'screw'"),
+        ('<joint name="j" axis="0 0 0"/>' + SPHERE, "joint 'j': its axis is 0 0 0"),
+        ('<joint name="j" axis="0 0"/>' + SPHERE, "joint 'j': axis='0 0' is not what is read here"),
+        ('<joint name="j" damping="-1"/>' + SPHERE, "joint 'j': its damping is negative"),
+        ('<joint name="j" stiffness="1 2"/>' + SPHERE, "joint 'j': stiffness='1 2' is not what is read here"),
+        ('<joint name="j" range="1 -1"/>' + SPHERE, "joint 'j': range='1 -1'"),
+        ('<joint name="j" class="soft"/>' + SPHERE, "there is no default class 'soft'"),
+        (HINGE + HINGE + SPHERE, "two joints have the name 'j'"),
+        (HINGE + '<freejoint name="f"/>' + SPHERE, "body 'b': a free joint stands alone, in a body of the world"),
+        (SPHERE + body('<freejoint name="f"/>' + SPHERE, "c"),
+         "body 'c': a free joint stands alone, in a body of the world"),
+        (HINGE + SPHERE + body(SPHERE, "b"), "two bodies have the name 'b'"),
+        (HINGE + '<geom size="-1"/>', "body 'b': geom '': size='-1'"),
+        (HINGE + '<geom size="nan"/>', "body 'b': geom '': size='nan' is not what is read here"),
+        (HINGE + '<geom size="1" mass="-2"/>', "body 'b': geom '': its mass or density is negative"),
+        (HINGE + '<geom type="box" size="1 1"/>', "body 'b': geom '': size='1 1'"),
+        (HINGE + '<geom type="mesh" mesh="m"/>', "body 'b': geom '': the mass of a mesh is not computed here"),
+        (HINGE + '<inertial pos="0 0 0" mass="-1"/>', "body 'b': the mass is negative (-1 kg)"),
+        (HINGE + '<inertial pos="0 0 0" mass="1" diaginertia="1 1 9"/>',
+         "body 'b': no body has principal moments of inertia 1, 1, 9 kg*m^2: each is at most the sum of the other two"),
+        (HINGE + '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1" quat="0 0 0 0"/>',
+         "body 'b': inertial: quat='0 0 0 0' has no direction"),
+        (HINGE + '<inertial pos="0 0 0" mass="1" quat="1 0 0 0" euler="0 0 1"/>',
+         "body 'b': inertial: its orientation is given by quat and euler"),
+        (HINGE + SPHERE + "<composite/>", "in 'b': <composite> is not read"),
+        (HINGE + SPHERE + '<replicate count="3"/>', "in 'b': <replicate> is not read"),
+    ],
+)  # fmt: skip
+def test_what_no_body_or_joint_can_have_is_refused(inside, message):
+    assert refusal(model(body(inside))).message == message
+
+
+@pytest.mark.parametrize(
+    ("before", "message"),
+    [
+        ('<compiler coordinate="global"/>', "the model has global coordinates"),
+        ('<compiler eulerseq="xyq"/>', "eulerseq is 'xyq'"),
+        ('<compiler angle="turns"/>', "<compiler>: angle is 'turns'"),
+        ('<option gravity="0 0"/>', "<option>: gravity='0 0' is not what is read here"),
+        ("<default><default/></default>", "a default class has no name"),
+        ('<equality><connect body1="b" anchor="0 0 0"/></equality>',
+         "equality 'b': a <connect> that ties bodies together is not read"),
+        ('<equality><joint joint1="j"/></equality>',
+         "equality 'j': it couples by a curve or holds a joint, which is not read"),
+        ('<equality><joint joint1="j" joint2="j"/></equality>', "joint 'j' mimics itself: j -> j"),
+        ('<extension><plugin plugin="p"/></extension>', "the model has a section <extension>, which is not read"),
+    ],
+)  # fmt: skip
+def test_sections_that_would_change_the_motion_are_refused(before, message):
+    assert refusal(model(body(HINGE + SPHERE), before=before)).message == message
+
+
+@pytest.mark.parametrize(
+    ("inside", "before", "note"),
+    [
+        (HINGE + SPHERE, "", "geoms do not touch: contacts are not modelled"),
+        (HINGE + SPHERE, '<actuator><motor name="m" joint="j"/></actuator>',
+         "actuators are not modelled: efforts come from laws, drives and loads: m"),
+        (HINGE + SPHERE, '<tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon>',
+         "tendons are not modelled: t"),
+        (HINGE + SPHERE, '<option density="1.2"/>', "the forces of a medium (density) are not modelled"),
+        (HINGE + SPHERE, '<keyframe><key name="home" qpos="1"/></keyframe>',
+         "keyframes are not used: the scenario says how a motion begins: home"),
+        ('<joint name="j" springdamper="0.1 1"/>' + SPHERE, "", "the joints' springdamper is not modelled: j"),
+        ('<joint name="j" novelty="1"/>' + SPHERE, "", "the joints' novelty is not modelled: j"),
+        ('<joint name="j" type="ball" range="0 30"/>' + SPHERE, "", "the range of ball joints is not watched: j"),
+        ('<joint name="j" ref="30"/>' + SPHERE, "", "drawn at their ref, but begin at 0 where nothing is said: j"),
+        (HINGE + SPHERE + body(SPHERE, "c", 'gravcomp="1"'), "", "gravity compensation is not modelled: c"),
+        (HINGE + SPHERE, '<worldbody><body name="h" mocap="true"/></worldbody>',
+         "held where they are drawn, though MuJoCo lets its user move them: h"),
+    ],
+)  # fmt: skip
+def test_what_is_left_out_is_noted(inside, before, note):
+    assert note in build_model(model(body(inside), before=before)).notes
+
+
+def test_every_root_of_a_file_is_read():
+    """Pinocchio's own reader takes the first only."""
+    roots = (body(f'<joint name="j{k}"/>{SPHERE}', f"b{k}", f'pos="{k} 0 0"') for k in range(3))
+    assert list(build_model(model(*roots)).model.names)[1:] == ["j0", "j1", "j2"]

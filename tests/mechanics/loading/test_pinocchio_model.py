@@ -1,0 +1,125 @@
+import numpy as np
+import pytest
+
+from pinarm.errors import ModelError
+from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.loading.pinocchio_model import build_model
+
+PENDULUM = {"name": "arm", "axis": "0 1 0", "mass": 2.0, "com": "0.5 0 0", "inertia": (0.1, 0.2, 0.2)}
+
+
+def refusal(xml):
+    with pytest.raises(ModelError) as caught:
+        build_model(xml)
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("part", "broken", "message"),
+    [
+        ('mass value="2.0"', 'mass value="-2"', "link 'arm_link': the mass is negative (-2 kg)"),
+        ('mass value="2.0"', 'mass value="nan"', "link 'arm_link': mass: 'nan' is not a finite number"),
+        ('mass value="2.0"', 'mass value="inf"', "link 'arm_link': mass: 'inf' is not a finite number"),
+        ('mass value="2.0"', 'mass value="2 kg"', "link 'arm_link': mass: '2 kg' is not a number"),
+        ('mass value="2.0"', "mass", "link 'arm_link': mass is missing"),
+        ('ixx="0.1"', 'ixx="-0.1"', "link 'arm_link': a principal moment of inertia is negative (-0.1 kg*m^2)"),
+        ('ixx="0.1"', 'ixx="nan"', "link 'arm_link': ixx: 'nan' is not a finite number"),
+        ('iyz="0"', 'iyz="0.3"', "link 'arm_link': a principal moment of inertia is negative (-0.1 kg*m^2)"),
+        ('ixx="0.1"', 'ixx="0.9"',
+         "link 'arm_link': no body has"),
+        ('axis xyz="0 1 0"', 'axis xyz="0 0 0"', "joint 'arm': its axis is 0 0 0"),
+        ('axis xyz="0 1 0"', 'axis xyz="0 1"', "joint 'arm': axis: xyz='0 1' is not a vector"),
+        ('axis xyz="0 1 0"', 'axis xyz="0 nan 0"', "joint 'arm': axis: xyz='0 nan 0' is not a vector"),
+        ('axis xyz="0 1 0"', 'axis xyz="up"', "joint 'arm': axis: xyz='up' is not a vector"),
+        ('parent link="base"', 'parent link="bass"', "joint 'arm': its parent link 'bass' does not exist"),
+        ('<parent link="base"/>', "", "joint 'arm': its parent link '' does not exist"),
+        ('child link="arm_link"', 'child link="arm_lonk"', "joint 'arm': its child link 'arm_lonk' does not exist"),
+        ('type="continuous"', 'type="fixed"', "the model has no joint that moves"),
+        ("</robot>", "", "the model is not XML: "),
+    ],
+)  # fmt: skip
+def test_defects_are_refused(chain, part, broken, message):
+    xml = chain(PENDULUM)
+    assert part in xml
+    assert refusal(xml.replace(part, broken)).message.startswith(message)
+
+
+@pytest.mark.parametrize("place", ["0.5 0", "0.5 0 x", "nan 0 0", "0.5 0 inf"])
+@pytest.mark.parametrize("key", ["xyz", "rpy"])
+@pytest.mark.parametrize("owner", ["<inertial>", '<child link="arm_link"/>'])
+def test_an_origin_that_cannot_be_read_is_refused(chain, owner, key, place):
+    # the parser drops such an inertial, prints so, and goes on without the mass
+    xml = chain(PENDULUM).replace('<origin xyz="0.5 0 0"/>', "").replace('<origin xyz="0 0 0"/>', "")
+    refusal(xml.replace(owner, f'{owner}<origin {key}="{place}"/>'))
+
+
+@pytest.mark.parametrize("damping", ["nan", "inf", "-0.1", "much"])
+def test_damping_that_no_joint_has_is_refused(chain, damping):
+    refusal(chain(PENDULUM).replace('damping="0.0"', f'damping="{damping}"'))
+
+
+@pytest.mark.parametrize(("defect", "hint"), [("bass", "base"), ("arm_lonk", "arm_link")])
+def test_a_missing_link_comes_with_the_name_that_was_meant(chain, defect, hint):
+    xml = chain(PENDULUM).replace(f'link="{hint}"', f'link="{defect}"')
+    error = refusal(xml)
+    assert error.hint == hint
+    assert "arm_link, base" in error.expected
+
+
+def test_another_root_element_is_refused():
+    assert refusal("<sdf/>").message == "the model begins with <sdf>"
+
+
+def test_two_links_on_one_parentless_pair_are_refused(chain):
+    xml = chain(PENDULUM).replace("</robot>", '<link name="adrift"/></robot>')
+    assert refusal(xml).message.startswith("the model has 2 links that no joint carries: base, adrift")
+
+
+def test_rounding_of_printed_digits_is_forgiven(chain):
+    build_model(chain({**PENDULUM, "inertia": (0.3, 0.1, 0.2 * (1 - 1e-10))}))
+    refusal(chain({**PENDULUM, "inertia": (0.3, 0.1, 0.2 * (1 - 1e-7))}))
+
+
+def test_a_continuous_joint_is_one_angle(chain):
+    robot = build_model(chain(PENDULUM))
+    assert (robot.model.nq, robot.model.nv) == (1, 1)
+    assert robot.model.names[1] == "arm"
+
+
+def test_a_continuous_joint_without_limit_element_is_one_angle(chain):
+    xml = chain(PENDULUM).replace('<limit lower="-1000" upper="1000" effort="1000" velocity="1000"/>', "")
+    assert "limit" not in xml
+    assert build_model(xml).model.nq == 1
+
+
+def test_turns_are_counted(mechanism, chain):
+    arm = mechanism(chain(PENDULUM), gravity="none")
+    turned = 6.0 * np.pi
+    state = Kinematics.at(arm.model, np.array([turned]))
+    # 19 rad are known to 4e-15
+    assert state.data.oMi[1].rotation == pytest.approx(np.eye(3), abs=1e-14)
+    assert arm.coordinate("arm").value(state) == turned
+
+
+def test_damping_is_read_and_applied(mechanism, chain):
+    arm = mechanism(chain({**PENDULUM, "damping": 0.7}))
+    q, v = np.array([0.3]), np.array([1.7])
+    inertia = 0.2 + 2.0 * 0.5**2
+    expected = (-0.7 * 1.7 + 2.0 * 9.81 * 0.5 * np.cos(0.3)) / inertia  # about y, x turns towards -z
+    assert arm.forward(q, v)[0] == pytest.approx(expected, rel=1e-14)
+    assert arm.inverse(q, v, np.array([expected]))[0] == pytest.approx(0.0, abs=1e-14)
+
+
+def test_damping_belongs_to_its_own_joint(mechanism, chain):
+    second = {**PENDULUM, "name": "second", "at": "1 0 0", "damping": 0.3}
+    robot = mechanism(chain(PENDULUM, second, {**PENDULUM, "name": "third", "at": "1 0 0"}))
+    damped = robot.dynamics.loads(0.0, np.zeros(3), np.array([1.0, 2.0, 3.0]))
+    assert damped.tolist() == [0.0, -0.3 * 2.0, 0.0]
+    assert mechanism(chain(PENDULUM)).forces == {}
+
+
+def test_what_is_not_modelled_is_noted(chain):
+    xml = chain(PENDULUM, {**PENDULUM, "name": "second"}).replace('damping="0.0"', 'damping="0" friction="0.2"', 1)
+    notes = build_model(xml).notes
+    assert any(note.startswith("dry friction F of joint arm is regularised, F tanh(v / 0.001)") for note in notes)
+    assert build_model(chain(PENDULUM)).notes == ()

@@ -1,0 +1,154 @@
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pinarm.errors import InputError
+from pinarm.mechanics.ball_joints import (
+    BallCoordinate,
+    balls_of,
+    configuration,
+    coordinate_at,
+    coordinate_name,
+    roll_pitch_yaw,
+    velocity,
+)
+from pinarm.mechanics.forces.joint_springs import BallSpring
+from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.joints import joints_of
+from pinarm.mechanics.loading.pinocchio_model import build_model
+
+ARM = ({"name": "swing", "at": "0.1 0.2 0.3", "axis": "1 2 3"}, {"name": "body", "kind": "floating", "at": "1 0 0"})
+
+
+@pytest.fixture
+def model(chain):
+    """A floating body in a frame that turns and is tilted."""
+    xml = chain(*ARM)
+    return build_model(xml.replace('<origin xyz="1 0 0"/>', '<origin xyz="1 0 0" rpy="0.4 -0.5 0.6"/>')).model
+
+
+def state(model, seed=0):
+    rng = np.random.default_rng(seed)
+    q = pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv))
+    return q, rng.normal(size=model.nv)
+
+
+def evaluate(coordinate, model, q, v):
+    here = Kinematics.at(model, q, v)
+    row = coordinate.row(here)
+    return coordinate.value(here), row @ v, coordinate.drift(here)
+
+
+@pytest.mark.parametrize("component", range(3))
+@pytest.mark.parametrize("seed", range(3))
+def test_rates_of_the_rotation_vector_are_its_derivatives(model, differentiate, component, seed):
+    ball = balls_of(model)["body"]
+    coordinate = BallCoordinate(model, ball, component)
+    q, v = state(model, seed)
+
+    def along(t):
+        return np.array(evaluate(coordinate, model, pin.integrate(model, q, t * v), v)[:2])
+
+    _, rate, drift = evaluate(coordinate, model, q, v)
+    # differences of order 8 at 0.02 s: 1e-9 of truncation and rounding
+    assert differentiate(along, 0.0) == pytest.approx([rate, drift], abs=1e-8)
+
+
+def test_every_velocity_has_a_coordinate_of_a_name(model):
+    q, _ = state(model)
+    turn = Rotation.from_quat(q[4:8]).as_rotvec()
+    assert [coordinate_name(model, k) for k in range(7)] == [
+        "swing", "body.x", "body.y", "body.z", "body.rotation.x", "body.rotation.y", "body.rotation.z",
+    ]  # fmt: skip
+    values = [coordinate_at(model, k).value(Kinematics.at(model, q)) for k in range(7)]
+    assert values == pytest.approx([*q[:4], *turn], abs=1e-14)
+
+
+def test_roll_pitch_and_yaw_are_those_of_urdf():
+    angles = np.random.default_rng(0).uniform([-3, -1.5, -3], [3, 1.5, 3], size=(20, 3))
+    turns = Rotation.from_euler("ZYX", angles[:, ::-1])
+    assert roll_pitch_yaw(turns.as_quat()) == pytest.approx(angles, abs=1e-13)
+    assert pin.rpy.rpyToMatrix(angles[3]) == pytest.approx(turns[3].as_matrix(), abs=1e-15)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("off", [1e-3, 1e-6, 1e-9, 1e-12, 0.0])
+def test_at_a_pitch_of_a_right_angle_roll_and_yaw_still_give_the_orientation(off, sign):
+    quaternion = Rotation.from_euler("xyz", [0.4, sign * (np.pi / 2 - off), 1.1]).as_quat()
+    angles = roll_pitch_yaw(quaternion)
+    assert (Rotation.from_euler("xyz", angles) * Rotation.from_quat(quaternion).inv()).magnitude() < 1e-15
+    assert sign * angles[1] == pytest.approx(np.pi / 2 - off, abs=1e-15)
+    assert np.abs(angles).max() <= np.pi
+
+
+def test_orientation_is_given_as_angles_or_as_rotation_vector(model):
+    joints, balls = joints_of(model), balls_of(model)
+    vector = np.array([0.3, -1.2, 2.0])
+    turn = Rotation.from_rotvec(vector)
+    yaw, pitch, roll = turn.as_euler("ZYX")
+    by_vector = {f"body.rotation.{axis}": x for axis, x in zip("xyz", vector, strict=True)}
+    by_angles = {"body.roll": roll, "body.pitch": pitch, "body.yaw": yaw}
+    for values in (by_vector, by_angles):
+        q = configuration(model, joints, balls, {"swing": 0.5, "body.y": 2.0, **values})
+        assert q[:4].tolist() == [0.5, 0.0, 2.0, 0.0]
+        assert Rotation.from_quat(q[4:8]).as_matrix() == pytest.approx(turn.as_matrix(), abs=1e-14)
+    with pytest.raises(InputError, match="the orientation of 'body' is given twice"):
+        configuration(model, joints, balls, {"body.rotation.x": 0.1, "body.yaw": 0.1})
+    with pytest.raises(InputError, match=r"no joint 'body\.jaw'") as caught:
+        configuration(model, joints, balls, {"body.jaw": 0.1})
+    assert caught.value.hint == "body.yaw"
+
+
+def test_velocities_stand_at_their_names(model):
+    values = {"swing": 1.0, "body.z": 2.0, "body.angular_velocity.y": 3.0}
+    assert velocity(model, joints_of(model), balls_of(model), values).tolist() == [1.0, 0.0, 0.0, 2.0, 0.0, 3.0, 0.0]
+
+
+def test_a_floating_joint_slides_along_its_parents_axes_and_turns_where_it_is_drawn(model):
+    data, frame = model.createData(), model.getFrameId("body_link")
+    drawn = pin.SE3(pin.rpy.rpyToMatrix(np.array([0.4, -0.5, 0.6])), np.array([1.0, 0.0, 0.0]))
+    joints, balls = joints_of(model), balls_of(model)
+    q = configuration(model, joints, balls, {"body.x": 0.3, "body.y": -0.2, "body.yaw": 0.7})
+    pin.framesForwardKinematics(model, data, q)
+    seen = data.oMf[model.getFrameId("swing_link")].actInv(data.oMf[frame])
+    assert seen.translation == pytest.approx([1.3, -0.2, 0.0], abs=1e-14)
+    turned = drawn.rotation @ pin.rpy.rpyToMatrix(np.array([0.0, 0.0, 0.7]))
+    assert seen.rotation == pytest.approx(turned, abs=1e-14)
+
+
+def test_spring_of_a_ball_joint_gives_what_its_energy_loses(model):
+    ball = balls_of(model)["body"]
+    spring = BallSpring(ball.q, ball.v, 7.0)
+    q, v = state(model, 4)
+    tau = np.zeros(model.nv)
+    spring.add_load(0.0, q, v, tau)
+    step = 1e-5
+    ahead, behind = (spring.potential_energy(pin.integrate(model, q, s * v)) for s in (step, -step))
+    assert tau @ v == pytest.approx(-(ahead - behind) / (2 * step), rel=1e-8)
+    vector = Rotation.from_quat(ball.quaternion(q)).as_rotvec()
+    assert spring.potential_energy(q) == pytest.approx(3.5 * vector @ vector, rel=1e-14)
+    assert spring.potential_energy(np.stack([q, q])).shape == (2,)
+    turned = q.copy()
+    turned[ball.q : ball.q + 4] *= -1.0  # the same orientation
+    assert spring.potential_energy(turned) == pytest.approx(spring.potential_energy(q), rel=1e-14)
+    assert spring.potential_energy(pin.neutral(model)) == 0.0
+
+
+def test_arrays_of_states_are_given_by_name(mechanism, chain):
+    body = mechanism(chain(*ARM), gravity="none")
+    yaw = np.linspace(-1.0, 2.0, 4)
+    q = body.configurations({"swing": 0.3, "body.y": [1.0, 2.0, 3.0, 4.0], "body.yaw": yaw})
+    assert q[:, :4] == pytest.approx(np.array([[0.3, 0.0, y, 0.0] for y in (1.0, 2.0, 3.0, 4.0)]))
+    assert roll_pitch_yaw(q[:, 4:]) == pytest.approx(np.array([[0.0, 0.0, x] for x in yaw]), abs=1e-14)
+    v = body.rates({"body.angular_velocity.y": yaw, "swing": 1.0})
+    assert v[:, [0, 5]] == pytest.approx(np.array([[1.0, x] for x in yaw]))
+    assert body.at(q, v)["joint.body.angular_velocity.y"].values == pytest.approx(yaw)
+    with pytest.raises(InputError, match=r"no joint 'body\.spin'"):
+        body.rates({"body.spin": 1.0})
+
+
+def test_a_model_whose_inertia_is_bad_can_be_shaken_too(mechanism, chain):
+    bad = mechanism(chain(*ARM).replace('ixx="0.1"', 'ixx="-0.1"', 1), defects="noted")
+    changed = bad.perturbed(1).model.inertias[1].inertia[0, 0]
+    assert changed == pytest.approx(bad.model.inertias[1].inertia[0, 0], rel=1e-15)

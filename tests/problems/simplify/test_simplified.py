@@ -1,0 +1,468 @@
+"""What a scene does not require is removed before it is solved, and the answer is that of the whole mechanism."""
+
+import json
+import re
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import pinarm
+from pinarm.engine.quantities.names import Quantities
+from pinarm.errors import PinarmError
+from pinarm.problems.simplify.model_reduction import ReducedMechanism, Removed
+from pinarm.problems.simplify.simplified import Scene
+from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.show.terminal import report
+from pinarm.use.store.restore import restore
+from pinarm.use.study.accuracy.error_estimate import output_scales
+from pinarm.use.study.explain import explain
+
+ROOT = Path(pinarm.__file__).parents[1]
+FILES = sorted((ROOT / "scenarios").glob("*.yaml"))
+
+ROUNDING = 1e-12
+"""Relative to the largest terms of the run: the part sums the same numbers as the whole, in another order."""
+
+LOCKABLE = {
+    "brick_thrown": {"root.x", "root.y", "root.z"},
+    "gen411_arm_horizontal": {"O"},
+    "gen411_arm_swing": {"O", "B"},
+    "gen411_arm_vertical": {"O"},
+    "gyroscope_free": {"psi", "theta", "phi"},
+    "gyroscope_precession": {"psi", "theta", "phi"},
+    "handling_arm_c1": {"theta", "phi"},
+    "handling_arm_profile": {"phi"},  # theta is what the profile of phi runs along
+    "magic_arms_cycle": {"alpha", "beta", "phi"},
+    "panda_quintic": {f"panda_joint{k}" for k in range(1, 8)} | {"panda_finger_joint1"},
+}
+"""Joints of scenarios that can be held, and are then not solved for; none of a loop, or of a sum that follows a law."""
+
+
+def terms(run):
+    """How large the terms are that make a, tau and lam: what cancels in them leaves rounding of that size."""
+    model = run.mechanism.model
+    data, a = model.createData(), max(np.abs(run.a).max(), np.abs(run.v).max() ** 2, run.mechanism.gravity)
+    bias = max(np.abs(pin.nonLinearEffects(model, data, q, v)).max() for q, v in zip(run.q, run.v, strict=True))
+    mass = max(np.abs(pin.crba(model, data, q)).max() for q in run.q)
+    return {"q": 1.0, "v": 1.0, "a": a, "tau": bias + mass * a, "lam": bias + mass * a}
+
+
+def assert_same(found, wanted):
+    one, two = found.trajectory, wanted.trajectory
+    sizes = terms(two)
+    for name in ("q", "v", "a", "tau", "lam"):
+        x, y = (np.asarray(getattr(run, name)) for run in (one, two))
+        scale = max(np.abs(y).max(initial=0.0), sizes[name])
+        np.testing.assert_allclose(x, y, rtol=0, atol=ROUNDING * scale, err_msg=name)
+    np.testing.assert_allclose(one.grid.t, two.grid.t, rtol=1e-15, atol=1e-15)  # impacts are found to rounding
+    np.testing.assert_allclose(one.grid.cuts, two.grid.cuts, rtol=1e-15, atol=1e-15)
+    assert one.grid.rows == two.grid.rows
+    for name, scale in output_scales(wanted).items():
+        np.testing.assert_allclose(found[name], wanted[name], rtol=0, atol=ROUNDING * scale, err_msg=name)
+    limits = [[(x.joint, x.of, x.rows) for x in result.excesses()] for result in (found, wanted)]
+    assert limits[0] == limits[1]
+
+
+def assert_unchanged(scenario):
+    """Compare with the whole mechanism; return the joints that were removed, and how."""
+    result = scenario.run()
+    assert_same(result, scenario.varied({"modelled": "whole"}).run())
+    return {one.joint: one.how for one in result.removals}
+
+
+def held(scenario, joint, other):
+    """The scenario with a joint held still and a force asked at another one; none where that cannot be."""
+    data = {key: value for key, value in scenario.document.data.items() if key not in ("find", "variants", "expect")}
+    problem = dict(data["problem"])
+    motion = problem.get("motion", {})
+    if problem["kind"] == "forward":
+        # steps of one length: those that are chosen by the error differ where the error is rounding
+        data["accuracy"] = {"method": "rk4", "step": f"{scenario.problem.time.end / 100} s"}
+        given = problem.get("initial", {}).items()
+        problem["initial"] = {key: {k: x for k, x in part.items() if k != joint.name} for key, part in given}
+    elif joint.name not in motion or problem["kind"] == "kinematics":
+        return None
+    problem["time"] = {**problem["time"], "samples": 41}
+    problem["motion"] = {**motion, joint.name: {"law": "constant", "value": f"0.1 {joint.unit}"}}
+    try:
+        data |= {"problem": problem, "outputs": [f"joint.{other.name}.effort"]}
+        return Scenario.of(replace(scenario.document, data=data), scenario.folder)
+    except PinarmError:
+        return None
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_answers_are_those_of_the_whole_mechanism(file):
+    scenario = pinarm.load(file)
+    if scenario.scene.part:
+        assert_unchanged(scenario)
+    joints, removed = list(scenario.mechanism.joints.values()), set()
+    for joint, other in zip(joints, joints[-1:] + joints[:-1], strict=True):
+        variant = held(scenario, joint, other) if len(joints) < 20 else None  # forty four-bars are all loops
+        if variant and variant.scene.part:
+            assert assert_unchanged(variant)[joint.name] == "locked"
+            removed.add(joint.name)
+    assert removed == LOCKABLE.get(file.stem, set())
+
+
+def body(name, mass):
+    return f"""<link name="{name}"><inertial><origin xyz="0.05 0.02 0.15"/><mass value="{mass}"/>
+      <inertia ixx="0.02" iyy="0.03" izz="0.02" ixy="0.001" ixz="0.002" iyz="0"/></inertial></link>"""
+
+
+def joint(name, parent, child, axis, xyz, limit=2):
+    return f"""<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>
+      <origin xyz="{xyz}" rpy="0.1 0.2 0.3"/><axis xyz="{axis}"/><dynamics damping="0.3"/>
+      <limit lower="-3" upper="3" effort="{limit}" velocity="9"/></joint>"""
+
+
+ARM_A = (
+    body("a1", 2) + body("a2", 1)
+    + joint("shoulder_a", "trunk", "a1", "0 1 0", "0 0.2 0.4") + joint("elbow_a", "a1", "a2", "1 0 0", "0 0 0.3")
+    + '<link name="hand"/><joint name="grip" type="fixed"><parent link="a2"/><child link="hand"/>'
+    '<origin xyz="0 0 0.25"/></joint>'
+)  # fmt: skip
+ARM_B = (
+    body("b1", 2.5) + body("b2", 1.5)
+    + joint("shoulder_b", "trunk", "b1", "0 1 0", "0 -0.2 0.4") + joint("elbow_b", "b1", "b2", "1 0 0", "0 0 0.3")
+)  # fmt: skip
+WAIST = body("trunk", 8) + joint("waist", "base", "trunk", "0 0 1", "0 0 0.5")
+TWO_ARMS = f'<robot name="two_arms">{body("base", 9)}{WAIST}{ARM_A}{ARM_B}</robot>'
+ONE_ARM = f'<robot name="one_arm"><link name="base"/>{WAIST}{ARM_A}</robot>'
+
+TILTED = {"direction": "-x", "magnitude": "9.81 m/s^2"}
+HELD = {"law": "constant", "value": "0.3 rad"}
+MOVES = {"law": "polynomial", "from": "0 rad", "to": "1 rad", "duration": "1 s"}
+JERKS = {"law": "trapezoid", "from": "0 rad", "to": "1 rad", "acceleration": "6 rad/s^2", "begin": "0.23 s"}
+ALL_LEVEL = re.sub('axis xyz="[^"]*"', 'axis xyz="0 1 0"', TWO_ARMS).replace("0.1 0.2 0.3", "0 0.2 0")
+"""The same with all axes parallel, so that angles can be summed."""
+LAWS = {"waist": HELD, "shoulder_a": MOVES, "elbow_a": HELD, "shoulder_b": JERKS, "elbow_b": MOVES}
+ONLY_A = {"waist": "locked", "elbow_a": "locked", "shoulder_b": "dropped", "elbow_b": "dropped"}
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """Scenarios about a trunk with two arms; keys of the mechanism file and the problem are given."""
+
+    def make(problem, *outputs, model=TWO_ARMS, accuracy=None, **told):
+        (tmp_path / "model.urdf").write_text(model, encoding="utf-8")
+        told = {"pinarm": 1, "robot": "model.urdf", "gravity": TILTED, **told}
+        time = {} if problem["kind"] in ("statics", "state") else {"time": {"end": "1 s", "samples": 21}}
+        asked = {"pinarm": 1, "mechanism": "mechanism.yaml", "problem": {**time, **problem}, "outputs": list(outputs)}
+        for name, data in (
+            ("mechanism", told),
+            ("scenario", {**asked, **({"accuracy": accuracy} if accuracy else {})}),
+        ):
+            (tmp_path / f"{name}.yaml").write_text(json.dumps(data), encoding="utf-8")
+        return pinarm.load(tmp_path / "scenario.yaml")
+
+    return make
+
+
+def inverse(**laws):
+    return {"kind": "inverse", "motion": {**LAWS, **laws}}
+
+
+RK4 = {"method": "rk4", "step": "20 ms"}
+
+
+def test_an_arm_on_a_held_trunk_needs_no_other_arm(scene):
+    """Beside the whole mechanism, a model that never had the other arm says the same."""
+    asked = scene(inverse(), "joint.shoulder_a.effort")
+    assert assert_unchanged(asked) == ONLY_A
+    effort = asked.run()["joint.shoulder_a.effort"].values
+    motion = {name: LAWS[name] for name in ("waist", "shoulder_a", "elbow_a")}
+    alone = scene({"kind": "inverse", "motion": motion}, "joint.shoulder_a.effort", model=ONE_ARM).run()
+    rows = np.isin(asked.run().trajectory.grid.t, alone.trajectory.grid.t)  # without those of the other arm's jerks
+    assert rows.sum() == 21
+    np.testing.assert_allclose(effort[rows], alone["joint.shoulder_a.effort"], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "asked",
+    ["joint.elbow_b.effort*2", "joint.elbow_b.force.z", "drive.motor.torque", "published", "joint.elbow_b.power"],
+)
+def test_what_is_asked_as_a_force_is_solved_for(scene, asked):
+    told = {"drives": {"motor": {"joint": "elbow_b", "ratio": 50}}, "symbols": {"published": "joint.elbow_b.effort"}}
+    found = assert_unchanged(scene(inverse(), asked, **told))
+    assert found == {"waist": "locked", "shoulder_a": "dropped", "elbow_a": "locked"}
+    assert assert_unchanged(scene(inverse(), "joint.shoulder_a.effort", **told)) == ONLY_A
+
+
+def test_motion_asked_of_what_is_removed_is_there(scene):
+    outputs = ("joint.shoulder_a.effort", "point.b2.position.z", "joint.elbow_b.velocity", "energy.total", "waist")
+    assert assert_unchanged(scene(inverse(), *outputs)) == ONLY_A
+
+
+def test_a_force_at_the_trunk_needs_all_that_it_carries(scene):
+    asked = scene(inverse(waist=dict(MOVES)), "joint.waist.effort")
+    assert assert_unchanged(asked) == {"elbow_a": "locked"}
+
+
+def test_a_trunk_that_moves_is_kept_and_carries_what_was_dropped(scene):
+    asked = scene(inverse(waist=dict(MOVES)), "joint.elbow_a.effort")
+    assert assert_unchanged(asked) == {"shoulder_b": "dropped", "elbow_b": "dropped"}
+
+
+OTHER_ARM = {"shoulder_b": JERKS, "elbow_b": HELD}
+
+
+@pytest.mark.parametrize(
+    ("waist", "removed"),
+    [
+        ({"waist": HELD}, {"waist": "locked", "shoulder_b": "dropped", "elbow_b": "locked"}),
+        ({"waist": MOVES}, {"shoulder_b": "dropped", "elbow_b": "locked"}),
+        ({}, {"elbow_b": "locked"}),
+    ],
+    ids=["held", "moved", "free"],
+)
+def test_an_arm_that_falls_feels_the_other_only_through_a_free_trunk(scene, waist, removed):
+    problem = {"kind": "forward", "motion": {**waist, **OTHER_ARM}, "initial": {"position": {"elbow_a": "1 rad"}}}
+    motors = {name: {"joint": name, "ratio": 50, "rotor_inertia": "8e-5 kg*m^2"} for name in LAWS}
+    asked = scene(problem, "joint.elbow_a.acceleration", drives=motors, accuracy=RK4)
+    assert assert_unchanged(asked) == removed
+
+
+def test_bodies_that_are_dropped_are_not_there(scene):
+    mechanism = scene(inverse(waist=MOVES), "joint.shoulder_a.effort").scene.part.mechanism
+    assert pin.computeTotalMass(mechanism.model) == pytest.approx(8.0 + 2.0 + 1.0)
+
+
+def test_a_free_base_carries_what_is_locked(scene):
+    """Integrated, with events and end stops: what happens is told of the whole mechanism."""
+    motion = {"shoulder_b": HELD, "elbow_b": HELD, "elbow_a": HELD}
+    events = {"passes": {"when": "shoulder_a", "reaches": "0.1 rad"}}
+    problem = {
+        "kind": "forward",
+        "motion": motion,
+        "events": events,
+        "initial": {"velocity": {"shoulder_a": "2 rad/s"}},
+    }
+    problem["end_stops"] = {"shoulder_a": {"upper": "0.2 rad", "restitution": 0.5}}
+    asked = scene(problem, "t", base="floating", accuracy=RK4)
+    assert assert_unchanged(asked) == dict.fromkeys(motion, "locked")
+    found, wanted = (each.run().happenings for each in (asked, asked.varied({"modelled": "whole"})))
+    assert [one.name for one in found] == [one.name for one in wanted]
+    assert {one.name for one in found} > {"passes"}
+    for one, two in zip(found, wanted, strict=True):
+        np.testing.assert_allclose([*one.q, *one.v], [*two.q, *two.v], rtol=0, atol=1e-11)
+
+
+def test_a_hand_on_its_way_needs_no_other_arm(scene):
+    """Positions of a task, continued by Newton's method."""
+    motion = {"waist": HELD, "shoulder_b": MOVES, "elbow_b": MOVES, "height": {"law": "constant", "value": "1.08 m"},
+              "side": {"law": "cycloidal", "from": "0.3 m", "to": "0.34 m", "duration": "1 s"}}  # fmt: skip
+    hand = {key: {"kind": "point", "point": "hand", "along": axis} for key, axis in (("height", "z"), ("side", "y"))}
+    problem = {
+        "kind": "kinematics",
+        "motion": motion,
+        "start": {"shoulder_a": "0.5 rad", "elbow_a": "0.8 rad", "elbow_b": "1 rad"},
+    }
+    found = scene(problem, "joint.elbow_a.position", coordinates=hand)
+    assert assert_unchanged(found) == {"waist": "locked", "shoulder_b": "dropped", "elbow_b": "dropped"}
+    motion["elbow_a"] = {"law": "constant", "value": "0.8 rad"}
+    del motion["waist"]
+    problem["start"] = {"waist": "0.3 rad", "shoulder_a": "0.5 rad"}
+    found = scene(problem, "joint.waist.position", coordinates=hand)
+    assert assert_unchanged(found) == {"elbow_a": "locked", "shoulder_b": "dropped", "elbow_b": "dropped"}
+
+
+GEARED = {"couplings": {"gear": {"kind": "gear", "joints": ["elbow_a", "elbow_b"], "ratio": -2, "offset": "0.1 rad"}}}
+
+
+@pytest.mark.parametrize("kind", ["inverse", "forward"])
+def test_gears_of_joints_held_still_are_locked_with_them(scene, kind):
+    """The multiplier of the gear and the efforts of its joints come back."""
+    motion = {"waist": MOVES, "shoulder_a": MOVES, "shoulder_b": MOVES, "elbow_a": HELD}
+    if kind == "forward":
+        motion.pop("waist")
+    asked = scene({"kind": kind, "motion": motion}, "joint.shoulder_a.effort", accuracy=RK4, **GEARED)
+    found = assert_unchanged(asked)
+    assert {"elbow_a", "elbow_b"} == {name for name, how in found.items() if how == "locked"}
+    run = asked.run().trajectory
+    assert np.abs(run.lam).min() > 0.0
+    assert not run.tau[:, run.mechanism.joints["elbow_b"].v].any()
+
+
+def test_fingers_that_mimic_are_locked_with_their_leader():
+    held = {"law": "constant", "value": "20 mm"}
+    asked = pinarm.load(ROOT / "scenarios" / "panda_quintic.yaml", ["outputs=[joint.panda_joint1.effort]", "expect=[]"])
+    assert asked.document.data["problem"]["motion"]["panda_finger_joint1"] == held
+    assert assert_unchanged(asked) == {"panda_finger_joint1": "locked", "panda_finger_joint2": "locked"}
+    assert np.abs(asked.run().trajectory.lam).max() > 0.0
+
+
+@pytest.mark.parametrize("kind", ["inverse", "kinematics"])
+def test_loops_are_carried_by_what_is_locked(scene, kind):
+    """A rod from one arm to the other ties the shoulders and an elbow, not the waist before nor the elbow beyond."""
+    loops = {"rod": {"kind": "rod", "between": ["hand", "b2"], "length": "0.6 m"}}
+    motion = {"waist": HELD, "shoulder_a": MOVES, "elbow_a": HELD, "elbow_b": JERKS}
+    problem = {"kind": kind, "motion": motion, "start": {"shoulder_b": "0.3 rad"}}
+    asked = scene(problem, "joint.shoulder_a.effort" if kind == "inverse" else "shoulder_b", loops=loops)
+    dropped = {"elbow_b": "dropped"} if kind == "kinematics" else {}
+    assert assert_unchanged(asked) == {"waist": "locked", **dropped}
+    assert kind == "kinematics" or np.abs(asked.run().trajectory.lam).min() > 0.1
+
+
+@pytest.mark.parametrize("accuracy", [RK4, {}, {"method": "stiff"}])
+def test_laws_and_gears_may_leave_nothing_to_integrate(scene, accuracy):
+    motion = {"waist": HELD, "shoulder_a": MOVES, "shoulder_b": MOVES, "elbow_a": MOVES}
+    result = scene({"kind": "forward", "motion": motion}, "elbow_b", accuracy=accuracy, **GEARED).run()
+    np.testing.assert_allclose(result["elbow_b"], 0.1 - 2.0 * result["elbow_a"].values, atol=1e-15)
+
+
+def test_gears_of_which_a_joint_is_needed_stay(scene):
+    motion = {"waist": HELD, "shoulder_a": MOVES, "shoulder_b": MOVES, "elbow_a": HELD}
+    asked = scene({"kind": "inverse", "motion": motion}, "joint.elbow_a.effort", **GEARED)
+    assert assert_unchanged(asked) == {"waist": "locked"}
+
+
+def test_loads_move_with_what_is_locked(scene):
+    """Forces at links of locked joints, a spring from one arm to the other, springs of joints that are removed."""
+    loads = {
+        "push": {"kind": "wrench", "point": "b2", "force": ["3 N", "-2 N", "5 N"], "axes": "b2"},
+        "band": {"kind": "point_spring", "between": ["a2", "b2"], "stiffness": "40 N/m", "damping": "2 N*s/m"},
+        "coil": {"kind": "joint_spring", "joint": "elbow_b", "stiffness": "3 N*m/rad"},
+    }
+    problem = {"kind": "forward", "motion": {"waist": HELD, **OTHER_ARM}, "loads": loads}
+    found = assert_unchanged(scene(problem, "joint.elbow_a.acceleration", "power.band", accuracy=RK4))
+    assert found == {"waist": "locked", "elbow_b": "locked"}, "an arm that pulls another is not dropped"
+
+
+def test_reactions_of_the_part_are_those_of_the_whole(scene):
+    """A force on a body that is locked acts on what carries it."""
+    loads = {"push": {"kind": "wrench", "point": "hand", "force": ["3 N", "-2 N", "5 N"], "axes": "hand"}}
+    asked = scene({**inverse(waist=MOVES), "loads": loads}, "joint.shoulder_a.effort")
+    solved, whole = asked.scene.solve(asked.content.accuracy, lambda *at: nullcontext())
+    assert len(solved.rows.mechanism.joints) == 4
+    for axis in "xyz":
+        for name in (f"joint.shoulder_a.force.{axis}", f"joint.shoulder_a.moment.{axis}"):
+            np.testing.assert_allclose(Quantities(solved.rows)[name], Quantities(whole.rows)[name], rtol=0, atol=1e-12)
+
+
+def test_states_hold_what_has_no_velocity(scene):
+    hold = {name: "0.3 rad" for name in LAWS}
+    problem = {
+        "kind": "state",
+        "hold": hold,
+        "velocity": {"elbow_b": "2 rad/s"},
+        "acceleration": {"waist": "1 rad/s^2"},
+    }
+    found = assert_unchanged(scene(problem, "joint.shoulder_a.effort"))
+    assert found == {"elbow_a": "locked", "shoulder_b": "locked"}
+
+
+def test_a_range_is_never_removed(scene):
+    hold = {name: "0.3 rad" for name in LAWS if name != "elbow_b"}
+    over = {"elbow_b": {"from": "0 rad", "to": "1 rad", "samples": 5}}
+    found = assert_unchanged(scene({"kind": "statics", "hold": hold, "over": over}, "joint.shoulder_a.effort"))
+    assert found == {"waist": "locked", "elbow_a": "locked", "shoulder_b": "locked"}
+
+
+def test_joints_with_events_stay(scene):
+    events = {"far": {"when": "shoulder_b", "reaches": "0.5 rad"}}
+    problem = {"kind": "forward", "motion": {"waist": HELD, **OTHER_ARM}, "events": events}
+    asked = scene(problem, "event.far.time", accuracy=RK4)
+    assert assert_unchanged(asked) == {"waist": "locked", "elbow_b": "locked"}
+    assert asked.run()["event.far.count"].values[0] == 1.0
+
+
+def test_drives_elsewhere_than_at_what_is_held_leave_everything(scene):
+    sums = {"reach": {"kind": "sum", "of": ["shoulder_a", "elbow_a"]}}
+    problem = {**inverse(), "drives": ["waist", "reach", "elbow_a", "shoulder_b", "elbow_b"]}
+    assert assert_unchanged(scene(problem, "joint.shoulder_a.effort", model=ALL_LEVEL, coordinates=sums)) == {}
+
+
+def test_drives_along_tasks_load_every_joint_before_the_hand(scene):
+    hand = {"height": {"kind": "point", "point": "hand", "along": "z"}}
+    motion = {**LAWS, "height": {"law": "cycloidal", "from": "1.1 m", "to": "1.05 m", "duration": "1 s"}}
+    del motion["shoulder_a"]
+    problem = {"kind": "inverse", "motion": motion, "drives": list(motion), "start": {"shoulder_a": "0.5 rad"}}
+    found = assert_unchanged(scene(problem, "coordinate.height.effort", coordinates=hand))
+    assert found == {}
+
+
+def test_gears_that_leave_drives_along_sums_stay(scene):
+    sums = {"reach": {"kind": "sum", "of": ["waist", "shoulder_a"]}}
+    motion = {"waist": MOVES, "reach": MOVES, "shoulder_b": MOVES, "elbow_a": HELD}
+    asked = scene(
+        {"kind": "inverse", "motion": motion}, "joint.shoulder_a.effort", model=ALL_LEVEL, coordinates=sums, **GEARED
+    )
+    assert assert_unchanged(asked) == {}
+
+
+def test_what_is_wrong_is_told_of_the_whole_mechanism(scene):
+    """The part has fewer joints to speak of."""
+    hand = {"height": {"kind": "point", "point": "hand", "along": "z"}}
+    motion = {**LAWS, "height": {"law": "constant", "value": "9 m"}}
+    del motion["shoulder_a"]
+    asked = scene({"kind": "inverse", "motion": motion}, "t", coordinates=hand)
+    assert asked.scene.part
+    said = []
+    for scenario in (asked, asked.varied({"modelled": "whole"})):
+        with pytest.raises(PinarmError, match="out of reach") as caught:
+            scenario.run()
+        said.append(str(caught.value))
+    assert said[0] == said[1]
+
+
+def test_partial_results_are_those_of_the_whole_mechanism(scene):
+    problem = {"kind": "forward", "motion": {"waist": HELD, **OTHER_ARM}}
+    asked = scene(problem, "shoulder_a", accuracy={"max_steps": 12})
+    with pytest.raises(PinarmError) as caught:
+        asked.run()
+    kept = caught.value.partial.trajectory
+    assert kept.q.shape == (len(kept), 5)
+    np.testing.assert_array_equal(kept.q[:, 0], 0.3)
+
+
+def test_a_body_left_out_that_matters_is_noticed(scene):
+    """The comparison of these tests sees it: the other arm loads the trunk that both hang on."""
+    asked = scene(inverse(waist=MOVES), "joint.waist.effort")
+    mechanism, problem = asked.mechanism, asked.problem
+    laws = {mechanism.joints[name].v: problem.motion[name] for name in ("shoulder_b", "elbow_b")}
+    part = ReducedMechanism(mechanism, mechanism.forces, Removed({}, laws), np.array([], dtype=int))
+    kept = {name: law for name, law in problem.motion.items() if not name.endswith("_b")}
+    wrong = Scene(problem, mechanism, msgspec.structs.replace(problem, motion=kept), part)
+    right = asked.run()
+    asked.__dict__["scene"] = wrong
+    with pytest.raises(AssertionError, match="tau"):
+        assert_same(asked.run(), right)
+
+
+def test_it_says_what_was_removed_and_why(scene, tmp_path):
+    asked = scene(inverse(), "joint.shoulder_a.effort")
+    result = asked.run()
+    said = {one["joint"]: (one["how"], one["why"]) for one in result.summary()["not solved for"]}
+    assert said["elbow_a"] == ("locked", "held at 0.3 rad")
+    assert said["elbow_b"] == ("dropped", "follows its law; nothing that is free, or asked as a force, depends on it")
+    assert "locked: joints waist, elbow_a (held still)" in report(result).splitlines()
+    told = str(explain(tmp_path / "scenario.yaml")).splitlines()
+    assert "solved for: 1 of 5 joints" in told
+    assert "  waist: locked, held at 0.3 rad" in told
+    again = restore(result.save(tmp_path / "result", plots=False))
+    assert again.removals == result.removals
+    assert_same(again, result)
+
+
+def test_results_of_the_whole_mechanism_say_nothing(scene):
+    result = scene(inverse(), "joint.shoulder_a.effort").varied({"modelled": "whole"}).run()
+    assert result.summary()["not solved for"] == []
+    assert "locked" not in report(result)
+
+
+def test_a_robot_with_one_arm_in_motion_is_that_arm(scene):
+    """Mass, centre and moments of what is locked stay: the arm's torques are those of the whole robot."""
+    joints = pinarm.Mechanism.load("talos", values={"base": "fixed"}).joints.values()
+    motion = {one.name: dict(MOVES) if "arm_right" in one.name else {"law": "constant", "value": f"0.1 {one.unit}"}
+              for one in joints if "gripper" not in one.name}  # fmt: skip
+    motion |= {one.name: {"law": "constant", "value": f"0.1 {one.unit}"} for one in joints if "gripper" in one.name}
+    asked = scene({"kind": "inverse", "motion": motion}, "joint.arm_right_1_joint.effort", robot="talos", base="fixed")
+    found = assert_unchanged(asked)
+    assert len(found) == len(joints) - 7
+    assert set(found.values()) == {"locked"}

@@ -1,0 +1,88 @@
+"""What simplification knows of a problem, for every kind and every field: none is forgotten where one is added."""
+
+import types
+from typing import Any, get_args, get_type_hints
+
+import msgspec
+import pytest
+
+from pinarm.input.yaml.schema import Level, Rate, SecondRate
+from pinarm.mechanics.forces import Force
+from pinarm.mechanics.laws import Constant, Motion
+from pinarm.problems import KINDS, Problem, problem_class
+from pinarm.problems.events import EndStop, Event
+from pinarm.problems.forward import InitialState
+from pinarm.problems.states import Range
+from pinarm.problems.time_grid import TimeGrid
+
+MADE = {
+    Level: 0.5, Rate: 0.5, SecondRate: 0.5, Range: Range(start=0.0, end=1.0), Event: Event(when="joint", reaches=1.0),
+    EndStop: EndStop(lower=0.0),
+}  # fmt: skip
+"""A value of every type that stands by the name of a coordinate, or of an event of one."""
+
+NO_NAMES = {TimeGrid: TimeGrid(end=1.0), InitialState: InitialState()}
+"""Values of fields that name no coordinate that can be removed: initial values of coordinates with laws are refused."""
+
+
+def value_of(field: Any, *names: str) -> Any:
+    """A value of a field that names coordinates; a type that this test does not know makes it fail."""
+    if field in NO_NAMES:
+        return NO_NAMES[field]
+    arguments = get_args(field)
+    assert arguments, f"{field}: say in this test what such a field holds"
+    if field == list[str]:
+        return list(names)
+    if field == list[dict[str, Level]]:
+        return [dict.fromkeys(names, 0.5)]
+    kind = arguments[1]
+    if kind in MADE:
+        return dict.fromkeys(names, MADE[kind])
+    assert kind in (Motion, Force), f"{kind}: say in this test what such a field holds"
+    return dict.fromkeys(names, Constant(value=0.5)) if kind == Motion else {}
+
+
+def fields_of(kind: str) -> dict[str, Any]:
+    """The fields of a kind of problem with their types, as they are without ``Annotated``."""
+    hints = get_type_hints(problem_class(kind))
+    return {name: hints[name] for name in problem_class(kind).__struct_fields__}
+
+
+def naming(kind: str, name: str) -> Any:
+    """A problem in which one field names a joint; what has no default names another one."""
+    fields = fields_of(kind)
+    required = [f.name for f in msgspec.structs.fields(problem_class(kind)) if f.required]
+    names = ["joint"] if name == "over" else ["joint", "other"]  # one is swept at most
+    given = {each: value_of(fields[each], "other") for each in required}
+    return problem_class(kind)(**{**given, name: value_of(fields[name], *names)})
+
+
+FIELDS = [(kind, name) for kind in KINDS for name in fields_of(kind)]
+DECLARED = [(kind, name) for kind, name in FIELDS if kind != "equilibria"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_is_a_problem(kind: str) -> None:
+    members = {name for name, member in vars(Problem).items() if isinstance(member, types.FunctionType | property)}
+    assert {name for name in members if not name.startswith("_")} >= {"declaration", "prepare", "solve"}
+    assert all(hasattr(problem_class(kind), name) for name in members if not name.startswith("_"))
+
+
+@pytest.mark.parametrize(("kind", "name"), DECLARED)
+def test_what_is_said_of_a_removed_coordinate_is_left_out(kind: str, name: str) -> None:
+    """Of what is swept or watched nothing is: its coordinate is never removed."""
+    problem = naming(kind, name)
+    declared = problem.declaration()
+    if {"joint"} & {*declared.moved, *declared.watched} or name == "end_stops":
+        return
+    assert "joint" not in str(msgspec.to_builtins(declared.without({"joint"}), enc_hook=float))
+
+
+@pytest.mark.parametrize(("kind", "name"), DECLARED)
+def test_a_coordinate_that_is_imposed_or_watched_is_declared(kind: str, name: str) -> None:
+    """A rough start, and rates of what is held elsewhere, impose nothing."""
+    problem = naming(kind, name)
+    declared = problem.declaration()
+    said = "joint" in str(msgspec.to_builtins(getattr(problem, name), enc_hook=float))
+    known = {*declared.imposed, *declared.watched, *declared.drives, *declared.loads}
+    assert ("joint" in known) == (said and name not in ("start", "velocity", "acceleration", "end_stops"))

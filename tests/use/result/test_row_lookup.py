@@ -1,0 +1,122 @@
+"""Where a quantity is asked: instants, crossings, sides of a jump, extremes; all solved, none interpolated.
+
+The trapezoid from 0 to 1 rad at 1 rad/s^2 turns round at t = 1 s and ends at 2 s; M = 2.5 a + 20 sin(alpha), as the
+inertia about the pivot is 0.5 + 2 kg m^2. On the sweep from 0 to 180 deg in 8 samples no sample is at 90 deg.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from pinarm.errors import InputError
+from pinarm.use.result.row_lookup import at
+
+ROUNDING = 1e-13
+"""Relative: a few operations on numbers of double precision."""
+
+
+@pytest.fixture
+def ask(scenario: Callable[..., Any]) -> Callable[..., float]:
+    def asked(kind: str, where: Any, name: str) -> float:
+        [value] = at(scenario(kind).run(), where, name)[name].values
+        return float(value)
+
+    return asked
+
+
+@pytest.mark.parametrize(
+    ("kind", "where", "name", "value"),
+    [
+        ("inverse", {"t": "0.3 s"}, "alpha", 0.045), ("inverse", {"t": "300 ms"}, "alpha", 0.045),
+        ("inverse", {"t": "1 s"}, "alpha", 0.5), ("inverse", {"t": 0}, "alpha", 0.0),
+        ("inverse", "start", "alpha", 0.0),
+        ("inverse", "end", "alpha", 1.0), ("inverse", {"t": "2 s"}, "alpha", 1.0),
+        ("inverse", {"t": "1 s", "side": "left"}, "M", 2.5 + 20 * math.sin(0.5)),
+        ("inverse", {"t": "1 s", "side": "right"}, "M", -2.5 + 20 * math.sin(0.5)),
+        ("inverse", {"t": "0.9 s", "side": "right"}, "M", 2.5 + 20 * math.sin(0.405)),
+        ("inverse", {"alpha": "0.125 rad"}, "t", 0.5), ("inverse", {"alpha": "0.875 rad"}, "t", 1.5),
+        ("inverse", {"joint.pivot.velocity": "0.5 rad/s", "occurrence": 1}, "t", 0.5),
+        ("inverse", {"joint.pivot.velocity": "0.5 rad/s", "occurrence": 2}, "t", 1.5),
+        ("statics", {"pivot": "30 deg"}, "M", 10.0),
+        ("statics", {"pivot": "10 deg"}, "M", 20 * math.sin(math.radians(10))),
+        ("statics", {"M": "10 N*m", "occurrence": 1}, "alpha", math.pi / 6),
+        ("statics", {"M": "10 N*m", "occurrence": 2}, "alpha", 5 * math.pi / 6),
+        ("statics", "max", "M", 20.0), ("statics", "largest", "M", 20.0), ("statics", "min", "-M", -20.0),
+    ],
+)  # fmt: skip
+def test_places(ask: Callable[..., float], kind: str, where: Any, name: str, value: float) -> None:
+    assert ask(kind, where, name) == pytest.approx(value, rel=ROUNDING, abs=1e-15)
+
+
+@pytest.mark.parametrize(("which", "sign"), [("max", 1), ("min", -1), ("largest", 1), ("largest", -1)])
+def test_an_extreme_is_found_between_the_samples(ask: Callable[..., float], which: str, sign: int) -> None:
+    """sin(a) + 0.2 a has its maximum at cos(a) = -0.2: its value is exact, its place known to half of the digits."""
+    place = math.acos(-0.2)
+    top = math.sin(place) + 0.2 * place
+    formula = f"{sign}*(sin(alpha) + 0.2*alpha)"
+    assert ask("statics", which, formula) == pytest.approx(sign * top, rel=ROUNDING)
+
+
+def test_the_row_of_an_extreme_answers_other_questions_too(scenario: Callable[..., Any]) -> None:
+    row = at(scenario("statics").run(), "max", "M")
+    assert row["alpha"].values == pytest.approx([math.pi / 2], abs=1e-7)  # a flat top: sqrt(eps) in its place
+
+
+def test_an_extreme_at_the_end_of_the_run(ask: Callable[..., float]) -> None:
+    assert ask("statics", "max", "alpha") == pytest.approx(math.pi, rel=1e-15)
+    assert ask("statics", "min", "alpha") == 0.0
+
+
+def test_an_extreme_beside_a_jump_is_that_of_its_side(ask: Callable[..., float]) -> None:
+    """M grows to 2.5 + 20 sin(1/2) just before t = 1 s; its maximum is at the end, where it is 20 sin(1) - 2.5."""
+    assert ask("inverse", "max", "M") == pytest.approx(20 * math.sin(1.0) - 2.5, rel=ROUNDING)
+    jump = ask("inverse", "max", "joint.pivot.acceleration")
+    assert jump == 1.0
+    assert ask("inverse", "min", "joint.pivot.acceleration") == -1.0
+
+
+def test_forward_motion_is_asked_of_the_dense_output(ask: Callable[..., float]) -> None:
+    """The pendulum released at 30 deg swings as far to the other side; energy 1e-9 a step gives 1e-8 in the angle."""
+    assert ask("forward", "min", "alpha") == pytest.approx(-math.pi / 6, abs=1e-8)
+    first, _, third = (ask("forward", {"alpha": "0 rad", "occurrence": n}, "t") for n in (1, 2, 3))
+    period = third - first
+    k = math.sin(math.pi / 12)
+    a, b = 1.0, math.sqrt(1 - k * k)
+    while a - b > 1e-15:
+        a, b = (a + b) / 2, math.sqrt(a * b)
+    assert period == pytest.approx(2 * math.pi * math.sqrt(2.5 / 20) / a, rel=1e-8)  # the mean of Gauss; see above
+
+
+@pytest.mark.parametrize(
+    ("kind", "where", "name", "says"),
+    [
+        ("inverse", {"t": "3 s"}, "M", "t = 3 s is not reached"), ("inverse", {"t": "-1 s"}, "M", "not reached"),
+        ("statics", {"M": "21 N*m"}, "alpha", "not reached"),
+        ("statics", {"M": "10 N*m"}, "alpha", "reached 2 times"),
+        ("statics", {"M": "10 N*m", "occurrence": 3}, "alpha", "2 times only"),
+        ("inverse", {"t": "1 s"}, "M", "M jumps at t = 1 s"),
+        ("inverse", {"t": "1 s", "side": "centre"}, "M", "no side 'centre'"),
+        ("inverse", {"t": "1 s", "alpha": "0 rad"}, "M", "one coordinate"),
+        ("inverse", {"side": "left"}, "M", "one coordinate"),
+        ("inverse", {}, "M", "one coordinate"), ("inverse", {"t": "1 m"}, "M", "not a unit"),
+        ("inverse", {"t": 1.0}, "M", "no unit"), ("inverse", {"t": "1"}, "M", "no unit"),
+        ("inverse", {"alpa": "1 rad"}, "M", "no quantity 'alpa'"), ("inverse", {"t": math.nan}, "M", ""),
+        ("statics", {"M": "10 N*m", "occurrence": 0}, "alpha", ""),
+        ("statics", {"M": "10 N*m", "occurrence": -1}, "alpha", ""),
+        ("statics", {"M": "10 N*m", "occurrence": 1.7}, "alpha", ""),
+        ("statics", {"M": "10 N*m", "occurrence": "first"}, "alpha", ""),
+        ("statics", "max", "M*sqrt(-1 - alpha)", ""),
+    ],
+)  # fmt: skip
+def test_places_that_do_not_exist(ask: Callable[..., float], kind: str, where: Any, name: str, says: str) -> None:
+    with pytest.raises(InputError) as caught:
+        ask(kind, where, name)
+    assert says in str(caught.value)
+
+
+def test_a_coordinate_that_stays_at_its_value_is_not_searched_at_length(scenario: Callable[..., Any]) -> None:
+    run = scenario("statics").run()
+    with pytest.raises(InputError, match="reached"):
+        at(run, {"joint.pivot.velocity": "0 rad/s"}, "M")

@@ -1,0 +1,118 @@
+"""A result read back from its folder is the result."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.errors import InputError
+from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.use.store.restore import restore
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["gen411_arm_static", "gen411_arm_equilibria", "exoskeleton_leg_guided_knee", "manipulator_pressure",
+     "magic_arms_kinematics", "gyroscope_free", "manipulator_operator"],
+)  # fmt: skip
+def test_every_number_comes_back(tmp_path: Path, name: str) -> None:
+    """Outputs, multipliers and figures, and what is asked only now: to the last bit."""
+    result = pinarm.load(ROOT / "scenarios" / f"{name}.yaml").run()
+    again = restore(result.save(tmp_path / "elsewhere", plots=False))
+    assert again.figures == result.figures
+    assert again.summary() == {**result.summary(), "input": again.digest()}
+    assert again.trajectory.grid.cuts == result.trajectory.grid.cuts
+    links = [frame.name for frame in result.trajectory.mechanism.model.frames if "BODY" in str(frame.type)]
+    for asked in (*result.content.outputs, f"point.{links[-1]}.acceleration.norm", "momentum.all.angular.z"):
+        assert np.array_equal(again[asked].values, result[asked].values)
+        assert again[asked].label == result[asked].label
+    assert np.array_equal(again.trajectory.lam, result.trajectory.lam)
+
+
+def test_estimates_of_the_error_come_back(tmp_path: Path) -> None:
+    result = pinarm.load(ROOT / "scenarios" / "gen411_arm_static.yaml").verified()
+    again = restore(result.save(tmp_path / "elsewhere", plots=False))
+    assert again.errors == result.errors != {}
+    assert again.setting == result.setting
+    assert again.summary() == {**result.summary(), "input": again.digest()}
+
+
+def test_it_needs_nothing_outside_of_the_folder(scenario: Callable[..., Any], folder: Path, tmp_path: Path) -> None:
+    result = scenario("inverse").run()
+    saved = result.save(folder / "out", plots=False)
+    for file in ("pendulum.urdf", "pendulum.yaml", "inverse.yaml"):
+        (folder / file).unlink()
+    again = restore(saved)
+    assert np.array_equal(again["drive.motor.torque"].values, result["drive.motor.torque"].values)
+    assert np.array_equal(again["M"].values, result["M"].values)
+
+
+def test_other_instants_are_solved_anew(scenario: Callable[..., Any], folder: Path) -> None:
+    result = scenario("forward").run()
+    again = restore(result.save(folder / "out", plots=False))
+    grid = Grid(np.array([1.234]), (0.0, 5.0), (0, 1))
+    assert np.array_equal(again.outcome.motion.at(grid).q, result.outcome.motion.at(grid).q)
+
+
+def test_a_partial_result_comes_back(scenario: Callable[..., Any], folder: Path) -> None:
+    saved = scenario("inverse").run().save(folder / "out" / "partial", plots=False)
+    assert len(restore(saved)) > 9
+
+
+@pytest.mark.parametrize(
+    ("file", "content"),
+    [
+        ("summary.json", "{}"), ("summary.json", "["), ("trajectory.npz", "no archive"), ("scenario.yaml", "pinarm: 2"),
+        ("summary.json", '{"accuracy": {"a": "b"}, "cost": {}, "findings": {}, "scenario": "a", "notes": []}'),
+        ("model.urdf", "<robot/>"), ("mechanism.yaml", "pinarm: 1\nrobot: model.urdf\nloops: []"),
+    ],
+)  # fmt: skip
+def test_a_damaged_folder_is_refused(scenario: Callable[..., Any], folder: Path, file: str, content: str) -> None:
+    saved = scenario("inverse").run().save(folder / "out", plots=False)
+    (saved / file).write_text(content)
+    with pytest.raises(pinarm.PinarmError):
+        restore(saved)
+
+
+def test_states_of_another_model_are_refused(scenario: Callable[..., Any], folder: Path) -> None:
+    one = scenario("inverse").run().save(folder / "one", plots=False)
+    other = pinarm.load(ROOT / "scenarios" / "gen411_arm_static.yaml").run().save(folder / "two", plots=False)
+    (one / "trajectory.npz").write_bytes((other / "trajectory.npz").read_bytes())
+    with pytest.raises(InputError, match="not those of its model"):
+        restore(one)
+
+
+MJCF = """<mujoco><option gravity="0 0 -4"/><worldbody><body name="rod" pos="0 0 1"><joint name="pin" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 0 0 -1" size="0.05"/></body></worldbody></mujoco>"""
+
+
+def test_other_kinds_of_models_and_bases_come_back(tmp_path: Path) -> None:
+    """MJCF with a gravity of its own, and a robot by name, which floats."""
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "rod.xml").write_text(MJCF)
+    forward = "problem: {kind: forward, time: {end: 0.1 s, samples: 5}}\n"
+    for mechanism, output in (("rod.xml", "joint.pin.acceleration"), ("iris", "root.z")):
+        (tmp_path / "s.yaml").write_text(f"pinarm: 1\nmechanism: {mechanism}\n{forward}outputs: [{output}]\n")
+        result = pinarm.load(tmp_path / "s.yaml").run()
+        again = restore(result.save(tmp_path / "out", plots=False))
+        assert np.array_equal(again["energy.total"].values, result["energy.total"].values)
+        assert np.array_equal(again["momentum.all.linear.z"].values, result["momentum.all.linear.z"].values)
+        assert again.replay().html == result.replay().html
+
+
+def test_relative_meshes_are_found_from_the_folder(folder: Path, scenario: Callable[..., Any]) -> None:
+    (folder / "meshes").mkdir()
+    (folder / "meshes" / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    urdf = (folder / "pendulum.urdf").read_text()
+    visual = '<visual><geometry><mesh filename="meshes/a.obj"/></geometry></visual>'
+    (folder / "pendulum.urdf").write_text(urdf.replace('<link name="rod">', f'<link name="rod">{visual}'))
+    result = scenario("statics").run()
+    saved = result.save(folder / "deep" / "er" / "out", plots=False)
+    page = restore(saved).replay()
+    assert page.notes == ()
+    assert page.html == result.replay().html

@@ -1,0 +1,235 @@
+"""A result as files: the same bytes each time, every digit, nothing that a reader could be tricked by."""
+
+import csv as csv_reader
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.engine.series import Series
+from pinarm.errors import InputError
+from pinarm.use.store.save import csv
+
+
+def text_of(columns: list[Series]) -> str:
+    return b"".join(csv(columns)).decode()
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(file.relative_to(folder)): file.read_bytes() for file in sorted(folder.rglob("*")) if file.is_file()}
+
+
+@pytest.mark.parametrize("kind", ["statics", "inverse", "forward"])
+def test_the_same_input_gives_the_same_bytes(scenario: Callable[..., Any], folder: Path, kind: str) -> None:
+    one = contents(scenario(kind).run().save(folder / "one"))
+    other = contents(scenario(kind).run().save(folder / "two"))
+    assert set(one) >= {"scenario.yaml", "model.urdf", "summary.json", "trajectory.csv", "trajectory.npz"}
+    assert any(name.startswith("plots/") for name in one)
+    assert one == other
+
+
+@pytest.mark.parametrize("kind", ["statics", "inverse", "forward"])
+def test_the_resolved_scenario_gives_the_same_numbers(scenario: Callable[..., Any], folder: Path, kind: str) -> None:
+    first = scenario(kind).run().save(folder / "results" / "one", plots=False)
+    again = pinarm.load(first / "scenario.yaml").run().save(folder / "results" / "deeper" / "two", plots=False)
+    third = pinarm.load(again / "scenario.yaml").run().save(folder / "three", plots=False)
+    for name in ("trajectory.csv", "trajectory.npz", "model.urdf"):
+        assert (first / name).read_bytes() == (again / name).read_bytes() == (third / name).read_bytes()
+
+
+def test_an_override_is_in_the_resolved_scenario(scenario: Callable[..., Any], folder: Path) -> None:
+    scenario("inverse")
+    changed = pinarm.load(folder / "inverse.yaml", ["problem.motion.pivot.to=0.25 rad"])
+    again = pinarm.load(changed.run().save(folder / "out", plots=False) / "scenario.yaml")
+    assert again.run()["alpha"].values[-1] == 0.25
+
+
+def test_arguments_in_other_units_than_si_stay_what_they_are(tmp_path: Path) -> None:
+    """30 deg are told as 0.52 rad, not as 0.52 deg: in the table, in the summary and in the resolved scenario."""
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "rod.urdf.xacro").write_text(
+        '<robot name="rod" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="tilt" default="0"/>'
+        '<xacro:arg name="L" default="1"/><link name="base"/><link name="rod"><inertial><origin xyz="$(arg L) 0 0"/>'
+        '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="pin" type="continuous"><parent link="base"/><child link="rod"/><origin rpy="0 $(arg tilt) 0"/>'
+        '<axis xyz="0 1 0"/></joint></robot>'
+    )
+    (tmp_path / "rod.yaml").write_text("pinarm: 1\nrobot: rod.urdf.xacro\narguments: {tilt: deg, L: mm}\n")
+    (tmp_path / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: rod.yaml\narguments: {tilt: 60 deg, L: 400 mm}\n"
+        "problem: {kind: statics, hold: {pin: 0 deg}}\noutputs: [joint.pin.effort, tilt, L]\n"
+    )
+    saved = pinarm.load(tmp_path / "s.yaml").run().save(tmp_path / "out", plots=False)
+    again = pinarm.load(saved / "scenario.yaml").run()
+    assert again["joint.pin.effort"].values == pytest.approx([-9.81 * 0.4 * 0.5], rel=1e-12)
+    assert [again[name].label for name in ("tilt", "L")] == ["tilt [rad]", "L [m]"]
+    summary = json.loads((saved / "summary.json").read_text())
+    assert summary["arguments"]["L"] == {"value": 0.4, "unit": "m"}
+
+
+def test_csv_keeps_every_digit(scenario: Callable[..., Any], folder: Path) -> None:
+    result = scenario("forward").run()
+    text = (result.save(folder / "out", plots=False) / "trajectory.csv").read_text(encoding="utf-8")
+    head, *rows = csv_reader.reader(io.StringIO(text))
+    assert head == ["t [s]", "alpha [rad]", "energy.total [J]"]
+    read = np.array(rows, float)
+    assert all(np.array_equal(read[:, i], series.values) for i, series in enumerate(result.columns()))
+
+
+@pytest.mark.parametrize("name", ["=cmd|' /C calc'!A0", "+1+1", "-2*alpha", "@SUM(A1)", "\t=1", "\r=1"])
+def test_csv_has_no_cell_that_a_spreadsheet_would_run(name: str) -> None:
+    [head, _] = csv_reader.reader(io.StringIO(text_of([Series(name, None, np.zeros(1))]), newline=""))
+    assert len(head) == 1
+    assert head[0][0] not in "=+-@\t\r"
+    assert name.strip() in head[0]
+
+
+def test_csv_keeps_numbers_of_every_size_to_the_last_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of every exponent, those that decimals hit hardest, and what is no number; cut in pieces of any length."""
+    bits = np.random.default_rng(5).integers(0, 2**64, size=20_000, dtype=np.uint64)
+    hard = [0.1, 1 / 3, 5e-324, 2.2250738585072014e-308, 1.7976931348623157e308, 1e16, 9007199254740993.0, -0.0]
+    values = np.concatenate([bits.view(float), hard])
+    for chunk in (7, 50_000):
+        monkeypatch.setattr("pinarm.use.store.save.CHUNK", chunk)
+        for part in (values, values[np.isfinite(values)]):
+            head, *lines = text_of([Series("x", None, part), Series("y", None, -part)]).splitlines()
+            read = np.array([line.split(",") for line in lines], float)
+            assert head == "x [?],y [?]"
+            for column, expected in ((read[:, 0], part), (read[:, 1], -part)):
+                same = column.view(np.uint64) == expected.view(np.uint64)
+                assert (same | np.isnan(column) & np.isnan(expected)).all()
+
+
+@pytest.mark.parametrize("name", ["a,b", 'a"b', "a\nb", "max(alpha, 1)", 'x"",y'])
+def test_csv_quotes_what_must_be(name: str) -> None:
+    series = [Series(name, None, np.array([1.0, 2.0])), Series("z", None, np.zeros(2))]
+    rows = list(csv_reader.reader(io.StringIO(text_of(series), newline="")))
+    assert [len(row) for row in rows] == [2, 2, 2]
+    assert rows[0][0] == f"{name} [?]"
+
+
+def test_npz_needs_no_pickle_and_says_its_units(scenario: Callable[..., Any], folder: Path) -> None:
+    result = scenario("inverse").run()
+    with np.load(result.save(folder / "out", plots=False) / "trajectory.npz", allow_pickle=False) as arrays:
+        assert np.array_equal(arrays["M"], result["M"].values)
+        assert all(np.array_equal(arrays[f"state.{x}"], getattr(result.trajectory, x)) for x in ("q", "v", "a", "tau"))
+        assert arrays["state.units"].tolist() == [["t", "s"], ["M", "N*m"], ["alpha", "rad"]]
+
+
+@pytest.mark.parametrize(
+    "name", ["q", "state.q", "state.tau", "state.units", "file", "allow_pickle", "self", "../up", "a/b", ""]
+)
+def test_npz_keeps_an_output_whatever_its_name(scenario: Callable[..., Any], folder: Path, name: str) -> None:
+    """Or the name is refused; it must not be lost behind an array of the same name."""
+    try:
+        result = scenario("statics", f'symbols: {{"{name}": 7*alpha}}\n', ("[M,", f'["{name}", M,')).run()
+        saved = result.save(folder / "out", plots=False)
+    except InputError:
+        return
+    with np.load(saved / "trajectory.npz", allow_pickle=False) as arrays:
+        wanted = result["7*alpha"].values
+        assert any(a.shape == wanted.shape and np.array_equal(a, wanted) for a in (arrays[key] for key in arrays.files))
+    assert set(contents(folder)) - {f"out/{path}" for path in contents(saved)} <= {
+        ".pinarm-root", "pendulum.urdf", "pendulum.yaml", "statics.yaml",
+    }  # fmt: skip
+
+
+def test_the_summary_is_json(scenario: Callable[..., Any], folder: Path) -> None:
+    summary = json.loads((scenario("forward").run().save(folder / "out", plots=False) / "summary.json").read_text())
+    assert summary["scenario"] == "forward"
+    assert summary["accuracy"]["energy"] < 1e-7  # a hundred times the tolerance of a step
+
+
+def test_text_of_all_languages_can_be_written(scenario: Callable[..., Any], folder: Path) -> None:
+    saved = scenario("inverse", "title: Größe 力 \U0001f600\n").run().save(folder / "out", plots=False)
+    assert pinarm.load(saved / "scenario.yaml").content.title == "Größe 力 \U0001f600"
+
+
+@pytest.mark.parametrize("name", ["scenario.yaml", "model.urdf"])
+def test_the_input_is_never_overwritten(scenario: Callable[..., Any], folder: Path, name: str) -> None:
+    """``-o .`` in the folder of the input: the scenario.yaml or model.urdf that stands there is the user's."""
+    scenario("inverse")
+    renamed = folder / name
+    (folder / ("inverse.yaml" if name == "scenario.yaml" else "pendulum.urdf")).rename(renamed)
+    if name == "model.urdf":
+        (folder / "pendulum.yaml").write_text((folder / "pendulum.yaml").read_text().replace("pendulum.urdf", name))
+    before = renamed.read_text()
+    run = pinarm.load(renamed if name == "scenario.yaml" else folder / "inverse.yaml").run()
+    with pytest.raises(InputError):
+        run.save(folder, plots=False)
+    assert renamed.read_text() == before
+
+
+def test_an_older_result_is_replaced(scenario: Callable[..., Any], folder: Path) -> None:
+    scenario("inverse").run().save(folder / "out")
+    saved = scenario("inverse", "gravity: none\n").run().save(folder / "out")
+    assert json.loads((saved / "summary.json").read_text())["outputs"]["M"]["max"] == pytest.approx(2.5, rel=1e-12)
+
+
+def test_an_older_result_stays_where_the_new_one_cannot_be_told(
+    scenario: Callable[..., Any], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario("statics").run().save(folder / "out", plots=False)
+    before = contents(folder / "out")
+
+    def refuse(result: object) -> None:
+        raise InputError("no such column")
+
+    monkeypatch.setattr(pinarm.Result, "columns", refuse)
+    with pytest.raises(InputError, match="no such column"):
+        scenario("inverse").run().save(folder / "out", plots=False)
+    assert contents(folder / "out") == before
+
+
+def test_a_result_whose_writing_was_interrupted_is_replaced(
+    scenario: Callable[..., Any], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(file: Path, text: str) -> None:
+        if file.name == "mechanism.yaml":
+            raise KeyboardInterrupt
+        file.write_text(text)
+
+    with monkeypatch.context() as during, pytest.raises(KeyboardInterrupt):
+        during.setattr("pinarm.use.store.save.write", interrupt)
+        scenario("statics").run().save(folder / "out", plots=False)
+    assert "trajectory.csv" in contents(scenario("statics").run().save(folder / "out", plots=False))
+
+
+def test_what_an_older_result_left_is_not_taken_for_the_new_one(scenario: Callable[..., Any], folder: Path) -> None:
+    scenario("inverse").run().save(folder / "out")
+    saved = scenario("inverse", "gravity: none\n").run().save(folder / "out", plots=False)
+    assert not list(saved.rglob("*.png"))
+
+
+def test_a_folder_that_cannot_be_written(scenario: Callable[..., Any], folder: Path) -> None:
+    (folder / "file").touch()
+    for target in (folder / "file", folder / "file" / "below", Path("/proc/nothing")):
+        with pytest.raises(InputError, match="cannot be written"):
+            scenario("inverse").run().save(target)
+
+
+def test_a_saved_scenario_finds_its_table_again(tmp_path: Path) -> None:
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "t.csv").write_text("t [s],angle [deg]\n0,0\n1,30\n2,0\n")
+    (tmp_path / "in" / "rod.urdf").write_text(
+        '<robot name="rod"><link name="base"/><link name="rod">'
+        '<inertial><origin xyz="0 0 -0.5"/><mass value="1"/>'
+        '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="pin" type="continuous"><parent link="base"/><child link="rod"/>'
+        '<axis xyz="0 1 0"/></joint></robot>'
+    )
+    (tmp_path / "in" / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: rod.urdf\nproblem: {kind: inverse, time: {end: 2 s, samples: 5}, "
+        "motion: {pin: {law: table, file: t.csv}}}\noutputs: [joint.pin.effort]\n"
+    )
+    first = pinarm.load(tmp_path / "in" / "s.yaml").run()
+    first.save(tmp_path / "out", plots=False)
+    again = pinarm.load(tmp_path / "out" / "scenario.yaml").run()
+    assert again["joint.pin.effort"].values == pytest.approx(first["joint.pin.effort"].values, abs=1e-14)
+    assert np.ptp(first["joint.pin.effort"].values) > 0.1

@@ -1,0 +1,197 @@
+"""What a result says of its global error: of all scenarios against tight solutions and closed forms."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.cli.main import main
+from pinarm.errors import NumericsError
+from pinarm.use.study.accuracy import tolerance_search as target_search
+from pinarm.use.study.accuracy.error_estimate import estimate_errors, output_differences, output_scales
+from pinarm.use.study.accuracy.integration_settings import with_setting
+from pinarm.use.study.accuracy.tolerance_search import _ordered
+
+ROOT = Path(__file__).parents[4]
+FILES = sorted((ROOT / "scenarios").glob("*.yaml"))
+
+
+def kind(path):
+    return pinarm.load(path).problem.kind
+
+
+FORWARD = [path for path in FILES if kind(path) == "forward"]
+
+
+HEAVY = {"forty_four_bars_equal_rods"}
+"""Takes minutes; two of its bars stand in another scenario."""
+
+
+def reference_solution(scenario):
+    """The tightest solution that gets to the end, solved with other last digits."""
+    for tolerance in (1e-13, 1e-12, 1e-11):
+        try:
+            return with_setting(scenario, {"tolerance": tolerance}, 5_000, seed=77).solve()
+        except NumericsError:
+            continue
+    raise AssertionError("no reference")
+
+
+def integrated(path):
+    """Name, estimate and true error of every output at a loose and at a fair tolerance."""
+    scenario = pinarm.load(path)
+    exact, found = reference_solution(scenario), []
+    for tolerance in (1e-5, 1e-8):
+        loose = with_setting(scenario, {"tolerance": tolerance})
+        result = loose.solve()
+        errors, true = estimate_errors(loose, result)[0], output_differences(result, exact)
+        found += [(path.stem, name, errors[name], true[name]) for name in true]
+    return found
+
+
+def closed_form(path):
+    """Name, estimate and true error of the outputs whose closed form the answer key has, to rounding."""
+    scenario = pinarm.load(path)
+    result = scenario.solve()
+    errors, sizes, found = estimate_errors(scenario, result)[0], output_scales(result), []
+    for entry in scenario.content.expect:
+        if entry.quantity in errors and entry.formula and entry.at == "all" and (entry.rtol or 1.0) <= 1e-9:
+            true = np.abs(result[entry.quantity].values - result.quantities.figure(entry.formula)).max()
+            found.append((path.stem, entry.quantity, errors[entry.quantity], true / sizes[entry.quantity]))
+    return found
+
+
+def honest(rows):
+    """At least 95 % of true errors are below 10 estimates; in the median the estimate is below 30 true errors."""
+    worst = {}
+    for name, output, estimate, true in rows:
+        worst[name] = max(worst.get(name, (0.0,)), (true / estimate, output, estimate, true))
+    for name, (_, output, estimate, true) in worst.items():
+        print(f"{name:32s} {output:24s} estimate {estimate:.1e}, true {true:.1e}")
+    estimates, true = np.array([row[2:] for row in rows]).T
+    seen = true > 1e-13
+    below, ratio = (true <= 10 * estimates).mean(), np.median(estimates[seen] / true[seen]) if seen.any() else 1.0
+    print(f"{len(true)} outputs, {100 * below:.1f} % below 10 x the estimate; median of estimate/true {ratio:.2f}")
+    assert below >= 0.95
+    assert ratio < 30
+
+
+@pytest.mark.slow
+def test_errors_of_integrated_scenarios_are_told():
+    honest([row for path in FORWARD if path.stem not in HEAVY for row in integrated(path)])
+
+
+@pytest.mark.slow
+def test_errors_of_scenarios_with_closed_forms_are_told():
+    rows = [row for path in FILES if path not in FORWARD for row in closed_form(path)]
+    assert len(rows) > 60
+    honest(rows)
+
+
+DOUBLE_PENDULUM = """
+pinarm: 1
+mechanism: {model}
+problem:
+  kind: forward
+  time: {{end: 35 s, samples: 71}}
+  initial: {{position: {{O: 120 deg, B: 10 deg}}}}
+outputs: [joint.O.position, joint.B.velocity]
+accuracy: {{tolerance: 1e-11}}
+"""
+
+
+@pytest.fixture
+def chaos(tmp_path):
+    (tmp_path / ".pinarm-root").touch()
+    for file in (ROOT / "models" / "gen411_arm").iterdir():
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    (tmp_path / "chaos.yaml").write_text(DOUBLE_PENDULUM.format(model="mechanism.yaml"))
+    return pinarm.load(tmp_path / "chaos.yaml")
+
+
+def test_a_chaotic_motion_beyond_its_horizon_is_worth_nothing(chaos):
+    """Two rods in full swing for half a minute: no digit is left at any tolerance; a balanced energy tells nothing."""
+    result = chaos.verified()
+    assert result.figures["energy"] < 1e-8
+    assert result.error > 0.3
+
+
+@pytest.mark.slow
+def test_a_target_that_no_setting_reaches_is_missed_with_the_best_that_was(chaos, tmp_path, capsys):
+    status = main(["run", str(chaos.document.path), "--set", "accuracy={target: 1e-4}", "-o", str(tmp_path / "out"),
+                   "--no-plots", "--json"])  # fmt: skip
+    assert status == 1
+    assert (tmp_path / "out" / "trajectory.csv").is_file()
+    assert '"target reached": false' in capsys.readouterr().out
+
+
+def test_a_setting_that_misses_its_target_after_all_gives_way_to_the_next(chaos, monkeypatch):
+    """It is chosen by solutions of other last digits: that of the mechanism as it is may err a little more."""
+    tried, found = [], target_search._Search.result
+
+    def first_one_worse(search, wanted, number):
+        tried.append(found(search, wanted, number))
+        return replace(tried[-1], errors={"joint.O.position": 1.1e-6}) if len(tried) == 1 else tried[-1]
+
+    monkeypatch.setattr(target_search._Search, "result", first_one_worse)
+    result = chaos.varied({"problem.time.end": "1 s", "accuracy": {"target": 1e-6, "method": "dop853"}}).run()
+    assert result is tried[1]
+    assert not result.missed
+    assert result.figures["evaluations"] > tried[0].figures["evaluations"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("target", [1e-4, 1e-8])
+def test_the_setting_for_a_target_reaches_it_and_the_next_coarser_one_does_not(target):
+    path = ROOT / "scenarios" / "crank_rocker_free.yaml"
+    result = pinarm.load(path, [f"accuracy={{target: {target}}}"]).run()
+    scenario = pinarm.load(path)
+    exact = with_setting(scenario, {"tolerance": 1e-13}).solve()
+    assert max(output_differences(result, exact).values()) <= 1.5 * target
+    assert not result.missed
+    used = float(result.setting.split("tolerance ")[1].split(",")[0])
+    coarser = with_setting(scenario, {"tolerance": 10 * used}).solve()
+    assert max(output_differences(coarser, exact).values()) > target / 1.5
+
+
+@pytest.mark.parametrize(("damping", "first"), [("1e5 N*m*s/rad", "stiff"), ("1 N*m*s/rad", "dop853")])
+def test_a_stiff_motion_is_tried_by_the_method_for_it_first(damping, first):
+    """What that one costs limits the steps that the others may take: 1e5 N*m*s/rad decay within 1e-7 s."""
+    damper = f"problem.loads={{oil: {{kind: joint_spring, joint: B, damping: {damping}}}}}"
+    swing = pinarm.load(ROOT / "scenarios" / "gen411_arm_swing.yaml", [damper, "problem.time.end=0.5 s"])
+    assert _ordered(swing, 0.5, 1e-6)[0] == first
+
+
+def test_an_output_that_is_zero_is_measured_by_the_size_of_its_unit(chaos):
+    """The rods swing in a plane: a point's distance to it is rounding, no output without a digit."""
+    outputs = chaos.varied({"outputs": ["point.A.position.z", "point.A.position.x"]})
+    result = outputs.varied({"problem.time.end": "1 s"}).verified()
+    across, along = (np.abs(result[name].values).max() for name in result.content.outputs)
+    assert min(across, along) < 1e-12 < max(across, along)
+    assert result.error < 1e-8
+
+
+def test_all_rows_are_checked_when_asked_to(chaos):
+    """The fixed sample of a large table stays below 200 rows, and passes over what happens between them."""
+    from pinarm.engine.checks import balance
+    from pinarm.engine.checks import residuals as stamp
+
+    assert max(balance.SAMPLE, stamp.SAMPLE) <= 200
+    short = chaos.varied({"problem.time": {"end": "1 s", "samples": 1001}})
+    run = short.solve().trajectory
+    row = 500  # of 1001, no row of an even sample of 64
+    run.tau[row] += 1.0
+    sampled, all_of_them = balance.power_balance(run), balance.power_balance(run, len(run))
+    assert sampled["equilibrium"] < 1e-12
+    assert all_of_them["equilibrium"] > 1e-3
+    assert stamp.table_figures(run)["return trip"] < 1e-12
+    assert stamp.table_figures(run, len(run))["return trip"] > 1e-3
+
+
+def test_energy_that_nothing_accounts_for_is_noted(chaos):
+    loose, tight = (chaos.varied({"accuracy": {"tolerance": tolerance}}).run() for tolerance in (1e-2, 1e-9))
+    assert loose.figures["energy"] > 1e-3 > tight.figures["energy"]
+    (note,) = set(loose.notes()) - set(tight.notes())
+    assert note.startswith("energy: ")

@@ -1,0 +1,157 @@
+"""Verdicts: what agrees, what is rounding, what is a misprint, and that everything else is a miss.
+
+The pendulum of 2 kg and 1 m is held at an angle a by 20 sin(a) N*m (g = 10 m/s^2): at most 20 N*m.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import pinarm
+from pinarm.errors import InputError
+from pinarm.use.study.answers.check import Finding, misses
+
+
+@pytest.fixture
+def verdict(scenario: Callable[..., Any]) -> Callable[..., Finding]:
+    def of(entry: str, kind: str = "statics") -> Finding:
+        [finding] = pinarm.check(scenario(kind, f"expect:\n  - {{{entry}, source: by hand}}\n"))
+        return finding
+
+    return of
+
+
+def entry(**fields: str) -> str:
+    return ", ".join(f"{key}: {value}" for key, value in {"quantity": "M", "at": "max", **fields}.items())
+
+
+AGREES, ROUNDING, MISPRINT, MISS = "agrees", "rounding", "misprint", "MISS"
+
+
+@pytest.mark.parametrize(
+    ("fields", "expected"),
+    [
+        # a value is met to half a unit of its own last digit, or to what is said
+        ({"value": "20 N*m"}, AGREES), ({"value": "20.00000 N*m"}, AGREES), ({"value": "2e1 N*m"}, AGREES),
+        ({"value": "20.4 N*m"}, MISS), ({"value": "20.04 N*m"}, MISS), ({"value": "-20 N*m"}, MISS),
+        ({"value": "20.4 N*m", "rtol": "0.02"}, AGREES), ({"value": "20.4 N*m", "rtol": "0.019"}, MISS),
+        ({"value": "20.4 N*m", "atol": "0.41 N*m"}, AGREES), ({"value": "20.4 N*m", "atol": "390 N*mm"}, MISS),
+        ({"value": "20.4 N*m", "rtol": "0", "atol": "0 N*m"}, MISS),
+        # a published figure is met to half a unit of its last digit
+        ({"published": "20 N*m"}, AGREES), ({"published": "20.0 N*m"}, AGREES), ({"published": "0.02 kN*m"}, AGREES),
+        ({"published": "20.1 N*m"}, MISS), ({"published": "21 N*m"}, MISS),
+        ({"value": "20 N*m", "published": "20.1 N*m"}, MISS),
+        ({"value": "21 N*m", "published": "20 N*m"}, MISS),
+        # claims: rounding is one unit of the last digit, or what the reason gives
+        ({"value": "20.00 N*m", "published": "20.1 N*m", "verdict": ROUNDING}, ROUNDING),
+        ({"value": "20.00 N*m", "published": "19.9 N*m", "verdict": ROUNDING}, ROUNDING),
+        ({"value": "20.00 N*m", "published": "20.2 N*m", "verdict": ROUNDING}, MISS),
+        ({"value": "20.00 N*m", "published": "20.2 N*m", "verdict": ROUNDING, "because": "2*10.1"}, ROUNDING),
+        ({"value": "20.00 N*m", "published": "20.2 N*m", "verdict": ROUNDING, "because": "2*10.2"}, MISS),
+        ({"value": "20.00 N*m", "published": "20.1 N*m", "verdict": ROUNDING, "because": "2*10.2"}, MISS),
+        ({"value": "21.00 N*m", "published": "20.1 N*m", "verdict": ROUNDING}, MISS),
+        ({"value": "20.00 N*m", "published": "20.0 N*m", "verdict": ROUNDING}, MISS),
+        # claims: a misprint differs from the published figure, and the independent value confirms the computed one
+        ({"value": "20.00 N*m", "published": "12.0 N*m", "verdict": MISPRINT}, MISPRINT),
+        ({"formula": "M*sin(alpha)", "published": "12.0 N*m", "verdict": MISPRINT}, MISPRINT),
+        ({"value": "20.00 N*m", "published": "20.0 N*m", "verdict": MISPRINT}, MISS),
+        ({"value": "12.0 N*m", "published": "12.0 N*m", "verdict": MISPRINT}, MISS),
+        # formulas, at every row
+        ({"at": "all", "formula": "M"}, AGREES), ({"at": "all", "formula": "M*(1 + 1e-9)"}, MISS),
+        ({"at": "all", "formula": "M*(1 + 1e-9)", "rtol": "1e-8"}, AGREES),
+        ({"at": "all", "value": "20 N*m"}, MISS),
+        ({"at": "all", "value": "10 N*m", "atol": "10.1 N*m"}, AGREES),
+        # printed formulas
+        ({"at": "all", "published_formula": "20*sin(alpha)"}, AGREES),
+        ({"at": "all", "published_formula": "20*cos(alpha)"}, MISS),
+        ({"at": "all", "formula": "M", "published_formula": "20*cos(alpha)", "verdict": MISPRINT}, MISPRINT),
+        ({"at": "all", "formula": "M", "published_formula": "20*sin(alpha)", "verdict": MISPRINT}, MISS),
+    ],
+)  # fmt: skip
+def test_verdicts(verdict: Callable[..., Finding], fields: dict[str, str], expected: str) -> None:
+    finding = verdict(entry(**fields))
+    assert finding.verdict == expected, finding
+    assert finding.ok == (expected != MISS)
+    assert bool(finding.reason) == (expected == MISS)
+
+
+def test_half_a_unit_is_half_a_unit(verdict: Callable[..., Finding]) -> None:
+    """A printed 20.0 reaches to 20.05."""
+    assert verdict(entry(published="20.0 N*m", quantity="M*1.0024")).verdict == AGREES
+    assert verdict(entry(published="20.0 N*m", quantity="M*1.0026")).verdict == MISS
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"published": "1 N*m"}, {"published_formula": "M"}, {"value": "1 N*m"}, {"formula": "M"},
+        {"value": "1 N*m", "rtol": "1"}, {"value": "1 N*m", "published": "2 N*m", "verdict": MISPRINT},
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("where", ["all", "end", "max", "{pivot: 90 deg}"])
+def test_what_is_not_a_number_agrees_with_nothing(
+    verdict: Callable[..., Finding], fields: dict[str, str], where: str
+) -> None:
+    try:
+        finding = verdict(entry(**{"at": where, **fields, "quantity": '"M*sqrt(-1 - alpha)"'}))
+    except pinarm.PinarmError:
+        return  # to say so is as good
+    assert finding.verdict == MISS
+
+
+@pytest.mark.parametrize("fields", [{"formula": '"M*sqrt(alpha - 9)"'}, {"published_formula": '"20*sqrt(alpha - 9)"'}])
+def test_a_formula_that_is_not_a_number_is_met_by_nothing(
+    verdict: Callable[..., Finding], fields: dict[str, str]
+) -> None:
+    assert verdict(entry(at="all", **fields)).verdict == MISS
+
+
+@pytest.mark.parametrize(
+    ("fields", "says"),
+    [
+        ({"value": "20 N"}, "not a unit of this quantity"), ({"value": "20"}, "no unit"),
+        ({"published": "'20'"}, "no unit"), ({"published": "20 kg"}, "not a unit"),
+        ({"value": "20 N*m", "atol": "1 kg"}, "not a unit"), ({"value": "20 N*m", "atol": "1"}, "no unit"),
+        ({"formula": "alpha"}, "the same dimension"), ({"formula": "nothing"}, "no quantity 'nothing'"),
+        ({"quantity": "joint.pivto.effort", "value": "1 N*m"}, "joint.pivot.effort"),
+        ({"value": "1e999 N*m"}, ""), ({"published": "1e999 N*m"}, ""), ({"value": "20 N*m", "atol": "1e999 N*m"}, ""),
+        ({"value": "20 N*m", "atol": "-1 N*m"}, ""), ({"value": "true"}, ""), ({"value": "20 h^99"}, ""),
+    ],
+)  # fmt: skip
+def test_entries_that_ask_too_much(verdict: Callable[..., Finding], fields: dict[str, str], says: str) -> None:
+    with pytest.raises(InputError) as caught:
+        verdict(entry(**fields))
+    assert says in str(caught.value)
+    assert "statics.yaml:9:" in str(caught.value), "the place of the entry"
+
+
+def test_what_a_finding_carries(verdict: Callable[..., Finding]) -> None:
+    finding = verdict(entry(value="19 N*m", atol="2 N*m", published="12.0 N*m", verdict=MISPRINT))
+    assert finding.scenario == "statics"
+    assert str(finding.unit) == "N*m"
+    # the maximum is solved for: its error is that of rounding
+    assert finding.computed == pytest.approx(20.0, rel=1e-14)
+    assert (finding.independent, finding.published) == (19.0, 12.0)
+    assert finding.error == pytest.approx(1 / 19, rel=1e-12)
+
+
+def test_of_many_rows_the_worst_is_shown(scenario: Callable[..., Any]) -> None:
+    [finding] = pinarm.check(
+        scenario("statics", "expect:\n  - {quantity: alpha, value: 0 rad, atol: 1 rad, source: s}\n")
+    )
+    assert finding.computed == pytest.approx(3.141592653589793, rel=1e-15)
+    assert finding.verdict == MISS
+
+
+def test_misses_are_counted(scenario: Callable[..., Any]) -> None:
+    entries = "".join(f"  - {{quantity: M, at: max, value: {value} N*m, source: s}}\n" for value in (20, 21, 22))
+    findings = pinarm.check(scenario("statics", "expect:\n" + entries))
+    assert [finding.verdict for finding in findings] == [AGREES, MISS, MISS]
+    assert misses(findings) == 2
+    assert misses([]) == 0
+
+
+def test_a_result_that_is_there_is_not_computed_again(scenario: Callable[..., Any]) -> None:
+    one, other = scenario("statics"), scenario("statics", "expect:\n  - {quantity: M, value: 1 N*m, source: s}\n")
+    assert len(pinarm.check(other, result=one.run())) == 1

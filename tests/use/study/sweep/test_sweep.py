@@ -1,0 +1,312 @@
+"""A sweep as a whole: the same table however it came about, nothing solved twice, and every failure told."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm import PinarmError
+from pinarm.use.study.sweep import case_solver as solving
+from pinarm.use.study.sweep.cases import Row
+
+MASSES = {"arguments.m": "1:3:5 kg", "arguments.l": "0.5, 1"}
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in sorted(folder.rglob("*")) if file.suffix not in (".jsonl", "")}
+
+
+def entries(folder: Path) -> list[str]:
+    lines = (folder / "journal.jsonl").read_text().splitlines()
+    return [entry["case"] for entry in map(json.loads, lines) if "case" in entry]
+
+
+def test_the_table_is_that_of_the_formula(scenario: pinarm.Scenario) -> None:
+    sweep = pinarm.sweep(scenario, MASSES, results=["M @ end", "M"], workers=2)
+    m, l = sweep["arguments.m"].values, sweep["arguments.l"].values
+    assert sorted(zip(m, l, strict=True)) == [(m, l) for m in (1, 1.5, 2, 2.5, 3) for l in (0.5, 1)]
+    np.testing.assert_allclose(sweep["M @ end"].values, 10 * m * l, rtol=1e-14)
+    np.testing.assert_allclose(sweep["max M"].values, 10 * m * l, rtol=1e-14)
+    labels = [series.label for series in sweep.table.values()]
+    results = ["M @ end [N*m]", "min M [N*m]", "max M [N*m]"]
+    worth = ["equilibrium", "power", "return trip", "condition"]
+    assert labels == ["arguments.m [kg]", "arguments.l [m]", *results, *worth]
+    assert sweep["equilibrium"].values.max() < 1e-14
+    assert sweep.errors == {}
+    frame = sweep.to_dataframe()
+    assert list(frame.columns) == [*labels, "error"]
+    assert len(frame) == len(sweep) == 10
+    with pytest.raises(PinarmError, match="no column 'N'"):
+        sweep["N"]
+
+
+@pytest.mark.slow
+def test_one_worker_or_many_a_pause_or_none_give_the_same_bytes(scenario: pinarm.Scenario, tmp_path: Path) -> None:
+    over = {**MASSES, "arguments.m": "-1:3:5 kg"}
+    for workers in (1, 3):
+        pinarm.sweep(scenario, over, workers=workers).save(tmp_path / f"with {workers}")
+    paused = tmp_path / "paused"
+    pinarm.sweep(scenario, {**over, "arguments.m": "0:2:2 kg"}, workers=1, folder=paused)
+    pinarm.sweep(scenario, over, workers=2, folder=paused).save(paused)
+    assert files(tmp_path / "with 1") == files(tmp_path / "with 3") == files(paused)
+    assert len(set(entries(paused))) == len(entries(paused)) == 10
+    assert set(files(paused)) == {
+        "sweep.yaml",
+        "cases.csv",
+        "cases.npz",
+        "summary.json",
+        "01_min_M.png",
+        "02_max_M.png",
+    }
+
+
+def test_cases_that_are_known_are_not_solved_again(
+    scenario: pinarm.Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = pinarm.sweep(scenario, MASSES, folder=tmp_path / "out")
+
+    def spread(function: object, jobs: Any, workers: int) -> Any:
+        yield from ()
+        assert next(jobs, None) is None, "a case is solved again"
+
+    monkeypatch.setattr(solving, "spread", spread)
+    again = pinarm.sweep(scenario, dict(reversed(MASSES.items())), folder=tmp_path / "out")
+    assert sorted(first["max M"].values) == sorted(again["max M"].values)
+    with pytest.raises(AssertionError, match="solved again"):
+        pinarm.sweep(scenario, {"arguments.m": "1, 7 kg"}, folder=tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [("pendulum.urdf.xacro", 'xyz="0 0 ${-l}"', 'xyz="0 0 ${-2*l}"'), ("pendulum.yaml", "10 m/s^2", "20 m/s^2")],
+)
+def test_a_model_that_has_changed_is_solved_again(path: Path, tmp_path: Path, name: str, old: str, new: str) -> None:
+    before = pinarm.sweep(path, MASSES, folder=tmp_path / "out")
+    text = (tmp_path / name).read_text()
+    (tmp_path / name).write_text(text.replace(old, new))
+    after = pinarm.sweep(path, MASSES, folder=tmp_path / "out")
+    np.testing.assert_allclose(after["max M"].values, 2 * before["max M"].values, rtol=1e-14)
+    assert len(set(entries(tmp_path / "out"))) == 10 < len(entries(tmp_path / "out")) == 20
+    (tmp_path / name).write_text(text)  # back again: the old cases are known
+    np.testing.assert_array_equal(
+        pinarm.sweep(path, MASSES, folder=tmp_path / "out")["max M"].values, before["max M"].values
+    )
+    assert len(entries(tmp_path / "out")) == 20
+
+
+def test_another_question_is_solved_even_where_the_cases_are_the_same(path: Path, tmp_path: Path) -> None:
+    def ends(results: list[str], *overrides: str) -> np.ndarray:
+        sweep = pinarm.sweep(pinarm.load(path, list(overrides)), MASSES, results=results, folder=tmp_path / "out")
+        return np.asarray(sweep[results[0]].values)
+
+    first = ends(["M @ end"])
+    np.testing.assert_allclose(ends(["alpha @ end"]), pi / 2)
+    np.testing.assert_allclose(ends(["M @ end"], "gravity={direction: -z, magnitude: 5 m/s^2}"), first / 2, rtol=1e-14)
+    assert len(set(entries(tmp_path / "out"))) == 30
+
+
+def test_a_fault_of_the_program_is_not_kept(
+    scenario: pinarm.Scenario, tmp_path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faulty = module(
+        "from pinarm.use.study.sweep.cases import Row\n"
+        "def solve(task, job):\n    return Row((), 'a fault', (), final=False)\n"
+    )
+    with monkeypatch.context() as patched:
+        patched.setattr(solving, "_solve_job", faulty.solve)
+        assert len(pinarm.sweep(scenario, MASSES, folder=tmp_path / "out", workers=1).errors) == 10
+    assert not pinarm.sweep(scenario, MASSES, folder=tmp_path / "out", workers=1).errors
+
+
+def test_a_file_that_changes_while_the_sweep_runs_ends_it(path: Path, tmp_path: Path) -> None:
+    def edit(done: int, failed: int, total: int) -> None:
+        if done == 3:
+            (tmp_path / "pendulum.yaml").write_text((tmp_path / "pendulum.yaml").read_text() + "# edited\n")
+
+    with pytest.raises(PinarmError, match=r"pendulum.yaml has changed while the sweep ran"):
+        pinarm.sweep(path, {"arguments.m": "1:3:50 kg"}, workers=1, folder=tmp_path / "out", progress=edit)
+    assert len(entries(tmp_path / "out")) == 3
+
+
+def test_a_journal_that_was_cut_short_loses_its_last_line_only(scenario: pinarm.Scenario, tmp_path: Path) -> None:
+    pinarm.sweep(scenario, MASSES, folder=tmp_path / "out", workers=1)
+    journal = tmp_path / "out" / "journal.jsonl"
+    journal.write_bytes(journal.read_bytes()[:-20])
+    solved: list[int] = []
+    again = pinarm.sweep(scenario, MASSES, folder=tmp_path / "out", progress=lambda done, *_: solved.append(done))
+    assert len(solved) == 10
+    assert not again.errors
+    lines = journal.read_bytes().splitlines()
+    assert len(lines) == 1 + 10 + 1 + 1  # the files, nine cases and a torn one, the files of this run, one case
+    assert sum(b'"case"' in line and line.endswith(b"}") for line in lines) == 10
+
+
+def test_failures_are_told_by_reason(scenario: pinarm.Scenario) -> None:
+    sweep = pinarm.sweep(scenario, {"arguments.m": "-2:2:5 kg"}, results=["M @ end"])
+    assert {case: reason.rpartition(": ")[2] for case, reason in sweep.errors.items()} == {
+        0: "the mass is negative (-2 kg)", 1: "the mass is negative (-1 kg)"
+    }  # fmt: skip
+    assert np.isnan(sweep["M @ end"].values).tolist() == [True, True, False, False, False]
+    from pinarm.use.study.sweep.sweep_files import csv, summary
+
+    (failure,) = summary(sweep)["failures"]
+    assert (failure["cases"], failure["first"]) == (2, [0, 1])
+    lines = csv(sweep).splitlines()
+    assert re.fullmatch(r"1,-1\.0,,,,.*: the mass is negative \(-1 kg\)", lines[2])
+    assert re.fullmatch(r"4,2\.0,20\.0+\d*,.*,", lines[5])
+
+
+def test_a_sweep_that_is_refused_at_both_ends_is_refused_at_once(scenario: pinarm.Scenario) -> None:
+    for over, message in (
+        ({"argument.m": "1, 2 kg"}, "argument.m=1.0 kg: unknown key 'argument'"),
+        ({"arguments.n": "1, 2"}, "the model has no argument 'n'"),
+        ({"arguments.m": "1, 2 m"}, "'m' is not a unit of this quantity"),
+        ({"changes.forces.spring.stiff": "1, 2 N*m"}, "unknown key 'stiff'"),
+        ({"problem.over.pivot.samples": "2.5, 3.5"}, "expected: a whole number"),
+    ):
+        with pytest.raises(PinarmError, match=message):
+            pinarm.sweep(scenario, over)
+
+
+@pytest.mark.slow
+def test_bare_numbers_are_in_the_unit_that_the_files_have(path: Path) -> None:
+    def units(**over: str) -> dict[str, str]:
+        found = {name.replace("__", "."): text for name, text in over.items()}
+        return dict(pinarm.sweep(path, found, workers=1).definition["units"])
+
+    assert units(problem__over__pivot__to="30, 60") == {"problem.over.pivot.to": "deg"}
+    assert units(arguments__m="1, 2") == {"arguments.m": "kg"}
+    assert units(changes__forces__spring__stiffness="1, 2") == {"changes.forces.spring.stiffness": "N*m/rad"}
+    assert units(problem__over__pivot__samples="2, 3") == {}
+    path.write_text(path.read_text().replace("{l: 1 m}", "{l: 100 cm}"))
+    with pytest.raises(PinarmError, match="'l' is in cm in the scenario and in m in the mechanism"):
+        units(arguments__l="1, 2")
+
+
+def test_samples_are_drawn_where_something_is_to_be_drawn(scenario: pinarm.Scenario) -> None:
+    with pytest.raises(PinarmError, match=r"'arguments\.m' is to be drawn"):
+        pinarm.sweep(scenario, {"arguments.m": "normal(2, 0.1)"})
+    with pytest.raises(PinarmError, match="nothing to draw"):
+        pinarm.sweep(scenario, {"arguments.m": "1, 2"}, samples=3)
+    over = {"arguments.m": "normal(2, 0.1)", "arguments.l": "tolerance(1, 0.01)", "problem.over.pivot.to": "60, 90"}
+    sweep = pinarm.sweep(scenario, over, samples=3, seed=5, results=["M @ end"])
+    m, l, to = (sweep[name].values for name in over)
+    assert len(sweep) == 6
+    assert len(set(m)) == len(set(l)) == 3
+    np.testing.assert_allclose(sweep["M @ end"].values, 10 * m * l * np.sin(to * pi / 180), rtol=1e-13)
+
+
+def test_a_killed_worker_loses_its_case_and_the_next_run_solves_it(
+    scenario: pinarm.Scenario, tmp_path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hostile = module(
+        "import os, signal\nfrom pinarm.use.study.sweep.cases import solve_case\n"
+        "def solve(task, job):\n"
+        "    if job[2]['arguments.m'] == '2.0 kg':\n"
+        "        os.kill(os.getpid(), signal.SIGSEGV)\n"
+        "    return solve_case(task, job[2])\n"
+    )
+    with monkeypatch.context() as patched:
+        patched.setattr(solving, "_solve_job", hostile.solve)
+        sweep = pinarm.sweep(scenario, {"arguments.m": "1:3:5 kg"}, folder=tmp_path / "out", workers=2)
+    assert sweep.errors == {2: "its process died by SIGSEGV"}
+    again = pinarm.sweep(scenario, {"arguments.m": "1:3:5 kg"}, folder=tmp_path / "out")
+    assert not again.errors
+    assert len(entries(tmp_path / "out")) == 5
+
+
+def test_the_task_of_a_case_is_one_function_of_what_can_be_pickled(scenario: pinarm.Scenario) -> None:
+    import pickle
+
+    from pinarm.use.study.sweep.cases import Task, Wanted, solve_case
+
+    task = Task(scenario.document, scenario.folder, (Wanted.read("M @ end"),))
+    function, given = pickle.loads(pickle.dumps((solve_case, task)))
+    row = pickle.loads(pickle.dumps(function(given, {"arguments.m": "3 kg"})))
+    assert isinstance(row, Row)
+    assert row.numbers[0] == pytest.approx(30)
+
+
+def test_a_folder_of_something_else_is_left_alone(scenario: pinarm.Scenario, tmp_path: Path) -> None:
+    scenario.run().save(tmp_path / "run", plots=False)
+    with pytest.raises(PinarmError, match="that are no sweep"):
+        pinarm.sweep(scenario, MASSES, folder=tmp_path / "run")
+    (tmp_path / "file").touch()
+    with pytest.raises(PinarmError, match="cannot be written"):
+        pinarm.sweep(scenario, MASSES, folder=tmp_path / "file" / "out")
+
+
+def test_two_sweeps_do_not_write_one_journal(scenario: pinarm.Scenario, tmp_path: Path) -> None:
+    def second(done: int, *_: int) -> None:
+        if done == 1:
+            with pytest.raises(PinarmError, match="another sweep is writing"):
+                pinarm.sweep(scenario, MASSES, folder=tmp_path / "out", workers=1)
+
+    assert not pinarm.sweep(scenario, MASSES, folder=tmp_path / "out", workers=1, progress=second).errors
+
+
+def start(path: Path, *arguments: str) -> "subprocess.Popen[str]":
+    command = [sys.executable, "-m", "pinarm", "sweep", str(path), "--over", "arguments.m=1:3:600 kg", "--no-plots"]
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs ignore interrupts
+    return subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                            start_new_session=True, preexec_fn=heard)  # fmt: skip
+
+
+def wait_for(condition: Callable[[], object]) -> None:
+    deadline = time.monotonic() + 30
+    while not condition():
+        assert time.monotonic() < deadline, "it takes too long"
+        time.sleep(0.02)
+
+
+def lines(folder: Path) -> int:
+    journal = folder / "journal.jsonl"
+    return journal.read_bytes().count(b"\n") if journal.exists() else 0
+
+
+def test_an_interrupted_sweep_keeps_what_is_done_and_goes_on(path: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    first = start(path, "-o", str(out), "-j", "2")
+    wait_for(lambda: lines(out) > 40)
+    os.killpg(first.pid, signal.SIGINT)  # as a terminal does
+    _, said = first.communicate(timeout=30)
+    assert first.returncode == 130
+    kept = len(entries(out))
+    assert 40 <= kept < 600
+    assert re.search(rf"interrupted with {kept} of 600 cases solved\n  try: the same command again", said)
+    assert "Traceback" not in said
+    second = start(path, "-o", str(out), "-j", "2")
+    second.communicate(timeout=60)
+    assert second.returncode == 0
+    assert len(entries(out)) == len(set(entries(out))) == 600
+    assert len((out / "cases.csv").read_text().splitlines()) == 601
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="processes are looked up in /proc")
+def test_workers_do_not_outlive_a_sweep_that_is_killed(path: Path, tmp_path: Path) -> None:
+    sweep = start(path, "-o", str(tmp_path / "out"), "-j", "2")
+    wait_for(lambda: lines(tmp_path / "out") > 5)
+    workers = Path(f"/proc/{sweep.pid}/task/{sweep.pid}/children").read_text().split()
+    sweep.kill()
+    sweep.communicate()
+    assert len(workers) == 2
+    wait_for(lambda: not any(_runs(worker) for worker in workers))
+
+
+def _runs(process: str) -> bool:
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
