@@ -19,7 +19,8 @@ FLOOR_PLAN = {
     "input": "units roots xml_text mjcf_includes formulas yaml motion_tables xacro robots",
     "mechanics": "geometry joints laws drives coordinates ball_joints loops forces loading couplings "
     "payloads perturbation description",
-    "engine": "integration constraints dynamics model_source mechanism kinematics statics motion checks quantities",
+    "engine": "series integration constraints dynamics model_source kinematics statics motion checks quantities "
+    "mechanism",
     "problems": "time_grid accuracy imposed_laws joint_values loads declaration events "
     "equilibria inverse kinematics states forward batch_table simplify",
     "use": "result scenario show store views study",
@@ -28,7 +29,6 @@ FLOOR_PLAN = {
 """Layers from low to high -> their rooms, folders or modules, from low to high: each may import those before it."""
 
 EXCEPTIONS = {
-    ("engine.mechanism", "engine.quantities.states"): "Mechanism's methods for states given as arrays forward there",
     ("use.result.result", "use.views"): "Result.plot, sketch, replay and save: views of a result, as methods for users",
     ("use.scenario.scenario", "use.study.accuracy.solved"): "Scenario.run and verified, as methods for users",
 }

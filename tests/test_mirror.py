@@ -75,7 +75,6 @@ ELSEWHERE = {
     "mechanics/loading/mjcf_settings": "mechanics/loading/test_mjcf.py",
     "mechanics/loading/model_tree": "mechanics/loading/test_urdf.py",
     "problems/batch_table": "use/study/batch/test_batch.py",
-    "problems/common": "problems/test_loads_and_partial_results.py",
     "problems/events": "engine/motion/test_end_stops.py",
     "problems/forward": "problems/test_loads_and_partial_results.py",
     "problems/inverse": "problems/test_loads_and_partial_results.py",

@@ -15,7 +15,7 @@ from pinarm.mechanics.forces import Force
 from pinarm.mechanics.forces.joint_definitions import CREEP
 from pinarm.mechanics.joints import AXES, Axis
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects
-from pinarm.mechanics.loops.loop_joints import Loop
+from pinarm.mechanics.loops import Loop
 from pinarm.mechanics.payloads import Payload
 
 STANDARD_GRAVITY = 9.81

@@ -22,7 +22,9 @@ from pinarm.mechanics.geometry.chains import Chain, Placed
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.vectors import dot
 from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.mechanics.loops.pairs import NOTHING, LowerPair, Pair, Tie
+from pinarm.mechanics.loops.lower_pairs import PointOnPlane
+from pinarm.mechanics.loops.pair import Pair
+from pinarm.mechanics.loops.rod import Tie
 
 BLOCK = 2048
 """Number of configurations that are worked on at once: arrays of more would not stay in the processor's cache."""
@@ -62,7 +64,7 @@ class Between:
     @property
     def size(self) -> int:
         """Number of rows."""
-        return self.pair.size
+        return len(self.pair.along)
 
     def at(self, q: Array, cosine: Array, sine: Array) -> PairRows:
         """Return its rows at configurations q; cos(q) and sin(q) serve all measures. Each of shape (nv, n)."""
@@ -82,31 +84,33 @@ class PairRows:
     placed: Placed
 
     def gap(self) -> list[Array]:
-        """Return the lengths, then the angles."""
-        lengths, angles = self.pair.gap(self.placed.p, self.placed.axes)
-        return [*lengths, *angles]
+        """Return the open lengths and angles."""
+        return self.pair.gap(self.placed.p, self.placed.axes)
 
     def rows(self, wanted: Container[int]) -> Mapping[int, Row]:
-        """Return ``e . p'`` of the lengths and ``w . omega`` of the angles."""
+        """Return ``e . p' + w . omega``."""
         e, w = self._directions(wanted)
-        found = {k: self.placed.along(one) for k, one in e.items()}
-        return found | {k: self.placed.about(one) for k, one in w.items()}
+        found: dict[int, Row] = {k: self.placed.along(one) for k, one in e.items()}
+        return found | {k: _sum(found.get(k, {}), self.placed.about(one)) for k, one in w.items()}
 
     def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
-        """Return ``e . p'' + e' . p'`` of the lengths and ``w . omega' + w' . omega`` of the angles, for a = 0."""
+        """Return ``e . p'' + w . omega' + e' . p' + w' . omega``, for a = 0."""
         dp, omega, ddp, domega = self.placed.rates(v)
         e, w = self._directions(wanted)
-        lengths, angles = self.pair.bend(self.placed.p, self.placed.axes, dp, omega)
-        bend = [*lengths, *angles]
+        bend = self.pair.bend(self.placed.p, self.placed.axes, dp, omega)
         found = {k: dot(one, ddp) + bend[k] for k, one in e.items()}
-        return found | {k: dot(one, domega) + bend[k] for k, one in w.items()}
+        return found | {k: dot(one, domega) + found.get(k, bend[k]) for k, one in w.items()}
 
     def _directions(self, wanted: Container[int]) -> tuple[dict[int, Array], dict[int, Array]]:
-        """Return e and w of the wanted rows, shape (3, n) or (3, 1)."""
+        """Return e and w of the wanted rows that have them, shape (3, n) or (3, 1)."""
         e, w = self.pair.directions(self.placed.p, self.placed.axes)
-        k = self.pair.lengths
-        lengths = {i: one.reshape(3, -1) for i, one in enumerate(e) if i in wanted}
-        return lengths, {k + i: one.reshape(3, -1) for i, one in enumerate(w) if k + i in wanted}
+        along = {k: e[k].reshape(3, -1) for k, there in enumerate(self.pair.along) if there and k in wanted}
+        return along, {k: w[k].reshape(3, -1) for k, there in enumerate(self.pair.about) if there and k in wanted}
+
+
+def _sum(one: Row, two: Row) -> Row:
+    """Return the sum of two rows."""
+    return {**one, **{index: one[index] + x if index in one else x for index, x in two.items()}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +177,7 @@ def measure_of(model: pin.Model, one: Constraint | Coordinate) -> Measure | None
     if isinstance(one, LoopJoint):
         first, second, pair = one.first, one.second, one.pair
     elif isinstance(one, FrameCoordinate):
-        first, second, pair = UNIVERSE, one.frame, LowerPair(one.axis[None], NOTHING, one.axis)
+        first, second, pair = UNIVERSE, one.frame, PointOnPlane.around(one.axis)
     elif isinstance(one, DistanceCoordinate):
         first, second, pair = one.first, one.second, Tie(0.0)
     else:

@@ -13,7 +13,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import Split
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.mechanics.loops.pairs import looser
+from pinarm.mechanics.loops.lower_pairs import looser
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism

@@ -29,6 +29,7 @@ from pinarm.engine.motion.systems import Initial, System, system_of
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
 from pinarm.engine.motion.trajectory import Happening
 from pinarm.errors import InputError, IntegrationError, Interrupted, NumericsError
+from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid
@@ -246,6 +247,7 @@ class HybridSystem:
             state = (np.asarray(error.data[name])[None] for name in ("t", "q", "v"))
             error.data["q"], error.data["v"] = (x[0] for x in system.whole(*state))
             error.message += f", with {format_configuration(self.dynamics.model, error.data['q'])}"
+            error.message += refusals(self.dynamics.forces, error.data["q"])
 
     def _steps_over(self, system: System) -> StepsOver | None:
         """Return whether a step in the integrated states may have gone past a piece of a load."""

@@ -20,6 +20,9 @@
 ``momentum.S.angular.about.P.x``               about the origin of link P
 ``dynamic.S.force.x``, ``.moment.about.P.x``   rates of the momenta of the bodies, summed likewise
 ``power.gravity``, ``power.F``                 of the weights, and of the force element F
+``force.F.length .tension``                    of a point spring
+``force.F.displacement.x``, ``.rotation.x``    of a bushing: of its second frame from the first
+``force.F.force.x``, ``force.F.moment.x``      action of its first link on the second, at the second one's frame
 ``equilibrium.stability .starts``              of ``kind: equilibria``: 1 stable, 0 indifferent, -1 unstable
 ``equilibrium.frequency2_K .stiffness_K``      and the K-th smallest w^2 and eigenvalue of the stiffness
 =============================================  ==================================================================
@@ -39,6 +42,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.ball_quantities import PARTS as BALL_PARTS
 from pinarm.engine.quantities.ball_quantities import turning
@@ -129,6 +133,8 @@ class Quantities:
             *(f"momentum.{name}.{part}.{axis}" for name in sets for part in ("linear", "angular") for axis in AXES),
             *(f"dynamic.{name}.{part}.{axis}" for name in sets for part in WRENCH for axis in AXES),
             "power.gravity", *(f"power.{name}" for name in self.trajectory.dynamics.forces),
+            *(f"force.{name}.{part}{axis}" for name, force in self.trajectory.dynamics.forces.items()
+              for part, one in force.measures().items() for axis in ([f".{x}" for x in AXES] if one.vector else [""])),
         ]  # fmt: skip
 
     def _find(self, name: str) -> Series:
@@ -180,10 +186,11 @@ class Quantities:
 
     @cached_property
     def _dotted(self) -> set[str]:
-        """Names of joints, links, drives and loop joints that have dots in them."""
+        """Names of joints, links, drives, loop joints and force elements that have dots in them."""
         mechanism = self.trajectory.mechanism
         links = (frame.name for frame in mechanism.model.frames if frame.type == pin.FrameType.BODY)
-        names = (*mechanism.joints, *mechanism.balls, *links, *mechanism.drives, *self.reactions.loops)
+        names = (*mechanism.joints, *mechanism.balls, *links, *mechanism.drives, *self.reactions.loops,
+                 *self.trajectory.dynamics.forces)  # fmt: skip
         return {name for name in names if "." in name}
 
     def _words(self, text: str) -> list[str]:
@@ -405,6 +412,19 @@ class Quantities:
         )
         return Series(name, WATT, values)
 
+    def _of_force(self, name: str, words: list[str]) -> Series:
+        run, force = self.trajectory, self.trajectory.dynamics.forces.get(words[0])
+        measure = force.measures().get(".".join(words[1:2])) if force else None
+        if measure is None or (len(words) > 2) != measure.vector or "about" in words:
+            raise self._unknown(name)
+
+        def values(dynamics: Dynamics, rows: slice) -> Array:
+            here = dynamics.forces[words[0]].measures()[words[1]]
+            return here.values(run.grid.t[rows], run.q[rows], run.v[rows])
+
+        found = run.gather(values)
+        return Series(name, measure.unit, self._component(name, words, found) if measure.vector else found)
+
     def _about(self, name: str, words: list[str], otherwise: Array) -> Array:
         """Return the points that a moment is asked about, shape (n, 3)."""
         if "about" not in words[:-2]:
@@ -436,6 +456,7 @@ _KINDS: dict[str, Callable[[Quantities, str, list[str]], Series]] = {
     "momentum": Quantities._of_momentum,
     "dynamic": Quantities._of_dynamic,
     "power": Quantities._of_power,
+    "force": Quantities._of_force,
 }
 
 

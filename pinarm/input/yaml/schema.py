@@ -125,6 +125,7 @@ Force, Moment, Acceleration = quantity("N"), quantity("N*m"), quantity("m/s^2", 
 Inertia, Mass = quantity("kg*m^2", least=0.0), quantity("kg", least=0.0)
 Span, Lead = quantity("m", above=0.0), quantity("m")
 Stiffness, Damping = quantity("N/m", least=0.0), quantity("N*s/m", least=0.0)
+RotationStiffness, RotationDamping = quantity("N*m/rad", least=0.0), quantity("N*m*s/rad", least=0.0)
 
 
 class InputStruct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -3,13 +3,30 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Container
+from collections.abc import Callable, Container, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError
+from pinarm.input.units import Unit
 from pinarm.mechanics.laws.motion_law import MotionLaw
+
+
+@dataclass(frozen=True)
+class Measure:
+    """Something of a force element that can be asked over the rows of a run, as ``force.NAME.MEASURE``.
+
+    Attributes:
+        unit: Its unit.
+        values: From t, q and v of n rows to a number each, shape (n,), or a vector in world axes, shape (n, 3).
+        vector: Whether it is a vector.
+    """
+
+    unit: Unit
+    values: Callable[[Array, Array, Array], Array]
+    vector: bool = False
 
 
 class ForceElement(ABC):
@@ -69,6 +86,28 @@ class ForceElement(ABC):
         Elements that act between the two links of a joint have none: their effort is part of what the joint transmits.
         """
         return {}
+
+    def measures(self) -> Mapping[str, Measure]:
+        """Return what can be asked of the element by name, beside its power."""
+        return {}
+
+    def refusal(self, q: Array) -> str:
+        """Return why the element has no load at a configuration or just beyond it, in words; empty where it has one.
+
+        Such a load is not a number: no step of an integration is taken with it.
+        """
+        return ""
+
+    @property
+    def description(self) -> str:
+        """What it is and where, in words; may be empty."""
+        return ""
+
+
+def refusals(forces: Mapping[str, ForceElement], q: Array) -> str:
+    """Return why elements have no load at a configuration, shape (nq,), to be added to a message; usually nothing."""
+    reasons = ((name, force.refusal(q)) for name, force in forces.items())
+    return "".join(f"; force '{name}': {reason}" for name, reason in reasons if reason)
 
 
 def check_new(name: str, known: Container[str]) -> None:

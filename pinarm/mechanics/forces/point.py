@@ -13,11 +13,11 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import DynamicsError, within
-from pinarm.input.units import DIMENSIONLESS
+from pinarm.input.units import DIMENSIONLESS, unit
 from pinarm.input.yaml.schema import Damping, Force, InputStruct, Length, Moment, Stiffness
-from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.forces.force_element import ForceElement, Measure
 from pinarm.mechanics.geometry.vectors import combined, cross, dot
-from pinarm.mechanics.joints import Joint, format_configuration, frame_of, frames_of
+from pinarm.mechanics.joints import METRE, Joint, format_configuration, frame_of, frames_of
 from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, Values
 
@@ -185,6 +185,26 @@ class TwoPointSpring(ForceElement):
             found[joint] = found.get(joint, np.zeros(6)) + np.concatenate([force, cross(point, force)])
         return found
 
+    def measures(self) -> Mapping[str, Measure]:
+        """Return its length, and its tension, positive where it pulls."""
+        return {
+            "length": Measure(METRE, lambda t, q, v: self._lines(q)[0]),
+            "tension": Measure(unit("N"), self._tensions),
+        }
+
+    @property
+    def description(self) -> str:
+        """What it is and between which links."""
+        return f"point_spring between {self._named}"
+
+    @property
+    def _named(self) -> str:
+        return " and ".join(self.model.frames[frame].name for frame in self.frames)
+
+    def _tensions(self, t: Array, q: Array, v: Array) -> Array:
+        lengths, rows = self._lines(q)
+        return self._tension(lengths, np.asarray((rows * v).sum(axis=-1)))
+
     def _tension(self, length: Number, rate: Number) -> Number:
         return self.stiffness * (length - self.free_length) + self.damping * rate + self.force
 
@@ -228,8 +248,7 @@ class TwoPointSpring(ForceElement):
         return first, second
 
     def _meeting(self, q: Array) -> DynamicsError:
-        names = " and ".join(self.model.frames[frame].name for frame in self.frames)
-        said = f"the points {names} of a two-point spring meet: its direction is undetermined"
+        said = f"the points {self._named} of a two-point spring meet: its direction is undetermined"
         return DynamicsError(f"{said} where {format_configuration(self.model, q)}", q=q)
 
 

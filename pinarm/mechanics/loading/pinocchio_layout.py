@@ -112,7 +112,7 @@ class Continuous:
 
 
 @dataclass(frozen=True)
-class Planar:
+class PlanarLayout:
     """A joint that slides along two axes and turns about the third.
 
     Attributes:
@@ -275,7 +275,7 @@ def _part(
     if np.abs(axes - np.eye(3)).max() > SAME:
         raise InputError(f"Pinocchio's reader takes no notice of the axis of the planar joint '{name}'",
                          expected="planar joints whose axis is z")  # fmt: skip
-    return Planar(Continuous(name, p_q + 2, p_v + 2, ours[2].q, ours[2].v), p_q, p_v, ours[0], ours[1])
+    return PlanarLayout(Continuous(name, p_q + 2, p_v + 2, ours[2].q, ours[2].v), p_q, p_v, ours[0], ours[1])
 
 
 def _turned(quaternion: Array, vectors: Array) -> Array:

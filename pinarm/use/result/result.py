@@ -18,6 +18,7 @@ from pinarm.engine.motion.trajectory import Happening, Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError
+from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplified import Removal
@@ -177,9 +178,9 @@ class Result:
                 if never
                 else "a body without mass that is free to move, or a formula that divides by zero there"
             )
+            reasons = refusals(run.dynamics.forces, run.q[bad[0]])
             raise DynamicsError(
-                f"{name} is not finite at {where}, where "
-                f"{format_configuration(run.mechanism.model, run.q[bad[0]])}{more}",
+                f"{name} is not finite at {where}, where {format_configuration(run.mechanism.model, run.q[bad[0]])}{more}{reasons}",
                 hint=hint, partial=self, t=float(run.grid.t[bad[0]]), q=run.q[bad[0]],
             )  # fmt: skip
 

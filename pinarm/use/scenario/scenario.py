@@ -27,6 +27,7 @@ from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.schema import InputStruct, Measured
 from pinarm.input.yaml.values import Values, varied, written_unit
 from pinarm.mechanics.description import Gravity
+from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.payloads import Payload
 from pinarm.problems import KINDS, Problem, problem_class
@@ -394,7 +395,9 @@ def _overflow(outcome: Outcome) -> DynamicsError:
     row = int((~(np.abs(state) < CHECKABLE)).any(axis=1).argmax())
     state_there = format_configuration(run.mechanism.model, run.q[row])
     where = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit} on, where {state_there}"
-    return DynamicsError(f"the numbers of this run are too large to be checked, from {where}", partial=outcome)
+    reasons = refusals(run.dynamics.forces, run.q[row])
+    said = f"the numbers of this run are too large to be checked, from {where}{reasons}"
+    return DynamicsError(said, partial=outcome)
 
 
 def load(scenario: Scenario | str | Path, values: Values | None = None) -> Scenario:

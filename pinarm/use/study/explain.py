@@ -83,7 +83,7 @@ class Explanation:
         mechanism = self.mechanism
         direction = mechanism.model.gravity.linear
         lines = [f"gravity: {', '.join(f'{x:g}' for x in direction)} m/s^2" if direction.any() else "no gravity"]
-        lines += [f"force {name}" for name in mechanism.forces]
+        lines += [": ".join(filter(None, (f"force {name}", one.description))) for name, one in mechanism.forces.items()]
         lines += [f"drive {name} at {drive.joint}" for name, drive in mechanism.drives.items()]
         return [*lines, *(f"note: {note}" for note in mechanism.notes)]
 

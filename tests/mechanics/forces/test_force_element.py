@@ -9,6 +9,7 @@ from pinarm.errors import DynamicsError, InputError, UnitError
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Measured
 from pinarm.mechanics.forces import Force
+from pinarm.mechanics.forces.bushing import Bushing, DampingRates, SpringRates
 from pinarm.mechanics.forces.joint_definitions import CREEP, JointEffort, JointFriction, JointSpring, TorqueSpeed
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 from pinarm.mechanics.joints import frame_of, joints_of
@@ -16,6 +17,11 @@ from pinarm.mechanics.laws import Constant, Harmonic, SpeedPoints, Spline, Trape
 from pinarm.mechanics.loading.pinocchio_model import build_model
 
 MEMBERS = typing.get_args(Force)
+RUBBER = SpringRates(
+    translation=(30.0, 50.0, 20.0), rotation=(6.0, 9.0, 4.0),
+    coupling={"x_y": 7.0, "y_rz": -8.0, "z_ry": 5.0, "x_rx": 3.0, "rx_rz": 2.0},
+)  # fmt: skip
+OIL = DampingRates(translation=(3.0, 1.0, 2.0), rotation=(0.6, 0.9, 0.4), coupling={"y_rz": -0.4, "z_rx": 0.3})
 SAMPLES = {
     JointSpring: [
         JointSpring(joint="turn", stiffness=30.0, damping=0.7, rest=0.2),
@@ -41,6 +47,11 @@ SAMPLES = {
         PointSpring(between=("slide_link", "post"), damping=7.0),
         PointSpring(between=("post", "slide_link"), force=-12.0),
         PointSpring(between=("turn_link", "slide_link"), stiffness=50.0, damping=2.0, force=9.0),
+    ],
+    Bushing: [
+        Bushing(between=("post", "slide_link"), stiffness=RUBBER),
+        Bushing(between=("slide_link", "turn_link"), damping=OIL),
+        Bushing(between=("turn_link", "post"), stiffness=RUBBER, damping=OIL),
     ],
     Wrench: [
         Wrench(point="slide_link", force=(3.0, -8.0, 5.0), moment=(1.0, 2.0, -4.0)),
@@ -176,7 +187,7 @@ def test_wrenches_on_the_links_make_up_the_load(force, model, joints, t):
         total += pin.getJointJacobian(model, data, joint, pin.WORLD).reshape(6, -1).T @ wrench
     assert total == pytest.approx(load(element, t, q, v), abs=1e-13)
     names = {model.names[joint] for joint in wrenches}
-    ends = force.between if isinstance(force, PointSpring) else (force.point,)
+    ends = (force.point,) if isinstance(force, Wrench) else force.between
     assert names == {"universe" if end == "post" else end.removesuffix("_link") for end in ends}
 
 

@@ -14,6 +14,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import UNDETERMINED
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.errors import InputError, choices
+from pinarm.mechanics.forces.bushing import LinearBushing
 from pinarm.mechanics.forces.point import AppliedWrench, TwoPointSpring
 from pinarm.mechanics.joints import frame_of
 from pinarm.mechanics.loops.loop_joints import LoopJoint
@@ -54,11 +55,12 @@ class Connection:
     """Two points that something joins, drawn as what it is.
 
     Attributes:
-        kind: A ``spring``, a ``cylinder`` (a constant force or a damper), a ``rod``, or the mark of a ``loop`` joint.
+        kind: A ``spring``, a ``cylinder`` (a constant force or a damper), a ``bushing``, a ``rod``, or the mark of a
+            ``loop`` joint.
         ends: The two points.
     """
 
-    kind: Literal["spring", "cylinder", "rod", "loop"]
+    kind: Literal["spring", "cylinder", "bushing", "rod", "loop"]
     ends: tuple[BodyPoint, BodyPoint]
 
     def plain(self, places: Array) -> dict[str, Any]:
@@ -127,17 +129,24 @@ def traced(model: pin.Model, name: str) -> list[tuple[BodyPoint, float]]:
 
 
 def pairs(run: Trajectory) -> list[Connection]:
-    """Return what joins two points: springs and cylinders among the forces of the run, and its loop joints."""
+    """Return what joins two points: springs, cylinders and bushings among the forces, and loop joints."""
     model = run.mechanism.model
     found = [
-        Connection("spring" if force.stiffness > 0.0 else "cylinder", (point_of(model, one), point_of(model, two)))
-        for force in run.dynamics.forces.values() if isinstance(force, TwoPointSpring) for one, two in [force.frames]
+        Connection(_drawn_as(force), (point_of(model, one), point_of(model, two)))
+        for force in run.dynamics.forces.values()
+        if isinstance(force, TwoPointSpring | LinearBushing) for one, two in [force.frames]
     ]  # fmt: skip
     return found + [
         Connection("rod" if joint.kind == "rod" else "loop",
                    (point_of(model, joint.first), point_of(model, joint.second)))
         for joint in run.mechanism.constraints if isinstance(joint, LoopJoint)
     ]  # fmt: skip
+
+
+def _drawn_as(force: TwoPointSpring | LinearBushing) -> Literal["spring", "cylinder", "bushing"]:
+    if isinstance(force, LinearBushing):
+        return "bushing"
+    return "spring" if force.stiffness > 0.0 else "cylinder"
 
 
 def arrows(run: Trajectory, nodes: Sequence[Node], kinds: Sequence[str]) -> list[Arrow]:
@@ -172,17 +181,24 @@ def _forces(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
             yield Arrow("forces", BodyPoint(node, np.array(inertia.lever)), False, weight)
     for name, force in run.dynamics.forces.items():
         if isinstance(force, AppliedWrench):
-            frame = force.frame
-            wrench = _wrench(run, name, int(model.frames[frame].parentJoint))
-            at = point_of(model, frame)
-            yield Arrow("forces", at, False, wrench[:, :3])
-            moments = wrench[:, 3:] - np.cross(_positions(run, frame), wrench[:, :3])
-            if np.abs(moments).max() > 1e-9 * np.abs(wrench).max():  # less is rounding of the shift to the point
-                yield Arrow("forces", at, True, moments)
+            yield from _at_frame(run, name, force.frame)
+        elif isinstance(force, LinearBushing):
+            yield from (arrow for frame in force.frames for arrow in _at_frame(run, name, frame))
         elif isinstance(force, TwoPointSpring):
             ends = [point_of(model, frame) for frame in force.frames]
             if ends[0].node != ends[1].node:
                 yield from (Arrow("forces", end, False, _wrench(run, name, end.node)[:, :3]) for end in ends)
+
+
+def _at_frame(run: Trajectory, name: str, frame: int) -> Iterator[Arrow]:
+    """Yield the force and the moment of a force element on a link, at the origin of a frame."""
+    model = run.mechanism.model
+    wrench = _wrench(run, name, int(model.frames[frame].parentJoint))
+    at = point_of(model, frame)
+    yield Arrow("forces", at, False, wrench[:, :3])
+    moments = wrench[:, 3:] - np.cross(_positions(run, frame), wrench[:, :3])
+    if np.abs(moments).max() > 1e-9 * np.abs(wrench).max():  # less is rounding of the shift to the point
+        yield Arrow("forces", at, True, moments)
 
 
 def _wrench(run: Trajectory, name: str, joint: int) -> Array:

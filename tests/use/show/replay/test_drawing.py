@@ -155,7 +155,7 @@ def picture(tmp_path: Path, read: Callable[..., Any]) -> Callable[..., Any]:
         (tmp_path / "s.yaml").write_text(
             f"pinarm: 1\nmechanism: m.yaml\nproblem: {{kind: statics, hold: {{{held}}}}}\noutputs: [g]\n"
         )
-        page = pinarm.load(tmp_path / "s.yaml").run().replay()
+        page = pinarm.load(tmp_path / "s.yaml").run().replay(arrows=content.get("arrows", ()))
         return read(page.html).scene, page.notes
 
     return draw
@@ -237,6 +237,19 @@ def test_springs_and_cylinders_join_their_points(picture: Callable[..., Any], ch
         ("spring", 0, 2), ("cylinder", 0, 2),
     ]  # fmt: skip
     assert scene["pairs"][0]["longest"] == pytest.approx(3.0)
+
+
+def test_a_bushing_is_drawn_between_its_frames_with_force_and_moment_on_both(
+    picture: Callable[..., Any], chain: Callable[..., str]
+) -> None:
+    xml = chain({"name": "a", "axis": "0 1 0"}, {"name": "b", "axis": "0 1 0", "at": "0 0 3", "com": "0 0 1"})
+    rates = "{translation: [9 N/m, 9 N/m, 7 N/m], rotation: [0, 3 N*m/rad, 0]}"
+    forces = f"{{p: {{kind: bushing, between: [a_link, b_link], stiffness: {rates}}}}}"
+    scene, _ = picture(xml, arrows=["forces"], at=0.5, forces=forces)
+    [pair] = scene["pairs"]
+    assert (pair["kind"], pair["a"]["node"], pair["b"]["node"]) == ("bushing", 1, 2)
+    found = [(arrow["node"], arrow["moment"]) for arrow in scene["arrows"] if "vectors" in arrow]
+    assert sorted(found) == [(1, False), (1, True), (2, False), (2, True)]
 
 
 def test_loop_joints_are_marked_at_both_links(solved: Callable[..., Any], read: Callable[..., Any]) -> None:

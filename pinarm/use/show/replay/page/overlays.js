@@ -1,4 +1,4 @@
-// What is drawn over the mechanism: paths of points, arrows, springs, cylinders and loop joints.
+// What is drawn over the mechanism: paths of points, arrows, springs, cylinders, bushings and loop joints.
 
 const HUES = { forces: "#009e73", torques: "#d55e00", reactions: "#0072b2", loops: "#cc79a7" };
 const PATHS = ["#cc4778", "#e69f00", "#56b4e9", "#7e4fb0", "#2b8a3e", "#8a5a2b"];
@@ -121,12 +121,12 @@ function twist(view, motion, arrow, array) {
   };
 }
 
-/** Draw what joins two points: a spring, a cylinder, or the mark of a loop joint. */
+/** Draw what joins two points: a spring, a cylinder, a bushing, a rod, or the mark of a loop joint. */
 function link(view, motion, pair) {
   const { THREE, detail: size } = view;
   const between = new THREE.Group();
   view.world.add(between);
-  const parts = { spring, cylinder, rod, loop }[pair.kind](THREE, pair, size);
+  const parts = { spring, cylinder, bushing, rod, loop }[pair.kind](THREE, pair, size);
   between.add(...parts.fixed, ...parts.stretched);
   return () => {
     const [a, b] = [motion.point(pair.a.node, pair.a.point), motion.point(pair.b.node, pair.b.point)];
@@ -164,6 +164,18 @@ function cylinder(THREE, pair, size) {
   barrel.castShadow = rod.castShadow = true;
   const [start, end] = eyes(THREE, size);
   return { fixed: [barrel, start, end], stretched: [rod], atEnd: [end] };
+}
+
+/** A bushing: a ball of rubber between the two origins, and a steel pin through each of these. */
+function bushing(THREE, pair, size) {
+  const rubber = new THREE.Mesh(new THREE.SphereGeometry(0.03 * size, 24, 16), paint(THREE, [0.13, 0.13, 0.14, 1]));
+  rubber.castShadow = true;
+  const pin = () => new THREE.Mesh(new THREE.CylinderGeometry(0.01 * size, 0.01 * size, 0.08 * size, 20),
+    paint(THREE, [0.72, 0.74, 0.78, 1]));
+  const [start, end] = [pin(), pin().rotateZ(Math.PI / 2)];
+  const neck = new THREE.Mesh(new THREE.CylinderGeometry(0.018 * size, 0.018 * size, 1, 20).rotateX(Math.PI / 2)
+    .translate(0, 0, 0.5), paint(THREE, [0.13, 0.13, 0.14, 1]));
+  return { fixed: [rubber, start, end], stretched: [neck], atEnd: [end] };
 }
 
 function rod(THREE, pair, size) {

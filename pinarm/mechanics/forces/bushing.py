@@ -1,0 +1,325 @@
+"""Bushings: linear stiffness and damping, in translation and rotation, between the frames of two links."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError, Key, choices, within
+from pinarm.input.units import DIMENSIONLESS, Unit, unit
+from pinarm.input.yaml.schema import (
+    AnyQuantity,
+    Damping,
+    InputStruct,
+    RotationDamping,
+    RotationStiffness,
+    Stiffness,
+    check_unit,
+)
+from pinarm.mechanics.forces.force_element import ForceElement, Measure
+from pinarm.mechanics.geometry.deflection import REACH, Deflection
+from pinarm.mechanics.joints import METRE, RADIAN, Joint, frames_of
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.geometry.chains import Chain
+
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+"""The components of a deflection: displacements along the axes, then those of the rotation vector."""
+
+NEAR = math.radians(5.0)
+"""How close to ``REACH`` the last state of a motion is that ends because of it, unless its steps are coarse [rad]."""
+
+SEMIDEFINITE = 1e-9
+"""Negative eigenvalue that rounding of typed digits explains, of a matrix scaled to a diagonal of ones."""
+
+MANY = 8
+"""Number of configurations from which on it pays to place the frames in all of them together."""
+
+
+@dataclass(frozen=True)
+class LinearBushing(ForceElement):
+    """Stiffness and damping between two frames, which coincide where it is free.
+
+    With the deflection ``x = [d; phi]`` (see ``Deflection``) the potential energy is ``x^T K x / 2``, the dissipated
+    power ``x'^T D x'``, and the load exactly that of ``-K x - D x'`` on x, at any rotation up to ``REACH``. Beyond it
+    nothing is a number: a motion that goes there ends. For small x the wrench on frame 2 is ``-K x - D x'``, and K the
+    stiffness matrix of linear elasticity. What acts on the two links is opposite, and the same whichever comes first.
+
+    Attributes:
+        model: Pinocchio's model.
+        frames: Indices of the two frames, on different bodies.
+        stiffness: K, symmetric [N/m, N/rad, N*m/rad], shape (6, 6).
+        damping: D, symmetric [N*s/m, N*s/rad, N*m*s/rad], shape (6, 6).
+        data: Buffers of its own.
+    """
+
+    model: pin.Model
+    frames: tuple[int, int]
+    stiffness: Array
+    damping: Array
+    data: pin.Data = field(repr=False)
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add the load to ``tau``: that of the wrench on frame 2 on its twist in frame 1."""
+        if q.ndim > 1:
+            self._add_many(_rows(q), _rows(v), _rows(tau))
+            return
+        placement, jacobian = self._relative(q)
+        turn = placement.rotation
+        tau += self._wrench(placement, jacobian, v).reshape(2, 3).dot(turn).ravel().dot(jacobian)
+
+    def _add_many(self, q: Array, v: Array, tau: Array) -> None:
+        """Add the loads at n configurations."""
+        if self.chain is None or len(q) < MANY:
+            for state, rate, load in zip(q, v, tau, strict=True):
+                self.add_load(0.0, state, rate, load)
+            return
+        placed = self.chain.placed(q.T, np.cos(q.T), np.sin(q.T))
+        apart = Deflection.many(placed.p, placed.axes)
+        pull = self.stiffness @ np.array([*apart.d, *apart.phi])
+        if self._damped:
+            dp, w, _, _ = placed.rates(v.T)
+            pull += self.damping @ np.concatenate(apart.rate(tuple(dp), tuple(w)))
+        force, moment = (np.array(part) for part in apart.wrench(tuple(-pull[:3]), tuple(-pull[3:])))
+        for rows in (placed.along(force), placed.about(moment)):
+            for j, x in rows.items():
+                tau[:, j] += x
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return the energy of the spring."""
+        x = np.array([self._deflection(state) for state in _rows(q)]).reshape(-1, 6)
+        return np.asarray(0.5 * (x @ self.stiffness * x).sum(axis=1)).reshape(q.shape[:-1])
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the power of the damper."""
+        if not self._damped:
+            return np.zeros(q.shape[:-1])
+        x = np.array([self._rate(*state) for state in zip(_rows(q), _rows(v), strict=True)]).reshape(-1, 6)
+        return np.asarray((x @ self.damping * x).sum(axis=1)).reshape(q.shape[:-1])
+
+    @property
+    def conservative(self) -> bool:
+        """Whether there is no damper."""
+        return not self._damped
+
+    def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
+        """Return what acts on both links, moved to the world's origin."""
+        first, second = (self.model.frames[frame].parentJoint for frame in self.frames)
+        placement, jacobian = self._relative(q)
+        wrench = self._wrench(placement, jacobian, v)
+        wrench[3:] += np.cross(placement.translation, wrench[:3])
+        moved = self.data.oMf[self.frames[0]].act(pin.Force(wrench)).vector
+        return {first: -moved, second: moved}
+
+    def refusal(self, q: Array) -> str:
+        """Return why it has no load: the frames are turned too far; empty where it has one."""
+        theta = float(np.linalg.norm(pin.log3(self._relative(q)[0].rotation)))
+        if theta < REACH - NEAR:
+            return ""
+        turned, most = (f"{math.degrees(angle):.4g} deg" for angle in (theta, REACH))
+        return f"its frames {self.between} are turned by {turned} to one another, and a bushing acts up to {most}"
+
+    def measures(self) -> Mapping[str, Measure]:
+        """Return how far frame 2 is from frame 1, and what the first link does to the second, all in world axes.
+
+        ``displacement`` of the second origin from the first, ``rotation`` vector of the second frame in the first,
+        ``force`` and ``moment`` at the origin of the second frame.
+        """
+        units = (METRE, RADIAN, unit("N"), unit("N*m"))
+        named = zip(("displacement", "rotation", "force", "moment"), units, strict=True)
+        return {name: Measure(each, partial(self._in_world, k), vector=True) for k, (name, each) in enumerate(named)}
+
+    @property
+    def description(self) -> str:
+        """What it is and between which links."""
+        return f"bushing between {self.between}"
+
+    @property
+    def between(self) -> str:
+        """The names of its links."""
+        return " and ".join(self.model.frames[frame].name for frame in self.frames)
+
+    @cached_property
+    def chain(self) -> Chain | None:
+        """From frame 1 to frame 2; ``None`` where other than simple joints are between."""
+        from pinarm.mechanics.geometry.chains import Chain  # for many states only
+
+        return Chain.between(self.model, *self.frames)
+
+    @cached_property
+    def _damped(self) -> bool:
+        return bool(self.damping.any())
+
+    def _relative(self, q: Array) -> tuple[pin.SE3, Array]:
+        """Return the placement of frame 2 in frame 1, and the Jacobian of its twist there, in axes of frame 2."""
+        model, data = self.model, self.data
+        pin.computeJointJacobians(model, data, q)
+        first, second = (pin.updateFramePlacement(model, data, frame) for frame in self.frames)
+        own, other = (pin.getFrameJacobian(model, data, frame, pin.LOCAL).reshape(6, -1) for frame in self.frames)
+        placement = first.actInv(second)
+        return placement, other - placement.toActionMatrixInverse().dot(own)
+
+    def _wrench(self, placement: pin.SE3, jacobian: Array, v: Array) -> Array:
+        """Return [f; m] on frame 2 at its origin [N, N*m], axes of frame 1, shape (6,)."""
+        apart = Deflection.one(placement)
+        pull = self.stiffness.dot([*apart.d, *apart.phi])
+        if self._damped:
+            pull += self.damping.dot(_rate(apart, placement, jacobian, v))
+        fx, fy, fz, mx, my, mz = (-pull).tolist()
+        force, moment = apart.wrench((fx, fy, fz), (mx, my, mz))
+        return np.array([*force, *moment])
+
+    def _deflection(self, q: Array) -> Array:
+        """Return d and phi [m, rad], shape (6,)."""
+        apart = Deflection.one(self._relative(q)[0])
+        return np.array([*apart.d, *apart.phi])
+
+    def _rate(self, q: Array, v: Array) -> Array:
+        """Return d' and phi' [m/s, rad/s], shape (6,)."""
+        placement, jacobian = self._relative(q)
+        return _rate(Deflection.one(placement), placement, jacobian, v)
+
+    def _in_world(self, part: int, t: Array, q: Array, v: Array) -> Array:
+        """Return displacement, rotation, force or moment (0 to 3) at n states, world axes, shape (n, 3)."""
+        rows = np.empty((len(q), 3))
+        for k, (state, rate) in enumerate(zip(q, v, strict=True)):
+            placement, jacobian = self._relative(state)
+            wrench = self._wrench(placement, jacobian, rate).reshape(2, 3)
+            vectors = placement.translation, pin.log3(placement.rotation), *wrench
+            rows[k] = self.data.oMf[self.frames[0]].rotation @ vectors[part]
+        return rows
+
+
+def _rate(apart: Deflection[float], placement: pin.SE3, jacobian: Array, v: Array) -> Array:
+    """Return d' and phi' [m/s, rad/s], shape (6,); the Jacobian is that of the twist in the axes of frame 2."""
+    dp, w = jacobian.dot(v).reshape(2, 3).dot(placement.rotation.T).tolist()
+    rates = apart.rate(tuple(dp), tuple(w))
+    return np.array([*rates[0], *rates[1]])
+
+
+def _rows(values: Array) -> Array:
+    """Return states as rows, a view."""
+    return values.reshape(-1, values.shape[-1])
+
+
+class SpringRates(InputStruct, frozen=True):
+    """The stiffness of a bushing: a symmetric matrix of six rows.
+
+    Attributes:
+        translation: Force per displacement along x, y, z [N/m].
+        rotation: Moment per angle about x, y, z [N*m/rad].
+        coupling: Entries beside the diagonal, named by two of x, y, z, rx, ry, rz in this order: ``y_rz: -6 kN/rad``.
+    """
+
+    translation: tuple[Stiffness, Stiffness, Stiffness] = (0.0, 0.0, 0.0)
+    rotation: tuple[RotationStiffness, RotationStiffness, RotationStiffness] = (0.0, 0.0, 0.0)
+    coupling: dict[str, AnyQuantity] = {}
+
+    def check(self) -> None:
+        """Refuse a matrix that gives energy away."""
+        _matrix(self, DIMENSIONLESS)
+
+
+class DampingRates(InputStruct, frozen=True):
+    """The damping of a bushing: a symmetric matrix of six rows.
+
+    Attributes:
+        translation: Force per velocity along x, y, z [N*s/m].
+        rotation: Moment per angular velocity about x, y, z [N*m*s/rad].
+        coupling: Entries beside the diagonal, named by two of x, y, z, rx, ry, rz in this order: ``y_rz: 2 N*s/rad``.
+    """
+
+    translation: tuple[Damping, Damping, Damping] = (0.0, 0.0, 0.0)
+    rotation: tuple[RotationDamping, RotationDamping, RotationDamping] = (0.0, 0.0, 0.0)
+    coupling: dict[str, AnyQuantity] = {}
+
+    def check(self) -> None:
+        """Refuse a matrix that gives energy away."""
+        _matrix(self, unit("s"))
+
+
+class Bushing(InputStruct, frozen=True, tag_field="kind", tag="bushing"):
+    """Stiffness and damping in six directions between the frames of two links, free where they coincide.
+
+    With the axes halfway between the two frames, d the displacement of the second from the first along them, and phi
+    the rotation vector of the second in the first, the force and moment on the second are those of the potential energy
+    ``x^T K x / 2`` of ``x = [d; phi]``, and of ``D x'``: -K x - D x' where x is small. Angles stay below 170 deg.
+
+    Attributes:
+        between: The two links; their frames coincide where the bushing is free.
+        stiffness: K.
+        damping: D.
+    """
+
+    between: tuple[str, str]
+    stiffness: SpringRates = msgspec.field(default_factory=SpringRates)
+    damping: DampingRates = msgspec.field(default_factory=DampingRates)
+
+    def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> ForceElement:
+        """Return the element of one model.
+
+        Raises:
+            InputError: The model has no link of that name, or both are on one body.
+        """
+        first, second = frames_of(model, self.between)
+        if model.frames[first].parentJoint == model.frames[second].parentJoint:
+            with within("between"):
+                raise InputError(f"{' and '.join(self.between)} are on one body: nothing moves between them",
+                                 expected="links with a joint between them")  # fmt: skip
+        stiffness, damping = _matrix(self.stiffness, DIMENSIONLESS), _matrix(self.damping, unit("s"))
+        return LinearBushing(model, (first, second), stiffness, damping, model.createData())
+
+
+def _matrix(rates: SpringRates | DampingRates, time: Unit) -> Array:
+    """Return the matrix of a bushing, shape (6, 6).
+
+    Args:
+        rates: Its entries.
+        time: What the units have beside those of a stiffness: 1, or s.
+
+    Raises:
+        InputError: A name of an entry is none, or there are deflections in which it gives energy away.
+        UnitError: An entry has another dimension.
+    """
+    matrix = np.diag([*rates.translation, *rates.rotation])
+    places = {f"{DIRECTIONS[i]}_{DIRECTIONS[j]}": (i, j) for i, j in combinations(range(6), 2)}
+    for name, value in rates.coupling.items():
+        with within("coupling", Key(name)):
+            if name not in places:
+                expected, hint = choices(name, places)
+                raise InputError(f"a bushing has no entry '{name}'", expected=expected, hint=hint)
+        i, j = places[name]
+        with within("coupling", name):
+            check_unit(value, unit(("N/m", "N/rad", "N*m/rad")[(i > 2) + (j > 2)]) * time)
+        matrix[i, j] = matrix[j, i] = value
+    _require_no_source(matrix)
+    return matrix
+
+
+def _require_no_source(matrix: Array) -> None:
+    """Raise where a symmetric matrix has a negative eigenvalue.
+
+    Raises:
+        InputError: It has; names the deflection.
+    """
+    size = np.sqrt(np.diag(matrix))
+    scale = np.where(size > 0.0, size, 1.0)
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    if values[0] < -SEMIDEFINITE:
+        worst = [name for name, x in zip(DIRECTIONS, vectors[:, 0], strict=True) if abs(x) > 0.1]
+        with within("coupling"):
+            raise InputError(
+                f"in {', '.join(worst)} together the matrix is negative: the bushing would give energy away",
+                expected="a matrix without negative eigenvalues: of two directions, an entry whose square is at most "
+                "the product of their own",
+                hint="all digits of a computed matrix",
+            )  # fmt: skip

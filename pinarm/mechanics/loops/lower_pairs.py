@@ -1,0 +1,249 @@
+"""Lower pairs, whose free motions have fixed directions in frame 1, and joints that hold less in the same way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol, get_args
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.mechanics.geometry.vectors import Axes, combined, cross, dot, rotation_vector
+from pinarm.mechanics.joints import Direction, unit_vector
+from pinarm.mechanics.loops.loop_joints import LoopDefinition
+from pinarm.mechanics.loops.pair import ALL, NOTHING, Pair
+
+MEETING = 1e-8
+"""Sine of an angle below which it is the angle to rounding, and the direction of its axis is not."""
+
+
+class Rotation(Protocol):
+    """How far the rotation of frame 2 against frame 1 is from the one that a pair asks at p."""
+
+    def __call__(self, p: Array, axes: Axes) -> Array:
+        """Return a rotation vector [rad], shape (3, ..)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class LowerPair:
+    """A pair whose rows have constant directions, those without a direction of rotation first.
+
+    The gap of these is ``e . p``, that of the others ``w . rotation``.
+
+    Attributes:
+        e: Directions of translation, shape (m, 3).
+        w: Directions of rotation, shape (m, 3).
+        axis: The common axis, shape (3,).
+        rotation: The open rotation; none where no row has a direction of rotation.
+        points: See ``Pair``.
+    """
+
+    e: Array
+    w: Array
+    axis: Array
+    rotation: Rotation | None
+    points: Array | None = None
+
+    @cached_property
+    def along(self) -> list[bool]:
+        """Which rows have a direction of translation."""
+        return [bool(row.any()) for row in self.e]
+
+    @cached_property
+    def about(self) -> list[bool]:
+        """Which rows have a direction of rotation."""
+        return [bool(row.any()) for row in self.w]
+
+    @cached_property
+    def _held(self) -> Array:
+        return self.e[np.logical_not(self.about)]
+
+    @cached_property
+    def _aligned(self) -> Array:
+        return self.w[self.about]
+
+    def gap(self, p: Array, axes: Axes) -> list[Array]:
+        """Return the open distances and angles."""
+        if self.rotation is None:
+            return list(self._held @ p)
+        return [*(self._held @ p), *(self._aligned @ self.rotation(p, axes))]
+
+    def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
+        """Return the constant directions."""
+        return self.e, self.w
+
+    def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> Array:
+        """Return zeros."""
+        return np.zeros((len(self.e), 1)[: p.ndim])
+
+
+def turned(p: Array, axes: Axes) -> Array:
+    """Return ``log R``."""
+    return rotation_vector(axes)
+
+
+@dataclass(frozen=True, eq=False)
+class Tilt:
+    """The rotation vector of least length that brings an axis of frame 1 onto the same axis of frame 2.
+
+    Unlike components of ``log R`` it does not change sign where the rotation about the axis passes half a turn.
+
+    Attributes:
+        axis: Shape (3,).
+        normal: Any unit vector at right angles to it, for frames that are turned over, shape (3,).
+    """
+
+    axis: Array
+    normal: Array
+
+    def __call__(self, p: Array, axes: Axes) -> Array:
+        """Return it."""
+        other = combined(axes, self.axis)
+        normal, cosine = cross(self.axis, other), self.axis @ other
+        sine = np.sqrt(dot(normal, normal))
+        meeting = sine <= MEETING
+        full = np.where(meeting, 1.0, np.arctan2(sine, cosine) / np.where(meeting, 1.0, sine))
+        tilt, over = normal * full, meeting & (cosine < 0.0)
+        return np.where(over, np.pi * self.normal.reshape(3, *(1,) * (p.ndim - 1)), tilt) if over.any() else tilt
+
+
+def holding(held: Array, aligned: Array, axis: Array, points: Array | None = None) -> LowerPair:
+    """Return the pair whose rows measure lengths or angles, not both.
+
+    Args:
+        held: Directions in which the origins stay together, shape (k, 3).
+        aligned: Directions about which the frames do not turn against each other: none, all, or two normals of the
+            axis, shape (l, 3).
+        axis: The common axis, shape (3,).
+        points: See ``Pair``.
+    """
+    e, w = np.vstack([held, np.zeros_like(aligned)]), np.vstack([np.zeros_like(held), aligned])
+    rotations: dict[int, Rotation] = {2: Tilt(axis, normals(axis)[0]), 3: turned}
+    return LowerPair(e, w, axis, rotations.get(len(aligned)), points)
+
+
+def normals(axis: Array) -> Array:
+    """Return two unit vectors at right angles to an axis and to each other, shape (2, 3)."""
+    least = np.eye(3)[int(np.abs(axis).argmin())]
+    one = np.cross(axis, least)
+    one /= np.linalg.norm(one)
+    return np.array([one, np.cross(axis, one)])
+
+
+class LowerDefinition(LoopDefinition, frozen=True):
+    """A lower pair, as files give it; ``around`` says what the kind holds about a unit vector."""
+
+    def pair(self) -> LowerPair:
+        """Return it about z, where the kind has no axis."""
+        return self.around(ALL[2])
+
+    @staticmethod
+    def around(axis: Array) -> LowerPair:
+        """Return the pair about a unit vector, shape (3,)."""
+        raise NotImplementedError
+
+
+class AxisDefinition(LowerDefinition, frozen=True):
+    """A lower pair about an axis.
+
+    Attributes:
+        axis: The axis, the same in both frames.
+    """
+
+    axis: Direction = "z"
+
+    def pair(self) -> LowerPair:
+        """Return it about the axis."""
+        return self.around(unit_vector(self.axis))
+
+
+class Fixed(LowerDefinition, frozen=True, tag_field="kind", tag="fixed"):
+    """The frames coincide."""
+
+    @staticmethod
+    def around(axis: Array) -> LowerPair:
+        """Return the pair."""
+        return holding(ALL, ALL, axis, np.vstack([np.zeros(3), ALL[:2]]))
+
+
+class Revolute(AxisDefinition, frozen=True, tag_field="kind", tag="revolute"):
+    """The frames turn against each other about a common axis; the origins coincide."""
+
+    @staticmethod
+    def around(axis: Array) -> LowerPair:
+        """Return the pair."""
+        return holding(ALL, normals(axis), axis, np.array([np.zeros(3), axis]))
+
+
+class Prismatic(AxisDefinition, frozen=True, tag_field="kind", tag="prismatic"):
+    """Frame 2 slides along an axis without turning."""
+
+    @staticmethod
+    def around(axis: Array) -> LowerPair:
+        """Return the pair."""
+        return holding(normals(axis), ALL, axis)
+
+
+class Cylindrical(AxisDefinition, frozen=True, tag_field="kind", tag="cylindrical"):
+    """Frame 2 slides along an axis and turns about it."""
+
+    @staticmethod
+    def around(axis: Array) -> LowerPair:
+        """Return the pair."""
+        return holding(normals(axis), normals(axis), axis)
+
+
+class Spherical(LowerDefinition, frozen=True, tag_field="kind", tag="spherical"):
+    """A ball joint: the origins coincide."""
+
+    @staticmethod
+    def around(axis: Array) -> LowerPair:
+        """Return the pair."""
+        return holding(ALL, NOTHING, axis, np.zeros((1, 3)))
+
+
+class Planar(AxisDefinition, frozen=True, tag_field="kind", tag="planar"):
+    """Two planes slide on each other; the axis is their normal."""
+
+    @staticmethod
+    def around(axis: Array) -> LowerPair:
+        """Return the pair."""
+        return holding(axis[None], normals(axis), axis)
+
+
+class PointOnLine(AxisDefinition, frozen=True, tag_field="kind", tag="point_on_line"):
+    """The origin of frame 2 stays on a line through that of frame 1."""
+
+    @staticmethod
+    def around(axis: Array) -> LowerPair:
+        """Return the pair."""
+        return holding(normals(axis), NOTHING, axis)
+
+
+class PointOnPlane(AxisDefinition, frozen=True, tag_field="kind", tag="point_on_plane"):
+    """The origin of frame 2 stays in a plane through that of frame 1; the axis is its normal."""
+
+    @staticmethod
+    def around(axis: Array) -> LowerPair:
+        """Return the pair."""
+        return holding(axis[None], NOTHING, axis)
+
+
+LowerKind = Fixed | Revolute | Prismatic | Cylindrical | Spherical | Planar | PointOnLine | PointOnPlane
+"""Kinds that need at most an axis. A new one is one class above and one entry here."""
+
+
+def looser(pair: Pair) -> list[tuple[str, LowerPair]]:
+    """Return the kinds about the same axis whose rows are fewer than those of a lower pair, and follow from them."""
+    if not isinstance(pair, LowerPair):
+        return []
+    held = np.linalg.qr(np.hstack([pair.e, pair.w]).T)[0]
+    found = []
+    for kind in get_args(LowerKind):
+        other = kind.around(pair.axis)
+        rows = np.hstack([other.e, other.w])
+        if len(rows) < len(pair.e) and np.abs(rows - rows @ held @ held.T).max() < 1e-9:
+            found.append((str(kind.__struct_config__.tag), other))
+    return found

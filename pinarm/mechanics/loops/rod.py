@@ -1,0 +1,52 @@
+"""The rod without mass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.input.yaml.schema import Span
+from pinarm.mechanics.geometry.vectors import MEETING, Axes, direction, dot
+from pinarm.mechanics.loops.loop_joints import LoopDefinition
+
+UNTURNED = np.zeros((1, 3))
+"""Direction of rotation: no angle is held."""
+
+
+class Rod(LoopDefinition, frozen=True, tag_field="kind", tag="rod", kw_only=True):
+    """The origins keep their distance, as by a rod without mass with ball joints at its ends."""
+
+    length: Span
+
+    def pair(self) -> Tie:
+        """Return what it holds."""
+        return Tie(float(self.length))
+
+
+@dataclass(frozen=True, eq=False)
+class Tie:
+    """A rod's row, with u the direction of p: ``u . p' = 0``.
+
+    Attributes:
+        length: [m].
+    """
+
+    length: float
+    along: tuple[bool, ...] = (True,)
+    about: tuple[bool, ...] = (False,)
+    points: Array | None = None
+
+    def gap(self, p: Array, axes: Axes) -> list[Array]:
+        """Return by how much the distance differs from the length."""
+        return [np.sqrt(dot(p, p)) - self.length]
+
+    def directions(self, p: Array, axes: Axes) -> tuple[Array, Array]:
+        """Return the direction of the rod."""
+        return direction(p)[None], UNTURNED
+
+    def bend(self, p: Array, axes: Axes, dp: Array, omega: Array) -> Array:
+        """Return the centripetal term ``(|p'|^2 - (u . p')^2) / |p|``."""
+        along = dot(direction(p), dp)
+        return np.asarray((dot(dp, dp) - along * along) / np.maximum(np.sqrt(dot(p, p)), MEETING))[None]

@@ -1,0 +1,484 @@
+"""Bushings: the energy contract at finite rotations, closed forms of small and large motions, refusals."""
+
+import math
+import re
+from contextlib import nullcontext
+
+import msgspec
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import pinarm
+from pinarm.engine.quantities.names import Quantities
+from pinarm.errors import InputError, IntegrationError, NumericsError, UnitError
+from pinarm.input.units import unit
+from pinarm.input.yaml.schema import Measured, json_schema
+from pinarm.mechanics.forces.bushing import Bushing, DampingRates, LinearBushing, SpringRates
+from pinarm.mechanics.forces.point import PointSpring, Wrench
+from pinarm.mechanics.geometry.deflection import REACH
+from pinarm.mechanics.laws import Harmonic
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.equilibria import Equilibria
+from pinarm.problems.forward import Forward
+from pinarm.problems.inverse import Inverse
+from pinarm.problems.states import Statics
+from pinarm.problems.time_grid import TimeGrid
+
+FULL = np.random.default_rng(7).normal(size=(2, 6, 6))
+STIFFNESS, DAMPING = (half @ half.T * scale for half, scale in zip(FULL, (5.0, 0.3), strict=True))
+
+
+def place(*path):
+    return nullcontext()
+
+
+def turned(rng, angle):
+    """A rotation by an angle about a random axis."""
+    axis = rng.normal(size=3)
+    return pin.exp3(angle * axis / np.linalg.norm(axis))
+
+
+@pytest.fixture(scope="module")
+def two_bodies():
+    """Two bodies that move freely, each with a frame off its origin."""
+    model, rng = pin.Model(), np.random.default_rng(3)
+    for name in ("a", "b"):
+        joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), name)
+        model.addFrame(pin.Frame(name, joint, pin.SE3(turned(rng, 1.0), rng.normal(size=3)), pin.FrameType.BODY))
+    return model, tuple(model.getFrameId(name) for name in ("a", "b"))
+
+
+def between(two_bodies, *, swapped=False, stiffness=STIFFNESS, damping=DAMPING):
+    model, frames = two_bodies
+    return LinearBushing(model, frames[::-1] if swapped else frames, stiffness, damping, model.createData())
+
+
+def posed(two_bodies, seed, angle):
+    """A configuration in which the frames are an angle apart, and a velocity, both otherwise random."""
+    model, (first, second) = two_bodies
+    rng = np.random.default_rng(seed)
+    start = pin.SE3(turned(rng, rng.uniform(0.0, 3.0)), rng.normal(size=3))
+    end = start * pin.SE3(turned(rng, angle), rng.normal(size=3))
+    bodies = (start * model.frames[first].placement.inverse(), end * model.frames[second].placement.inverse())
+    return np.concatenate([pin.SE3ToXYZQUAT(body) for body in bodies]), rng.normal(size=12)
+
+
+def load(element, q, v):
+    tau = np.zeros_like(v)
+    element.add_load(0.0, q, v, tau)
+    return tau
+
+
+class TestContract:
+    @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 0.5, 1.5, 2.5, 2.95])
+    @pytest.mark.parametrize("seed", range(3))
+    def test_power_is_what_leaves_the_potential_and_is_not_dissipated(self, two_bodies, differentiate, seed, angle):
+        model, _ = two_bodies
+        element, (q, v) = between(two_bodies), posed(two_bodies, seed, angle)
+        # near 170 deg and near 0, where the angle has a corner, differences have little room
+        change = differentiate(lambda t: element.potential_energy(pin.integrate(model, q, t * v)), 0.0, h=0.002)
+        lost = element.dissipated_power(0.0, q, v)
+        assert lost > 0.1
+        assert load(element, q, v) @ v == pytest.approx(-change - lost, rel=1e-9, abs=1e-9)
+
+    @pytest.mark.parametrize("angle", [0.3, 2.9])
+    def test_every_direction_obeys_it_not_only_the_velocity(self, two_bodies, differentiate, angle):
+        model, _ = two_bodies
+        element = between(two_bodies, damping=np.zeros((6, 6)))
+        q, _ = posed(two_bodies, 11, angle)
+        tau = load(element, q, np.zeros(12))
+        for k, step in enumerate(np.eye(12)):
+            energy = lambda t, step=step: element.potential_energy(pin.integrate(model, q, t * step))  # noqa: E731
+            # energies near 300 J, differenced over 2 mrad
+            assert tau[k] == pytest.approx(-differentiate(energy, 0.0, h=0.002), abs=1e-8)
+
+    @pytest.mark.parametrize("angle", [0.0, 0.8, 2.9])
+    def test_it_does_not_matter_which_link_comes_first(self, two_bodies, angle):
+        q, v = posed(two_bodies, 5, angle)
+        one, other = (between(two_bodies, swapped=swapped) for swapped in (False, True))
+        assert load(one, q, v) == pytest.approx(load(other, q, v), rel=1e-12, abs=1e-12)
+        assert one.potential_energy(q) == pytest.approx(other.potential_energy(q), rel=1e-13)
+        assert one.dissipated_power(0.0, q, v) == pytest.approx(other.dissipated_power(0.0, q, v), rel=1e-12)
+
+    def test_bodies_that_move_as_one_feel_no_damping_and_the_same_spring(self, two_bodies):
+        model, _ = two_bodies
+        q, _ = posed(two_bodies, 8, 2.0)
+        twist = pin.Motion(np.random.default_rng(1).normal(size=6))
+        v = np.concatenate([pin.XYZQUATToSE3(body).actInv(twist).vector for body in q.reshape(2, 7)])
+        damper = between(two_bodies, stiffness=np.zeros((6, 6)))
+        assert load(damper, q, v) == pytest.approx(np.zeros(12), abs=1e-13)
+        assert damper.dissipated_power(0.0, q, v) == pytest.approx(0.0, abs=1e-26)
+        moved = pin.integrate(model, q, 0.7 * v)
+        spring = between(two_bodies, damping=np.zeros((6, 6)))
+        assert load(spring, moved, v) == pytest.approx(load(spring, q, v), rel=1e-11, abs=1e-12)
+
+    def test_the_wrenches_on_the_two_links_are_opposite(self, two_bodies):
+        q, v = posed(two_bodies, 2, 1.9)
+        one, other = between(two_bodies).wrenches(0.0, q, v).values()
+        assert (one == -other).all()
+        assert np.linalg.norm(one) > 1.0
+
+    def test_small_deflections_are_those_of_the_matrix(self, two_bodies, differentiate):
+        """The wrench on frame 2, in its own axes, is -K x: K by differences of it."""
+        model, (first, second) = two_bodies
+        element = between(two_bodies, damping=np.zeros((6, 6)))
+        start = pin.SE3(turned(np.random.default_rng(0), 1.0), np.array([0.2, -0.4, 0.9]))
+        bodies = (start * model.frames[frame].placement.inverse() for frame in (first, second))
+        q, data = np.concatenate([pin.SE3ToXYZQUAT(body) for body in bodies]), model.createData()
+
+        def pull(h, direction):
+            step = model.frames[second].placement.act(pin.Motion(direction)).vector
+            moved = pin.integrate(model, q, np.concatenate([np.zeros(6), h * step]))
+            pin.framesForwardKinematics(model, data, moved)
+            wrench = element.wrenches(0.0, moved, np.zeros(12))[model.frames[second].parentJoint]
+            return data.oMf[second].actInv(pin.Force(wrench)).vector
+
+        found = np.array([differentiate(lambda h, x=x: pull(h, x), 0.0) for x in np.eye(6)])
+        assert -found == pytest.approx(STIFFNESS, abs=1e-9 * STIFFNESS.max())
+
+    def test_beyond_its_reach_nothing_is_a_number(self, two_bodies):
+        element = between(two_bodies)
+        for angle, inside in ((REACH - 1e-9, True), (REACH + 1e-9, False)):
+            q, v = posed(two_bodies, 4, angle)
+            values = (*load(element, q, v), element.potential_energy(q), element.dissipated_power(0.0, q, v))
+            assert np.isfinite(values).all() == inside
+            assert np.isfinite(values).any() == inside
+
+
+SIX = [*({"name": axis, "kind": "prismatic", "axis": axes, "mass": 0.0, "inertia": (0.0, 0.0, 0.0)}
+         for axis, axes in (("x", "1 0 0"), ("y", "0 1 0"), ("z", "0 0 1"))),
+       *({"name": name, "axis": axes, "mass": 0.0, "inertia": (0.0, 0.0, 0.0)}
+         for name, axes in (("roll", "1 0 0"), ("pitch", "0 1 0")))]  # fmt: skip
+MASS, INERTIA = 2.5, (0.3, 0.5, 0.7)
+BODY = [*SIX, {"name": "yaw", "mass": MASS, "inertia": INERTIA}]
+MOUNT = SpringRates(translation=(900.0, 400.0, 1600.0), rotation=(30.0, 80.0, 20.0))
+
+
+def held(stiffness=MOUNT, **given):
+    return {"mount": Bushing(between=("base", "yaw_link"), stiffness=stiffness, **given)}
+
+
+@pytest.fixture
+def body(mechanism, chain):
+    """A body with six degrees of freedom, each a joint, without weight."""
+    return mechanism(chain(*BODY), gravity="none")
+
+
+def run(mechanism, end, samples=101, accuracy=None, **content):
+    problem = Forward(time=TimeGrid(end=end, samples=samples), **content)
+    return problem.solve(mechanism, accuracy or Accuracy(tolerance=1e-12), place)
+
+
+@pytest.mark.parametrize("n", [3, 20])
+def test_many_states_are_the_same_as_one_by_one_at_large_rotations(body, n):
+    element = Bushing(between=("yaw_link", "base"), stiffness=MOUNT,
+                      damping=DampingRates(translation=(3.0, 1.0, 2.0), rotation=(0.6, 0.9, 0.4)))  # fmt: skip
+    element = element.bind(body.model, body.joints)
+    rng = np.random.default_rng(2)
+    q, v = rng.uniform(-1.2, 1.2, size=(n, 6)), rng.normal(size=(n, 6))
+    many = load(element, q, v)
+    assert np.abs(many).max() > 100.0
+    for k in range(n):
+        assert many[k] == pytest.approx(load(element, q[k], v[k]), rel=1e-12, abs=1e-11)
+
+
+class TestSmallMotions:
+    squares = sorted([900.0 / MASS, 400.0 / MASS, 1600.0 / MASS, 30.0 / 0.3, 80.0 / 0.5, 20.0 / 0.7])
+
+    def test_frequencies_of_a_body_at_rest(self, body):
+        """k / m along each axis, and k / I about it."""
+        rest = Equilibria(starts=[{}, {"x": 0.2, "yaw": 0.3, "roll": -0.3}], loads=held())
+        found = rest.solve(body, Accuracy(), place)
+        assert len(found) == 1
+        squares = [found.further[f"equilibrium.frequency2_{k}"].values[0] for k in range(1, 7)]
+        assert squares == pytest.approx(self.squares, rel=1e-11)
+
+    @pytest.mark.parametrize("name, square", [("y", 400.0 / MASS), ("roll", 30.0 / 0.3), ("yaw", 20.0 / 0.7)])
+    def test_a_body_let_go(self, body, name, square):
+        swing = run(body, 2.0, initial={"position": {name: 0.1}}, loads=held())
+        column = swing.q[:, body.joints[name].q]
+        assert column == pytest.approx(0.1 * np.cos(math.sqrt(square) * swing.grid.t), abs=1e-10)
+
+    def test_the_tip_of_a_cantilever(self, body):
+        """F L^3 / 3 E I and F L^2 / 2 E I, from the end stiffness of an Euler-Bernoulli beam along x."""
+        length, rigidity, force = 0.8, 6.0, 1e-4
+        beam = SpringRates(
+            translation=(1e4, 12 * rigidity / length**3, 12 * rigidity / length**3),
+            rotation=(50.0, 4 * rigidity / length, 4 * rigidity / length),
+            coupling={"y_rz": -6 * rigidity / length**2, "z_ry": 6 * rigidity / length**2},
+        )
+        for axis, turn, sign in ((1, "yaw", 1.0), (2, "pitch", -1.0)):
+            push = Wrench(point="yaw_link", force=force * np.eye(3)[axis])
+            bent = Equilibria(starts=[{}], loads={**held(beam), "push": push}).solve(body, Accuracy(), place)
+            deflection, slope = bent.q[0, axis], bent.q[0, body.joints[turn].q]
+            # at a slope of 5e-6 rad what is not linear is of that order
+            assert deflection == pytest.approx(force * length**3 / (3 * rigidity), rel=2e-5)
+            assert slope == pytest.approx(sign * force * length**2 / (2 * rigidity), rel=2e-5)
+
+
+class TestLargeMotions:
+    @pytest.mark.parametrize("amplitude", [0.5, 2.9])
+    def test_torsion_about_one_axis_is_linear(self, mechanism, chain, amplitude):
+        """U = k phi^2 / 2 exactly: phi = a cos(sqrt(k / I) t), up to half a turn."""
+        wheel = mechanism(chain({"name": "turn", "mass": 1.0, "inertia": (0.2, 0.3, 0.4)}))
+        rod = Bushing(between=("base", "turn_link"), stiffness=SpringRates(rotation=(5.0, 7.0, 10.0)))
+        swing = run(wheel, 3.0, initial={"position": {"turn": amplitude}}, loads={"rod": rod})
+        assert swing.q[:, 0] == pytest.approx(amplitude * np.cos(5.0 * swing.grid.t), abs=1e-10)
+
+    def test_holding_it_takes_the_torque_of_the_law(self, mechanism, chain):
+        wheel = mechanism(chain({"name": "turn", "inertia": (0.2, 0.3, 0.4)}))
+        rod = Bushing(between=("turn_link", "base"), stiffness=SpringRates(rotation=(5.0, 7.0, 10.0)))
+        for angle in (-2.9, 0.3, 2.0):
+            rest = Statics(hold={"turn": angle}, loads={"rod": rod}).solve(wheel, Accuracy(), place)
+            assert rest.tau[0] == pytest.approx([10.0 * angle], rel=1e-13)
+
+    def soft(self, ends):
+        coupled = SpringRates(translation=(30.0, 50.0, 20.0), rotation=(6.0, 9.0, 4.0),
+                              coupling={"y_rz": -8.0, "z_ry": 5.0, "x_rx": 3.0})  # fmt: skip
+        return Bushing(between=ends, stiffness=coupled)
+
+    def flown(self, body, ends, **accuracy):
+        start = {"position": {"x": 0.4, "z": -0.3, "roll": 0.7, "pitch": 0.4, "yaw": 0.9},
+                 "velocity": {"y": 1.0, "roll": 1.5, "yaw": -2.0}}  # fmt: skip
+        loads = {"mount": self.soft(ends)}
+        return run(body, 3.0, initial=start, loads=loads, accuracy=Accuracy(**accuracy) if accuracy else None)
+
+    @pytest.mark.parametrize("accuracy", [
+        {"tolerance": 1e-12}, {"method": "stiff", "tolerance": 1e-12}, {"method": "collocation", "tolerance": 1e-12},
+        {"method": "conserving", "tolerance": 1e-10},
+    ], ids=lambda accuracy: accuracy.get("method", "dop853"))  # fmt: skip
+    def test_energy_is_kept_in_space(self, body, accuracy):
+        flight = Quantities(self.flown(body, ("base", "yaw_link"), **accuracy))
+        assert flight["force.mount.rotation.norm"].values.max() > 1.0
+        total = flight["energy.total"].values
+        assert total == pytest.approx(total[0], rel=1e-9)
+
+    def test_two_bodies_in_space_keep_energy_and_momentum(self, mechanism):
+        """Joined by the bushing alone: both roots float, and nothing acts on the two together."""
+        inertial = ('<inertial><mass value="{}"/><inertia ixx="0.2" iyy="0.3" izz="0.4" ixy="0" ixz="0" iyz="0"/>'
+                    "</inertial>")  # fmt: skip
+        parts = "".join(
+            f'<link name="{name}">{inertial.format(mass)}</link><joint name="to_{name}" type="floating">'
+            f'<parent link="base"/><child link="{name}"/></joint>' for name, mass in (("a", 1.0), ("b", 2.0))
+        )  # fmt: skip
+        pair = mechanism(f'<robot name="pair"><link name="base"/>{parts}</robot>', gravity="none")
+        start = {
+            "position": {"to_b.x": 0.5, "to_b.roll": 1.0, "to_b.yaw": 1.2},
+            "velocity": {"to_a.angular_velocity.x": 1.5, "to_b.y": 0.7, "to_b.angular_velocity.z": -2.0},
+        }
+        flight = Quantities(run(pair, 3.0, initial=start, loads={"mount": self.soft(("a", "b"))}))
+        assert flight["force.mount.rotation.norm"].values.max() > 1.0
+        assert np.ptp(flight["energy.kinetic"].values) > 1.0
+        momenta = (f"momentum.all.{part}.{axis}" for part in ("linear", "angular") for axis in "xyz")
+        for name in ("energy.total", *momenta):
+            assert flight[name].values == pytest.approx(flight[name].values[0], rel=1e-9, abs=1e-10), name
+
+    def test_the_motion_is_the_same_with_the_links_swapped(self, body):
+        one, other = (self.flown(body, ends) for ends in (("base", "yaw_link"), ("yaw_link", "base")))
+        assert one.q == pytest.approx(other.q, abs=1e-9)
+        assert np.abs(one.q[-1] - one.q[0]).max() > 0.1
+
+
+TURN = {"name": "turn", "inertia": (0.2, 0.3, 0.4)}
+WEAK = Bushing(between=("base", "turn_link"), stiffness=SpringRates(rotation=(0.0, 0.0, 1.0)))
+
+
+class TestHalfATurn:
+    @pytest.mark.parametrize("accuracy", [
+        {"tolerance": 1e-10}, {"method": "dopri5", "tolerance": 1e-8}, {"method": "stiff", "tolerance": 1e-8},
+        {"method": "collocation", "tolerance": 1e-8}, {"method": "rk4", "step": 0.002},
+        {"method": "conserving", "tolerance": 1e-8},
+    ], ids=lambda accuracy: accuracy.get("method", "dop853"))  # fmt: skip
+    def test_a_motion_that_goes_there_ends_in_words(self, mechanism, chain, accuracy):
+        wheel = mechanism(chain(TURN))
+        says = r"force 'rod': its frames base and turn_link are turned by 1[67]"
+        with pytest.raises(IntegrationError, match=says) as caught:
+            run(wheel, 4.0, initial={"velocity": {"turn": 6.0}}, loads={"rod": WEAK}, accuracy=Accuracy(**accuracy))
+        kept = caught.value.partial
+        # w = sqrt(k / I): the angle is 6 / w sin(w t) up to there
+        w = math.sqrt(1.0 / 0.4)
+        assert kept.q[-1, 0] == pytest.approx(6.0 / w * math.sin(w * kept.grid.t[-1]), abs=1e-5)
+        assert 2.7 < kept.q[-1, 0] <= REACH
+
+    @pytest.mark.parametrize("output", ["joint.turn.effort", "turn"])
+    def test_states_beyond_are_refused_in_words(self, tmp_path, chain, output):
+        (tmp_path / "wheel.urdf").write_text(chain(TURN))
+        (tmp_path / "s.yaml").write_text(f"""\
+pinarm: 1
+mechanism: wheel.urdf
+problem:
+  kind: statics
+  over: {{turn: {{from: 100.5 deg, to: 179.5 deg, samples: 80}}}}
+  loads: {{rod: {{kind: bushing, between: [base, turn_link], stiffness: {{rotation: [0, 0, 1 N*m/rad]}}}}}}
+outputs: [{output}]
+""")
+        with pytest.raises(NumericsError) as caught:
+            pinarm.run(tmp_path / "s.yaml")
+        assert "turn = 2.97578637 rad" in caught.value.message
+        assert "are turned by 170.5 deg to one another, and a bushing acts up to 170 deg" in caught.value.message
+
+    def test_one_motion_of_many_that_goes_there_does_not_touch_the_others(self, tmp_path, chain):
+        (tmp_path / "wheel.urdf").write_text(chain(TURN))
+        (tmp_path / "s.yaml").write_text("""\
+pinarm: 1
+mechanism: wheel.urdf
+problem:
+  kind: forward
+  time: {end: 1 s, samples: 11}
+  loads: {rod: {kind: bushing, between: [base, turn_link], stiffness: {rotation: [0, 0, 1 N*m/rad]}}}
+outputs: [turn]
+""")
+        batch = pinarm.batch(tmp_path / "s.yaml", velocity={"turn": [1.0, 6.0, 2.0]})
+        w = math.sqrt(1.0 / 0.4)
+        assert batch["turn"][[0, 2], -1] == pytest.approx(np.array([1.0, 2.0]) / w * math.sin(w), abs=1e-8)
+        assert list(batch.failures) == [1]
+
+
+ARM = [{"name": "shoulder", "axis": "0 1 0", "com": "0.2 0 0"}, {"name": "elbow", "axis": "0 0 1", "at": "0.5 0 0"}]
+
+
+class TestQuantities:
+    @pytest.fixture
+    def moved(self, mechanism, chain):
+        arm = mechanism(chain(*ARM))
+        loads = {
+            "pad": Bushing(between=("shoulder_link", "elbow_link"), stiffness=MOUNT,
+                           damping=DampingRates(rotation=(1.0, 1.0, 2.0))),
+            "m.1": Bushing(between=("base", "elbow_link"), stiffness=MOUNT),
+            "line": PointSpring(between=("base", "elbow_link"), stiffness=30.0, damping=2.0, free_length=0.4),
+        }  # fmt: skip
+        motion = {"shoulder": Harmonic(amplitude=0.9, pulsation=2.0), "elbow": Harmonic(amplitude=1.1, pulsation=3.0)}
+        return Inverse(time=TimeGrid(end=1.0, samples=21), motion=motion, loads=loads).solve(arm, Accuracy(), place)
+
+    def test_reactions_balance_every_body(self, moved):
+        found = Quantities(moved)
+        assert np.ptp(found["joint.shoulder.force.x"].values) > 10.0
+        assert found.figures()["bodies"] < 1e-14
+
+    def test_deflection_and_wrench_by_name(self, moved):
+        found, q, v = Quantities(moved), moved.q, moved.v
+        names = found.names()
+        values = {
+            name: found[f"force.pad.{name}"].values
+            for name in ("rotation.along.shoulder_link.z", "rotation.norm", "moment.along.elbow_link.z", "force.norm")
+        }
+        assert values["rotation.along.shoulder_link.z"] == pytest.approx(q[:, 1], abs=1e-14)
+        assert values["rotation.norm"] == pytest.approx(np.abs(q[:, 1]), abs=1e-14)
+        # the origins are 0.5 m apart along x of the first link, so along the halfway axes the pull has two components
+        x, y = 0.5 * np.cos(q[:, 1] / 2), -0.5 * np.sin(q[:, 1] / 2)
+        pull = np.hypot(900.0 * x, 400.0 * y)
+        assert values["force.norm"] == pytest.approx(pull, rel=1e-13)
+        torque = -20.0 * q[:, 1] - 2.0 * v[:, 1] + 0.5 * (x * 400.0 * y - y * 900.0 * x)
+        assert values["moment.along.elbow_link.z"] == pytest.approx(torque, abs=1e-11)
+        assert found["force.m.1.displacement.x"].values == pytest.approx(0.5 * np.cos(q[:, 0]), abs=1e-14)
+        assert {"force.pad.force.x", "force.m.1.displacement.norm", "force.line.tension"} <= set(names)
+        units = {"force.pad.rotation.x": "rad", "force.pad.moment.x": "N*m", "force.line.length": "m"}
+        assert {name: str(found[name].unit) for name in units} == units
+
+    def test_a_point_spring_tells_its_length_and_tension(self, moved):
+        found = Quantities(moved)
+        power = found["power.line"].values
+        assert found["force.line.length"].values == pytest.approx(0.5, abs=1e-15)
+        assert found["force.line.tension"].values == pytest.approx(30.0 * 0.1, abs=1e-13)
+        assert power == pytest.approx(0.0, abs=1e-13)
+
+    @pytest.mark.parametrize("name", ["force.pad.pull.x", "force.pad.force", "force.pad.moment.about.base.x",
+                                      "force.line.length.x", "force.pda.force.x", "force.pad.force.u"])  # fmt: skip
+    def test_other_names_are_refused(self, moved, name):
+        with pytest.raises(InputError, match=f"there is no quantity '{name}'") as caught:
+            Quantities(moved)[name]
+        assert "force." in caught.value.expected
+
+
+class TestInput:
+    @pytest.mark.parametrize("kind", [SpringRates, DampingRates])
+    @pytest.mark.parametrize(("given", "named"), [
+        ({"translation": (1.0, 4.0, 0.0), "coupling": {"x_y": 2.1}}, "x, y"),
+        ({"translation": (1.0, 1.0, 1.0), "rotation": (0.0, 1.0, 0.0), "coupling": {"z_rx": 1e-3}}, "rx"),
+        ({"translation": (1.0, 1.0, 1.0), "coupling": {"x_y": -0.6, "y_z": -0.6, "x_z": -0.6}}, "x, y, z"),
+    ])  # fmt: skip
+    def test_matrices_that_give_energy_away_are_refused(self, kind, given, named):
+        with pytest.raises(InputError, match=f"{named} together the matrix is negative") as caught:
+            kind(**given)
+        assert caught.value.path == ("coupling",)
+
+    @pytest.mark.parametrize("given", [
+        {"translation": (1.0, 4.0, 0.0), "coupling": {"x_y": 2.0}},
+        {"translation": (1 / 3, 3.0, 0.0), "coupling": {"x_y": -1.0}},
+        {"rotation": (1e-6, 1.0, 1e6), "coupling": {"ry_rz": 999.0}},
+    ])  # fmt: skip
+    def test_matrices_that_resist_in_some_directions_only_are_taken(self, given):
+        SpringRates(**given)
+
+    @pytest.mark.parametrize("name", ["y_x", "x_x", "xy", "rz_y", "yrz"])
+    def test_entries_have_one_name(self, name):
+        with pytest.raises(InputError, match=f"a bushing has no entry '{name}'"):
+            SpringRates(translation=(1.0, 1.0, 1.0), rotation=(1.0, 1.0, 1.0), coupling={name: 0.1})
+
+    @pytest.mark.parametrize(("name", "right", "wrong"), [
+        ("x_y", "N/m", "N"), ("y_rz", "N/rad", "N/m"), ("rx_rz", "N*m/rad", "N/m"),
+    ])  # fmt: skip
+    def test_units_are_those_of_the_entry(self, name, right, wrong):
+        def measured(text):
+            number = Measured(0.1)
+            number.unit = unit(text)
+            return number
+
+        ones = {"translation": (1.0, 1.0, 1.0), "rotation": (1.0, 1.0, 1.0)}
+        SpringRates(**ones, coupling={name: measured(right)})
+        DampingRates(**ones, coupling={name: measured(f"{right}*s")})
+        for rates, text in ((SpringRates, wrong), (SpringRates, f"{right}*s"), (DampingRates, right)):
+            with pytest.raises(UnitError, match="not a unit of this quantity"):
+                rates(**ones, coupling={name: measured(text)})
+
+    @pytest.mark.parametrize("field", ["translation", "rotation"])
+    @pytest.mark.parametrize("kind", [SpringRates, DampingRates])
+    def test_negative_rates_are_refused(self, kind, field):
+        with pytest.raises(InputError, match="out of bounds"):
+            kind(**{field: (1.0, -1.0, 1.0)})
+
+    def test_two_links_of_one_body_are_refused(self, body):
+        for ends in (("yaw_link", "yaw_link"), ("base", "base")):
+            with pytest.raises(InputError, match="are on one body") as caught:
+                Bushing(between=ends).bind(body.model, body.joints)
+            assert caught.value.path == ("between",)
+
+    def test_a_file_says_it_with_units_and_learns_where_it_errs(self, tmp_path, chain):
+        def written(coupling):
+            (tmp_path / "wheel.urdf").write_text(chain(TURN))
+            (tmp_path / "mechanism.yaml").write_text(f"""\
+pinarm: 1
+robot: wheel.urdf
+forces:
+  pad:
+    kind: bushing
+    between: [base, turn_link]
+    stiffness:
+      translation: [1 kN/m, 1 kN/m, 2 N/mm]
+      rotation: [4 N*m/rad, 4 N*m/rad, 1 N*m/deg]
+      coupling: {coupling}
+""")
+            return pinarm.Mechanism.load(tmp_path / "mechanism.yaml")
+
+        pad = written("{y_rz: -20 N/rad}").forces["pad"]
+        expected = np.diag([1000.0, 1000.0, 2000.0, 4.0, 4.0, 180 / math.pi])
+        expected[1, 5] = expected[5, 1] = -20.0
+        assert pad.stiffness == pytest.approx(expected, rel=1e-15)
+        assert not pad.damping.any()
+        assert written("{y_rz: -20 N}").forces["pad"].stiffness[5, 1] == -20.0
+        for coupling, says in {
+            "{y_rz: -20 N/m}": r"mechanism.yaml:10:\d+: 'N/m' is not a unit",
+            "{z_rz: 1 kN/rad}": r"mechanism.yaml:10:7: in z, rz together the matrix is negative",
+            "{rz_y: 1 N/rad}": r"mechanism.yaml:10:18: a bushing has no entry 'rz_y'",
+        }.items():
+            with pytest.raises(InputError) as caught:
+                written(coupling)
+            assert re.search(says, str(caught.value))
+
+
+def test_the_json_schema_tells_the_units():
+    entry = msgspec.json.schema(DampingRates, schema_hook=json_schema)
+    rates = entry["$defs"]["DampingRates"]["properties"]
+    assert [rates[name]["prefixItems"][0]["description"] for name in ("translation", "rotation")] == [
+        "a quantity in N*s/m", "a quantity in N*m*s/rad"]  # fmt: skip
