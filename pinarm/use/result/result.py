@@ -180,7 +180,8 @@ class Result:
             )
             reasons = refusals(run.dynamics.forces, run.q[bad[0]])
             raise DynamicsError(
-                f"{name} is not finite at {where}, where {format_configuration(run.mechanism.model, run.q[bad[0]])}{more}{reasons}",
+                f"{name} is not finite at {where}, where "
+                f"{format_configuration(run.mechanism.model, run.q[bad[0]])}{more}{reasons}",
                 hint=hint, partial=self, t=float(run.grid.t[bad[0]]), q=run.q[bad[0]],
             )  # fmt: skip
 
