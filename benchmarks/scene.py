@@ -62,7 +62,7 @@ def times(asked: Scenario) -> tuple[int, float, float]:
             begin = time.process_time()
             one.run()
             best[k] = min(best[k], time.process_time() - begin)
-    return len(asked.scene.removals), best[0], best[1]
+    return len(asked.simplification.removals), best[0], best[1]
 
 
 def main() -> None:

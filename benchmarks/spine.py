@@ -18,7 +18,9 @@ import pinocchio as pin
 
 import pinarm
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration import Adaptive, Stretch, integrate
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Interval
+from pinarm.engine.integration.methods.explicit import Adaptive
 
 ROOT = Path(__file__).parents[1]
 END_OF_DOUBLE_PENDULUM = np.array([0.522210808870693, 1.436052080126094])
@@ -76,8 +78,8 @@ def free_motion() -> tuple[float, float]:
     dynamics, samples = Dynamics.of(model), np.linspace(0.0, 10.0, 21)
 
     def ours(tolerance: float) -> np.ndarray:
-        stretch = Stretch(0.0, 10.0, dynamics.acceleration())
-        return integrate([stretch], dynamics.manifold, start, idle, Adaptive(tolerance)).states(samples)[0][-1]
+        interval = Interval(0.0, 10.0, dynamics.acceleration())
+        return integrate([interval], dynamics.manifold, start, idle, Adaptive(tolerance)).states(samples)[0][-1]
 
     def rate(t: float, y: np.ndarray) -> np.ndarray:
         return np.concatenate([y[2:], pin.aba(model, data, y[:2], y[2:], idle)])

@@ -73,9 +73,8 @@ class Package:
             above = {m for m in own if reached(m, edges) & inner}
             below = {other for m in inner for other in reached(m, edges) & own}
             if above and below:
-                rooms |= dict.fromkeys(above & below, f"{layer}{MIDDLE}") | dict.fromkeys(
-                    below - above, f"{layer}{LOWER}"
-                )
+                lower = {*below, f"{self.folder.name}.{layer}"} - above  # and the __init__.py of the layer
+                rooms |= dict.fromkeys(above & below, f"{layer}{MIDDLE}") | dict.fromkeys(lower, f"{layer}{LOWER}")
         return rooms
 
     def _edges(self, modules: set[str]) -> set[Edge]:

@@ -10,102 +10,109 @@ PACKAGE = Path(pinarm.__file__).parent
 TESTS = Path(__file__).parent
 
 ELSEWHERE = {
-    # protocols, types and bare data: whatever meets them is tested
-    "arrays": "engine/constraints/test_nullspace.py",
-    "engine/constraints/constraint": "loops/test_kinds.py",
-    "engine/integration/integrator": "engine/integration/methods/test_orders.py",
-    "engine/motion/systems/system": "engine/dynamics/test_coordinate_partition.py",
-    "mechanics/description": "input/yaml/test_schema.py",
-    "mechanics/geometry/buffers": "engine/dynamics/test_equation.py",
-    "mechanics/joints": "mechanics/test_coordinates.py",
-    "use/scenario/json_schema": "cli/test_main.py",
-    # one test runs over all members of a family
-    "engine/integration/methods/collocation_window": "engine/integration/methods/test_collocation.py",
-    "engine/integration/methods/conserving": "engine/integration/methods/test_orders.py",
-    "engine/integration/methods/explicit": "engine/integration/methods/test_orders.py",
-    "mechanics/laws/steady": "mechanics/laws/test_motion_law.py",
-    "mechanics/loops/loop_joints": "loops/test_kinds.py",
-    "mechanics/loops/pairs": "loops/test_kinds.py",
-    # routes to one number, held against each other
-    "engine/checks/residuals": "use/study/accuracy/test_error_estimate.py",
-    "engine/checks/singularity": "loops/test_redundancy.py",
-    "engine/constraints/batch_jacobians": "loops/test_many_rows.py",
-    "engine/constraints/closure": "loops/test_many_rows.py",
-    "engine/constraints/multipliers": "loops/test_many_rows.py",
-    "engine/constraints/nullspace_batch": "loops/test_many_rows.py",
-    "engine/dynamics/mass_matrix": "engine/dynamics/test_equation.py",
-    "engine/dynamics/pinocchio_constraints": "loops/test_in_time.py",
-    "engine/kinematics/continuation_batch": "loops/test_many_rows.py",
-    "engine/motion/systems/batch_rows": "loops/test_many_rows.py",
-    "engine/motion/systems/constrained": "loops/test_in_time.py",
-    "engine/motion/systems/free": "engine/dynamics/test_coordinate_partition.py",
-    "engine/motion/systems/partitioned": "engine/dynamics/test_coordinate_partition.py",
-    "engine/motion/systems/point_constrained": "loops/test_in_time.py",
-    "engine/motion/systems/row_motion": "loops/test_in_time.py",
-    # steps of one computation, tested where it is asked for
-    "engine/integration/batch_driver": "use/study/batch/test_batch.py",
-    "engine/integration/batch_solution": "use/study/batch/test_batch.py",
-    "engine/kinematics/continuation": "engine/kinematics/test_newton.py",
-    "engine/kinematics/joint_motion": "engine/kinematics/test_newton.py",
-    "engine/kinematics/mobility": "loops/test_redundancy.py",
-    "engine/kinematics/prescribed": "engine/kinematics/test_newton.py",
-    "engine/model_source": "engine/test_mechanism.py",
-    "engine/motion/hybrid_motion": "engine/motion/test_end_stops.py",
-    "engine/motion/segments": "engine/motion/test_trajectory.py",
-    "engine/quantities/ball_quantities": "engine/quantities/test_names.py",
-    "engine/quantities/row_kinematics": "engine/quantities/test_names.py",
-    "engine/statics/actuation": "mechanics/test_drives.py",
-    "engine/statics/equilibrium": "problems/test_equilibria.py",
-    "engine/statics/selected_drives": "mechanics/test_drives.py",
-    "engine/statics/stiffness": "problems/test_equilibria.py",
-    "input/formulas/dimensions": "input/formulas/test_expressions.py",
-    "input/formulas/grammar": "input/formulas/test_expressions.py",
-    "input/mjcf_includes": "mechanics/loading/test_mjcf.py",
-    "input/motion_tables": "mechanics/laws/test_interpolated.py",
-    "input/xacro/arithmetic": "input/xacro/test_templates.py",
-    "input/xacro/expander": "input/xacro/test_expansion.py",
-    "input/xacro/expression_tape": "input/xacro/test_templates.py",
-    "input/xacro/sandboxed_xacro": "input/xacro/test_expansion.py",
-    "input/xml_text": "hostile/test_model_attacks.py",
-    "input/yaml/parser": "input/yaml/test_document.py",
-    "input/yaml/validation_messages": "test_messages.py",
-    "mechanics/forces/breakpoints": "problems/test_profiles.py",
-    "mechanics/loading/mjcf_geoms": "mechanics/loading/test_mjcf.py",
-    "mechanics/loading/mjcf_joints": "mechanics/loading/test_mjcf.py",
-    "mechanics/loading/mjcf_settings": "mechanics/loading/test_mjcf.py",
-    "mechanics/loading/model_tree": "mechanics/loading/test_urdf.py",
-    "problems/batch_table": "use/study/batch/test_batch.py",
-    "problems/events": "engine/motion/test_end_stops.py",
-    "problems/forward": "problems/test_loads_and_partial_results.py",
-    "problems/inverse": "problems/test_loads_and_partial_results.py",
-    "problems/simplify/model_reduction": "problems/simplify/test_simplified.py",
-    "problems/simplify/removal": "problems/simplify/test_simplified.py",
-    "problems/simplify/requested_joints": "problems/simplify/test_simplified.py",
-    "problems/states": "problems/test_loads_and_partial_results.py",
-    "use/result/expectation": "use/study/answers/test_check.py",
-    "use/result/integration_settings": "use/study/accuracy/test_tradeoff.py",
-    "use/scenario/scenario": "test_messages.py",
-    "use/show/replay/chromium": "use/show/replay/test_browser.py",
-    "use/study/accuracy/setting_errors": "use/study/accuracy/test_tradeoff.py",
-    "use/study/accuracy/variant_errors": "use/study/accuracy/test_tradeoff.py",
-    "use/study/batch/block": "use/study/batch/test_batch.py",
-    "use/study/batch/initial_states": "use/study/batch/test_batch.py",
-    "use/study/batch/reduced_table": "use/study/batch/test_batch.py",
-    "use/study/batch/worker_blocks": "use/study/batch/test_batch.py",
-    "use/study/sweep/case_solver": "use/study/sweep/test_cases.py",
-    "use/study/sweep/journal": "use/study/sweep/test_sweep.py",
-    "use/study/sweep/value_syntax": "use/study/sweep/test_axes.py",
-    # what is printed and written, by commands
-    "cli/options": "cli/test_main.py",
-    "use/show/terminal": "test_readme.py",
-    "use/study/accuracy/tradeoff_plot": "use/study/accuracy/test_tradeoff.py",
-    "use/study/accuracy/tradeoff_text": "use/study/accuracy/test_tradeoff.py",
-    "use/study/answers/verdict_table": "use/study/answers/test_check.py",
-    "use/study/batch/batch_files": "use/study/batch/test_batch.py",
-    "use/study/explain": "problems/simplify/test_simplified.py",
-    "use/study/run": "cli/test_main.py",
-}
-"""Module without a test file of its name -> the file that tests it, by reason."""
+    "cli/test_main.py": ("what commands print and write", "cli/options use/scenario/json_schema use/study/run"),
+    "engine/constraints/test_nullspace.py": ("the type of all arrays", "arrays"),
+    "engine/dynamics/test_coordinate_partition.py": (
+        "reduced coordinates against multipliers", "engine/motion/systems/free engine/motion/systems/partitioned "
+        "engine/motion/systems/system",
+    ),
+    "engine/dynamics/test_equation.py": (
+        "routes to one acceleration", "engine/dynamics/mass_matrix mechanics/geometry/buffers",
+    ),
+    "engine/integration/methods/test_collocation.py": ("a part of it", "engine/integration/methods/collocation_window"),
+    "engine/integration/methods/test_orders.py": (
+        "the order of every method", "engine/integration/integrator engine/integration/methods/conserving "
+        "engine/integration/methods/explicit",
+    ),
+    "engine/kinematics/test_newton.py": (
+        "positions that laws ask for", "engine/kinematics/continuation engine/kinematics/joint_motion "
+        "engine/kinematics/prescribed",
+    ),
+    "engine/motion/test_end_stops.py": ("impacts", "engine/motion/hybrid_motion problems/events"),
+    "engine/motion/test_trajectory.py": (
+        "rows of a motion", "engine/motion/integrated_motion engine/motion/outcome engine/motion/prescribed_motion "
+        "engine/motion/segments engine/series",
+    ),
+    "engine/quantities/test_names.py": (
+        "quantities asked by name", "engine/quantities/ball_quantities engine/quantities/row_kinematics",
+    ),
+    "engine/quantities/test_pinocchio_states.py": ("conversion there and back", "mechanics/loading/pinocchio_layout"),
+    "engine/test_mechanism.py": ("loading", "engine/model_source"),
+    "hostile/test_model_attacks.py": ("its bounds", "input/xml_text"),
+    "input/formulas/test_expressions.py": ("what formulas mean", "input/formulas/dimensions input/formulas/grammar"),
+    "input/xacro/test_expansion.py": (
+        "files as xacro expands them", "input/xacro/expander input/xacro/sandboxed_xacro",
+    ),
+    "input/xacro/test_templates.py": (
+        "expressions as xacro computes them", "input/xacro/arithmetic input/xacro/expression_tape",
+    ),
+    "input/yaml/test_document.py": ("what YAML means", "input/yaml/parser input/yaml/values"),
+    "input/yaml/test_schema.py": ("keys of the file", "mechanics/description"),
+    "loops/test_in_time.py": (
+        "loops in motion, against multipliers", "engine/dynamics/pinocchio_constraints "
+        "engine/motion/systems/constrained engine/motion/systems/point_constrained engine/motion/systems/row_motion",
+    ),
+    "loops/test_kinds.py": (
+        "every kind against Newton and Euler", "engine/constraints/constraint mechanics/loops/loop_joints "
+        "mechanics/loops/lower_pairs mechanics/loops/pair mechanics/loops/rod mechanics/loops/universal",
+    ),
+    "loops/test_many_rows.py": (
+        "many rows against each alone", "engine/constraints/batch_jacobians engine/constraints/closure "
+        "engine/constraints/multipliers engine/constraints/nullspace_batch engine/kinematics/continuation_batch "
+        "engine/motion/systems/batch_rows",
+    ),
+    "loops/test_redundancy.py": (
+        "degrees of hyperstatism and singular positions", "engine/checks/singularity engine/kinematics/mobility",
+    ),
+    "mechanics/forces/test_bushing.py": ("its measure of deflection", "mechanics/geometry/deflection"),
+    "mechanics/laws/test_interpolated.py": ("laws that are tables", "input/motion_tables"),
+    "mechanics/laws/test_motion_law.py": ("every law", "mechanics/laws/steady"),
+    "mechanics/loading/test_mjcf.py": (
+        "files as MuJoCo reads them", "input/mjcf_includes mechanics/loading/mjcf_geoms mechanics/loading/mjcf_joints "
+        "mechanics/loading/mjcf_settings",
+    ),
+    "mechanics/loading/test_urdf.py": ("what files make of it", "mechanics/loading/model_tree"),
+    "mechanics/test_coordinates.py": ("joints by their coordinates", "mechanics/joints"),
+    "mechanics/test_drives.py": ("efforts of drives", "engine/statics/actuation engine/statics/selected_drives"),
+    "problems/simplify/test_simplified.py": (
+        "answers of the part against the whole", "problems/simplify/model_reduction problems/simplify/removal "
+        "problems/simplify/requested_joints use/study/explain",
+    ),
+    "problems/test_equilibria.py": (
+        "equilibria in closed form", "engine/statics/equilibrium engine/statics/stiffness",
+    ),
+    "problems/test_loads_and_partial_results.py": (
+        "loads in every kind of problem", "problems/accuracy problems/forward problems/inverse problems/loads "
+        "problems/states problems/time_grid",
+    ),
+    "problems/test_profiles.py": ("laws in problems", "mechanics/forces/breakpoints problems/imposed_laws"),
+    "test_messages.py": (
+        "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/scenario",
+    ),
+    "test_readme.py": ("what is printed", "use/show/terminal"),
+    "use/result/test_result.py": ("methods of a result", "use/result/measures use/views"),
+    "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),
+    "use/study/accuracy/test_error_estimate.py": (
+        "errors that are found", "engine/checks/residuals use/study/accuracy/integration_settings "
+        "use/study/accuracy/solved",
+    ),
+    "use/study/accuracy/test_tradeoff.py": (
+        "parts of a study", "use/study/accuracy/setting_errors use/study/accuracy/tradeoff_plot "
+        "use/study/accuracy/tradeoff_text use/study/accuracy/variant_errors",
+    ),
+    "use/study/answers/test_check.py": ("verdicts", "use/result/expectation use/study/answers/verdict_table"),
+    "use/study/batch/test_batch.py": (
+        "motions together against each alone", "engine/integration/batch_driver engine/integration/batch_solution "
+        "problems/batch_table use/study/batch/batch_files use/study/batch/block use/study/batch/initial_states "
+        "use/study/batch/reduced_table use/study/batch/worker_blocks",
+    ),
+    "use/study/sweep/test_axes.py": ("values as they are written", "use/study/sweep/value_syntax"),
+    "use/study/sweep/test_cases.py": ("one case", "use/study/sweep/case_solver"),
+    "use/study/sweep/test_sweep.py": ("sweeps that were interrupted", "use/study/sweep/journal"),
+}  # fmt: skip
+"""Test file -> why it is the one, and the modules without a test file of their name that it tests."""
+
+TESTED = {module: file for file, (_, modules) in ELSEWHERE.items() for module in modules.split()}
 
 MODULES = sorted(
     file.relative_to(PACKAGE).with_suffix("").as_posix()
@@ -121,16 +128,19 @@ def mirrored(module: str) -> Path:
 
 @pytest.mark.parametrize("module", MODULES)
 def test_a_module_has_its_test(module: str) -> None:
-    found = mirrored(module).is_file() or (TESTS / ELSEWHERE.get(module, "nowhere")).is_file()
-    own = mirrored(module).relative_to(TESTS.parent)
-    assert found, f"write {own}, or name in ELSEWHERE the file that tests pinarm/{module}.py"
+    own = mirrored(module)
+    assert own.is_file() or module in TESTED, (
+        f"write {own.relative_to(TESTS.parent)}, or name pinarm/{module}.py in ELSEWHERE beside the file that tests it"
+    )
 
 
-def test_the_table_has_no_other_modules() -> None:
-    unknown = sorted(set(ELSEWHERE) - set(MODULES))
-    assert not unknown, "remove them from ELSEWHERE"
-    both = sorted(module for module in ELSEWHERE if mirrored(module).is_file())
-    assert not both, "these have a test of their name: remove them from ELSEWHERE"
+def test_the_table_is_true() -> None:
+    assert not [file for file in ELSEWHERE if not (TESTS / file).is_file()], "there are no such files"
+    assert not sorted(TESTED.keys() - set(MODULES)), "there are no such modules: remove them from ELSEWHERE"
+    assert not [module for module in TESTED if mirrored(module).is_file()], (
+        "these have a test file of their name: remove them from ELSEWHERE"
+    )
+    assert len(TESTED) == sum(len(modules.split()) for _, modules in ELSEWHERE.values()), "a module stands there twice"
 
 
 FILES = sorted(file.relative_to(TESTS).as_posix() for file in TESTS.rglob("test_*.py"))

@@ -28,14 +28,14 @@ from pinarm.input.yaml.schema import Measured, quantity
 from pinarm.input.yaml.values import Values, varied
 from pinarm.mechanics.ball_joints import Ball, ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, coordinates_of
-from pinarm.mechanics.couplings import mimicry
-from pinarm.mechanics.description import Gravity, MechanismDescription, field_of
+from pinarm.mechanics.couplings import mimic_coupling
+from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import ForceElement
 from pinarm.mechanics.forces.force_element import check_new
 from pinarm.mechanics.joints import Joint, joint_of, joints_of
-from pinarm.mechanics.payloads import Payload, laden
-from pinarm.mechanics.perturbation import shaken
+from pinarm.mechanics.payloads import Payload, with_payloads
+from pinarm.mechanics.perturbation import perturbed
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities.states import States
@@ -106,9 +106,9 @@ class Mechanism:
         document = mechanism_document(Path(path))
         return _described(varied(document, values) if values else document, Path(path).parent, arguments or {})
 
-    def shaken(self, seed: int) -> Mechanism:
+    def perturbed(self, seed: int) -> Mechanism:
         """Return the mechanism with its numbers changed in the last digits; see ``mechanics.rounding``."""
-        model = shaken(self.model, seed)
+        model = perturbed(self.model, seed)
         bound = {name: force.bind(model, self.joints) for name, force in self.description.forces.items()}
         return replace(self, model=model, forces={**self.forces, **bound})
 
@@ -323,11 +323,11 @@ def _build(
         robot, resolved, source = read_robot(description, data, folder, given)
     model, carried = _loaded(robot.model, description.payloads, payloads, here, caller)
     joints, balls = joints_of(model), balls_of(model)
-    model.gravity.linear = field_of(description.gravity, robot.gravity)
+    model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
     turns = ball_coordinates(model, balls)
     with here("coordinates"):
         coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
-    constraints: list[Constraint] = [mimicry(mimic, joints, model) for mimic in robot.mimics]
+    constraints: list[Constraint] = [mimic_coupling(mimic, joints, model) for mimic in robot.mimics]
     for name, loop in description.loops.items():
         with here("loops", name):
             constraints.append(loop.bind(model, name))
@@ -394,7 +394,7 @@ def _loaded(
             with place("payloads", name):
                 if name in carried:
                     raise InputError(f"the mechanism has a payload '{name}' already", expected="a name of its own")
-                model, carried[name] = laden(model, [payload]), payload
+                model, carried[name] = with_payloads(model, [payload]), payload
     return model, carried
 
 

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from pinarm.errors import Location, ModelError
-from pinarm.input.mjcf_includes import included
-from pinarm.input.robots import floats
+from pinarm.input.mjcf_includes import resolve_includes
+from pinarm.input.robots import is_floating
 from pinarm.input.robots import robot as robot_file
-from pinarm.input.roots import inside, root_of
+from pinarm.input.roots import contained_file, root_of
 from pinarm.input.xacro.expansion import expand
 from pinarm.input.xml_text import MAX_BYTES, location, read
 from pinarm.mechanics.description import MechanismDescription
@@ -60,12 +60,12 @@ def read_robot(
     defects: Defects
     if description.robot.endswith(FILES):
         root, base, defects = root_of(folder / "mechanism.yaml"), description.base, description.defects or "refused"
-        path = inside((folder / description.robot).absolute(), root, {})
+        path = contained_file((folder / description.robot).absolute(), root, {})
     else:
         path, defects = robot_file(description.robot), description.defects or "noted"
-        root, base = path.parent, description.base or ("floating" if floats(path) else None)
+        root, base = path.parent, description.base or ("floating" if is_floating(path) else None)
     expansion = expand(path, arguments, root=root)
-    xml, creep = included(expansion.xml, path, root), float(description.creep)
+    xml, creep = resolve_includes(expansion.xml, path, root), float(description.creep)
     try:
         robot = build_model(xml, base=base, defects=defects, creep=creep)
     except ModelError as error:

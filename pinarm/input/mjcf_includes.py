@@ -1,4 +1,4 @@
-"""MJCF files that include others, as one text; what is included lies under the root and counts against the bounds."""
+"""MJCF files with their includes as one text; included files lie under the root and count against the size bounds."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from pinarm.errors import Location, ModelError
-from pinarm.input.roots import inside
+from pinarm.input.roots import contained_file
 from pinarm.input.xml_text import MAX_BYTES, Survey, read
 
 
-def included(text: str, path: Path, root: Path) -> str:
-    """Return MJCF text with the content of the files that it includes; any other model comes back as it is.
+def resolve_includes(text: str, path: Path, root: Path) -> str:
+    """Return MJCF text with the content of its included files; any other text is returned unchanged.
 
     Args:
-        text: Text that a survey has found within the bounds.
-        path: The file that it stands in; included files are named from its folder.
+        text: Text of the file, within the bounds of ``Survey``.
+        path: The file; included files are relative to its folder.
         root: Folder under which they must lie.
 
     Raises:
-        ModelError: A file is malformed, too large, or included twice, as it would be by including itself.
+        ModelError: A file is malformed, too large, or included twice (also by including itself).
         InputError: A file is missing or lies elsewhere.
     """
     if "<include" not in text:
@@ -27,7 +27,7 @@ def included(text: str, path: Path, root: Path) -> str:
     model = ElementTree.fromstring(text)
     if model.tag != "mujoco":
         return text
-    known, size, waiting = {path.resolve()}, len(text), [model]
+    included, size, waiting = {path.resolve()}, len(text), [model]
     while waiting:
         parent = waiting.pop()
         for element in list(parent):
@@ -35,19 +35,19 @@ def included(text: str, path: Path, root: Path) -> str:
                 waiting.append(element)
                 continue
             name = element.get("file", "")
-            file = inside(path.parent.absolute() / name, root)
-            if file in known:
+            file = contained_file(path.parent.absolute() / name, root)
+            if file in included:
                 raise ModelError(f"the file '{name}' is included twice", expected="each file once").at(
                     Location(str(path))
                 )
-            known.add(file)
+            included.add(file)
             content = read(file, name, MAX_BYTES - size)
             size += len(content)
             Survey.of(content, name)
             place = list(parent).index(element)
             parent[place : place + 1] = list(ElementTree.fromstring(content))
             waiting.append(parent)
-            break  # the parent's children are others now: it is looked through again
+            break  # the children of the parent have changed: it is searched again
     flat = ElementTree.tostring(model, encoding="unicode")
     Survey.of(flat, f"{path} with what it includes")
     return flat

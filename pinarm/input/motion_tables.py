@@ -12,7 +12,7 @@ from pinarm.errors import InputError, Location
 from pinarm.input.units import Unit, unit
 
 MAX_BYTES = 50_000_000
-"""Of one table: about 1.5 million rows, read in 4 s."""
+"""Largest size of a table: about 1.5 million rows, read in 4 s."""
 _HEADING = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*")
 
 
@@ -25,14 +25,14 @@ def read_table(name: str, stamp: tuple[int, int]) -> tuple[Column, Column, Unit,
 
     Args:
         name: The file, as an absolute path that may be read.
-        stamp: What changes when the file does, so that an old table is not taken for the new one.
+        stamp: Time and size of the file; part of the cache key, so that a changed file is read again.
 
     Returns:
         Both columns in SI, and their units.
 
     Raises:
-        InputError: The file cannot be read, has no heading, a cell is no finite number or has none above it in the
-            heading, or the first column does not ascend; says in which line.
+        InputError: The file cannot be read, has no heading, a cell is not a finite number or lies beyond the heading,
+            or the first column does not increase; located at the line.
     """
     path = Path(name)
     file = path.name
@@ -58,7 +58,7 @@ def read_table(name: str, stamp: tuple[int, int]) -> tuple[Column, Column, Unit,
             t, value = (_number(row, column, file, line) for column in (0, 1))
             numbers.append((t * along.factor, value * measured.factor))
             if len(numbers) > 1 and not numbers[-1][0] > numbers[-2][0]:
-                raise InputError("the first column does not ascend", expected="each more than the one before").at(
+                raise InputError("the first column does not increase", expected="each larger than the one before").at(
                     Location(file, line, 1, ",".join(row))
                 )
     if len(numbers) < 2:

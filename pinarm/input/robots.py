@@ -17,53 +17,53 @@ NAMES = {
     "talos_full_box": "talos_full_v2_box", "ur3_limited": "ur3_joint_limited_robot", "ur3": "ur3_robot",
     "ur5_limited": "ur5_joint_limited_robot", "ur10_limited": "ur10_joint_limited_robot",
 }  # fmt: skip
-"""Names that the package's own loaders give, and the files they stand for, where these have another name."""
+"""Names in the package's own loaders -> file names, where these differ."""
 
 FLOATING = frozenset({
     "a1", "alexander", "anymal_b_simple", "anymal_c_simple", "b1", "bolt", "borinot", "cassie", "centauro", "g1", "go1",
     "go2", "hector", "hextilt", "human", "hyq", "icub", "iris", "laikago", "pr2", "quadruped", "romeo",
     "simple_humanoid", "so_arm", "solo", "talos_data",
 })  # fmt: skip
-"""Folders, without ``_description``, whose robots the package's own loaders give a free-flyer."""
+"""Folders, without ``_description``, whose robots have a free-flyer in the package's own loaders."""
 
 HELD = frozenset({"talos_left_arm"})
-"""Files in such folders whose robots stand on the ground."""
+"""Files in such folders whose robots are fixed to the ground."""
 
 
 @cache
 def robots() -> dict[str, Path]:
-    """Return the model files by name: the file's own, also without ``_robot`` at its end, and the loaders' names.
+    """Return the model files by name: that of the file, with and without ``_robot`` at its end, and that of the loader.
 
     Raises:
         ModelError: The package is not installed.
     """
     folder = example_robot_data() / "robots"
-    found: dict[str, Path] = {}
+    files: dict[str, Path] = {}
     for file in sorted(folder.glob("*/*/*.urdf")):
-        found.setdefault(file.stem, file)
-        found.setdefault(file.stem.removesuffix("_robot"), file)
-    found.update({name: found[stem] for name, stem in NAMES.items() if stem in found})
+        files.setdefault(file.stem, file)
+        files.setdefault(file.stem.removesuffix("_robot"), file)
+    files.update({name: files[stem] for name, stem in NAMES.items() if stem in files})
     if (other := folder / "anymal_c_simple_description" / "urdf" / "anymal.urdf").is_file():
-        found["anymal_c"] = other  # its file is called like that of the older one
-    return found
+        files["anymal_c"] = other  # its file has the same name as that of the older robot
+    return files
 
 
 def robot(name: str) -> Path:
     """Return the model file of a robot.
 
     Raises:
-        ModelError: There is none of that name; the message lists what there is.
+        ModelError: There is no robot of that name; the message lists the names.
     """
-    known = robots()
-    if name in known:
-        return known[name]
+    files = robots()
+    if name in files:
+        return files[name]
     if name in {file.stem for file in (example_robot_data() / "robots").glob("*/*/*.sdf")}:
         raise ModelError(f"the robot '{name}' has an SDF file only, which is not read", expected="URDF, xacro or MJCF")
-    expected, hint = choices(name, known, most=100)
+    expected, hint = choices(name, files, most=100)
     raise ModelError(f"there is no robot '{name}'", expected=f"a file, or {expected}", hint=hint)
 
 
-def floats(file: Path) -> bool:
-    """Tell whether the robot of a model file of the package moves freely: stands on legs, or flies."""
+def is_floating(file: Path) -> bool:
+    """Return whether the robot of a model file of the package has a floating base: a legged or flying robot."""
     folder = file.parents[1].name.removesuffix("_description")
     return folder in FLOATING and file.stem not in HELD

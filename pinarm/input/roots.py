@@ -53,7 +53,7 @@ _noted: ContextVar[set[Path] | None] = ContextVar("noted", default=None)
 
 @contextmanager
 def noting_files() -> Iterator[set[Path]]:
-    """Collect the files that are referred to in the block, those that do not exist too."""
+    """Collect the files that are referred to in the block, missing ones included."""
     files: set[Path] = set()
     token = _noted.set(files)
     try:
@@ -63,9 +63,9 @@ def noting_files() -> Iterator[set[Path]]:
 
 
 def root_of(path: Path) -> Path:
-    """Return the folder that was given, or the nearest above a file, or above and including a folder, with a marker.
+    """Return the root of a file or folder: the folder given, or the nearest one above with a marker file.
 
-    Where none has one it is the file's own folder.
+    Without a marker it is the folder itself, or that of the file.
     """
     if (given := _given.get()) is not None:
         return given
@@ -78,18 +78,18 @@ def root_of(path: Path) -> Path:
     return Path(folder)
 
 
-def inside(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKAGES) -> Path:
-    """Return the regular file that a path leads to.
+def contained_file(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKAGES) -> Path:
+    """Return the regular file of a path, which must lie under the root or a package.
 
     Args:
         path: Absolute, relative to ``root``, ``file://...`` or ``package://NAME/...``.
-        root: Folder under which files may lie.
-        packages: Names of packages -> their folders, under which files may lie too.
+        root: Folder under which files are allowed.
+        packages: Package name -> folder under which files are allowed too.
 
     Raises:
-        InputError: The path leads elsewhere, or to no regular file.
+        InputError: The path leads outside of these folders, or is not a regular file.
     """
-    resolved = contained(path, root, packages)
+    resolved = contained_path(path, root, packages)
     if not resolved.is_file():
         if resolved.exists():
             raise InputError(f"the file {str(path)!r} is not a regular file")
@@ -98,7 +98,7 @@ def inside(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKA
 
 
 def similar_file(path: Path) -> str:
-    """Return a file beside a missing one whose name is spelled nearly like it; empty where there is none."""
+    """Return the existing file in the same folder with the most similar name; empty where none is similar."""
     try:
         names = [entry.name for entry in path.parent.iterdir()]
     except OSError:
@@ -107,11 +107,11 @@ def similar_file(path: Path) -> str:
     return str(path.parent / close) if close else ""
 
 
-def contained(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKAGES) -> Path:
-    """Return what a path leads to, which need not exist; see ``inside``.
+def contained_path(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PACKAGES) -> Path:
+    """Return the resolved path, which need not exist; see ``contained_file``.
 
     Raises:
-        InputError: It leads out of the root and of the packages, or is no path.
+        InputError: It leads outside of the root and the packages, or is not a path.
     """
     allowed = [os.path.realpath(folder) for folder in (root, *packages.values())]
     local = _local(str(path), packages)
@@ -120,28 +120,30 @@ def contained(path: str | Path, root: Path, packages: Mapping[str, Path] = NO_PA
         with suppress(FileNotFoundError, NotADirectoryError):
             os.stat(resolved)  # raises for loops of links, and for names too long to be asked for
     except (OSError, ValueError) as error:
-        raise InputError(f"{_short(path)} is no path ({error.__class__.__name__})") from None
+        raise InputError(f"{_short(path)} is not a path ({error.__class__.__name__})") from None
     if not any(f"{resolved}{os.sep}".startswith(os.path.join(folder, "")) for folder in allowed):
         raise InputError(
             f"the path {_short(path)} leads out of the root folder",
             expected=f"a path under {' or '.join(allowed)}",
             hint="copy the file there, put an empty .pinarm-root in a folder above both, or say --root DIR",
         )
-    found = Path(resolved)
+    file = Path(resolved)
     if (noted := _noted.get()) is not None:
-        noted.add(found)
-    return found
+        noted.add(file)
+    return file
 
 
 def _local(text: str, packages: Mapping[str, Path]) -> Path:
-    """Turn what URDF calls a URI into a path."""
+    """Convert a URI of URDF to a path."""
     scheme, separator, rest = text.partition("://")
     if not separator:
         return Path(text)
     if scheme == "file":
         return Path(rest)
     if scheme != "package":
-        raise InputError(f"{_short(text)} is not a file here", expected="a path, file://... or package://NAME/...")
+        raise InputError(
+            f"{_short(text)} is not the URI of a file", expected="a path, file://... or package://NAME/..."
+        )
     name, _, inner = rest.partition("/")
     if name not in packages:
         expected, hint = choices(name, packages)
@@ -169,8 +171,8 @@ def example_robot_data() -> Path:
 
 
 def _prefixes() -> Iterator[Path]:
-    """Yield where it may be installed: beside its metadata, beside Pinocchio, under the interpreter."""
-    from importlib.metadata import PackageNotFoundError, distribution  # 20 ms that few scenes need
+    """Yield the folders where it may be installed: beside its metadata, beside Pinocchio, under the interpreter."""
+    from importlib.metadata import PackageNotFoundError, distribution  # 20 ms that few runs need
     from importlib.util import find_spec
 
     with suppress(PackageNotFoundError):

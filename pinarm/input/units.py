@@ -127,8 +127,8 @@ def _product(text: str) -> Unit:
         if match[2] not in _TABLE:
             raise _unknown(match[2])
         power = int(match[3] or {"²": 2, "³": 3}.get(match[4], 1))
-        named = Unit(*_TABLE[match[2]]) ** power
-        result = result / named if match[1] == "/" else result * named
+        factor = Unit(*_TABLE[match[2]]) ** power
+        result = result / factor if match[1] == "/" else result * factor
         position = match.end()
     return Unit(result.factor, result.dimension, text.strip())
 

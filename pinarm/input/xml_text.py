@@ -1,4 +1,4 @@
-"""XML of models as text: looked through before anything is built from it, and written, within bounds."""
+"""XML text of models: a bounded survey before a tree is built from it, and a bounded writer."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ if TYPE_CHECKING:
     from xml.dom.minidom import Document
 
 MAX_BYTES = 2_000_000
-"""Of all files of a model together, and of its expansion; the largest robot of example-robot-data has 0.2 MB."""
+"""Largest size of all files of a model together, and of its expansion; example-robot-data has at most 0.2 MB."""
 MAX_ELEMENTS = 50_000
-"""Largest robot of example-robot-data: 3900."""
+"""The largest robot of example-robot-data has 3900."""
 MAX_COMMENTS = 5000
-"""Largest robot of example-robot-data: 237; xacro takes time quadratic in their number."""
+"""The largest robot of example-robot-data has 237; xacro takes time quadratic in their number."""
 MAX_LINKS = 2000
-"""Links, and joints as well; Pinocchio's parser recurses along chains and crashes at 10,000."""
+"""Largest number of links, and of joints; Pinocchio's parser recurses along chains and crashes at 10,000."""
 MAX_DEPTH = 100
-"""Of XML and of macros in macros; of properties that use properties half as many."""
+"""Largest depth of XML, and of nested macros; of properties that use properties half of it."""
 MAX_TEXT = 10_000
-"""Characters of one attribute or one evaluated text."""
+"""Largest number of characters of one attribute or one evaluated text."""
 
 
 def read(path: Path, source: str, most: int) -> str:
@@ -32,7 +32,7 @@ def read(path: Path, source: str, most: int) -> str:
     Args:
         path: The file.
         source: Its name in messages.
-        most: How many bytes it may have.
+        most: Largest size in bytes.
 
     Raises:
         InputError: It cannot be read, or is not UTF-8.
@@ -52,7 +52,7 @@ def read(path: Path, source: str, most: int) -> str:
 
 @dataclass
 class Survey:
-    """What a first reading of XML finds, without building anything, within the bounds.
+    """Counts from a first pass over XML text, which builds nothing and stops at the bounds.
 
     Attributes:
         source: File name, for errors.
@@ -60,7 +60,7 @@ class Survey:
         links: Number of links below the root element.
         joints: Number of joints below the root element.
         comments: Number of comments.
-        is_xacro: Whether there is anything of xacro in it.
+        is_xacro: Whether it contains anything of xacro.
     """
 
     source: str
@@ -128,7 +128,7 @@ def bound(what: str, number: int, most: int) -> None:
 
 
 def location(source: str, text: str, line: int, column: int = 0, width: int = 1) -> Location:
-    """Return a place in a text; where no column is given, all of the line."""
+    """Return a location in a text; the whole line where no column is given."""
     lines = text.splitlines()
     excerpt = lines[line - 1] if 0 < line <= len(lines) else ""
     stripped = excerpt.strip()
@@ -138,7 +138,7 @@ def location(source: str, text: str, line: int, column: int = 0, width: int = 1)
 
 
 class Writer:
-    """Writes a tree as xacro does, within a bound."""
+    """Writer of a tree in xacro's format, with a bound on its size."""
 
     def __init__(self) -> None:
         self.parts: list[str] = []
@@ -152,7 +152,7 @@ class Writer:
         return "".join(self.parts)
 
     def write(self, text: str) -> None:
-        """Take a piece of text."""
+        """Append a piece of text."""
         self.size += len(text)
         bound("characters", self.size, MAX_BYTES)
         self.parts.append(text)

@@ -17,7 +17,7 @@ from pinarm.errors import InputError, choices
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, rate_of_b
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import Links
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import METRE, RADIAN, Joint
 
 ANGLES = ("roll", "pitch", "yaw")
@@ -51,12 +51,12 @@ class Ball:
 
 def balls_of(model: pin.Model) -> dict[str, Ball]:
     """Return the ball joints, by name, in the order of v."""
-    found = {}
+    balls = {}
     for index in range(1, model.njoints):
         joint = model.joints[index]
         if joint.shortname() == "JointModelSpherical":
-            found[model.names[index]] = Ball(model.names[index], index, joint.idx_q, joint.idx_v)
-    return found
+            balls[model.names[index]] = Ball(model.names[index], index, joint.idx_q, joint.idx_v)
+    return balls
 
 
 def roll_pitch_yaw(quaternion: Array) -> Array:
@@ -110,7 +110,7 @@ class BallCoordinate:
         w, b = pin.log3(turn), pin.Jlog3(turn)
         return float((rate_of_b(w, b @ omega) @ omega)[self.component])
 
-    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
         """Return nothing: the moment acts between the links of the joint."""
         return {}
 
@@ -127,7 +127,7 @@ def ball_coordinates(model: pin.Model, balls: Mapping[str, Ball]) -> dict[str, C
 
 def coordinate_at(model: pin.Model, index: int) -> Coordinate:
     """Return the coordinate that belongs to an index in v: a joint's, or a component of a rotation vector."""
-    joint = next(one for one in model.joints if one.nv and one.idx_v <= index < one.idx_v + one.nv)
+    joint = next(each for each in model.joints if each.nv and each.idx_v <= index < each.idx_v + each.nv)
     if joint.nv == 3:
         ball = Ball(model.names[joint.id], joint.id, joint.idx_q, joint.idx_v)
         return BallCoordinate(model, ball, index - joint.idx_v)
@@ -138,7 +138,7 @@ def coordinate_at(model: pin.Model, index: int) -> Coordinate:
 
 def coordinate_name(model: pin.Model, index: int) -> str:
     """Return the name of the coordinate that belongs to an index in v."""
-    joint = next(one for one in model.joints if one.nv and one.idx_v <= index < one.idx_v + one.nv)
+    joint = next(each for each in model.joints if each.nv and each.idx_v <= index < each.idx_v + each.nv)
     name = str(model.names[joint.id])
     return f"{name}.rotation.{'xyz'[index - joint.idx_v]}" if joint.nv == 3 else name
 
@@ -172,16 +172,16 @@ def places_of(joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> dict[st
     return {**{name: joint.v for name, joint in joints.items()}, **spins}
 
 
-def unit_of(name: str, known: Mapping[str, Unit]) -> Unit:
+def unit_of(name: str, units: Mapping[str, Unit]) -> Unit:
     """Return the unit of a value given by name.
 
     Raises:
         InputError: Nothing has this name; the message lists what there is.
     """
-    if name not in known:
-        expected, hint = choices(name, known)
+    if name not in units:
+        expected, hint = choices(name, units)
         raise InputError(f"the model has no joint '{name}' with one coordinate", expected=expected, hint=hint)
-    return known[name]
+    return units[name]
 
 
 def configuration(
@@ -198,9 +198,9 @@ def configuration(
     Raises:
         InputError: A name is unknown, or a ball joint is given by both.
     """
-    known = positions_of(joints, balls)
+    units = positions_of(joints, balls)
     for name in values:
-        unit_of(name, known)
+        unit_of(name, units)
     q: Array = pin.neutral(model)
     for name, joint in joints.items():
         q[joint.q] = values.get(name, 0.0)

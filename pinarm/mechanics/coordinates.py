@@ -1,6 +1,6 @@
-"""Coordinates: numbers that describe a configuration, and on which a motion can be imposed.
+"""Coordinates: functions w(q) of the configuration on which a motion can be prescribed.
 
-Each gives its value w(q), its row J with ``w' = J v``, and its drift ``J' v``, so that ``w'' = J a + drift``.
+Each has a value w(q), a row J with ``w' = J v``, and a drift ``J' v``, so that ``w'' = J a + drift``.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError, Key, within
 from pinarm.input.units import Unit
-from pinarm.input.yaml.schema import Model
+from pinarm.input.yaml.schema import InputStruct
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import Links
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.parallel_axes import check_parallel
 from pinarm.mechanics.geometry.vectors import MEETING, crossed, direction
 from pinarm.mechanics.joints import METRE, RADIAN, Direction, Joint, frame_of, frames_of, joint_of, unit_vector
@@ -44,8 +44,8 @@ class Coordinate(Protocol):
         """Return J' v."""
         ...
 
-    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
-        """Return what forces along the coordinate, shape (n,), do to links from outside of their joints.
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
+        """Return the wrenches on links of efforts along the coordinate, shape (n,), other than joint efforts.
 
         Joint index -> [f; m] at the world's origin, world axes, shape (n, 6).
         """
@@ -59,7 +59,7 @@ class LinearCoordinate:
     Attributes:
         unit: Unit of its value.
         weights: Shape (nv,).
-        places: Index in q of every index in v, shape (nv,).
+        places: Index in q for every index in v, shape (nv,).
     """
 
     unit: Unit
@@ -69,8 +69,8 @@ class LinearCoordinate:
     @property
     def joint(self) -> int | None:
         """Index in v of the joint whose own coordinate it is; ``None`` of a sum."""
-        found = np.flatnonzero(self.weights)
-        return int(found[0]) if len(found) == 1 and self.weights[found[0]] == 1.0 else None
+        weighted = np.flatnonzero(self.weights)
+        return int(weighted[0]) if len(weighted) == 1 and self.weights[weighted[0]] == 1.0 else None
 
     def value(self, state: Kinematics) -> float:
         """Return the weighted sum."""
@@ -84,8 +84,8 @@ class LinearCoordinate:
         """Return 0: the row is constant."""
         return 0.0
 
-    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
-        """Return nothing: the efforts act between the links of the joints."""
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
+        """Return nothing: the efforts act as joint efforts."""
         return {}
 
 
@@ -117,7 +117,7 @@ class FrameCoordinate:
         acceleration = pin.getFrameClassicalAcceleration(state.model, state.data, self.frame, pin.LOCAL_WORLD_ALIGNED)
         return float(self.axis @ acceleration.linear)
 
-    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
         """Return the force along the axis at the link's origin."""
         return pull(links, self.frame, effort[:, None] * self.axis)
 
@@ -126,7 +126,7 @@ class FrameCoordinate:
 class DistanceCoordinate:
     """Distance between the origins of two links: ``w = |d|``, ``d = p_2 - p_1``, ``w' = u . d'`` with ``u = d / w``.
 
-    The drift is ``u . d'' + (|d'|^2 - (u . d')^2) / w`` with d'' for a = 0. Where the points meet u is any direction.
+    The drift is ``u . d'' + (|d'|^2 - (u . d')^2) / w`` with d'' for a = 0. Where they coincide, u is arbitrary.
 
     Attributes:
         first: Index of the first frame.
@@ -159,7 +159,7 @@ class DistanceCoordinate:
         length = max(self.value(state), MEETING)
         return float(along @ (a2 - a1) + (rate @ rate - (along @ rate) ** 2) / length)
 
-    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
         """Return the forces that push the two points apart."""
         apart = links.frame(self.second)[1] - links.frame(self.first)[1]
         force = (effort * direction(apart.T)).T
@@ -206,7 +206,7 @@ class RotationCoordinate:
         rate = b @ omega
         return float((b @ alpha + rate_of_b(w, rate) @ omega)[self.component])
 
-    def wrenches(self, links: Links, effort: Array) -> dict[int, Array]:
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
         """Return the moment with the same power, ``effort B^T e_k`` in the link's axes."""
         turns = links.frame(self.frame)[0]
         ways = np.array([turn @ pin.Jlog3(turn)[self.component] for turn in turns])
@@ -214,8 +214,8 @@ class RotationCoordinate:
         return {links.model.frames[self.frame].parentJoint: wrench}
 
 
-def pull(links: Links, frame: int, force: Array) -> dict[int, Array]:
-    """Return forces at a frame's origin, shape (n, 3), as what they do to its link.
+def pull(links: LinkPlacements, frame: int, force: Array) -> dict[int, Array]:
+    """Return forces at a frame's origin, shape (n, 3), as wrenches on its link.
 
     Joint index -> [f; m] at the world's origin, world axes, shape (n, 6).
     """
@@ -224,7 +224,10 @@ def pull(links: Links, frame: int, force: Array) -> dict[int, Array]:
 
 
 def rate_of_b(w: Array, rate: Array) -> Array:
-    """Return B' for a rotation vector and its rate; near 0 by the series ``c = 1/12 + theta^2/720``."""
+    """Return B' for a rotation vector w and its rate: ``[w']/2 + c' W^2 + c (W' W + W W')``, shape (3, 3).
+
+    Near 0 by the series ``c = 1/12 + theta^2/720``.
+    """
     theta2 = float(w @ w)
     theta = theta2**0.5
     if theta < 1e-2:  # the series' next term is theta^4 / 30240: below rounding here
@@ -238,20 +241,20 @@ def rate_of_b(w: Array, rate: Array) -> Array:
     return np.asarray(0.5 * turned + growth * (skew @ skew) + c * (turned @ skew + skew @ turned))
 
 
-class AngleSum(Model, frozen=True, tag_field="kind", tag="sum"):
+class AngleSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
     """Sum of joint coordinates about parallel axes of one sense: the absolute angle of a link, turns counted."""
 
     of: Annotated[list[str], msgspec.Meta(min_length=1)]
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
-        """Return the coordinate of one model."""
+        """Return the coordinate for a model."""
         with within("of"):
-            found = sum_of(model, joints, self.of)
+            coordinate = sum_of(model, joints, self.of)
             check_parallel(model, {name: joints[name].v for name in self.of})
-            return found
+            return coordinate
 
 
-class PointCoordinate(Model, frozen=True, tag_field="kind", tag="point"):
+class PointCoordinate(InputStruct, frozen=True, tag_field="kind", tag="point"):
     """Position of a link's origin along a direction of the world, e.g. a height, or the place on a line.
 
     Attributes:
@@ -263,24 +266,24 @@ class PointCoordinate(Model, frozen=True, tag_field="kind", tag="point"):
     along: Direction
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
-        """Return the coordinate of one model."""
+        """Return the coordinate for a model."""
         with within("along"):
             axis = unit_vector(self.along)
         with within("point"):
             return FrameCoordinate(frame_of(model, self.point), axis)
 
 
-class Distance(Model, frozen=True, tag_field="kind", tag="distance"):
+class Distance(InputStruct, frozen=True, tag_field="kind", tag="distance"):
     """Distance between the origins of two links."""
 
     between: tuple[str, str]
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
-        """Return the coordinate of one model."""
+        """Return the coordinate for a model."""
         return DistanceCoordinate(*frames_of(model, self.between))
 
 
-class Rotation(Model, frozen=True, tag_field="kind", tag="rotation"):
+class Rotation(InputStruct, frozen=True, tag_field="kind", tag="rotation"):
     """Component of a link's rotation vector, along an axis of the world.
 
     The rotation vector has the direction of the axis about which the link is turned from the world's axes, and the
@@ -291,7 +294,7 @@ class Rotation(Model, frozen=True, tag_field="kind", tag="rotation"):
     about: Literal["x", "y", "z"]
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
-        """Return the coordinate of one model."""
+        """Return the coordinate for a model."""
         with within("body"):
             return RotationCoordinate(frame_of(model, self.body), "xyz".index(self.about))
 
@@ -301,7 +304,7 @@ CoordinateDefinition = AngleSum | PointCoordinate | Distance | Rotation
 
 
 def sum_of(model: pin.Model, joints: Mapping[str, Joint], names: Sequence[str]) -> LinearCoordinate:
-    """Return the sum of the coordinates of the named joints.
+    """Return the sum of the coordinates of joints.
 
     Raises:
         InputError: A joint is unknown, or angles and lengths are mixed.
@@ -321,16 +324,18 @@ def sum_of(model: pin.Model, joints: Mapping[str, Joint], names: Sequence[str]) 
 def coordinates_of(
     model: pin.Model, joints: Mapping[str, Joint], definitions: Mapping[str, Any], known: Container[str] = ()
 ) -> dict[str, Coordinate]:
-    """Return every coordinate by name: those of the joints, then the defined ones, which are none of the known.
+    """Return every coordinate by name: those of the joints, then those defined in the file.
+
+    ``known`` are further names that are taken.
 
     Raises:
         InputError: A definition takes the name of a joint, or names something that does not exist.
     """
-    found: dict[str, Coordinate] = {name: sum_of(model, joints, [name]) for name in joints}
+    coordinates: dict[str, Coordinate] = {name: sum_of(model, joints, [name]) for name in joints}
     for name, definition in definitions.items():
         with within(Key(name)):
             if name in joints or name in known:
                 raise InputError(f"the coordinate '{name}' has the name of a joint", expected="a name of its own")
         with within(name):
-            found[name] = definition.bind(model, joints)
-    return found
+            coordinates[name] = definition.bind(model, joints)
+    return coordinates

@@ -11,10 +11,10 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
-from pinarm.input.yaml.schema import AnyQuantity, Lead, Measured, Model
+from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Lead, Measured
 from pinarm.mechanics.coordinates import LinearCoordinate, sum_of
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import Links
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.joints import METRE, RADIAN, Joint, joint_of
 from pinarm.mechanics.loading.model_tree import Mimic
 
@@ -28,8 +28,8 @@ class Coupling:
         kind: Its kind, as files call it.
         coordinate: The weighted sum of joint coordinates.
         constant: c, its value at all times.
-        follower: Index in v of the joint that mimics the other one and has no drive of its own; ``None`` where either
-            may be driven.
+        follower: Index in v of the joint that mimics the other one and has no drive; ``None`` where either may be
+            driven.
     """
 
     name: str
@@ -55,12 +55,12 @@ class Coupling:
         """Return 0."""
         return np.zeros(1)
 
-    def wrenches(self, links: Links, lam: Array) -> dict[int, Array]:
-        """Return nothing: the efforts act between the links of the coupled joints."""
+    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
+        """Return nothing: the multipliers act as efforts at the coupled joints, not as wrenches on links."""
         return {}
 
 
-class Gear(Model, frozen=True, tag_field="kind", tag="gear"):
+class Gear(InputStruct, frozen=True, tag_field="kind", tag="gear"):
     """The second joint moves ``ratio`` times as far as the first: ``q2 = ratio q1 + offset``.
 
     For joints of one kind, such as two wheels; the ratio is negative where they mesh from outside.
@@ -76,25 +76,29 @@ class Gear(Model, frozen=True, tag_field="kind", tag="gear"):
     offset: AnyQuantity = 0.0
 
     def check(self) -> None:
-        """Refuse ratios that couple nothing."""
+        """Refuse a ratio of 0 or infinity."""
         if not 0.0 < abs(self.ratio) < np.inf:
-            raise InputError(f"a coupling of ratio {self.ratio:g} cannot be", expected="a finite number other than 0")
+            raise InputError(f"the ratio of a gear cannot be {self.ratio:g}", expected="a finite number other than 0")
 
     def bind(self, joints: Mapping[str, Joint], model: pin.Model, name: str) -> Coupling:
-        """Return the coupling of one model.
+        """Return the coupling for a model.
 
         Raises:
             InputError: A joint is unknown, or the joints are of different kinds.
         """
-        one, two = (joint_of(joints, joint) for joint in self.joints)
-        if one.unit != two.unit:
-            raise InputError(f"{one.name} and {two.name} do not measure alike", hint="kind: screw, with a lead")
+        first, second = (joint_of(joints, joint) for joint in self.joints)
+        if first.unit != second.unit:
+            raise InputError(
+                f"a gear couples joints of one kind: {first.name} has {first.unit}, {second.name} {second.unit}",
+                expected="two revolute or two prismatic joints",
+                hint="kind: screw, with a lead",
+            )
         if isinstance(self.offset, Measured):
-            self.offset.check(two.unit)
-        return _coupled(joints, model, name, "gear", (one, two), float(self.ratio), float(self.offset))
+            self.offset.check(second.unit)
+        return _coupled(joints, model, name, "gear", (first, second), float(self.ratio), float(self.offset))
 
 
-class Screw(Model, frozen=True, tag_field="kind", tag="screw"):
+class Screw(InputStruct, frozen=True, tag_field="kind", tag="screw"):
     """The second joint slides by ``lead`` per turn of the first; a rack's lead is its pinion's circumference.
 
     Attributes:
@@ -108,7 +112,7 @@ class Screw(Model, frozen=True, tag_field="kind", tag="screw"):
     offset: Lead = 0.0
 
     def check(self) -> None:
-        """Refuse a lead that couples nothing."""
+        """Refuse a lead of 0."""
         if self.lead == 0.0:
             raise InputError("a screw without a lead couples nothing", expected="a length other than 0")
 
@@ -116,19 +120,20 @@ class Screw(Model, frozen=True, tag_field="kind", tag="screw"):
         """Return the coupling of one model.
 
         Raises:
-            InputError: A joint is unknown, or the first does not turn or the second not slide.
+            InputError: A joint is unknown, the first is not revolute, or the second not prismatic.
         """
         turns, slides = (joint_of(joints, joint) for joint in self.joints)
         if (turns.unit, slides.unit) != (RADIAN, METRE):
             raise InputError(
-                f"a screw turns one joint and slides the other; {turns.name} and {slides.name} do not",
+                f"a screw couples a revolute to a prismatic joint: {turns.name} has {turns.unit}, "
+                f"{slides.name} {slides.unit}",
                 expected="a revolute and a prismatic joint, in this order",
             )
         return _coupled(joints, model, name, "screw", (turns, slides), self.lead / (2.0 * np.pi), float(self.offset))
 
 
-def mimicry(mimic: Mimic, joints: Mapping[str, Joint], model: pin.Model) -> Coupling:
-    """Return the coupling of a joint that, as its model says, mimics another one."""
+def mimic_coupling(mimic: Mimic, joints: Mapping[str, Joint], model: pin.Model) -> Coupling:
+    """Return the coupling of a joint that mimics another one in the model file."""
     leader, follower = joint_of(joints, mimic.of), joint_of(joints, mimic.joint)
     name = f"{follower.name} mimics {leader.name}"
     coupled = _coupled(joints, model, name, "mimic", (leader, follower), mimic.multiplier, mimic.offset)
@@ -139,18 +144,19 @@ def _coupled(
     joints: Mapping[str, Joint], model: pin.Model, name: str, kind: str, pair: tuple[Joint, Joint], ratio: float,
     offset: float,
 ) -> Coupling:  # fmt: skip
-    one, two = pair
-    if one.name == two.name:
-        raise InputError(f"the joint {one.name} cannot be coupled to itself", expected="two joints")
-    second = sum_of(model, joints, [two.name])
-    weights = second.weights.copy()
-    weights[one.v] = -ratio
-    return Coupling(name, kind, LinearCoordinate(two.unit, weights, second.places), offset)
+    """Return the coupling ``q2 - ratio q1 = offset`` of a pair of joints."""
+    first, second = pair
+    if first.name == second.name:
+        raise InputError(f"the joint {first.name} cannot be coupled to itself", expected="two joints")
+    coordinate = sum_of(model, joints, [second.name])
+    weights = coordinate.weights.copy()
+    weights[first.v] = -ratio
+    return Coupling(name, kind, LinearCoordinate(second.unit, weights, coordinate.places), offset)
 
 
 def independent(couplings: Sequence[Coupling]) -> bool:
-    """Tell whether none of the couplings repeats or contradicts what the others say, as the third of a train does."""
-    rows = np.array([one.coordinate.weights for one in couplings])
+    """Return whether the rows of the couplings are linearly independent; a third gear pair in a train repeats two."""
+    rows = np.array([coupling.coordinate.weights for coupling in couplings])
     return not couplings or int(np.linalg.matrix_rank(rows)) == len(rows)
 
 

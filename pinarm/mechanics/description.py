@@ -1,4 +1,4 @@
-"""The mechanism file: what is said beside the URDF, because URDF cannot say it."""
+"""The mechanism file: the properties of a mechanism that its model file does not contain."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.input.yaml.schema import Acceleration, Model, Positive
+from pinarm.input.yaml.schema import Acceleration, InputStruct, Positive
 from pinarm.mechanics.coordinates import CoordinateDefinition
 from pinarm.mechanics.couplings import CouplingDefinition
 from pinarm.mechanics.drives import Drive
@@ -22,12 +22,12 @@ STANDARD_GRAVITY = 9.81
 """Magnitude used where a file gives only a direction [m/s^2]."""
 
 
-class Gravity(Model, frozen=True):
-    """A uniform field.
+class Gravity(InputStruct, frozen=True):
+    """A uniform gravity field.
 
     Attributes:
-        direction: Where things fall, an axis of the world.
-        magnitude: [m/s^2].
+        direction: Direction of the field, a world axis.
+        magnitude: Gravitational acceleration [m/s^2].
     """
 
     direction: Axis = "-z"
@@ -38,19 +38,19 @@ class Gravity(Model, frozen=True):
         return np.array(AXES[self.direction], float) * float(self.magnitude)
 
 
-def field_of(gravity: Gravity | Literal["none"] | None, otherwise: Array | None) -> Array:
-    """Return the gravity of a mechanism [m/s^2], world axes, shape (3,).
+def gravity_vector(gravity: Gravity | Literal["none"] | None, otherwise: Array | None) -> Array:
+    """Return the gravity field of a mechanism [m/s^2], world axes, shape (3,).
 
     Args:
-        gravity: What its file says.
-        otherwise: What its model says.
+        gravity: Entry of the mechanism file.
+        otherwise: Gravity field of the model file.
     """
     if gravity is None:
         return Gravity().vector() if otherwise is None else otherwise
     return np.zeros(3) if isinstance(gravity, str) else gravity.vector()
 
 
-class MechanismDescription(Model, frozen=True):
+class MechanismDescription(InputStruct, frozen=True):
     """Content of a mechanism file.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""Drives: what a motor must give behind its gear so that the joint gets its effort."""
+"""Drives: torque and speed of a motor behind its gear for the effort and motion of its joint."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
-from pinarm.input.yaml.schema import Inertia, Model
+from pinarm.input.yaml.schema import Inertia, InputStruct
 
 
-class Drive(Model, frozen=True):
+class Drive(InputStruct, frozen=True):
     """A motor that turns ``ratio`` times as fast as its joint, through a gear of constant efficiency.
 
     With tau the effort at the joint, v its velocity and N the ratio: the motor turns at ``N v`` and gives
@@ -36,18 +36,20 @@ class Drive(Model, frozen=True):
     rotor_inertia: Inertia = 0.0
 
     def check(self) -> None:
-        """Refuse ratios that turn nothing, or are no numbers."""
+        """Refuse a ratio of 0, infinity or NaN."""
         if self.ratio == 0.0 or not math.isfinite(self.ratio):
             with within("ratio"):
-                raise InputError(f"a gear of ratio {self.ratio:g} cannot be", expected="a finite number other than 0")
+                raise InputError(
+                    f"the ratio of a gear cannot be {self.ratio:g}", expected="a finite number other than 0"
+                )
 
     @property
     def armature(self) -> float:
-        """Inertia of the rotor as the joint feels it, N^2 J [kg*m^2]."""
+        """Inertia of the rotor reflected to the joint, N^2 J [kg*m^2]."""
         return float(self.ratio * self.ratio * self.rotor_inertia)
 
     def torque(self, effort: Array, direction: Array, a: Array) -> Array:
-        """Return the motor's torque [N*m], shape (n,).
+        """Return the torque of the motor [N*m], shape (n,): ``tau / (N eta) + N J a``, or ``eta tau / N + N J a``.
 
         Args:
             effort: Effort at the joint, without the rotor's share [N*m], shape (n,).

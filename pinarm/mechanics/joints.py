@@ -1,4 +1,4 @@
-"""Joints of the tree and frames of its links by name, and directions as files give them."""
+"""Joints and link frames of a model by name, and directions as files give them."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ AXES: dict[str, tuple[float, float, float]] = {
 }  # fmt: skip
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Direction = Axis | tuple[float, float, float]
-"""An axis of the world, or the components of a direction."""
+"""A world axis, or the components of a direction in world axes, of any length."""
 
 
 def unit_vector(direction: Direction) -> Array:
     """Return a direction as a unit vector, shape (3,).
 
     Raises:
-        InputError: It has no length.
+        InputError: Its length is 0 or infinite.
     """
     vector = np.array(AXES[direction] if isinstance(direction, str) else direction, float)
     length = float(np.linalg.norm(vector))
     if not 0.0 < length < np.inf:
-        raise InputError(f"{direction} is no direction", expected="three numbers, not all zero")
+        raise InputError(f"{direction} is no direction", expected="three finite numbers, not all zero")
     return vector / length
 
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint of the tree that has one coordinate.
+    """A joint of the model with one coordinate.
 
     Attributes:
-        name: Its name in the model.
+        name: Name in the model.
         index: Pinocchio's joint index.
         q: Index of its coordinate in q.
         v: Index of its velocity in v.
-        unit: rad or m.
+        unit: Unit of its coordinate, rad or m.
     """
 
     name: str
@@ -55,22 +55,22 @@ class Joint:
 
 
 def joints_of(model: pin.Model) -> dict[str, Joint]:
-    """Return the joints with one coordinate, by name, in the order of v."""
-    found = {}
+    """Return the joints with one coordinate by name, in the order of v."""
+    joints = {}
     for index in range(1, model.njoints):
         joint = model.joints[index]
         if joint.nq == joint.nv == 1:
             measured = METRE if joint.shortname().startswith("JointModelP") else RADIAN
-            found[model.names[index]] = Joint(model.names[index], index, joint.idx_q, joint.idx_v, measured)
-    return found
+            joints[model.names[index]] = Joint(model.names[index], index, joint.idx_q, joint.idx_v, measured)
+    return joints
 
 
-def spelled(model: pin.Model, q: Array) -> str:
-    """Return a configuration in words, such as ``track = 0.2 m, pivot = 1 rad``; q has the shape (nq,)."""
-    single, words = joints_of(model), []
+def format_configuration(model: pin.Model, q: Array) -> str:
+    """Return a configuration q, shape (nq,), as text such as ``track = 0.2 m, pivot = 1 rad``, for messages."""
+    joints, words = joints_of(model), []
     for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
         values = " ".join(f"{number:.6g}" for number in q[joint.idx_q : joint.idx_q + joint.nq])
-        words.append(f"{name} = {values} {single[name].unit}" if name in single else f"{name} = ({values})")
+        words.append(f"{name} = {values} {joints[name].unit}" if name in joints else f"{name} = ({values})")
     return ", ".join(words)
 
 
@@ -89,7 +89,7 @@ def frame_of(model: pin.Model, name: str) -> int:
 
 
 def frames_of(model: pin.Model, between: tuple[str, str]) -> tuple[int, int]:
-    """Return the indices of the frames of two links; mistakes are those of a key ``between``.
+    """Return the frame indices of two links; errors are located at the key ``between``.
 
     Raises:
         InputError: The model has no link of that name.

@@ -8,12 +8,12 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.errors import InputError, within
-from pinarm.input.yaml.schema import Inertia, Mass, Model
+from pinarm.input.yaml.schema import Inertia, InputStruct, Mass
 from pinarm.mechanics.joints import frame_of
 from pinarm.mechanics.loading.model_tree import TRIANGLE
 
 
-class Payload(Model, frozen=True):
+class Payload(InputStruct, frozen=True):
     """A body fixed to a link, its centre of mass at the link's origin.
 
     Attributes:
@@ -35,7 +35,7 @@ class Payload(Model, frozen=True):
             raise InputError(f"the moment of inertia {large:g} kg*m^2 is more than the sum of the other two")
 
 
-def laden(model: pin.Model, payloads: Iterable[Payload]) -> pin.Model:
+def with_payloads(model: pin.Model, payloads: Iterable[Payload]) -> pin.Model:
     """Return a copy of a model whose links carry payloads.
 
     With ``jMp`` the placement of the link in its joint's frame, the body of the joint gets ``jMp.act(I)`` added, as if
@@ -53,8 +53,8 @@ def laden(model: pin.Model, payloads: Iterable[Payload]) -> pin.Model:
         with within("point"):
             frame = loaded.frames[frame_of(loaded, payload.point)]
             if frame.parentJoint == 0:
-                said = f"the link '{payload.point}' does not move: a payload on it changes nothing"
-                raise InputError(said, expected="a moving link")
+                message = f"the link '{payload.point}' does not move: a payload on it changes nothing"
+                raise InputError(message, expected="a moving link")
         carried = pin.Inertia(float(payload.mass), np.zeros(3), np.diag(np.array(payload.inertia, float)))
         loaded.inertias[frame.parentJoint] += frame.placement.act(carried)
     return loaded

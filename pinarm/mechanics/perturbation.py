@@ -15,7 +15,7 @@ from pinarm.arrays import Array
 from pinarm.mechanics.joints import RADIAN, Joint
 from pinarm.mechanics.loading.model_tree import inertia
 
-SHAKE = 4.0 * float(np.finfo(float).eps)
+PERTURBATION = 4.0 * float(np.finfo(float).eps)
 """Largest relative change of a number: the rounding of a few operations."""
 
 
@@ -37,8 +37,8 @@ def coarse_angles(joints: Mapping[str, Joint], q: Array) -> list[str]:
     ]  # fmt: skip
 
 
-def shaken(model: pin.Model, seed: int) -> pin.Model:
-    """Return a copy of a model with every length, mass, moment of inertia and gravity changed by at most ``SHAKE``.
+def perturbed(model: pin.Model, seed: int) -> pin.Model:
+    """Return a copy of a model whose lengths, masses, moments of inertia and gravity differ by up to ``PERTURBATION``.
 
     What is 0 stays 0, so that planes stay planes, but a loop that closes only at special lengths is off by the change.
 
@@ -49,7 +49,7 @@ def shaken(model: pin.Model, seed: int) -> pin.Model:
     generator, changed = np.random.default_rng(seed), pin.Model(model)
 
     def near(numbers: Array) -> Array:
-        return numbers * (1.0 + SHAKE * generator.uniform(-1.0, 1.0, np.shape(numbers)))
+        return numbers * (1.0 + PERTURBATION * generator.uniform(-1.0, 1.0, np.shape(numbers)))
 
     for index in range(1, model.njoints):
         joint, body = model.jointPlacements[index], model.inertias[index]

@@ -6,32 +6,30 @@ from typing import Annotated, Any
 
 import msgspec
 
-from pinarm.engine.integration import SETTING, Method, MethodName
+from pinarm.engine.integration.integrator import Method
+from pinarm.engine.integration.methods import METHODS, MethodName, described
 from pinarm.errors import InputError, within
-from pinarm.input.yaml.schema import Duration, Model
+from pinarm.input.yaml.schema import Duration, InputStruct
 
 TOLERANCE = 1e-9
 """Tolerance of an adaptive method where none is given."""
 
 
-class Accuracy(Model, frozen=True):
+class Accuracy(InputStruct, frozen=True):
     """How accurate the result is wanted.
 
     Attributes:
-        method: How motions are integrated over time: ``dop853`` (order 8, adaptive, for smooth motions), ``dopri5``
-            (order 5, adaptive, for rough ones), ``rk4`` (order 4, steps of one length), ``stiff`` (Radau IIA of order
-            5 to 13, for stiff springs with dampers), ``conserving`` (as dop853, at constant energy, for many periods),
-            ``collocation`` (Gauss-Legendre, order 32, adaptive, for smooth motions of open chains at tight tolerances).
+        method: How motions are integrated over time, one of ``integration.methods.METHODS``.
         tolerance: Local error of a step of an adaptive method, relative to ``1 + |y|`` in SI; 1e-9 where it is left
             out. The global error is reported by the balances and is usually ten to a hundred times larger.
-        step: Longest step of ``rk4``.
+        step: Longest step of a method with steps of one length.
         target: Largest global error wanted in every output, relative to its largest absolute value over the run. The
             cheapest setting that reaches it is looked for, of the method if one is given; tolerance and step are then
             not used.
         max_steps: Number of steps after which the time integration gives up, rejected ones included.
     """
 
-    method: MethodName = "dop853"
+    method: Annotated[MethodName, msgspec.Meta(description=described())] = "dop853"
     tolerance: Annotated[float, msgspec.Meta(ge=1e-14, le=1e-2)] | None = None
     step: Duration | None = None
     target: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)] | None = None
@@ -39,7 +37,7 @@ class Accuracy(Model, frozen=True):
 
     def check(self) -> None:
         """Refuse a tolerance for steps of one length, and a step for a method that chooses its own."""
-        by = SETTING[self.method]
+        by = METHODS[self.method].setting
         if by == "step" and self.step is None and self.target is None:
             raise InputError(f"the method {self.method} takes steps of one length and needs it", hint="step: 1 ms")
         if by == "tolerance" and self.step is not None:
@@ -53,14 +51,12 @@ class Accuracy(Model, frozen=True):
 
     def integrator(self) -> Method:
         """Return the method of integration."""
-        from pinarm.engine.integration import METHODS
-
-        return METHODS[self.method](self.setting[1])
+        return METHODS[self.method].make(self.setting[1])
 
     @property
     def setting(self) -> tuple[str, float]:
         """Return the key that decides the error of the method, and its value."""
-        by = SETTING[self.method]
+        by = METHODS[self.method].setting
         wanted = self.step if by == "step" else self.tolerance
         return by, TOLERANCE if wanted is None else float(wanted)
 
@@ -72,5 +68,5 @@ class Accuracy(Model, frozen=True):
 
 def setting_keys(method: MethodName, value: float) -> dict[str, Any]:
     """Return a setting of the integration as the keys of a file, from a method and its tolerance, or its step [s]."""
-    return {"method": method, "step": f"{value!r} s"} if SETTING[method] == "step" else {
+    return {"method": method, "step": f"{value!r} s"} if METHODS[method].setting == "step" else {
         "method": method, "tolerance": value}  # fmt: skip

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pinarm.arrays import Indices
-from pinarm.engine.integration import Ensemble
+from pinarm.engine.integration.batch_solution import Ensemble
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.integrated_motion import event_columns, states
@@ -18,7 +18,7 @@ from pinarm.problems.forward import Forward
 
 @dataclass(frozen=True, eq=False)
 class BatchTable:
-    """Rows of motions, those of a stretch between jumps together.
+    """Rows of motions, those of an interval between jumps together.
 
     Attributes:
         run: The rows.
@@ -42,11 +42,11 @@ class BatchTable:
         """
         grid = hybrid.grid_of_each(problem.time.instants())
         reached = ensemble.reached(grid.t)
-        parts = [np.nonzero(reached[:, rows]) for _, _, rows in grid.stretches()]
+        parts = [np.nonzero(reached[:, rows]) for _, _, rows in grid.intervals()]
         motion = np.concatenate([motions for motions, _ in parts])
         instant = np.concatenate([low + instants for low, (_, instants) in zip(grid.rows, parts, strict=False)])
         rows = Grid(grid.t[instant], grid.cuts, (0, *map(int, np.cumsum([len(some) for some, _ in parts]))))
         q, v = (x[motion, instant] for x in ensemble.states(grid.t))
         run = states(mechanism, hybrid, rows, hybrid.system().complete(hybrid.dynamics, rows, q, v))
-        happenings = [hybrid.events(crossings) for crossings in ensemble.crossings]
-        return cls(replace(run, further=event_columns(problem.events, happenings, motion)), motion, instant)
+        events = [hybrid.event_records(crossings) for crossings in ensemble.crossings]
+        return cls(replace(run, columns=event_columns(problem.events, events, motion)), motion, instant)

@@ -21,7 +21,7 @@ from pinarm.engine.statics.actuation import actuation
 from pinarm.engine.statics.equilibrium import Balance, Equilibrium
 from pinarm.errors import AssemblyError, InputError, Key, Place
 from pinarm.input.units import Unit, unit
-from pinarm.input.yaml.schema import Level, Model
+from pinarm.input.yaml.schema import InputStruct, Level
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Constant
@@ -32,7 +32,7 @@ from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import bind_constant_loads, schema_row
 
 
-class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
+class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
     """Configurations at rest at which the generalised force of weights and loads vanishes; drives give none.
 
     With the potential energy U the force is ``f = -dU/dq``, the stiffness ``K = -df/dq``, and small motions about an
@@ -60,8 +60,8 @@ class Equilibria(Model, frozen=True, tag_field="kind", tag="equilibria"):
         free = mechanism.model.nv - len(self.hold)
         units = _units(mechanism, free)
         row = schema_row(mechanism, self.loads, ROW, unit("1"), actuation(mechanism, [*self.hold], []).closure)
-        further = {name: Series(name, measured, np.zeros(1)) for name, measured in units.items()}
-        return replace(row, further=further, separate=True)
+        columns = {name: Series(name, measured, np.zeros(1)) for name, measured in units.items()}
+        return replace(row, columns=columns, separate=True)
 
     def declaration(self) -> None:
         """Return that the mechanism is not to be simplified: all joints that are free have a part in its modes."""
@@ -144,9 +144,9 @@ def rows_of(balance: Balance, found: Sequence[Equilibrium]) -> Trajectory:
     table = np.array([[float(equilibrium.starts), equilibrium.modes.stability, *equilibrium.modes.squares,
                        *equilibrium.modes.stiffnesses] for equilibrium in found])  # fmt: skip
     units = _units(balance.mechanism, len(found[0].modes.squares))
-    further = {name: Series(name, units[name], column) for name, column in zip(units, table.T, strict=True)}
+    columns = {name: Series(name, units[name], column) for name, column in zip(units, table.T, strict=True)}
     return Trajectory(
         balance.mechanism, ROW, unit("1"), Grid.cover(np.arange(1.0, len(found) + 1.0), []), q, np.zeros_like(q),
         np.zeros_like(q), tau, Multipliers.known(lam, balance.mechanism.closure.size), balance.closure,
-        balance.dynamics, further=further, separate=True,
+        balance.dynamics, columns=columns, separate=True,
     )  # fmt: skip

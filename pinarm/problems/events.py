@@ -10,18 +10,18 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.integration import Watch
+from pinarm.engine.integration.events import Watch
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.end_stops import Bound
 from pinarm.errors import InputError, Key, Place
-from pinarm.input.yaml.schema import AnyQuantity, Model, check_unit
+from pinarm.input.yaml.schema import AnyQuantity, InputStruct, check_unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.joints import joint_of
 
 DIRECTIONS = {"rising": 1, "falling": -1, "any": 0}
 
 
-class Event(Model, frozen=True):
+class Event(InputStruct, frozen=True):
     """A coordinate that takes a value.
 
     Attributes:
@@ -37,7 +37,7 @@ class Event(Model, frozen=True):
     then: Literal["stop", "record"] = "record"
 
 
-class EndStop(Model, frozen=True):
+class EndStop(InputStruct, frozen=True):
     """Limits of a joint's coordinate, met with an impact.
 
     Attributes:

@@ -28,7 +28,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import actuation
 from pinarm.errors import InputError, IntegrationError, Interrupted, Key, Place
 from pinarm.input.units import unit
-from pinarm.input.yaml.schema import Level, Model, Rate
+from pinarm.input.yaml.schema import InputStruct, Level, Rate
 from pinarm.mechanics.ball_joints import coordinate_name, indices_of, velocity
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.laws import Motion
@@ -46,7 +46,7 @@ LOST = 1e-3
 """Energy that nothing accounts for, relative to the energy exchanged, from which on this is noted."""
 
 
-class InitialState(Model, frozen=True):
+class InitialState(InputStruct, frozen=True):
     """State at the first instant; what is not given is 0.
 
     Attributes:
@@ -59,7 +59,7 @@ class InitialState(Model, frozen=True):
     velocity: dict[str, Rate] = {}
 
 
-class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
+class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
     """Motion from an initial state under the mechanism's forces and the given loads; some coordinates may follow laws.
 
     Attributes:
@@ -85,7 +85,7 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         row = schema_row(mechanism, self.loads, "t", unit("s"), actuation(mechanism, [*self.motion], []).closure)
-        return replace(row, further=event_columns(self.events, [()], np.zeros(1, dtype=np.intp)))
+        return replace(row, columns=event_columns(self.events, [()], np.zeros(1, dtype=np.intp)))
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""
@@ -141,14 +141,14 @@ class Forward(Model, frozen=True, tag_field="kind", tag="forward"):
             if error.partial is not None:
                 reached = IntegratedMotion(mechanism, hybrid, error.partial)
                 grid = hybrid.grid(self.time.instants(), error.partial.seams).until(error.partial.end)
-                error.partial = replace(reached.outcome(grid), notes=tuple(error.partial.doubts()))
+                error.partial = replace(reached.outcome(grid), notes=tuple(error.partial.diagnose()))
             raise
         self._require_branch(mechanism, hybrid, closure, motion)
         t, end = self.time.instants(), motion.end
         grid = hybrid.grid(t if end == t[-1] else np.array([*t[t < end], end]), motion.seams)
         whole = IntegratedMotion(mechanism, hybrid, motion).outcome(grid)
         energy = {} if self.motion else energy_of(motion)
-        notes = motion.doubts() or _lost(energy.get("energy", 0.0))
+        notes = motion.diagnose() or _lost(energy.get("energy", 0.0))
         return replace(whole, figures={**motion.cost(), **energy}, notes=(*_changed(mechanism, hybrid, v), *notes))
 
     def require_masses(self, mechanism: Mechanism, hybrid: HybridSystem, q: Array) -> Closure:

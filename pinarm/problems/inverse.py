@@ -18,7 +18,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
 from pinarm.errors import Place
 from pinarm.input.units import unit
-from pinarm.input.yaml.schema import Level, Model
+from pinarm.input.yaml.schema import InputStruct, Level
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid
@@ -30,7 +30,7 @@ from pinarm.problems.loads import bind_loads, schema_row
 from pinarm.problems.time_grid import TimeGrid
 
 
-class Inverse(Model, frozen=True, tag_field="kind", tag="inverse"):
+class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     """Efforts for a motion that laws impose on as many coordinates as the mechanism has degrees of freedom.
 
     Attributes:

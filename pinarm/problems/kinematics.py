@@ -17,7 +17,7 @@ from pinarm.engine.motion.prescribed_motion import KINEMATIC, Prescription
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import Place
 from pinarm.input.units import unit
-from pinarm.input.yaml.schema import Level, Model
+from pinarm.input.yaml.schema import InputStruct, Level
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
@@ -27,7 +27,7 @@ from pinarm.problems.joint_values import check_levels
 from pinarm.problems.time_grid import TimeGrid
 
 
-class KinematicMotion(Model, frozen=True, tag_field="kind", tag="kinematics"):
+class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematics"):
     """Motion under laws on as many coordinates as the mechanism has degrees of freedom; masses play no part.
 
     With the imposed coordinates w: ``w(q) = w_d(t)``, ``J v = w_d'`` and ``J a = w_d'' - J' v``. Models without any
@@ -46,7 +46,7 @@ class KinematicMotion(Model, frozen=True, tag_field="kind", tag="kinematics"):
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        return replace(Trajectory.schema_row(mechanism, "t", unit("s")), unasked=KINEMATIC)
+        return replace(Trajectory.schema_row(mechanism, "t", unit("s")), no_efforts=KINEMATIC)
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""

@@ -20,10 +20,10 @@ from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
 from pinarm.errors import InputError, Key, Place, choices
 from pinarm.input.units import Unit, unit
-from pinarm.input.yaml.schema import Level, Model, Rate, SecondRate, check_unit
+from pinarm.input.yaml.schema import InputStruct, Level, Rate, SecondRate, check_unit
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Constant, ConstantSpeed
-from pinarm.mechanics.laws.motion_law import RENAMED, Grid, MotionLaw
+from pinarm.mechanics.laws.motion_law import FILE_KEYS, Grid, MotionLaw
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.imposed_laws import laws_of
@@ -31,7 +31,7 @@ from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import bind_constant_loads, schema_row
 
 
-class Range(Model, frozen=True, rename=RENAMED):
+class Range(InputStruct, frozen=True, rename=FILE_KEYS):
     """Evenly spaced values of a coordinate.
 
     Attributes:
@@ -50,7 +50,7 @@ class Range(Model, frozen=True, rename=RENAMED):
             raise InputError("the range begins and ends at the same value")
 
 
-class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
+class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
     """Holding efforts, at rest: over the range of one coordinate, or at one position.
 
     Attributes:
@@ -93,13 +93,13 @@ class Statics(Model, frozen=True, tag_field="kind", tag="statics"):
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the positions, at rest, and the efforts of the drives."""
         imposed, drives, forces = self.prepare(mechanism, place)
-        still = np.zeros(len(imposed.names))
+        rest = np.zeros(len(imposed.names))
         with place():
-            return _prescription(mechanism, imposed, drives, forces, self.over, (still, still)).outcome(
+            return _prescription(mechanism, imposed, drives, forces, self.over, (rest, rest)).outcome(
                 _grid(self.over), start_configuration(mechanism, self.start))  # fmt: skip
 
 
-class State(Model, frozen=True, tag_field="kind", tag="state"):
+class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
     """Efforts at given velocities and accelerations: over the range of one coordinate, or at one position.
 
     Every row is a state of its own. What is not given is 0.

@@ -10,10 +10,10 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
-from pinarm.input.yaml.schema import Model, Time
+from pinarm.input.yaml.schema import InputStruct, Time
 
 
-class TimeGrid(Model, frozen=True):
+class TimeGrid(InputStruct, frozen=True):
     """Evenly spaced instants; those at which a law or load jumps are added, twice each: just before and just after.
 
     Attributes:

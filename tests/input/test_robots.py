@@ -2,7 +2,7 @@ import pytest
 
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import ModelError
-from pinarm.input.robots import floats, robot, robots
+from pinarm.input.robots import is_floating, robot, robots
 
 LOADERS = {
     "a1": 18, "alex_nub_hands": 19, "alex_psyonic_hands": 39, "alex_sake_hands": 23, "alexander": 19,
@@ -25,7 +25,7 @@ def test_a_robot_loads_by_the_name_that_its_package_gives_it(name):
     assert mechanism.model.nv == LOADERS[name]
     floating = "root" in mechanism.balls
     assert floating == (mechanism.model.nq > mechanism.model.nv)
-    assert floating == floats(robot(name))
+    assert floating == is_floating(robot(name))
 
 
 def test_every_file_of_the_package_loads_but_the_one_without_a_robot():

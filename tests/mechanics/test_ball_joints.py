@@ -150,5 +150,5 @@ def test_arrays_of_states_are_given_by_name(mechanism, chain):
 
 def test_a_model_whose_inertia_is_bad_can_be_shaken_too(mechanism, chain):
     bad = mechanism(chain(*ARM).replace('ixx="0.1"', 'ixx="-0.1"', 1), defects="noted")
-    changed = bad.shaken(1).model.inertias[1].inertia[0, 0]
+    changed = bad.perturbed(1).model.inertias[1].inertia[0, 0]
     assert changed == pytest.approx(bad.model.inertias[1].inertia[0, 0], rel=1e-15)

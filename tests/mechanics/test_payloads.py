@@ -7,7 +7,7 @@ import pytest
 from pinarm.errors import InputError
 from pinarm.input.yaml.document import Document
 from pinarm.mechanics.loading.pinocchio_model import build_model
-from pinarm.mechanics.payloads import Payload, laden
+from pinarm.mechanics.payloads import Payload, with_payloads
 
 PLACE = 'xyz="0.21 -0.13 0.34" rpy="0.4 -0.9 1.3"'
 MOMENTS = (0.013, 0.021, 0.028)
@@ -47,15 +47,15 @@ def efforts(model, seed=3):
 
 @pytest.mark.parametrize("moments", [(0.0, 0.0, 0.0), MOMENTS], ids=["point", "body"])
 def test_efforts_are_those_of_a_model_with_the_mass_in_its_text(build, moments):
-    carried = laden(build(), [Payload(point="tool", mass=1.7, inertia=moments)])
+    carried = with_payloads(build(), [Payload(point="tool", mass=1.7, inertia=moments)])
     written, empty = efforts(build(inertial(1.7, moments))), efforts(build())
     assert efforts(carried) == pytest.approx(written, rel=1e-13, abs=1e-13 * np.abs(written).max())
     assert np.abs(written - empty).max() > 1.0
 
 
 def test_moments_of_inertia_are_about_the_axes_of_the_link(build):
-    carried = laden(build(), [Payload(point="tool", mass=0.0, inertia=MOMENTS)])
-    turned = laden(build(), [Payload(point="tool", mass=0.0, inertia=MOMENTS[::-1])])
+    carried = with_payloads(build(), [Payload(point="tool", mass=0.0, inertia=MOMENTS)])
+    turned = with_payloads(build(), [Payload(point="tool", mass=0.0, inertia=MOMENTS[::-1])])
     written = efforts(build(inertial(0.0, MOMENTS)))
     assert efforts(carried) == pytest.approx(written, rel=1e-13, abs=1e-13 * np.abs(written).max())
     assert np.abs(efforts(turned) - written).max() > 1e-3
@@ -64,14 +64,14 @@ def test_moments_of_inertia_are_about_the_axes_of_the_link(build):
 def test_several_payloads_add_up(build):
     halves = [Payload(point="tool", mass=0.6), Payload(point="c_link", mass=0.5), Payload(point="tool", mass=1.1)]
     once = [Payload(point="c_link", mass=0.5), Payload(point="tool", mass=1.7)]
-    found, expected = efforts(laden(build(), halves)), efforts(laden(build(), once))
+    found, expected = efforts(with_payloads(build(), halves)), efforts(with_payloads(build(), once))
     assert found == pytest.approx(expected, rel=1e-13, abs=1e-13 * np.abs(expected).max())
 
 
 def test_the_total_mass_and_its_centre(build):
     """The composite of two masses by hand: their sum, and the mean of their places weighted by them."""
     model = build()
-    carried = laden(model, [Payload(point="tool", mass=1.7)])
+    carried = with_payloads(model, [Payload(point="tool", mass=1.7)])
     before, after = model.inertias[2], carried.inertias[2]
     tool = np.array([0.21, -0.13, 0.34])
     assert after.mass == pytest.approx(before.mass + 1.7, rel=1e-15)
@@ -81,7 +81,7 @@ def test_the_total_mass_and_its_centre(build):
 def test_the_model_given_stays_as_it_is_and_the_rest_is_copied(build):
     model = build()
     before = efforts(model)
-    carried = laden(model, [Payload(point="tool", mass=1.7)])
+    carried = with_payloads(model, [Payload(point="tool", mass=1.7)])
     assert np.array_equal(efforts(model), before)
     assert carried.gravity.linear.tolist() == model.gravity.linear.tolist()
     assert carried.armature.tolist() == model.armature.tolist()
@@ -91,12 +91,12 @@ def test_the_model_given_stays_as_it_is_and_the_rest_is_copied(build):
 
 
 def test_no_payload_changes_nothing(build):
-    assert np.array_equal(efforts(laden(build(), [])), efforts(build()))
-    assert np.array_equal(efforts(laden(build(), [Payload(point="tool", mass=0.0)])), efforts(build()))
+    assert np.array_equal(efforts(with_payloads(build(), [])), efforts(build()))
+    assert np.array_equal(efforts(with_payloads(build(), [Payload(point="tool", mass=0.0)])), efforts(build()))
 
 
 def test_forward_and_inverse_dynamics_agree_on_it(build):
-    carried = laden(build(), [Payload(point="tool", mass=1.7, inertia=MOMENTS)])
+    carried = with_payloads(build(), [Payload(point="tool", mass=1.7, inertia=MOMENTS)])
     data = carried.createData()
     q, v, a = np.random.default_rng(1).normal(size=(3, carried.nv))
     assert pin.aba(carried, data, q, v, pin.rnea(carried, data, q, v, a)) == pytest.approx(a, rel=1e-12)
@@ -104,19 +104,19 @@ def test_forward_and_inverse_dynamics_agree_on_it(build):
 
 def test_an_unknown_link_is_refused_with_the_choices(build):
     with pytest.raises(InputError, match="no link 'tol'") as caught:
-        laden(build(), [Payload(point="tol", mass=1.0)])
+        with_payloads(build(), [Payload(point="tol", mass=1.0)])
     assert "tool" in caught.value.hint
     assert "b_link" in caught.value.expected
 
 
 def test_a_joint_is_no_link(build):
     with pytest.raises(InputError, match="no link 'flange'"):
-        laden(build(), [Payload(point="flange", mass=1.0)])
+        with_payloads(build(), [Payload(point="flange", mass=1.0)])
 
 
 def test_a_link_that_does_not_move_is_refused(build):
     with pytest.raises(InputError, match="'base' does not move"):
-        laden(build(), [Payload(point="base", mass=1.0)])
+        with_payloads(build(), [Payload(point="base", mass=1.0)])
 
 
 @pytest.mark.parametrize(("given", "message"), [

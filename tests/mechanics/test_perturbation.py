@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from pinarm.mechanics.joints import joints_of
-from pinarm.mechanics.perturbation import SHAKE, coarse_angles, shaken
+from pinarm.mechanics.perturbation import PERTURBATION, coarse_angles, perturbed
 
 
 @pytest.fixture
@@ -27,12 +27,12 @@ def numbers(model):
 
 
 def test_every_number_changes_in_its_last_digits_and_zeros_do_not(model):
-    before, after = numbers(model), numbers(shaken(model, 1))
+    before, after = numbers(model), numbers(perturbed(model, 1))
     zero = before == 0.0
     assert zero.any()
     assert not after[zero].any()
     relative = np.abs(after[~zero] / before[~zero] - 1.0)
-    assert relative.max() <= SHAKE + np.finfo(float).eps  # the quotient rounds too
+    assert relative.max() <= PERTURBATION + np.finfo(float).eps  # the quotient rounds too
     assert (relative > 0.0).mean() > 0.7  # some changes round to nothing
     assert (relative[-7:-1] > 0.0).any()  # armatures
     assert relative[-1] > 0.0  # gravity
@@ -40,12 +40,12 @@ def test_every_number_changes_in_its_last_digits_and_zeros_do_not(model):
 
 def test_the_model_itself_stays(model):
     before = numbers(model)
-    shaken(model, 1)
+    perturbed(model, 1)
     assert numbers(model).tolist() == before.tolist()
 
 
 def test_a_seed_says_which_change(model):
-    once, again, other = (numbers(shaken(model, seed)) for seed in (1, 1, 2))
+    once, again, other = (numbers(perturbed(model, seed)) for seed in (1, 1, 2))
     assert once.tolist() == again.tolist()
     assert once.tolist() != other.tolist()
 

@@ -6,7 +6,9 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration import Adaptive, Stretch, integrate
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Interval
+from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Trapezoid
@@ -161,7 +163,7 @@ def turned():
     top = Dynamics.of(model)
     t = np.linspace(0.0, 10.0, 201)
     start = np.array([0.0, 0.0, 0.0, 1.0])
-    q, v = integrate([Stretch(0.0, 10.0, top.acceleration())], top.manifold, start, SPIN, Adaptive(1e-12)).states(t)
+    q, v = integrate([Interval(0.0, 10.0, top.acceleration())], top.manifold, start, SPIN, Adaptive(1e-12)).states(t)
     return t, np.array([pin.Quaternion(*row[[3, 0, 1, 2]]).toRotationMatrix() for row in q]), v
 
 

@@ -40,13 +40,13 @@ def solve(mechanism, starts, **given):
 
 
 def column(run, name, row):
-    return float(run.further[f"equilibrium.{name}"].values[row - 1])
+    return float(run.columns[f"equilibrium.{name}"].values[row - 1])
 
 
 def squares(run, row):
     """Return w^2 of a row, in ascending order."""
     return np.array([column(run, f"frequency2_{k}", row) for k in range(1, run.mechanism.model.nv + 1)
-                     if f"equilibrium.frequency2_{k}" in run.further])  # fmt: skip
+                     if f"equilibrium.frequency2_{k}" in run.columns])  # fmt: skip
 
 
 def stability(run, row):
@@ -434,11 +434,11 @@ def test_what_is_refused(arm, case):
 
 
 def test_a_law_is_refused_even_in_the_mechanism_itself(mechanism, chain):
-    shaken = mechanism(chain(BOB), forces={"t": {"kind": "joint_effort", "joint": "bob", "effort":
+    perturbed = mechanism(chain(BOB), forces={"t": {"kind": "joint_effort", "joint": "bob", "effort":
                        {"law": "harmonic", "amplitude": "1 N*m", "pulsation": "2 rad/s"}}})  # fmt: skip
-    assert isinstance(shaken.forces["t"].laws()[0], Harmonic)
+    assert isinstance(perturbed.forces["t"].laws()[0], Harmonic)
     with pytest.raises(InputError, match="no value at rest"):
-        solve(shaken, [{}])
+        solve(perturbed, [{}])
 
 
 def test_joints_with_several_coordinates_are_refused(mechanism, chain):

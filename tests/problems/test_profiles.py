@@ -5,6 +5,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
+from pinarm.engine.integration.methods import METHODS
 from pinarm.errors import InputError
 from pinarm.mechanics.forces.breakpoints import Pieces
 from pinarm.mechanics.forces.joint_definitions import JointEffort, TorqueSpeed
@@ -123,6 +124,13 @@ KICK = Succession(segments=[
 """A torque of 0.05 J over a hundredth of a turn."""
 
 
+ADAPTIVE = [
+    name for name, entry in METHODS.items()
+    if entry.setting == "tolerance" and entry.requires != "constant energy" and entry.make(1e-9).order >= 4
+]  # fmt: skip
+"""Methods that choose their steps; motors and kicks change the energy; low orders take too many steps for 1e-9."""
+
+
 @pytest.fixture
 def wheel(mechanism, chain):
     return mechanism(chain({"name": "wheel", "inertia": (0.1, 0.1, 0.02)}), gravity="none")
@@ -134,7 +142,7 @@ def spun(wheel, loads, speed=20.0, **accuracy):
     return one.solve(wheel, Accuracy(**accuracy), place)
 
 
-@pytest.mark.parametrize("method", ["dop853", "dopri5", "stiff", "collocation"])
+@pytest.mark.parametrize("method", ADAPTIVE)
 @pytest.mark.parametrize(("period", "kicks"), [(None, 1), (6.0, 3)])
 def test_a_wheel_passes_no_kick_on_its_way_unseen(wheel, method, period, kicks):
     """The wheel turns evenly but for kicks of 0.02 rad: steps would be as long as the run."""
@@ -144,7 +152,7 @@ def test_a_wheel_passes_no_kick_on_its_way_unseen(wheel, method, period, kicks):
     assert 0.5 * 0.02 * run.v[-1, 0] ** 2 == pytest.approx(4.0 + 0.05 * kicks, rel=1e-5)  # kinks of s''
 
 
-@pytest.mark.parametrize("method", ["dop853", "dopri5", "stiff", "collocation"])
+@pytest.mark.parametrize("method", ADAPTIVE)
 def test_a_motor_does_not_leap_over_a_notch_of_its_curve(wheel, method):
     """It gives 5 N*m but for a notch down to -20 N*m at 50 rad/s, 1 rad/s wide: it stays where it gives nothing."""
     curve = [(-100.0, 5.0), (49.5, 5.0), (50.0, -20.0), (50.5, 5.0), (900.0, 5.0)]

@@ -24,39 +24,41 @@ outputs: [alpha]
 
 
 @pytest.fixture
-def laden(scenario: Callable[..., Any], folder: Path) -> Callable[..., Any]:
-    """``laden("statics")``: the scenario of a kind whose pendulum carries a hook and a sack."""
+def with_payloads(scenario: Callable[..., Any], folder: Path) -> Callable[..., Any]:
+    """``with_payloads("statics")``: the scenario of a kind whose pendulum carries a hook and a sack."""
     with open(folder / "pendulum.yaml", "a") as mechanism:
         mechanism.write(OWN)
     return lambda kind, *changes: scenario(kind, RUN, *changes).run()
 
 
-def test_holding_efforts_carry_the_payloads(laden: Callable[..., Any]) -> None:
-    result = laden("statics")
+def test_holding_efforts_carry_the_payloads(with_payloads: Callable[..., Any]) -> None:
+    result = with_payloads("statics")
     assert result["M"].values == pytest.approx(PULL * np.sin(result["alpha"].values), rel=1e-13, abs=1e-12)
 
 
-def test_driving_efforts_accelerate_the_payloads(laden: Callable[..., Any]) -> None:
-    result = laden("inverse")
+def test_driving_efforts_accelerate_the_payloads(with_payloads: Callable[..., Any]) -> None:
+    result = with_payloads("inverse")
     a, alpha = result["joint.pivot.acceleration"].values, result["alpha"].values
     assert result["M"].values == pytest.approx(TURN * a + PULL * np.sin(alpha), rel=1e-13, abs=1e-12)
     assert result["energy.kinetic"].values == pytest.approx(TURN * result["joint.pivot.velocity"].values ** 2 / 2)
 
 
-def test_free_motion_swings_the_payloads(laden: Callable[..., Any]) -> None:
-    result = laden("forward", ("30 deg", "0.02 deg"), ("mechanism:", "accuracy: {tolerance: 1e-12}\nmechanism:"))
+def test_free_motion_swings_the_payloads(with_payloads: Callable[..., Any]) -> None:
+    result = with_payloads(
+        "forward", ("30 deg", "0.02 deg"), ("mechanism:", "accuracy: {tolerance: 1e-12}\nmechanism:")
+    )
     small = 0.02 * np.pi / 180 * np.cos(np.sqrt(PULL / TURN) * result["t"].values)
     assert result["alpha"].values == pytest.approx(small, abs=1e-10)  # the pendulum's own term of third order is 2e-12
 
 
-def test_equilibria_feel_the_payloads(laden: Callable[..., Any], folder: Path) -> None:
+def test_equilibria_feel_the_payloads(with_payloads: Callable[..., Any], folder: Path) -> None:
     (folder / "equilibria.yaml").write_text(EQUILIBRIA + RUN)
     result = pinarm.load(folder / "equilibria.yaml").run()
     assert result["equilibrium.frequency2_1"].values == pytest.approx([PULL / TURN], rel=1e-12)
 
 
-def test_the_summary_lists_payloads_and_the_hash_knows_them(laden: Callable[..., Any], folder: Path) -> None:
-    result = laden("statics")
+def test_the_summary_lists_payloads_and_the_hash_knows_them(with_payloads: Callable[..., Any], folder: Path) -> None:
+    result = with_payloads("statics")
     assert result.summary()["payloads"] == {
         "hook": {"point": "tip", "mass": {"value": 1.0, "unit": "kg"},
                  "inertia": {"value": [0.0, 0.0, 0.0], "unit": "kg*m^2"}},
@@ -69,8 +71,8 @@ def test_the_summary_lists_payloads_and_the_hash_knows_them(laden: Callable[...,
     assert len({result.digest(), lighter.digest(), heavier.digest()}) == 3
 
 
-def test_a_saved_run_carries_its_payloads(laden: Callable[..., Any], folder: Path) -> None:
-    result = laden("statics")
+def test_a_saved_run_carries_its_payloads(with_payloads: Callable[..., Any], folder: Path) -> None:
+    result = with_payloads("statics")
     again = pinarm.load(result.save(folder / "out", plots=False) / "scenario.yaml").run()
     assert np.array_equal(again["M"].values, result["M"].values)
 
@@ -84,9 +86,9 @@ def test_a_saved_run_carries_its_payloads(laden: Callable[..., Any], folder: Pat
     ("sack: {point: tip, mass: 1 kg, inertia: [1 kg*m^2, 1 kg*m^2, 3 kg*m^2]}", "9:12", ["more than the sum"]),
 ])  # fmt: skip
 def test_mistakes_are_told_where_they_stand(
-    laden: Callable[..., Any], folder: Path, key: str, place: str, says: list[str]
+    with_payloads: Callable[..., Any], folder: Path, key: str, place: str, says: list[str]
 ) -> None:
-    laden("statics")
+    with_payloads("statics")
     text = (folder / "statics.yaml").read_text()
     (folder / "statics.yaml").write_text(text[: text.index("payloads:")] + f"payloads: {{{key}}}\n")
     with pytest.raises(InputError) as caught:

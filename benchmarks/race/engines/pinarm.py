@@ -15,7 +15,7 @@ import pinarm
 from benchmarks.race.engines import Run, Setting, decades
 from benchmarks.race.mechanisms import ORIGIN, Body, Linkage, Vector, Z
 from benchmarks.race.problems import Batch, Inverse, Motion, Problem
-from pinarm.engine.integration import METHODS, SETTING
+from pinarm.engine.integration.methods import METHODS
 
 PASSED_OVER = frozenset({"rk4", "dopri5", "conserving"})
 """Methods for other purposes: never the fastest of a single motion here."""
@@ -27,7 +27,7 @@ def prepare(problem: Problem) -> list[Setting]:
     if isinstance(problem, Batch):
         return _batch(problem)
     assert isinstance(problem, Motion)
-    methods = [name for name in METHODS if SETTING[name] == "tolerance" and name not in PASSED_OVER]
+    methods = [name for name in METHODS if METHODS[name].setting == "tolerance" and name not in PASSED_OVER]
     methods.sort(key=lambda name: name != "stiff")
     if not problem.linkage.damping.any():
         methods.remove("stiff")

@@ -11,10 +11,10 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration import Solution
+from pinarm.engine.integration.integrator import Solution
 from pinarm.engine.motion.segments import SegmentedMotion
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.mechanics.geometry.link_placements import Links, moving, supports
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving, supports
 from pinarm.mechanics.geometry.vectors import crossed
 
 Whole = Callable[[Array, Array, Array], tuple[Array, Array]]
@@ -48,7 +48,7 @@ def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, float
         the largest sum of the absolute terms over the rows; weights count with the full length of their path, so that
         a position in which every moment vanishes has terms to compare with. Nothing where no efforts were asked for.
     """
-    if trajectory.unasked:
+    if trajectory.no_efforts:
         return {}
     rows = np.linspace(0, len(trajectory) - 1, min(len(trajectory), most)).astype(int)
     loads = trajectory.gather(lambda dynamics, part: dynamics.loads(
@@ -81,7 +81,7 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
     return supplied - asked.sum(axis=(0, 2)), terms
 
 
-def _weights(links: Links, columns: Array, moved: Flags) -> Array:
+def _weights(links: LinkPlacements, columns: Array, moved: Flags) -> Array:
     """Return the most that weights can do: m g times the paths of mass centres when one joint moves, shape (n, nv)."""
     inertias = links.model.inertias.tolist()
     masses, levers = np.array([one.mass for one in inertias]), np.array([one.lever for one in inertias])
@@ -92,7 +92,7 @@ def _weights(links: Links, columns: Array, moved: Flags) -> Array:
     return np.asarray(masses @ lengths * np.linalg.norm(links.model.gravity.linear))
 
 
-def demands(model: pin.Model, links: Links, twists: Array, rates: Array) -> Array:
+def demands(model: pin.Model, links: LinkPlacements, twists: Array, rates: Array) -> Array:
     """Return what the motion of every link demands, by Newton's and Euler's equations, in the link's own frame.
 
     Args:
@@ -121,7 +121,7 @@ class Account:
 
     Attributes:
         solution: The motion.
-        dynamics: The equation of motion on each of its stretches.
+        dynamics: The equation of motion on each of its intervals.
         whole: Integrated states to those of the mechanism, where they are not the same.
     """
 
@@ -132,22 +132,22 @@ class Account:
     def columns(self) -> tuple[Array, Array, Array]:
         """Return kinetic, potential and so far dissipated energy [J] at the ends of all parts, each of shape (n,)."""
         varying = [dynamics.exchanging for dynamics in self.dynamics]
-        index, start, h = self._parts(sorted({*self.solution.looked_into, *self._even(any(varying))}))
+        index, start, h = self._parts(sorted({*self.solution.interpolated_steps, *self._even(any(varying))}))
         ends, last = np.append(start, self.solution.end), index[-1:]
         q, v = self.whole(ends, *self.solution.states_in(np.concatenate([index, last]), ends))
         kinetic, potential = self.dynamics[0].energy(q, v)
         lost = np.zeros(len(h))
         for number, (dynamics, changing) in enumerate(zip(self.dynamics, varying, strict=True)):
-            rows = np.flatnonzero(self._stretches[index] == number)
+            rows = np.flatnonzero(self._intervals[index] == number)
             if dynamics.steady.any() and q.shape == v.shape:
                 lost[rows] -= np.diff(q, axis=0)[rows] @ dynamics.steady
-            if changing and len(rows):  # an event may have ended the motion before this stretch
+            if changing and len(rows):  # an event may have ended the motion before this interval
                 lost[rows] += self._losses(changing, index[rows], start[rows], h[rows])
         return kinetic, potential, np.concatenate([[0.0], np.cumsum(lost)])
 
     @cached_property
-    def _stretches(self) -> Indices:
-        return np.array([step.stretch for step in self.solution.steps])
+    def _intervals(self) -> Indices:
+        return np.array([step.interval for step in self.solution.steps])
 
     def _even(self, every: bool) -> list[int]:
         """Return steps that are looked into in any case: all of them, or an even choice."""
@@ -158,7 +158,7 @@ class Account:
         """Return the step of every part, its start and its length [s], each of shape (n,)."""
         steps = self.solution.steps
         counts = np.ones(len(steps), dtype=np.intp)
-        counts[divided] = self.solution.method.parts
+        counts[divided] = self.solution.method.subdivisions
         index = np.repeat(np.arange(len(steps)), counts)
         part = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
         start, end = np.array([(step.t, step.until) for step in steps]).T
@@ -178,7 +178,7 @@ def energy_of(motion: SegmentedMotion) -> dict[str, float]:
     """Return the energy balance of a motion whose segments have been integrated; see ``energy_balance``."""
     accounts = []
     for segment in motion.segments:
-        local = [motion.dynamics.on(stretch.start, stretch.end) for stretch in segment.solution.stretches]
+        local = [motion.dynamics.on(interval.start, interval.end) for interval in segment.solution.intervals]
         accounts.append(Account(segment.solution, local, segment.system.whole))
     return energy_balance(*accounts)
 

@@ -38,7 +38,7 @@ def table_figures(run: Trajectory, motion: SolvedMotion | None = None, most: int
         the table, relative to the largest acceleration that efforts and loads would give if none of them cancelled;
         weights count with the most that they can do, ``g sqrt(m M_kk)`` for the mass m of all bodies (Cauchy-Schwarz).
     """
-    if run.unasked and not run.mechanism.closure.size:
+    if run.no_efforts and not run.mechanism.closure.size:
         return {}
     rows = np.linspace(0, len(run) - 1, min(len(run), most)).astype(np.intp)
     found = _Looked.at(run, rows)
@@ -48,7 +48,7 @@ def table_figures(run: Trajectory, motion: SolvedMotion | None = None, most: int
         figures.update(zip(("closure", "closure rate", "closure acceleration"), gaps, strict=True))
         values = run.mechanism.closure.values_of(found.own)
         figures |= zip(("regularity", "least regular at"), least_regular(run, motion, rows, values), strict=True)
-    if run.unasked:
+    if run.no_efforts:
         return figures
     alike = found.of_one_freedom(run)
     condition = max(one.condition for one in alike)

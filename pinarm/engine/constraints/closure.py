@@ -18,7 +18,7 @@ from pinarm.engine.constraints.constraint import Constraint, Guide
 from pinarm.engine.constraints.nullspace import Splits
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import Links, supports
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, supports
 
 MANY, KEPT = 8, 64
 """Number of configurations from which on it pays to look at them together, and up to which this is kept."""
@@ -174,7 +174,7 @@ class Closure:
         """Return the singular values of given rows G, shape (.., m, nv), as ``singular_values`` does."""
         return np.asarray(np.linalg.svd(rows * self.scale / self.measure[:, None], compute_uv=False))
 
-    def wrenches(self, links: Links, lam: Array) -> Array:
+    def wrenches(self, links: LinkPlacements, lam: Array) -> Array:
         """Return what multipliers, shape (n, m), do to the links, shape (n, njoints, 6).
 
         [f; m] at the world's origin, world axes [N, N*m]. Couplings, which act within joints, do nothing to them.
@@ -185,7 +185,7 @@ class Closure:
                 total[:, joint] += wrench
         return total
 
-    def load(self, links: Links, columns: Array, q: Array, lam: Array) -> Array:
+    def load(self, links: LinkPlacements, columns: Array, q: Array, lam: Array) -> Array:
         """Return G^T lam, through the links' Jacobians, shape (n, nv).
 
         Couplings, which act within joints, have no wrenches and contribute by their rows.

@@ -11,7 +11,7 @@ from pinarm.arrays import Array
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import Links
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 
 class Constraint(Protocol):
@@ -43,7 +43,7 @@ class Constraint(Protocol):
         """Return G' v, shape (m,)."""
         ...
 
-    def wrenches(self, links: Links, lam: Array) -> dict[int, Array]:
+    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         """Return what multipliers, shape (n, m), do to links: joint index -> [f; m] at the world's origin, (n, 6)."""
         ...
 
@@ -78,6 +78,6 @@ class Guide:
         """Return its drift."""
         return np.array([self.coordinate.drift(state)])
 
-    def wrenches(self, links: Links, lam: Array) -> dict[int, Array]:
+    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         """Return the force on the links whose points the coordinate measures."""
         return self.coordinate.wrenches(links, lam[:, 0])

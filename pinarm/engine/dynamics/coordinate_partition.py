@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration import Acceleration, Accelerations
+from pinarm.engine.integration.integrator import Acceleration, Accelerations
 from pinarm.errors import InputError
 
 Targets = Callable[[float], tuple[Array, Array, Array]]

@@ -18,7 +18,7 @@ from pinarm.arrays import Array, as_rows, same_rows
 from pinarm.engine.dynamics.configuration_space import JointSpace
 from pinarm.engine.dynamics.mass_matrix import mass_matrices
 from pinarm.engine.dynamics.parallel import Parallel
-from pinarm.engine.integration import SAME, Acceleration, Accelerations, Energy, Flat, Manifold
+from pinarm.engine.integration.integrator import BATCH_ROUNDING, Acceleration, Accelerations, Energy, Flat, Manifold
 from pinarm.mechanics.forces import ForceElement, summed
 from pinarm.mechanics.laws.motion_law import Grid
 
@@ -70,7 +70,7 @@ class Dynamics:
         return summed(self.forces.values())
 
     def on(self, start: float, end: float) -> Dynamics:
-        """Return the dynamics as it is on a stretch of time in which no load jumps; buffers are shared."""
+        """Return the dynamics as it is on an interval of time in which no load jumps; buffers are shared."""
         if not any(force.laws() for force in self.forces.values()):
             return self
         here = {name: force.on(start, end) for name, force in self.forces.items()}
@@ -129,7 +129,7 @@ class Dynamics:
         for row in checked:
             exact = pin.aba(self.model, self.data, q[row], v[row], tau[row])
             apart = a[row] - exact
-            if not apart @ apart <= SAME**2 * (exact @ exact):
+            if not apart @ apart <= BATCH_ROUNDING**2 * (exact @ exact):
                 return np.array([pin.aba(self.model, self.data, *each) for each in zip(q, v, tau, strict=True)])
         return a
 
@@ -260,5 +260,5 @@ def farthest(q: Array) -> int:
 
 
 def parts(dynamics: Dynamics, grid: Grid) -> list[tuple[slice, Dynamics]]:
-    """Return the rows of every stretch of a grid, each with the dynamics that holds there."""
-    return [(rows, dynamics.on(start, end)) for start, end, rows in grid.stretches()]
+    """Return the rows of every interval of a grid, each with the dynamics that holds there."""
+    return [(rows, dynamics.on(start, end)) for start, end, rows in grid.intervals()]

@@ -21,7 +21,7 @@ from pinarm.engine.constraints.nullspace import RANK
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
-from pinarm.engine.integration import Acceleration
+from pinarm.engine.integration.integrator import Acceleration
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 PROXIMAL, ITERATIONS = 1e-10, 3

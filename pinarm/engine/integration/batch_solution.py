@@ -1,4 +1,4 @@
-"""What the integration of many motions gives: their steps as they were taken, and their states at any time."""
+"""The result of integrating many motions: their steps, and their states at any time."""
 
 from __future__ import annotations
 
@@ -8,26 +8,35 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.integration.integrator import Count, Crossing, Manifold, Solution, Step, Stretch, interpolated
-from pinarm.engine.integration.methods.explicit import Adaptive, terms_of
+from pinarm.engine.integration.integrator import (
+    Count,
+    Crossing,
+    EmbeddedPair,
+    Interval,
+    Manifold,
+    Solution,
+    Step,
+    interpolated,
+)
+from pinarm.engine.integration.methods.explicit import terms_of
 from pinarm.errors import IntegrationError
 
 ROWS = 16384
-"""Number of states that are taken from the dense output together."""
+"""Number of states that are evaluated from the dense output at once."""
 
 
 @dataclass(frozen=True, eq=False)
-class Round:
-    """Steps that were taken together, of some motions one each.
+class BatchStep:
+    """One step of each of m motions.
 
     Attributes:
-        number: Which motions they are of, ascending, shape (m,).
-        t: Their starts [s], shape (m,).
-        h: Their lengths [s], shape (m,).
-        until: Where they end [s], shape (m,); see ``Step``.
+        number: Numbers of the motions, ascending, shape (m,).
+        t: Starts of the steps [s], shape (m,).
+        h: Lengths [s], shape (m,).
+        until: Ends [s], shape (m,); see ``Step``; equal to ``t`` for a rejected step.
         y: States [q, v] at the starts, shape (nq + nv, m).
-        slopes: Slopes at the method's stages, shape (s + 1, nq + nv, m).
-        stretch: Index of the stretch that they belong to.
+        slopes: Slopes [q', v'] at the method's stages, shape (s + 1, nq + nv, m).
+        interval: Index of the interval.
     """
 
     number: Indices
@@ -36,20 +45,20 @@ class Round:
     until: Array
     y: Array
     slopes: Array
-    stretch: int
+    interval: int
 
-    def only(self, which: Flags | Indices) -> Round:
-        """Return some of them."""
+    def subset(self, which: Flags | Indices) -> BatchStep:
+        """Return the steps of some of the motions."""
         t, h, until = self.t[which], self.h[which], self.until[which]
-        return Round(self.number[which], t, h, until, self.y[:, which], self.slopes[..., which], self.stretch)
+        return BatchStep(self.number[which], t, h, until, self.y[:, which], self.slopes[..., which], self.interval)
 
     def step(self, number: int) -> Step | None:
-        """Return that of a motion; ``None`` where it took none."""
-        place = int(np.searchsorted(self.number, number))
-        if place == len(self.number) or self.number[place] != number or self.until[place] == self.t[place]:
+        """Return the step of a motion; ``None`` where it took none."""
+        column = int(np.searchsorted(self.number, number))
+        if column == len(self.number) or self.number[column] != number or self.until[column] == self.t[column]:
             return None
-        t, h, until = (float(x[place]) for x in (self.t, self.h, self.until))
-        return Step(t, h, until, self.y[:, place].copy(), self.slopes[..., place].copy(), self.stretch)
+        t, h, until = (float(x[column]) for x in (self.t, self.h, self.until))
+        return Step(t, h, until, self.y[:, column].copy(), self.slopes[..., column].copy(), self.interval)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,37 +67,37 @@ class Ensemble:
 
     Attributes:
         method: The method.
-        manifold: The space of configurations.
-        stretches: The intervals that were integrated.
-        ends: The last times reached [s], shape (b,); -inf where no step was taken.
-        last: States there, shape (nq + nv, b).
-        evaluations: Number of accelerations computed for each, shape (b,).
-        rejected: Number of steps that were tried and refused, shape (b,).
-        crossings: What was watched for, in order of time, motion by motion.
-        rounds: Steps, in the order in which they were taken.
-        failures: Why motions could not be followed to their end, by their number.
+        manifold: The configuration space.
+        intervals: The integrated intervals.
+        ends: Last times reached [s], shape (b,); -inf where no step was taken.
+        last: States at these times, shape (nq + nv, b).
+        evaluations: Number of accelerations computed for each motion, shape (b,).
+        rejected: Number of rejected steps of each motion, shape (b,).
+        crossings: Zero crossings of the watched values of each motion, in order of time.
+        steps: Steps, in the order in which they were taken.
+        failures: Number of a motion that did not reach its end -> reason.
     """
 
-    method: Adaptive
+    method: EmbeddedPair
     manifold: Manifold
-    stretches: Sequence[Stretch]
+    intervals: Sequence[Interval]
     ends: Array
     last: Array
     evaluations: Indices
     rejected: Indices
     crossings: Sequence[list[Crossing]]
-    rounds: list[Round] = field(default_factory=list)
+    steps: list[BatchStep] = field(default_factory=list)
     failures: dict[int, str] = field(default_factory=dict)
 
     def solution(self, number: int) -> Solution:
         """Return one motion.
 
         Raises:
-            IntegrationError: It could not be followed to its end; ``partial`` holds it until then.
+            IntegrationError: The motion did not reach its end; ``partial`` holds it up to its last step.
         """
-        steps = [step for one in self.rounds if (step := one.step(number))]
+        steps = [step for taken in self.steps if (step := taken.step(number))]
         count = Count(int(self.evaluations[number]), int(self.rejected[number]))
-        solution = Solution(self.method, self.manifold, self.stretches, steps, self.crossings[number], count)
+        solution = Solution(self.method, self.manifold, self.intervals, steps, self.crossings[number], count)
         if number in self.failures:
             raise IntegrationError(self.failures[number], hint=self.method.remedy, partial=solution, t=solution.end)
         return solution
@@ -100,45 +109,45 @@ class Ensemble:
             t: Times [s], ascending, shape (n,).
 
         Returns:
-            q of shape (b, n, nq) and v of shape (b, n, nv), not a number beyond the end of a motion.
+            q of shape (b, n, nq) and v of shape (b, n, nv), NaN beyond the end of a motion.
         """
         nq, reached = self.manifold.nq, self.reached(t)
         y = np.full((*reached.shape, len(self.last)), np.nan)
         motion, instant = np.nonzero(t == self.ends[:, None])
         y[motion, instant] = self.last[:, motion].T
-        for one in self.rounds:
-            self._tell(one, t, y)
+        for taken in self.steps:
+            self._evaluate(taken, t, y)
         y[reached, :nq] = self.manifold.project(y[reached, :nq])
         return y[..., :nq], y[..., nq:]
 
     def reached(self, t: Array) -> Flags:
-        """Return which motions are told at which times, shape (b, n)."""
+        """Return which motions have states at which times, shape (b, n)."""
         return np.asarray(t <= self.ends[:, None])
 
-    def _tell(self, one: Round, t: Array, y: Array) -> None:
-        """Write the states at those times t that fall into the steps of a round, their ends excluded."""
-        first, beyond = np.searchsorted(t, one.t), np.searchsorted(t, one.until)
+    def _evaluate(self, taken: BatchStep, t: Array, y: Array) -> None:
+        """Write the states at those times t that lie within the steps, their ends excluded, into y (b, n, nq + nv)."""
+        first, beyond = np.searchsorted(t, taken.t), np.searchsorted(t, taken.until)
         if (first >= beyond).all():
             return
         row, instant = _ranges(first, beyond)
-        y[one.number[row], instant] = one.y[:, row].T
-        x = (t[instant] - one.t[row]) / one.h[row]
+        y[taken.number[row], instant] = taken.y[:, row].T
+        x = (t[instant] - taken.t[row]) / taken.h[row]
         inside = x > 0.0
         row, instant, x = row[inside], instant[inside], x[inside]
-        held, where = np.unique(row, return_inverse=True)
-        if not len(held):
+        needed, where = np.unique(row, return_inverse=True)
+        if not len(needed):
             return
-        few = one.only(held)
-        base, known, stretch = few.y.T, few.slopes.transpose(2, 0, 1), self.stretches[one.stretch]
-        terms = terms_of(self.method.tableau, stretch, self.manifold, few.t, few.h, base, known)
+        steps = taken.subset(needed)
+        base, slopes, interval = steps.y.T, steps.slopes.transpose(2, 0, 1), self.intervals[taken.interval]
+        terms = terms_of(self.method.tableau, interval, self.manifold, steps.t, steps.h, base, slopes)
         for begin in range(0, len(row), ROWS):
             part = slice(begin, begin + ROWS)
             here = where[part]
-            y[few.number[here], instant[part]] = interpolated(base[here], terms[here], x[part])
+            y[steps.number[here], instant[part]] = interpolated(base[here], terms[here], x[part])
 
 
 def _ranges(first: Indices, beyond: Indices) -> tuple[Indices, Indices]:
-    """Return all numbers from ``first`` to below ``beyond``, range by range: whose each is, and itself."""
+    """Return the concatenated ranges ``first[i] .. beyond[i] - 1``: the index i of each number, and the number."""
     length = np.maximum(beyond - first, 0)
     row = np.repeat(np.arange(len(first)), length)
     return row, np.arange(len(row)) + (first - np.cumsum(length) + length)[row]

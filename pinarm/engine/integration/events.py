@@ -1,4 +1,4 @@
-"""Instants at which a watched value crosses zero, found on the dense output."""
+"""Location of events: instants at which a watched value crosses zero, on the dense output."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.engine.integration.integrator import Crossing, Solution
 
-PARTS, ROUNDS = 16, 14
-"""A bracket is cut in 16 parts 14 times: 16^14 is beyond the digits of a double, so it ends at rounding."""
+PARTS, REFINEMENTS = 16, 14
+"""Parts into which a bracket is divided, and how often: 16^-14 is below the rounding of a double."""
 
 NEGLIGIBLE = 1e-14
-"""Last coefficients of a series that are rounding, relative to the largest; they would spoil its roots."""
+"""Size of the last coefficients of a series that are rounding, over the largest; they would disturb its roots."""
 
 
 @dataclass(frozen=True)
 class Watch:
-    """A value that is watched along a motion.
+    """A function of the state whose zero crossings are located along a motion.
 
     Attributes:
         value: ``(t, q, v) -> g`` of many states at once, shape (n,).
-        direction: 1 for crossings to above zero, -1 to below, 0 for both.
-        stops: Whether the integration ends there.
+        direction: 1 for rising crossings, -1 for falling ones, 0 for both.
+        stops: Whether the integration ends at the first crossing.
     """
 
     value: Callable[[Array, Array, Array], Array]
@@ -33,33 +33,33 @@ class Watch:
     stops: bool
 
 
-def find(solution: Solution, watches: Sequence[Watch], y: Array) -> bool:
-    """Look for crossings in the last step of a solution, and cut it where one stops the integration.
+def locate_crossings(solution: Solution, watches: Sequence[Watch], y: Array) -> bool:
+    """Record the zero crossings in the last step of a solution, and end the step at one that stops the integration.
 
-    A value is replaced by the Chebyshev polynomial through it at points of the step, two to each of the method's parts,
-    whose roots are all known: a coordinate that is linear in q is such a polynomial, and none of its crossings is
-    missed, however short. Each root is then refined on the value itself. A state that is exactly at zero counts as
-    above it.
+    Each value is interpolated by a Chebyshev polynomial at ``2 method.subdivisions + 1`` points of the step, all of
+    whose roots are computed: a coordinate that is linear in q is such a polynomial, and none of its crossings is
+    missed, however close they are. Each root is then refined on the value itself. A value of exactly 0 counts as
+    positive.
 
     Args:
-        solution: Its crossings are completed.
-        watches: What to look for.
-        y: State after the step, settled onto the constraints.
+        solution: Solution whose crossings are recorded.
+        watches: The watched values.
+        y: State at the end of the step, projected onto the constraints, shape (nq + nv,).
 
     Returns:
-        Whether the integration is to stop.
+        Whether the integration stops.
     """
     index = len(solution.steps) - 1
     step, nq = solution.steps[index], solution.manifold.nq
-    t = step.t + step.h * nodes(solution.method.parts)
+    t = step.t + step.h * nodes(solution.method.subdivisions)
     t[-1] = step.until
     states = solution.states_in(np.full(len(t), index), t)
     states[0][0], states[1][0], states[0][-1], states[1][-1] = step.y[:nq], step.y[nq:], y[:nq], y[nq:]
-    found = []
+    crossings = []
     for number, watch in enumerate(watches):
         for low, high in _brackets(watch.value(t, *states), watch.direction):
-            found.append((_refined(solution, index, watch, step.t + step.h * low, step.t + step.h * high), number))
-    for instant, number in sorted(found):
+            crossings.append((_refined(solution, index, watch, step.t + step.h * low, step.t + step.h * high), number))
+    for instant, number in sorted(crossings):
         q, v = solution.states_in(np.array([index]), np.array([instant]))
         solution.crossings.append(Crossing(number, instant, q[0], v[0]))
         if watches[number].stops:
@@ -70,7 +70,7 @@ def find(solution: Solution, watches: Sequence[Watch], y: Array) -> bool:
 
 @cache
 def nodes(parts: int) -> Array:
-    """Return the Chebyshev points of [0, 1], ends included, shape (2 parts + 1,)."""
+    """Return the Chebyshev points of [0, 1], ends included: ``(1 - cos(pi k / n)) / 2``, n = 2 parts; (n + 1,)."""
     return 0.5 - 0.5 * np.cos(np.pi * np.arange(2 * parts + 1) / (2 * parts))
 
 
@@ -80,20 +80,20 @@ def _to_series(parts: int) -> Array:
     return np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(2.0 * nodes(parts) - 1.0, 2 * parts)))
 
 
-def quiet(values: Array) -> Flags:
-    """Return which rows of values, given at the nodes, keep their sign for sure, shape (m,)."""
+def keeps_sign(values: Array) -> Flags:
+    """Return for which rows of values at the nodes the Chebyshev series has one sign: ``|c_0| > sum |c_k|``; (m,)."""
     series = values @ _to_series(values.shape[1] // 2).T
     return np.asarray(np.abs(series[:, 0]) > np.abs(series[:, 1:]).sum(axis=1))
 
 
 def _brackets(values: Array, direction: int) -> list[tuple[float, float]]:
-    """Return parts of [0, 1] in which values, given at the nodes, cross zero once in the given direction."""
+    """Return intervals in [0, 1], each with one zero crossing in the given direction of values at the nodes."""
     series = _to_series(len(values) // 2) @ values
     one_sided = abs(series[0]) > np.abs(series[1:]).sum()
     if one_sided or not np.isfinite(series).all():
         return []
-    held = np.flatnonzero(np.abs(series) > NEGLIGIBLE * np.abs(series).max())
-    roots = np.polynomial.chebyshev.chebroots(series[: held[-1] + 1]) if len(held) else np.zeros(0)
+    significant = np.flatnonzero(np.abs(series) > NEGLIGIBLE * np.abs(series).max())
+    roots = np.polynomial.chebyshev.chebroots(series[: significant[-1] + 1]) if len(significant) else np.zeros(0)
     real = np.sort(0.5 + 0.5 * roots.real[np.abs(roots.imag) < 1e-4])
     inner = real[(real > 0.0) & (real < 1.0)]
     bounds = np.concatenate([[0.0], 0.5 * (inner[1:] + inner[:-1]), [1.0]])
@@ -107,13 +107,13 @@ def _brackets(values: Array, direction: int) -> list[tuple[float, float]]:
 
 
 def _refined(solution: Solution, index: int, watch: Watch, low: float, high: float) -> float:
-    """Return the first instant to rounding after the crossing within a bracket."""
+    """Return the first instant after the crossing within a bracket, to rounding [s]."""
 
     def value(t: Array) -> Array:
         return watch.value(t, *solution.states_in(np.full(len(t), index), t))
 
     before = value(np.array([low]))[0] >= 0.0
-    for _ in range(ROUNDS):
+    for _ in range(REFINEMENTS):
         t = np.linspace(low, high, PARTS + 1)
         beyond = np.flatnonzero((value(t[1:-1]) >= 0.0) != before)
         first = int(beyond[0]) + 1 if len(beyond) else PARTS

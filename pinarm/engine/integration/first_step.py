@@ -1,4 +1,4 @@
-"""The first step of an adaptive integration."""
+"""The first step of a method with variable steps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from pinarm.arrays import Array
 
 NOISELESS = 1e-8
-"""Smallest trial of the first step, relative to the duration: a state that is 0 but for rounding would ask for less."""
+"""Smallest trial step, relative to the duration: a state that is 0 but for rounding would give a smaller one."""
 
 
 def first_step(
@@ -22,16 +22,20 @@ def first_step(
     tolerance: float,
     order: int,
 ) -> Array:
-    """Return the first steps of motions from two slopes each [s], shape (...,); Hairer, Norsett, Wanner, section II.4.
+    """Return the first steps of motions [s], shape (...,), each from the slopes at two states.
+
+    With the norm ``|x| = rms(x / (tol (1 + |y|)))``: ``h0 = 0.01 |y| / |f|``, ``d2 = |f(t + h0, y + h0 f) - f| / h0``,
+    ``h1 = (0.01 / max(|f|, d2))^(1 / (order + 1))``, ``h = min(100 h0, h1)``. Source: Hairer, Norsett, Wanner, Solving
+    Ordinary Differential Equations I, section II.4.
 
     Args:
         start: First instant [s].
         end: Last instant [s].
         y: Initial states, shape (..., n).
-        slope: f(start, y), likewise.
+        slope: f(start, y), shape (..., n).
         rates: f, of times of shape (...,) and states.
         tolerance: Error of a step, relative to ``1 + |y|``.
-        order: Power of h that the error behaves like, less one.
+        order: The error behaves like ``h^(order + 1)``.
     """
 
     def norm(x: Array) -> Array:
@@ -43,6 +47,7 @@ def first_step(
     h0 = np.clip(h0, NOISELESS * (end - start), end - start)
     d2 = norm(rates(start + h0, y + h0[..., None] * slope) - slope) / h0
     steepest = np.maximum(d1, d2)
-    still = steepest <= 1e-15
-    h1 = np.where(still, np.maximum(1e-6, 1e-3 * h0), (0.01 / np.where(still, 1.0, steepest)) ** (1.0 / (order + 1)))
+    at_rest = steepest <= 1e-15
+    moving = (0.01 / np.where(at_rest, 1.0, steepest)) ** (1.0 / (order + 1))
+    h1 = np.where(at_rest, np.maximum(1e-6, 1e-3 * h0), moving)
     return np.asarray(np.minimum(100.0 * h0, h1))

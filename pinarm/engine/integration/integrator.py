@@ -1,62 +1,70 @@
-"""What is integrated, what an integrator is, and what comes out; nothing here knows of mechanisms."""
+"""The interfaces of time integration: the interval that is integrated, the method, its stepper, and the solution.
+
+No module of this package knows mechanisms.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
-from typing import Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
 from pinarm.arrays import Array, Indices
 
+if TYPE_CHECKING:
+    from pinarm.engine.integration.tableaus import Tableau
+
 Acceleration = Callable[[float, Array, Array], Array]
-"""``(t, q, v) -> a``; q and v are buffers that the next call overwrites."""
+"""``(t, q, v) -> a`` of one state, shapes (nq,), (nv,) and (nv,); the integrator reuses the arrays q and v."""
 
 Accelerations = Callable[[Array, Array, Array], Array]
 """``(t, q, v) -> a`` of many states at once, shapes (n,), (n, nq), (n, nv) and (n, nv)."""
 
-SAME = 1e-11
-"""Largest relative difference between accelerations of many states at once and those of one: Pinocchio's recursion for
-many works in the world's axes; far from the origin, or where links differ much in length, it loses digits that the one
-in the links' own axes keeps."""
+BATCH_ROUNDING = 1e-11
+"""Largest relative difference accepted between accelerations of many states at once and those of one state. The
+recursion for many states works in world axes: far from the origin, or where link lengths differ much, it loses digits
+that Pinocchio's recursion in link axes keeps."""
 
-Settle = Callable[[float, Array, Array], tuple[Array, Array]]
-"""``(t, q, v) -> q, v``: the nearest state that meets the constraints."""
+Projection = Callable[[float, Array, Array], tuple[Array, Array]]
+"""``(t, q, v) -> q, v``: projection of a state onto the constraints."""
 
-Passes = Callable[[Array, Array, Array], bool]
-"""``(t, q, v) -> whether`` a step may have gone past something unseen, from states along it, its ends included."""
+StepsOver = Callable[[Array, Array, Array], bool]
+"""``(t, q, v) -> bool``: whether a step may have stepped over a piece of a load, so that its error estimate missed it.
+
+t, q and v are states along the step, its ends included, shapes (n,), (n, nq) and (n, nv)."""
 
 Energy = Callable[[Array, Array], tuple[float, float]]
 """``(q, v) -> T, V``: kinetic and potential energy [J]; T is quadratic in v."""
 
 
 class Manifold(Protocol):
-    """The space of configurations."""
+    """The configuration space: q of nq numbers, v of nv numbers, and ``q' = velocity(q, v)``."""
 
     @property
     def nq(self) -> int:
-        """Numbers in q."""
+        """Number of coordinates in q."""
         ...
 
     @property
     def nv(self) -> int:
-        """Numbers in v."""
+        """Number of velocities in v."""
         ...
 
     def velocity(self, q: Array, v: Array) -> Array:
-        """Return the time derivative of q, shape (nq,); rows of many samples where q is (n, nq)."""
+        """Return the time derivative of q, shape of q: (nq,) or (n, nq)."""
         ...
 
     def project(self, q: Array) -> Array:
-        """Return q brought back onto the manifold; rows of many samples where q is (n, nq)."""
+        """Return q projected onto the manifold (unit quaternions), shape of q: (nq,) or (n, nq)."""
         ...
 
 
 @dataclass(frozen=True)
 class Flat:
-    """Configurations that are plain numbers: ``q' = v``."""
+    """A configuration space without rotations: ``q' = v``."""
 
     nq: int
     nv: int
@@ -71,54 +79,55 @@ class Flat:
 
 
 @dataclass(frozen=True)
-class Stretch:
-    """An interval of time on which the acceleration is smooth.
+class Interval:
+    """A time interval on which the acceleration is smooth.
 
     Attributes:
-        start: Its first instant [s].
-        end: Its last instant [s].
-        acceleration: Smooth up to both ends; at a jump each side has its own.
-        settle: Brings the state back onto the constraints after every accepted step; none where there are none.
-        floor: Returns the step that is taken although its error is above the tolerance, as long as it is below
-            ``NOISE`` [s]: close to a singular position, where rounding is blown up, shorter steps are no better.
-        energy: Energy of a state; none where dampers, loads over time, drives or laws of motion exchange energy.
-        since: Start of a step that has been taken [s] -> the acceleration that it was taken with, where that depends on
-            how close to a singular position the step began; none where it does not.
-        together: The acceleration of many states at once; none where it is only known of one.
-        unchecked: The same for who asks again and again, and compares some of them with ``acceleration`` himself.
+        start: First instant [s].
+        end: Last instant [s].
+        acceleration: Acceleration of one state, smooth up to both ends; at a jump each interval has its own side.
+        settle: Projection onto the constraints, applied after every accepted step; ``None`` without constraints.
+        floor: Returns the smallest useful step [s]: close to a singular position, where rounding is amplified, shorter
+            steps are no better. Such a step is accepted with an error above the tolerance, up to ``explicit.NOISE``.
+        energy: Kinetic and potential energy of a state; ``None`` where dampers, loads over time, drives or laws of
+            motion exchange energy.
+        acceleration_of_step: Start of an accepted step [s] -> the acceleration that this step used; ``None`` where it
+            does not depend on the step (it does where the step began close to a singular position).
+        batch: Acceleration of many states at once; ``None`` where only that of one state is known.
+        unchecked_batch: ``batch`` without its comparison with ``acceleration``, for callers that compare themselves.
     """
 
     start: float
     end: float
     acceleration: Acceleration
-    settle: Settle | None = None
+    settle: Projection | None = None
     floor: Callable[[], float] = float
     energy: Energy | None = None
-    since: Callable[[float], Acceleration] | None = None
-    together: Accelerations | None = None
-    unchecked: Accelerations | None = None
+    acceleration_of_step: Callable[[float], Acceleration] | None = None
+    batch: Accelerations | None = None
+    unchecked_batch: Accelerations | None = None
 
     def accelerations(self, start: Array, t: Array, q: Array, v: Array) -> Array:
-        """Return the accelerations of many states, shape (n, nv), at times t in steps from ``start``, shape (n,)."""
-        if self.together is not None:
-            return self.together(t, q, v)
-        found = np.empty_like(v)
+        """Return the accelerations, shape (n, nv), of states at times t in steps from ``start``, both of shape (n,)."""
+        if self.batch is not None:
+            return self.batch(t, q, v)
+        a = np.empty_like(v)
         for k, (begin, instant) in enumerate(zip(start.tolist(), t.tolist(), strict=True)):
-            acceleration = self.since(begin) if self.since else self.acceleration
-            found[k] = acceleration(instant, q[k], v[k])
-        return found
+            acceleration = self.acceleration_of_step(begin) if self.acceleration_of_step else self.acceleration
+            a[k] = acceleration(instant, q[k], v[k])
+        return a
 
 
 class Step(NamedTuple):
-    """An accepted step, with all that its dense output needs.
+    """An accepted step, with the data of its dense output.
 
     Attributes:
-        t: Its start [s].
-        h: Its length [s].
-        until: Where it ends [s]: ``t + h`` to rounding, or earlier where an event cut it short.
+        t: Start [s].
+        h: Length [s].
+        until: End [s]: ``t + h`` to rounding, or earlier where an event ended the step.
         y: State [q, v] at the start, shape (nq + nv,).
-        slopes: Slopes at the method's stages, shape (s, nq + nv).
-        stretch: Index of the stretch that it belongs to.
+        slopes: Slopes [q', v'] at the method's stages, shape (s, nq + nv).
+        interval: Index of its interval.
     """
 
     t: float
@@ -126,30 +135,30 @@ class Step(NamedTuple):
     until: float
     y: Array
     slopes: Array
-    stretch: int
+    interval: int
 
 
 @dataclass
 class Count:
-    """Work of an integration.
+    """Cost of an integration.
 
     Attributes:
         evaluations: Number of accelerations computed for the steps.
-        rejected: Number of steps that were tried and refused.
-        floored: Number of steps that were taken at their floor, with an error above the tolerance.
-        passing: Number of steps of a fixed length that may have gone past something unseen.
-        limited: Number of steps that an iteration keeps short which would not converge, not their error.
+        rejected: Number of rejected steps.
+        floored: Number of steps accepted at ``Interval.floor``, with an error above the tolerance.
+        stepped_over: Number of steps of fixed length that may have stepped over a piece of a load.
+        limited: Number of steps whose length was limited by the convergence of an iteration, not by their error.
     """
 
     evaluations: int = 0
     rejected: int = 0
     floored: int = 0
-    passing: int = 0
+    stepped_over: int = 0
     limited: int = 0
 
 
 class Stepper(Protocol):
-    """A method at work: the present state, and buffers."""
+    """A method during an integration: the present state, and its buffers."""
 
     y: Array
     """Present state [q, v], shape (nq + nv,)."""
@@ -159,33 +168,36 @@ class Stepper(Protocol):
         """Whether the slopes last computed are finite."""
         ...
 
-    def begin(self, stretch: Stretch, y: Array) -> None:
-        """Stand at the first instant of a stretch with the state y."""
+    def begin(self, interval: Interval, y: Array) -> None:
+        """Set the state y at the start of an interval."""
         ...
 
     def first(self, h: float) -> float:
-        """Return the first step in the stretch [s]; h is what the stretch before would have gone on with, or 0."""
+        """Return the first step in the interval [s]; h is the one proposed in the previous interval, or 0."""
         ...
 
     def attempt(self, t: float, h: float) -> float:
-        """Compute a step from the present state; return its error, up to 1 accepted, not a number where it failed."""
+        """Compute a step from the present state; return its error over the tolerance, NaN where it failed.
+
+        A step is accepted where this is at most 1.
+        """
         ...
 
     def along(self, t: float, h: float) -> tuple[Array, Array]:
-        """Return instants along the step attempted, its ends included, shape (n,), and states, shape (n, nq + nv)."""
+        """Return instants along the last attempt, its ends included, shape (n,), and states, shape (n, nq + nv)."""
         ...
 
     def retry(self, h: float, error: float) -> float:
-        """Return the step to try after one of that error was refused [s]; 0 to give up."""
+        """Return the step to try after a rejected one of this length and error [s]; 0 to give up."""
         ...
 
     def accept(self, t: float, h: float, error: float) -> tuple[Array, float]:
-        """Move on to the end t of the step, settled; return its slopes and the step to go on with [s]."""
+        """Move to the end t of the step, projected onto the constraints; return its slopes and the next step [s]."""
         ...
 
 
 class Method(Protocol):
-    """A method of integration."""
+    """An integration method with its settings."""
 
     @property
     def name(self) -> str:
@@ -198,44 +210,67 @@ class Method(Protocol):
         ...
 
     @property
-    def parts(self) -> int:
-        """Parts of a step at whose ends it is looked at; its dense output has at most twice their degree."""
+    def subdivisions(self) -> int:
+        """Parts of a step for the location of events; the dense output has a degree of at most twice their number."""
         ...
 
     @property
     def remedy(self) -> str:
-        """What to try where it fails."""
+        """What to try where the method fails, for error messages."""
         ...
 
-    def prepare(self, stretches: Sequence[Stretch], q: Array, v: Array) -> Sequence[Stretch]:
-        """Return the stretches as this method integrates them from an initial state."""
+    @property
+    def pair(self) -> EmbeddedPair | None:
+        """The method itself where it is an embedded pair, with which many motions can be integrated at once."""
+        ...
+
+    def prepare(self, intervals: Sequence[Interval], q: Array, v: Array) -> Sequence[Interval]:
+        """Return the intervals as this method integrates them from an initial state.
+
+        Raises:
+            MethodError: The method does not integrate such motions.
+        """
         ...
 
     def stepper(self, manifold: Manifold, count: Count) -> Stepper:
-        """Return the method at work on a manifold."""
+        """Return a stepper of this method on a manifold; it counts its work in ``count``."""
         ...
 
-    def interpolants(self, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
-        """Return the terms r of the dense output of steps in one stretch, shape (n, d, nq + nv).
+    def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
+        """Return the terms r of the dense output of steps in one interval, shape (n, d, nq + nv).
 
         With ``x = (t - step.t) / h`` it is ``y + x (r_0 + (1 - x) (r_1 + x (r_2 + (1 - x) (...))))``.
         """
         ...
 
-    def doubts(self, solution: Solution) -> list[str]:
-        """Return what says that this method was a poor choice for what it has integrated."""
+    def diagnose(self, solution: Solution) -> list[str]:
+        """Return notes on a poor choice of method or step, judged from its solution."""
+        ...
+
+
+class EmbeddedPair(Method, Protocol):
+    """An explicit Runge-Kutta method with an error estimate, whose step follows the tolerance."""
+
+    @property
+    def tableau(self) -> Tableau:
+        """Coefficients."""
+        ...
+
+    @property
+    def tolerance(self) -> float:
+        """Local error per step, relative to ``1 + |y|`` in SI."""
         ...
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """An instant at which a watched value crossed zero.
+    """A zero crossing of a watched value.
 
     Attributes:
         watch: Index of the watch.
-        t: The instant [s].
-        q: Configuration there, shape (nq,).
-        v: Velocity there, shape (nv,).
+        t: Instant [s].
+        q: Configuration at t, shape (nq,).
+        v: Velocity at t, shape (nv,).
     """
 
     watch: int
@@ -246,20 +281,20 @@ class Crossing:
 
 @dataclass
 class Solution:
-    """What an integration gives: steps, and the state at any time between the first and the last.
+    """The result of an integration: its steps, and by dense output the state at any time between.
 
     Attributes:
         method: The method.
-        manifold: The space of configurations.
-        stretches: The intervals that were integrated.
+        manifold: The configuration space.
+        intervals: The integrated intervals.
         steps: Accepted steps, in order of time.
-        crossings: What was watched for, in order of time.
-        count: Work done.
+        crossings: Zero crossings of the watched values, in order of time.
+        count: Cost.
     """
 
     method: Method
     manifold: Manifold
-    stretches: Sequence[Stretch]
+    intervals: Sequence[Interval]
     steps: list[Step] = field(default_factory=list)
     crossings: list[Crossing] = field(default_factory=list)
     count: Count = field(default_factory=Count)
@@ -268,14 +303,14 @@ class Solution:
 
     @property
     def end(self) -> float:
-        """Return the last time reached [s]."""
-        return self.steps[-1].until if self.steps else self.stretches[0].start
+        """Last time reached [s]."""
+        return self.steps[-1].until if self.steps else self.intervals[0].start
 
     def states(self, t: Array) -> tuple[Array, Array]:
-        """Return the states at many times, to the order of the dense output.
+        """Return the states at many times, by dense output.
 
         Args:
-            t: Times [s], shape (n,), within what was integrated.
+            t: Times [s], shape (n,), within the integrated time.
 
         Returns:
             q of shape (n, nq) and v of shape (n, nv).
@@ -292,53 +327,43 @@ class Solution:
         if not steps:
             return np.empty((0, self.manifold.nq)), np.empty((0, self.manifold.nv))
         start, h = np.array([(step.t, step.h) for step in steps])[where].T
-        y, passed = np.array([step.y for step in steps])[where], (t - start) / h
-        inside = np.flatnonzero(passed)  # where a step begins its state is known
+        y, x = np.array([step.y for step in steps])[where], (t - start) / h
+        inside = np.flatnonzero(x)  # at the start of a step its state is known
         if len(inside):
             needed, where = self._places(index[inside])
             self._interpolate([i for i in needed if i not in self._interpolants])
             terms = np.array([self._interpolants[i] for i in needed])[where]
-            y[inside] = interpolated(y[inside], terms, passed[inside])
+            y[inside] = interpolated(y[inside], terms, x[inside])
         return self.manifold.project(y[:, : self.manifold.nq]), y[:, self.manifold.nq :]
 
     def _places(self, index: Indices) -> tuple[list[int], Indices]:
-        """Return the steps that occur in an array of indices, ascending, and the place of each entry among them."""
+        """Return the distinct entries of an array of step indices, ascending, and the position of each entry."""
         needed = np.flatnonzero(np.bincount(index, minlength=len(self.steps)))
         return needed.tolist(), np.searchsorted(needed, index)
 
     @property
-    def looked_into(self) -> list[int]:
-        """Return the steps whose dense output is there, because states within them have been asked for."""
+    def interpolated_steps(self) -> list[int]:
+        """Indices of the steps whose dense output has been computed, ascending."""
         return sorted(self._interpolants)
 
     def _interpolate(self, indices: list[int]) -> None:
-        """Compute the terms of the interpolants of steps, those of a stretch together."""
-        for number, group in groupby(indices, lambda i: self.steps[i].stretch):
-            here = list(group)
-            terms = self.method.interpolants(self.stretches[number], self.manifold, [self.steps[i] for i in here])
-            self._interpolants.update(zip(here, terms, strict=True))
+        """Compute the dense output of steps, interval by interval."""
+        for number, group in groupby(indices, lambda i: self.steps[i].interval):
+            members = list(group)
+            terms = self.method.interpolants(self.intervals[number], self.manifold, [self.steps[i] for i in members])
+            self._interpolants.update(zip(members, terms, strict=True))
 
 
 def interpolated(base: Array, terms: Array, x: Array) -> Array:
-    """Return states within steps; see ``Method.interpolants``.
+    """Return states within steps, shape (n, nq + nv): ``base + x (r_0 + (1 - x) (r_1 + x (r_2 + ...)))``.
 
     Args:
         base: States at the start of each step, shape (n, nq + nv).
-        terms: Terms of its interpolant, shape (n, d, nq + nv).
-        x: Part of the step that has passed, shape (n,).
+        terms: Terms r of its interpolant, see ``Method.interpolants``, shape (n, d, nq + nv).
+        x: ``(t - step.t) / step.h``, shape (n,).
     """
-    passed = x[:, None]
+    x = x[:, None]
     y = np.zeros_like(base)
-    for degree in range(terms.shape[1] - 1, -1, -1):
-        y = (y + terms[:, degree]) * (1.0 - passed if degree % 2 else passed)
-    return np.where(passed == 0.0, base, base + y)  # where a step begins, whatever becomes of it
-
-
-MethodName = Literal["dop853", "dopri5", "rk4", "stiff", "conserving", "collocation"]
-"""Names of the methods that scenarios may choose."""
-
-SETTING: dict[MethodName, Literal["tolerance", "step"]] = {
-    "dop853": "tolerance", "dopri5": "tolerance", "rk4": "step", "stiff": "tolerance", "conserving": "tolerance",
-    "collocation": "tolerance",
-}  # fmt: skip
-"""What decides the error of each: its tolerance, or the length of its steps."""
+    for k in range(terms.shape[1] - 1, -1, -1):  # Horner's scheme
+        y = (y + terms[:, k]) * (1.0 - x if k % 2 else x)
+    return np.where(x == 0.0, base, base + y)  # the terms of a step that failed may be infinite

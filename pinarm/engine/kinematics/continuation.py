@@ -29,7 +29,7 @@ def follow_branch(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Arr
     q[0] = solver.assemble(start, w[0, 0], t[0])
     imposed.check_mobility(mechanism, q[0])
     v[0], a[0] = solver.rates(q[0], w[1, 0], w[2, 0], t[0])
-    for begin, end, part in grid.stretches():
+    for begin, end, part in grid.intervals():
         target, row = imposed.on(begin, end), max(part.start, 1)
         while row < part.stop:
             last, ahead = (q[row - 1], v[row - 1], a[row - 1]), slice(row - 1, part.stop)

@@ -75,7 +75,7 @@ def joint_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw
 
 def _imposed_at_start(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Array) -> Array:
     """Return the start with the first values of laws that joints follow: from elsewhere the branch may be another."""
-    begin, end, _ = grid.stretches()[0]
+    begin, end, _ = grid.intervals()[0]
     q, values = start.copy(), imposed.on(begin, end)(float(grid.t[0]))[0]
     for name, w in zip(imposed.names, values, strict=True):
         if name in mechanism.joints:

@@ -11,7 +11,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import Split
-from pinarm.mechanics.geometry.link_placements import Links
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import looser
 
@@ -83,7 +83,7 @@ def mobility_of(mechanism: Mechanism, q: Array) -> Mobility:
 
 def _undetermined(closure: Closure, split: Split, q: Array) -> dict[str, list[str]]:
     """Return the components that self-stresses act on, of loop joints in frame 1, of tree joints in their own axes."""
-    model, found, links = closure.model, dict[str, set[int]](), Links.at(closure.model, q[None])
+    model, found, links = closure.model, dict[str, set[int]](), LinkPlacements.at(closure.model, q[None])
     stresses = (split.scale[:, None] * split.redundant).T
     for stress in stresses / np.maximum(np.linalg.norm(stresses, axis=1, keepdims=True), 1e-300):
         for constraint, rows in zip(closure.constraints, closure.slices().values(), strict=True):

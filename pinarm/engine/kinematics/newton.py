@@ -23,7 +23,7 @@ from pinarm.mechanics.ball_joints import configuration
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings import Coupling
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.joints import spelled
+from pinarm.mechanics.joints import format_configuration
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -248,7 +248,7 @@ class Solver:
         wanted = "a motion that the mechanism can follow" if self.coordinates else "loops that close"
         return AssemblyError(
             f"{what}: {worst[0]} {missed} by {sizes[worst]:.3g} {worst[1]}{beside}",
-            expected=f"{wanted}; the closest it comes is {spelled(self.model, q)}",
+            expected=f"{wanted}; the closest it comes is {format_configuration(self.model, q)}",
             hint="other values of the law, or another start that chooses the branch",
             t=t, q=q, gap=gap,
         )  # fmt: skip

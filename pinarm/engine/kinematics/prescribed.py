@@ -103,7 +103,7 @@ class Imposed:
         return ordered, is_linear.count(False)
 
     def on(self, start: float, end: float) -> Callable[[float], tuple[Array, Array, Array]]:
-        """Return ``t -> w, w', w''`` of all coordinates on a stretch without jumps, each of shape (k,)."""
+        """Return ``t -> w, w', w''`` of all coordinates on an interval without jumps, each of shape (k,)."""
         functions = [law.on(start, end) for law in self.laws]
 
         def target(t: float) -> tuple[Array, Array, Array]:

@@ -18,21 +18,24 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration import FixedStep, Method, Passes, Solution, Stretch, Watch, integrate
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.events import Watch
+from pinarm.engine.integration.integrator import Interval, Method, Solution, StepsOver
+from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.motion.end_stops import RESTING, Bound, Contacts
 from pinarm.engine.motion.segments import MotionSegment, SegmentedMotion
 from pinarm.engine.motion.systems import Initial, System, system_of
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
-from pinarm.engine.motion.trajectory import Happening
+from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.errors import InputError, IntegrationError, Interrupted, NumericsError
 from pinarm.mechanics.forces.force_element import refusals
-from pinarm.mechanics.joints import spelled
+from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration import Ensemble
+    from pinarm.engine.integration.batch_solution import Ensemble
     from pinarm.engine.integration.integrator import Crossing
 
 FirstSegment = Callable[[], Solution]
@@ -101,7 +104,7 @@ class HybridSystem:
 
     @cached_property
     def cuts(self) -> tuple[float, ...]:
-        """Return the bounds of the stretches on which all laws are smooth [s]."""
+        """Return the bounds of the intervals on which all laws are smooth [s]."""
         return self.grid(np.array(self.time)).cuts
 
     @cached_property
@@ -127,16 +130,14 @@ class HybridSystem:
         return whole_q[0], whole_v[0]
 
     @cached_property
-    def _stretches(self) -> list[Stretch]:
-        return [self.system().stretch(self.dynamics, *span) for span in pairwise(self.cuts)]
+    def _intervals(self) -> list[Interval]:
+        return [self.system().interval(self.dynamics, *span) for span in pairwise(self.cuts)]
 
     @property
     def batchable(self) -> bool:
         """Whether motions from several initial states can be integrated together."""
-        from pinarm.engine.integration import Adaptive
-
         free = self.system().manifold.nv > 0  # what laws determine altogether takes no steps
-        return free and isinstance(self.method, Adaptive) and all(stretch.together for stretch in self._stretches)
+        return free and self.method.pair is not None and all(interval.batch for interval in self._intervals)
 
     def integrate_together(self, q: Array, v: Array) -> Ensemble | None:
         """Return the first segments from many initial states that touch no stop, integrated together.
@@ -148,27 +149,27 @@ class HybridSystem:
         Returns:
             ``None`` where each has to be integrated by itself.
         """
-        from pinarm.engine.integration import Adaptive, advance
+        from pinarm.engine.integration.batch_driver import integrate_batch
 
-        system, stretches = self.system(), self._stretches
-        if not isinstance(self.method, Adaptive) or not self.batchable:
+        system, intervals, pair = self.system(), self._intervals, self.method.pair
+        if pair is None or not self.batchable:
             return None
         watches = [_of_mechanism(one, system) for _, one in self._watched(frozenset(), q[0], v[0])]
-        return advance(
-            stretches,
+        return integrate_batch(
+            intervals,
             system.manifold,
             *system.part(q, v),
-            self.method,
+            pair,
             max_steps=self.max_steps,
             watches=watches,
-            passes=self._passes(system),
+            steps_over=self._steps_over(system),
         )
 
-    def events(self, crossings: Sequence[Crossing]) -> list[Happening]:
+    def event_records(self, crossings: Sequence[Crossing]) -> list[EventRecord]:
         """Return the events of a segment that no stop has ended, in order of time."""
         system, names = self.system(), list(self.watches)
         found = [(one, *system.whole(np.array([one.t]), one.q[None], one.v[None])) for one in crossings]
-        return [Happening(names[one.watch], one.t, q[0], v[0]) for one, q, v in found]
+        return [EventRecord(names[one.watch], one.t, q[0], v[0]) for one, q, v in found]
 
     def integrate(self, q: Array, v: Array, first: FirstSegment | None = None) -> SegmentedMotion:
         """Return the motion from an initial state.
@@ -197,7 +198,7 @@ class HybridSystem:
             bound = self.bounds[end.hit]
             q[bound.place] = bound.limit
             v = self.contacts.impact(t, q, v, [end.hit])
-            motion.happenings.append(Happening(bound.name, t, q, v))
+            motion.events.append(EventRecord(bound.name, t, q, v))
             held = self.pressed(t, q, v)
         return motion
 
@@ -207,13 +208,13 @@ class HybridSystem:
         """Add a segment to the motion; return what ended it before the end of the run."""
         system, watched = self.system(held), self._watched(held, q, v)
         spans = [(max(low, t), high) for low, high in pairwise(self.cuts) if high > t]
-        stretches = [system.stretch(self.dynamics, *span) for span in spans]
+        intervals = [system.interval(self.dynamics, *span) for span in spans]
         watches = [_of_mechanism(one, system) for _, one in watched]
         steps = self.max_steps - int(sum(motion.cost()[name] for name in ("steps", "rejected steps")))
         method = self.method if system.manifold.nv else FixedStep(self.time[1] - self.time[0])
-        given, passes = (stretches, system.manifold, *system.part(q, v), method), self._passes(system)
+        given, steps_over = (intervals, system.manifold, *system.part(q, v), method), self._steps_over(system)
         try:
-            solution = first() if first else integrate(*given, max_steps=steps, watches=watches, passes=passes)
+            solution = first() if first else integrate(*given, max_steps=steps, watches=watches, steps_over=steps_over)
         except (IntegrationError, Interrupted) as error:
             if error.partial.steps:
                 motion.segments.append(MotionSegment(system, error.partial))
@@ -232,7 +233,7 @@ class HybridSystem:
             key, t = keys[crossing.watch], crossing.t
             q, v = (rows[0] for rows in system.whole(np.array([t]), crossing.q[None], crossing.v[None]))
             if isinstance(key, str):
-                motion.happenings.append(Happening(key, t, q, v))
+                motion.events.append(EventRecord(key, t, q, v))
                 end = _SegmentEnd(t, q, v) if self.watches[key].stops else None
             elif key >= 0:
                 end = _SegmentEnd(t, q, v, hit=key)
@@ -245,18 +246,18 @@ class HybridSystem:
         if "q" in error.data:
             state = (np.asarray(error.data[name])[None] for name in ("t", "q", "v"))
             error.data["q"], error.data["v"] = (x[0] for x in system.whole(*state))
-            error.message += f", with {spelled(self.dynamics.model, error.data['q'])}"
+            error.message += f", with {format_configuration(self.dynamics.model, error.data['q'])}"
             error.message += refusals(self.dynamics.forces, error.data["q"])
 
-    def _passes(self, system: System) -> Passes | None:
+    def _steps_over(self, system: System) -> StepsOver | None:
         """Return whether a step in the integrated states may have gone past a piece of a load."""
         forces = [one for one in self.dynamics.forces.values() if one.in_pieces]
 
-        def passes(t: Array, q: Array, v: Array) -> bool:
+        def steps_over(t: Array, q: Array, v: Array) -> bool:
             whole = system.whole(t, q, v)
             return any(one.passed(*whole) for one in forces)
 
-        return passes if forces else None
+        return steps_over if forces else None
 
     def _watched(self, held: Held, q: Array, v: Array) -> list[tuple[str | int, Watch]]:
         """Return the events, free stops by their index, and those rested on by its complement.

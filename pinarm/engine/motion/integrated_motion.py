@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.segments import SegmentedMotion
 from pinarm.engine.motion.systems import CompletedStates
-from pinarm.engine.motion.trajectory import Happening, Trajectory
+from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.series import Series
 from pinarm.input.units import unit
 from pinarm.mechanics.laws.motion_law import Grid
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +38,13 @@ class IntegratedMotion:
 
     def outcome(self, grid: Grid) -> Outcome:
         """Return the motion with its states at the rows of a grid."""
-        return Outcome(self.at(grid), self, happenings=tuple(self.motion.happenings))
+        return Outcome(self.at(grid), self, events=tuple(self.motion.events))
 
     def at(self, grid: Grid) -> Trajectory:
         """Return the states at the rows of a grid; accelerations are those of the equation of motion there."""
         rows = states(self.mechanism, self.hybrid, grid, self.motion.complete(grid))
         alike = np.zeros(len(grid.t), dtype=np.intp)
-        return replace(rows, further=event_columns(self.hybrid.watches, [self.motion.happenings], alike))
+        return replace(rows, columns=event_columns(self.hybrid.watches, [self.motion.events], alike))
 
     def positions(self, t: Array) -> Array:
         """Return the configurations at instants, shape (n,), as they were integrated, shape (n, nq)."""
@@ -56,19 +59,17 @@ def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: Compl
     )  # fmt: skip
 
 
-def event_columns(
-    names: Iterable[str], happenings: Sequence[Sequence[Happening]], motion: Indices
-) -> dict[str, Series]:
+def event_columns(names: Iterable[str], events: Sequence[Sequence[EventRecord]], motion: Indices) -> dict[str, Series]:
     """Return when each event first took place, and how often, as columns that are constant within a motion.
 
     Args:
         names: Names of the events.
-        happenings: What took place, motion by motion.
+        events: What took place, motion by motion.
         motion: Which motion each row belongs to, shape (n,).
     """
     columns = {}
     for name in names:
-        times = [[event.t for event in of_one if event.name == name] for of_one in happenings]
+        times = [[event.t for event in of_one if event.name == name] for of_one in events]
         first = np.array([x[0] if x else np.nan for x in times])[motion]
         count = np.array([float(len(x)) for x in times])[motion]
         columns[f"event.{name}.time"] = Series(f"event.{name}.time", unit("s"), first)

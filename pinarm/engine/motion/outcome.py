@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.motion.trajectory import Happening, Trajectory
+from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.mechanics.laws.motion_law import Grid
 
 
@@ -17,7 +17,7 @@ class SolvedMotion(Protocol):
     """A motion that has been solved, or a path of positions: it has states at any value of its parameter."""
 
     def at(self, grid: Grid) -> Trajectory:
-        """Return the states at other values of the parameter; each stretch lies within one of the solved ones."""
+        """Return the states at other values of the parameter; each interval lies within one of the solved ones."""
         ...
 
     def positions(self, t: Array) -> Array:
@@ -33,42 +33,42 @@ class Outcome:
         rows: The states that were asked for.
         motion: The motion, or the path, that they are states of; ``None`` where each is a state of its own.
         figures: What was measured of accuracy and cost, by name.
-        happenings: Events and impacts, in order of time.
+        events: Events and impacts, in order of time.
         notes: What to know of the solution, such as that its integrator was a poor choice.
     """
 
     rows: Trajectory
     motion: SolvedMotion | None = None
     figures: Mapping[str, float] = field(default_factory=dict)
-    happenings: Sequence[Happening] = ()
+    events: Sequence[EventRecord] = ()
     notes: tuple[str, ...] = ()
 
 
-def on_interval(motion: SolvedMotion, cuts: Sequence[float], stretch: int, t: Array) -> Trajectory:
-    """Return a motion at values of one stretch; at its ends they are the values of this side of a jump.
+def on_interval(motion: SolvedMotion, cuts: Sequence[float], interval: int, t: Array) -> Trajectory:
+    """Return a motion at values of one interval; at its ends they are the values of this side of a jump.
 
     Args:
         motion: The motion.
-        cuts: Bounds of its stretches.
-        stretch: Number of the stretch.
+        cuts: Bounds of its intervals.
+        interval: Number of the interval.
         t: Values of the parameter, shape (n,).
     """
-    return motion.at(Grid(t, (cuts[stretch], cuts[stretch + 1]), (0, len(t))))
+    return motion.at(Grid(t, (cuts[interval], cuts[interval + 1]), (0, len(t))))
 
 
 def positions_by_interval(motion: SolvedMotion, cuts: Sequence[float], t: Array) -> Array:
-    """Return the configurations of a motion at values of its parameter, solved stretch by stretch.
+    """Return the configurations of a motion at values of its parameter, solved interval by interval.
 
     Args:
         motion: The motion.
-        cuts: Bounds of its stretches, ascending or descending.
+        cuts: Bounds of its intervals, ascending or descending.
         t: Values of the parameter, shape (n,).
 
     Returns:
         Configurations, shape (n, nq).
     """
     sign = 1.0 if cuts[0] <= cuts[-1] else -1.0
-    stretches = np.searchsorted(sign * np.array(cuts[1:-1]), sign * t)
-    rows = [(k, np.flatnonzero(stretches == k)) for k in np.unique(stretches).tolist()]
+    intervals = np.searchsorted(sign * np.array(cuts[1:-1]), sign * t)
+    rows = [(k, np.flatnonzero(intervals == k)) for k in np.unique(intervals).tolist()]
     parts = [on_interval(motion, cuts, k, t[here]).q for k, here in rows]
     return np.concatenate(parts)[np.argsort(np.concatenate([here for _, here in rows]))]

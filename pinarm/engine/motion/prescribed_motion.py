@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,12 +13,14 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.joint_motion import follow, joint_rates
 from pinarm.engine.kinematics.prescribed import Imposed
-from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome, positions_by_interval
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation
 from pinarm.input.units import Unit
 from pinarm.mechanics.laws.motion_law import Grid
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
 
 KINEMATIC = "the problem is kinematic and asks for no forces"
 
@@ -74,7 +77,7 @@ class Prescription:
             separate=self.rates is not None,
         )  # fmt: skip
         if self.drives is None:
-            return replace(rows, unasked=KINEMATIC)
+            return replace(rows, no_efforts=KINEMATIC)
         demand = rows.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], a[part]))
         tau, lam = self.drives.efforts(t, q, demand)
         return replace(rows, tau=tau, lam=lam)
@@ -86,7 +89,7 @@ class PrescribedMotion:
 
     Attributes:
         prescription: What is imposed.
-        cuts: Bounds of the stretches between jumps.
+        cuts: Bounds of the intervals between jumps.
         t: Values of the parameter at which it has been solved, shape (n,).
         q: Configurations there, shape (n, nq): they tell the branch in their neighbourhood.
     """

@@ -9,9 +9,9 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration import Solution
+from pinarm.engine.integration.integrator import Solution
 from pinarm.engine.motion.systems import CompletedStates, System
-from pinarm.engine.motion.trajectory import Happening
+from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.mechanics.laws.motion_law import Grid
 
 
@@ -35,12 +35,12 @@ class SegmentedMotion:
     Attributes:
         dynamics: The equation of motion.
         segments: In order of time.
-        happenings: In order of time.
+        events: In order of time.
     """
 
     dynamics: Dynamics
     segments: list[MotionSegment] = field(default_factory=list)
-    happenings: list[Happening] = field(default_factory=list)
+    events: list[EventRecord] = field(default_factory=list)
 
     @property
     def end(self) -> float:
@@ -53,7 +53,7 @@ class SegmentedMotion:
         return [segment.solution.end for segment in self.segments[:-1]]
 
     def complete(self, grid: Grid) -> CompletedStates:
-        """Return the motion at the rows of a grid whose stretches do not reach over seams."""
+        """Return the motion at the rows of a grid whose intervals do not reach over seams."""
         bounds = np.array(self.seams)
         middles = 0.5 * (np.array(grid.cuts[1:]) + np.array(grid.cuts[:-1]))
         owners = np.searchsorted(bounds, middles)
@@ -84,7 +84,7 @@ class SegmentedMotion:
         floored = sum(count.floored for count in counts)
         return {**cost, "steps at the noise floor": float(floored)} if floored else cost
 
-    def doubts(self) -> list[str]:
+    def diagnose(self) -> list[str]:
         """Return what says that the integrator was a poor choice."""
         solutions = [segment.solution for segment in self.segments]
-        return list(dict.fromkeys(doubt for solution in solutions for doubt in solution.method.doubts(solution)))
+        return list(dict.fromkeys(doubt for solution in solutions for doubt in solution.method.diagnose(solution)))

@@ -28,7 +28,7 @@ STANDSTILL = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Happening:
+class EventRecord:
     """An event of a run, or an impact.
 
     Attributes:
@@ -52,7 +52,7 @@ class Trajectory:
         mechanism: What moves.
         parameter: Name of what runs along the rows: ``t``, the coordinate that is swept, or ``row`` for their number.
         unit: Unit of the parameter.
-        grid: Its values, with the stretches between jumps.
+        grid: Its values, with the intervals between jumps.
         q: Configurations, shape (n, nq).
         v: Velocities, shape (n, nv).
         a: Accelerations, shape (n, nv).
@@ -60,8 +60,8 @@ class Trajectory:
         lam: Multipliers of the constraints, and efforts of drives along task coordinates [N or N*m].
         closure: The constraints that they belong to: those of the mechanism, then guided task coordinates.
         dynamics: The equation of motion with all the forces of the run.
-        unasked: Why there are no efforts; empty where there are.
-        further: What the problem found beside the states, by name, a value a row.
+        no_efforts: Why there are no efforts; empty where there are.
+        columns: What the problem found beside the states, by name, a value a row.
         separate: Whether velocities are given row by row, and the rows are not one motion.
     """
 
@@ -76,8 +76,8 @@ class Trajectory:
     lam: Multipliers = field(repr=False)
     closure: Closure = field(repr=False)
     dynamics: Dynamics = field(repr=False)
-    unasked: str = ""
-    further: Mapping[str, Series] = field(default_factory=dict)
+    no_efforts: str = ""
+    columns: Mapping[str, Series] = field(default_factory=dict)
     separate: bool = False
 
     @classmethod
@@ -111,21 +111,21 @@ class Trajectory:
         starts = tuple(int(k) for k in np.searchsorted(rows, self.grid.rows))
         grid = Grid(self.grid.t[rows], self.grid.cuts, starts)
         q, v, a, tau = (array[rows] for array in (self.q, self.v, self.a, self.tau))
-        further = {name: replace(series, values=series.values[rows]) for name, series in self.further.items()}
-        return replace(self, grid=grid, q=q, v=v, a=a, tau=tau, lam=self.lam.some(rows), further=further)
+        columns = {name: replace(series, values=series.values[rows]) for name, series in self.columns.items()}
+        return replace(self, grid=grid, q=q, v=v, a=a, tau=tau, lam=self.lam.some(rows), columns=columns)
 
-    def stretches(self) -> list[tuple[slice, Dynamics]]:
+    def intervals(self) -> list[tuple[slice, Dynamics]]:
         """Return the rows between jumps, each with the dynamics that holds there."""
         return parts(self.dynamics, self.grid)
 
     def gather(self, value: Callable[[Dynamics, slice], Array]) -> Array:
-        """Return an array over all rows from a function of the dynamics on each stretch and its rows."""
-        return np.concatenate([value(dynamics, rows) for rows, dynamics in self.stretches()])
+        """Return an array over all rows from a function of the dynamics on each interval and its rows."""
+        return np.concatenate([value(dynamics, rows) for rows, dynamics in self.intervals()])
 
     def direction(self, index: int) -> Array:
         """Return the sign of a joint's motion at every row, shape (n,).
 
-        At standstill it is that of the motion about to begin, at the end of a stretch that of the motion just ended,
+        At standstill it is that of the motion about to begin, at the end of an interval that of the motion just ended,
         and 0 at rest. Of a state that is no part of a motion it is that of the motion about to begin.
         """
         v, a = self.v[:, index], self.a[:, index]

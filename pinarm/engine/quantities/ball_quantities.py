@@ -50,8 +50,8 @@ def turning(run: Trajectory, ball: Ball, name: str, part: str) -> Series | None:
 
 
 def _effort(run: Trajectory, ball: Ball, name: str) -> Array:
-    if run.unasked:
-        raise InputError(f"'{name}': {run.unasked}", hint="kind: inverse")
+    if run.no_efforts:
+        raise InputError(f"'{name}': {run.no_efforts}", hint="kind: inverse")
     coordinates = run.mechanism.coordinates
     guided = [one for one in run.closure.slices() if isinstance(coordinates.get(one), BallCoordinate)]
     if any(one.startswith(f"{ball.name}.rotation.") for one in guided):

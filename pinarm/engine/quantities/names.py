@@ -118,7 +118,7 @@ class Quantities:
         sets = ["all", *mechanism.joints, *mechanism.balls]
         return [
             self.trajectory.parameter, "g", *self.symbols, *mechanism.symbols,
-            *mechanism.arguments, *mechanism.coordinates, *self.trajectory.further,
+            *mechanism.arguments, *mechanism.coordinates, *self.trajectory.columns,
             *(f"joint.{name}.{part}" for name in mechanism.joints
               for part in (*RATES, "effort", "power", *(f"{kind}.{axis}" for kind in WRENCH for axis in AXES))),
             *(f"joint.{name}.{part}" for name in mechanism.balls
@@ -151,8 +151,8 @@ class Quantities:
             return Series(name, unit("m/s^2"), np.full(rows, mechanism.gravity))
         if name in mechanism.coordinates:
             return self._rate_of(name, name, "position")
-        if name in self.trajectory.further:
-            return self.trajectory.further[name]
+        if name in self.trajectory.columns:
+            return self.trajectory.columns[name]
         kind, _, rest = name.partition(".")
         finder = _KINDS.get(kind)
         if finder is None or not rest:
@@ -299,8 +299,8 @@ class Quantities:
         return Series(name, NEWTON if words[1] == "force" else NEWTON_METRE, component(wrench), doubt)
 
     def _require_efforts(self, name: str) -> None:
-        if self.trajectory.unasked:
-            raise InputError(f"'{name}': {self.trajectory.unasked}", hint="kind: inverse")
+        if self.trajectory.no_efforts:
+            raise InputError(f"'{name}': {self.trajectory.no_efforts}", hint="kind: inverse")
 
     def _effort(self, v: int) -> Array:
         """Return the effort between the links, without what accelerates the drive's own rotor."""

@@ -18,7 +18,7 @@ from pinarm.engine.checks.balance import demands
 from pinarm.engine.constraints.nullspace import Split
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.mechanics.geometry.link_placements import Links, moving
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
@@ -41,12 +41,12 @@ class Reactions:
         self.loops = {one.name: one for one in self.closure.constraints if isinstance(one, LoopJoint)}
 
     @cached_property
-    def _links(self) -> Links:
-        return Links.at(self.model, self.run.q)
+    def _links(self) -> LinkPlacements:
+        return LinkPlacements.at(self.model, self.run.q)
 
-    def links(self, rows: Indices) -> Links:
+    def links(self, rows: Indices) -> LinkPlacements:
         """Return where the links are at some rows; only those of short runs are kept."""
-        return self._links.some(rows) if len(self.run) <= BLOCK else Links.at(self.model, self.run.q[rows])
+        return self._links.some(rows) if len(self.run) <= BLOCK else LinkPlacements.at(self.model, self.run.q[rows])
 
     @cached_property
     def origins(self) -> Array:

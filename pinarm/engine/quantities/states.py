@@ -154,7 +154,7 @@ def _quantities(
         return Quantities(replace(run, tau=tau, lam=lam))
     acting = actuation(mechanism, drives, drives) if drives else everywhere(mechanism)
     if acting is None:
-        return Quantities(replace(run, unasked=NO_DRIVES))
+        return Quantities(replace(run, no_efforts=NO_DRIVES))
     tau, lam = acting.efforts(grid.t, q, demand)
     return Quantities(replace(run, tau=tau, lam=lam, closure=acting.closure))
 

@@ -20,7 +20,7 @@ from pinarm.errors import AssemblyError, InputError, Key, within
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.forces import ForceElement
 from pinarm.mechanics.forces.joint_definitions import effort_unit
-from pinarm.mechanics.joints import METRE, spelled
+from pinarm.mechanics.joints import METRE, format_configuration
 from pinarm.mechanics.laws import Constant
 
 if TYPE_CHECKING:
@@ -242,7 +242,7 @@ class Balance:
             f"{start} leads to no equilibrium: a force of {free[worst]:.3g} {effort_unit(joint)} is left on "
             f"{joint.name}",
             expected="a start near a configuration that balances; the closest one reached is "
-            f"{spelled(self.mechanism.model, q)}",
+            f"{format_configuration(self.mechanism.model, q)}",
             hint="another start, or loads that can be balanced",
             start=start, q=q, residual=free,
         )  # fmt: skip

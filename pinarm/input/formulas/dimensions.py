@@ -1,4 +1,4 @@
-"""The algebra of dimensions: what unit the value of a formula has."""
+"""Dimensional analysis of formulas: the unit of a formula's value."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Measures = Sequence["Measure"]
 
 @dataclass(frozen=True)
 class Measure:
-    """What dimensional analysis knows of a value.
+    """The unit of a value in dimensional analysis.
 
     Attributes:
         unit: SI unit; ``None`` where unknown.
-        value: The number itself where only literals made it: exponents need it, and 0 fits every dimension.
+        value: The number, where it follows from literals only: exponents need it, and 0 fits every dimension.
     """
 
     unit: Unit | None
@@ -29,7 +29,7 @@ class Measure:
 
 
 Rule = Callable[[Measures], Measure]
-"""What a function makes of the measures of its arguments."""
+"""From the measures of the arguments of a function to that of its value."""
 
 _PURE = Measure(DIMENSIONLESS)
 _UNKNOWN = Measure(None)
@@ -42,7 +42,7 @@ def unit_of(tree: ast.expr, names: Mapping[str, Unit | None], rules: Mapping[str
     Args:
         tree: The formula.
         names: Units of the names in it; ``None`` is unknown and fits everything.
-        rules: Those of the functions.
+        rules: Rule of each function.
         text: The formula as it was written, for messages.
 
     Raises:
@@ -101,7 +101,7 @@ class _Units:
 
 
 def _folded(symbol: str, left: Fraction, right: Fraction) -> tuple[Fraction] | None:
-    """Return the value of an operation on literals in a tuple, for 0 is a value too."""
+    """Return the value of an operation on literals in a tuple, since 0 is false; ``None`` for other operations."""
     if symbol == "/" and right != 0:
         return (left / right,)
     folds = {"+": left + right, "-": left - right, "*": left * right}
@@ -109,27 +109,27 @@ def _folded(symbol: str, left: Fraction, right: Fraction) -> tuple[Fraction] | N
 
 
 def same(measures: Measures) -> Measure:
-    """Return the measure that all share: of sums, minima, ..."""
-    known = [measure.unit for measure in measures if measure.unit is not None and measure.value != 0]
-    for unit in known[1:]:
-        if unit.dimension != known[0].dimension:
-            raise UnitError(f"[{known[0]}] and [{unit}] do not go together", expected="quantities of one dimension")
+    """Return the common measure of operands of one dimension: sums, minima, ..."""
+    units = [measure.unit for measure in measures if measure.unit is not None and measure.value != 0]
+    for unit in units[1:]:
+        if unit.dimension != units[0].dimension:
+            raise UnitError(f"[{units[0]}] and [{unit}] do not go together", expected="quantities of one dimension")
     unknown = any(measure.unit is None for measure in measures)
-    return Measure(known[0]) if known else _UNKNOWN if unknown else Measure(DIMENSIONLESS, Fraction(0))
+    return Measure(units[0]) if units else _UNKNOWN if unknown else Measure(DIMENSIONLESS, Fraction(0))
 
 
 def ratio(measures: Measures) -> Measure:
-    """Return a number, from quantities of one dimension: of quotients, comparisons, angles of two lengths."""
+    """Return a dimensionless measure from quantities of one dimension: quotients, comparisons, atan2."""
     same(measures)
     return _PURE
 
 
 def pure(measures: Measures) -> Measure:
-    """Return a number, from numbers: of sines, logarithms, ..."""
+    """Return a dimensionless measure from dimensionless arguments: sines, logarithms, ..."""
     for measure in measures:
         if measure.unit is not None and measure.value != 0 and measure.unit.dimension != DIMENSIONLESS.dimension:
             raise UnitError(
-                f"a quantity in [{measure.unit}] where a number is wanted", hint="a ratio of two quantities"
+                f"a quantity in [{measure.unit}] where a number is expected", hint="a ratio of two quantities"
             )
     return _PURE
 
@@ -152,5 +152,5 @@ def root(measures: Measures) -> Measure:
 
 
 def sign(measures: Measures) -> Measure:
-    """Return a number, from anything."""
+    """Return a dimensionless measure, from any argument."""
     return _PURE

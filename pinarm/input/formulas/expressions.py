@@ -18,12 +18,12 @@ from pinarm.input.units import Unit
 
 @dataclass(frozen=True)
 class Expression:
-    """A formula that has been read and found harmless.
+    """A formula, parsed and checked.
 
     Attributes:
-        text: As it was written.
+        text: The formula as written.
         tree: Its syntax tree.
-        names: The names in it, constants such as ``pi`` included because a name that is given wins over them.
+        names: The names in it, constants such as ``pi`` included: a given name takes precedence over them.
     """
 
     text: str
@@ -35,7 +35,7 @@ class Expression:
         """Read a formula.
 
         Raises:
-            ExpressionError: The text is no formula, or one that is too long.
+            ExpressionError: The text is not a formula, or too long.
         """
         tree = read_tree(text, FORMULA)
         return cls(text.strip(), tree, frozenset(names_in(tree, FORMULA)))

@@ -1,8 +1,8 @@
-"""The grammar of formulas: a small part of Python's, read and checked, and given a meaning by an algebra.
+"""The grammar of formulas: a checked subset of Python's expressions, evaluated by an ``Algebra``.
 
 Numbers, names with dots, ``+ - * / // % **``, comparisons, ``and or not``, ``a if test else b``, and a fixed table of
-functions. Python parses the text, but nothing is ever compiled or run: the tree is checked node by node when it is
-read, and an ``Algebra`` says afterwards what the nodes mean.
+functions. Python parses the text, but nothing is compiled or run: the tree is checked node by node, and an
+``Algebra`` (of values, of units) then gives each node its meaning.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ MAX_DEPTH = 200
 MAX_NODES = 1000
 MAX_INTEGER = 2**64
 MANY = 1000
-"""Most arguments of a function that takes any number of them."""
+"""Largest number of arguments of a function that takes any number of them."""
 
 CONSTANTS: Mapping[str, float] = {"pi": math.pi, "deg": math.pi / 180}
-"""Names that every formula knows; a name that is given to it wins."""
+"""Names known in every formula; a name given to the formula takes precedence."""
 
 T = TypeVar("T")
 
@@ -86,7 +86,7 @@ class Grammar:
 
 
 def interpret(tree: ast.expr, algebra: Algebra[T], text: str) -> T:
-    """Return what a tree means in an algebra; errors name the column and the part of ``text``."""
+    """Evaluate a tree in an algebra; errors name the column and the part of ``text``."""
     try:
         return _walk(tree, algebra)
     except PinarmError as error:
@@ -140,10 +140,10 @@ def read_tree(text: str, grammar: Grammar) -> ast.expr:
         tree = ast.parse(text, mode="eval").body
     except SyntaxError as error:
         place = Location("", 1, max(error.offset or 1, 1), width=1)
-        problem = ExpressionError(f"this is no formula: {error.msg}", expected=_LANGUAGE, hint=_syntax_hint(text))
+        problem = ExpressionError(f"this is not a formula: {error.msg}", expected=_LANGUAGE, hint=_syntax_hint(text))
         raise _in_words(problem.at(place), text) from None
     except (ValueError, RecursionError, MemoryError, OverflowError) as error:
-        raise ExpressionError(f"this is no formula: {error or 'it is nested too deeply'}", expected=_LANGUAGE) from None
+        raise ExpressionError(f"this is not a formula: {error or 'nested too deeply'}", expected=_LANGUAGE) from None
     _check(tree, grammar, text)
     return tree
 
@@ -200,7 +200,7 @@ def _parts(node: ast.expr, grammar: Grammar) -> list[ast.expr]:
 
 def _check_literal(value: Any, grammar: Grammar) -> None:
     if type(value) not in grammar.literals:
-        raise ExpressionError(f"a {type(value).__name__} has no place in a formula", expected="numbers and names")
+        raise ExpressionError(f"a {type(value).__name__} is not allowed in a formula", expected="numbers and names")
     if isinstance(value, int | float) and not abs(value) < (MAX_INTEGER if isinstance(value, int) else math.inf):
         raise ExpressionError("this number is too large", expected="integers below 2**64, others below 1e308")
 

@@ -1,4 +1,4 @@
-"""One expansion by a copy of xacro whose functions that evaluate, read or recurse are ours."""
+"""One expansion by a private copy of xacro in which the functions that evaluate, read or recurse are replaced."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from pinarm.errors import Location, ModelError, PinarmError, choices
 from pinarm.input.formulas.grammar import MANY
-from pinarm.input.roots import contained, inside
+from pinarm.input.roots import contained_file, contained_path
 from pinarm.input.xacro.arithmetic import Names, Scalars, evaluate
 from pinarm.input.xacro.expression_tape import OPEN, Tape
 from pinarm.input.xacro.sandboxed_xacro import OURS, private_xacro
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from xml.dom.minidom import Document, Element, Node
 
 MAX_STEPS = 200_000
-"""Evaluations and nodes copied."""
+"""Largest number of evaluations and copied nodes."""
 MAX_SECONDS = 5.0
-"""A backstop: the tree takes time quadratic in the number of siblings."""
+"""Time limit: operations on the tree are quadratic in the number of siblings."""
 
 _LOCK = threading.Lock()
 _TOKEN = re.compile(r"\$(\$+[{(])|\$\{([^}]*)\}|\$\(([^)]*)\)|([^$]+|\$[^{($]+|\$$)")
@@ -40,7 +40,7 @@ class Expansion:
     Attributes:
         xml: The text.
         arguments: Every ``xacro:arg`` with its value, given or default.
-        warnings: What xacro found odd, such as attributes it does not know.
+        warnings: Warnings of xacro, such as on unknown attributes.
     """
 
     xml: str
@@ -49,7 +49,7 @@ class Expansion:
 
 
 class Expander:
-    """One expansion: the functions that stand in for xacro's own, and what they count and remember.
+    """One expansion: the replacements of xacro's functions, with their counters and records.
 
     Args:
         root: Folder of the files that may be read.
@@ -76,7 +76,7 @@ class Expander:
         self.deadline = time.monotonic() + MAX_SECONDS
 
     def run(self, path: Path) -> Expansion:
-        """Return the expansion; whatever goes wrong is a located ``PinarmError``."""
+        """Return the expansion; every failure is a located ``PinarmError``."""
         xacro = self.xacro
         with _LOCK:
             vars(xacro).update({name: getattr(self, name) for name in OURS})
@@ -99,7 +99,7 @@ class Expander:
                 xacro.substitution_args_context.clear()
 
     def _here(self) -> Location:
-        """Return where the evaluation stands: the text that failed, else the element."""
+        """Return the location of the evaluation: of the text that failed, otherwise of the element."""
         path, line = (self.element and self.element.getUserData("place")) or (self.xacro.filestack[-1], 0)
         places = [
             (name, number, row.index(self.snippet) + 1)
@@ -128,17 +128,17 @@ class Expander:
             hint = "a macro, an include or a property that does not use itself"
             raise ModelError(f"the model is nested more than {MAX_DEPTH} levels deep{self._macros()}", hint=hint)
 
-    # What follows stands in for functions of xacro and bears their names.
+    # The methods below replace the functions of xacro of the same names.
 
     def parse(self, _: None, filename: str) -> Document:
-        """Read a file into a tree whose elements know their places and whose copies are counted."""
+        """Read a file into a tree whose elements have their locations and whose copies are counted."""
         from xml.dom import minidom
 
         path, source = Path(filename), self.sources.setdefault(filename, filename)
         if not path.exists():
             self.xacro.filestack.pop()  # as xacro does: where an include is optional, it goes on from here
             raise self.xacro.XacroException(f"there is no file {filename}", exc=FileNotFoundError())
-        text = read(inside(path, self.root, self.packages), source, MAX_BYTES - self.size)
+        text = read(contained_file(path, self.root, self.packages), source, MAX_BYTES - self.size)
         self.size += len(text)
         self.texts[filename] = text
         lines = Survey.of(text, source).lines
@@ -171,14 +171,14 @@ class Expander:
         self.element = outer  # only now: where it fails, the place is that of the failure
 
     def handle_macro_call(self, node: Element, macros: Any, symbols: Any) -> bool:
-        """Expand an element if it is a macro's, and tell whether it is."""
+        """Expand an element if it calls a macro; return whether it does."""
         if not node.tagName.startswith("xacro:"):
             return False
         self.element = node
         return bool(self.plain["handle_macro_call"](node, macros, symbols))
 
     def replace_node(self, node: Element, by: Any, content_only: bool = False) -> None:
-        """Put trees, or what is in them, in the place of an element; it takes xacro time quadratic in their number."""
+        """Replace an element by trees or by their children; xacro's own version is quadratic in their number."""
         parent: Any = node.parentNode
         for tree in by if isinstance(by, list) else [by] if by is not None else []:
             for child in list(tree.childNodes) if content_only else [tree]:
@@ -254,13 +254,13 @@ class Expander:
         return tables[command][name]
 
     def get_include_files(self, filename_spec: str, symbols: Any) -> Iterator[str]:
-        """Yield the file to include, once it is known to lie where it may."""
+        """Yield the file to include, once it is checked to lie in an allowed folder."""
         name = str(self.eval_text(filename_spec, symbols))
         if any(character in name for character in ("*?[" + OPEN)):
             raise ModelError(f"'{name[:60]}' has wildcards", expected="the name of one file")
         base = "" if "://" in name else Path(self.xacro.filestack[-1]).parent
         wanted = str(base / Path(name)) if base else name
-        path = self.includes[wanted] = str(contained(wanted, self.root, self.packages))
+        path = self.includes[wanted] = str(contained_path(wanted, self.root, self.packages))
         if path in self.xacro.filestack:
             raise ModelError(f"the file '{name}' includes itself")
         yield path
@@ -279,7 +279,7 @@ class Expander:
 
 
 class _Keep:
-    """Hands the place of an element on to its copies."""
+    """Copies the location of an element to its copies."""
 
     def handle(self, operation: int, key: str, data: Any, src: Node, dst: Node) -> None:
         """Be called by the DOM for each copy."""

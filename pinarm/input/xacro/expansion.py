@@ -1,9 +1,9 @@
-"""From a URDF or xacro file to plain URDF text, for files from strangers.
+"""From a URDF or xacro file to plain URDF text, safe for untrusted files.
 
-xacro evaluates Python, reads any file and can be made to run for ever. So a private copy of it is loaded, beside the
-one a user may import, and while a file is expanded the functions of that copy that evaluate, read or recurse are ours:
-expressions are the checked arithmetic of ``scalars``, only ``$(arg NAME)`` and ``$(find PACKAGE)`` are substituted,
-included files lie under the root, and every step counts against a budget. Honest files come out as xacro gives them.
+xacro evaluates Python, reads any file and can be made to run for ever. So a private copy of it is loaded, separate from
+the one a user may import, in which the functions that evaluate, read or recurse are replaced while a file is expanded:
+expressions are the checked arithmetic of ``arithmetic``, only ``$(arg NAME)`` and ``$(find PACKAGE)`` are substituted,
+included files lie under the root, and every step counts against a budget. Other files expand as with xacro.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from pinarm.errors import InputError, Location, ModelError, choices
-from pinarm.input.roots import NO_PACKAGES, inside
+from pinarm.input.roots import NO_PACKAGES, contained_file
 from pinarm.input.xacro.expander import Expansion
 from pinarm.input.xacro.expression_tape import CLOSE, OPEN, Number
 from pinarm.input.xacro.templates import Request, expanded
@@ -35,7 +35,7 @@ def expand(
         InputError: A file is missing or lies elsewhere, or an expression is wrong.
     """
     source = str(path)
-    path = inside(path.absolute(), root, packages)
+    path = contained_file(path.absolute(), root, packages)
     given = {name: _argument(name, value) for name, value in arguments.items()}
     if path.suffix != ".xacro":
         text = read(path, source, MAX_BYTES)

@@ -1,9 +1,9 @@
 """An expansion recorded as a straight-line program over its numeric arguments, to be run again for other numbers.
 
-While a model is expanded, an argument is not its number but a place on a tape, and arithmetic with it adds a step.
-In text such a place is a mark of control characters, which no XML file can hold. Whatever is decided by a number (a
-branch, a comparison, whether a text is a number) is kept as a guard: for other numbers the program holds only where all
-the guards come out the same. What cannot be followed so is an error, and the model is expanded without a tape.
+While a model is recorded, an argument is a register of a tape instead of a number, and arithmetic with it adds a step.
+In text a register is a mark of control characters, which no XML file can contain. Every decision by a number (a branch,
+a comparison, whether a text is a number) is stored as a guard: for other numbers the program is valid only where all
+guards have the same outcome. What cannot be recorded raises an error, and the model is expanded without a tape.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pinarm.input.xacro.arithmetic import Scalars, evaluate
 OPEN, CLOSE = "\x01", "\x02"
 _MARK = re.compile(f"{OPEN}([0-9]+){CLOSE}")
 _NAMED = re.compile("__register_([0-9]+)__")
-"""How a mark is called within an expression; xacro refuses properties whose names begin so."""
+"""Name of a mark within an expression; xacro refuses properties with such names."""
 
 UNRECORDABLE = "what the model is depends on a number in a way that is not followed"
 
@@ -30,11 +30,11 @@ Literal = Callable[[Any], Any]
 
 @dataclass(frozen=True, eq=False)
 class Traced:
-    """A value that follows from the arguments.
+    """A value computed from the arguments.
 
     Attributes:
-        tape: Where it is computed.
-        register: Its place there.
+        tape: The tape that computes it.
+        register: Its register.
     """
 
     tape: Tape
@@ -42,7 +42,7 @@ class Traced:
 
     @property
     def value(self) -> Any:
-        """What it is for the arguments of the recording."""
+        """Its value for the arguments of the recording."""
         return self.tape.values[self.register]
 
     def __str__(self) -> str:
@@ -56,7 +56,7 @@ class Traced:
 
 @dataclass
 class Tape:
-    """A program: registers hold the arguments first, then what each step computes of earlier ones.
+    """A straight-line program: registers hold the arguments, then the result of each step.
 
     Attributes:
         values: The registers, for the arguments of the recording.
@@ -119,9 +119,9 @@ class Tape:
         """Turn text into the number that it is, as xacro does with properties."""
         if not isinstance(value, str) or OPEN not in value:
             return plain(value)
-        found = self.record(plain, value)
-        bool(self.record(_is_text, found))
-        return found
+        number = self.record(plain, value)
+        bool(self.record(_is_text, number))
+        return number
 
     def run(self, numbers: Sequence[Number]) -> list[Any] | None:
         """Return all registers for other numbers; ``None`` where the program does not hold for them."""
@@ -149,8 +149,8 @@ class _Recorder:
     def name(self, name: str) -> Any:
         if register := _NAMED.fullmatch(name):
             return Traced(self.tape, int(register[1]))
-        found = self.plain.names.get(name)
-        return found if isinstance(found, Traced) else self.plain.name(name)
+        value = self.plain.names.get(name)
+        return value if isinstance(value, Traced) else self.plain.name(name)
 
     def unary(self, symbol: str, operand: Any) -> Any:
         return self.tape.record(partial(self.plain.unary, symbol), operand)

@@ -1,4 +1,4 @@
-"""A copy of xacro of our own, beside the one a user may import, without what reads files or runs code."""
+"""A private copy of xacro, without the functions that read files or run code."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MACRO_PARAMETER = re.compile(
 )
 """xacro's own, with possessive repetitions: as it stands there, an unbalanced quote takes exponential time."""
 _DISARMED = ("open", "eval", "compile", "os", "glob", "load_yaml", "safe_eval", "eval_extension", "process_file")
-"""Names of xacro that nothing should reach once ours are in place; should anything, it fails."""
+"""Names of xacro that are set to ``None``: the replacements do not need them, and any other use fails."""
 OURS = (
     "check_attrs", "eval_all", "eval_text", "get_include_files", "handle_macro_call", "is_valid_name", "parse",
     "print_location", "replace_node", "reqd_attrs", "warning",
@@ -37,10 +37,10 @@ def _version(site: Path) -> str:
 
 @cache
 def private_xacro() -> tuple[ModuleType, dict[str, Any]]:
-    """Load a copy of xacro for ourselves; return it with its functions that ours will stand in for.
+    """Load a private copy of xacro; return it with those of its functions that are replaced.
 
     Raises:
-        ModelError: It is missing, or not the version whose inside we know.
+        ModelError: It is missing, or not version 2.1, for which the replacements are written.
     """
     from xml.dom import minidom
 

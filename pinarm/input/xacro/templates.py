@@ -1,8 +1,7 @@
-"""Expansions kept as templates, so that the next variant of a model takes a tenth of the time of the first.
+"""Expansions cached as templates: the next variant of a model takes a tenth of the time of the first.
 
-Of a model that is expanded once, only its name is kept. The second time its expansion is recorded, and compared with
-what xacro makes of it; from then on other numbers are filled in, for as long as every file that was read has the same
-text and may still be read.
+At the first expansion of a model only its key is stored. The second expansion is recorded and compared with xacro's
+result; from then on other numbers are filled in, as long as every file has the same text and may still be read.
 """
 
 from __future__ import annotations
@@ -14,15 +13,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pinarm.errors import ModelError, PinarmError
-from pinarm.input.roots import contained
+from pinarm.input.roots import contained_path
 from pinarm.input.xacro.expander import Expander, Expansion
 from pinarm.input.xacro.expression_tape import OPEN, UNRECORDABLE, Number, Tape, Traced, joined, marks
 from pinarm.input.xml_text import MAX_BYTES, Survey, bound, read
 
 WAYS = 8
-"""Templates of one model: where a number decides between branches, each way through them has its own."""
+"""Largest number of templates of one model: each path through branches that depend on numbers has its own."""
 MODELS = 32
-"""Models that are remembered, the latest."""
+"""Largest number of models in the cache; the least recently used ones are dropped."""
 
 _COMMENT = re.compile("<!--.*?-->", re.DOTALL)
 
@@ -49,7 +48,7 @@ class Request:
     arguments: Mapping[str, Number | str]
 
     def key(self) -> tuple[object, ...]:
-        """Return all that a template is for: everything but the numbers, of which only the type matters."""
+        """Return the cache key: everything but the values of numbers, of which only the types matter."""
         shapes = [(name, value if isinstance(value, str) else type(value)) for name, value in self.arguments.items()]
         return self.path, self.root, *self.packages.items(), *shapes
 
@@ -115,12 +114,12 @@ class Template:
             PinarmError: A file may not be read any more.
         """
         for name, path in self.includes.items():
-            if str(contained(name, request.root, request.packages)) != path:
+            if str(contained_path(name, request.root, request.packages)) != path:
                 return False
         return all(_text(Path(path)) == text for path, text in self.texts.items())
 
     def fill(self, request: Request) -> Expansion | None:
-        """Return the expansion for other numbers; ``None`` where they lead another way."""
+        """Return the expansion for other numbers; ``None`` where they take other branches."""
         values = self.tape.run(list(request.numbers().values()))
         if values is None:
             return None
@@ -138,13 +137,13 @@ def _text(path: Path) -> str | None:
 
 @dataclass
 class _Remembered:
-    """What is kept of a model: its templates, and how many more may be recorded."""
+    """The templates of a model, and how many more may be recorded."""
 
     templates: list[Template] = field(default_factory=list)
     left: int = WAYS
 
     def filled(self, request: Request) -> Iterator[Expansion]:
-        """Yield what the templates make of a request."""
+        """Yield the expansions of a request by those templates that apply."""
         for template in self.templates:
             expansion = template.fill(request)
             if expansion is not None:

@@ -1,7 +1,7 @@
-"""YAML documents whose every value knows its line, and validation whose every error says where.
+"""YAML documents with the location of every value, and validation with located errors.
 
 Loading builds numbers, text, booleans, lists and maps only. Tags, anchors and aliases are refused, and size, depth and
-digits are bounded, so that a file from a stranger can neither run anything nor keep the reader busy.
+digits are bounded: an untrusted file can neither run code nor occupy the reader for long.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ import msgspec
 from pinarm.errors import InputError, Key, Location, PinarmError
 from pinarm.input.roots import similar_file
 from pinarm.input.yaml.parser import Builder, Path_
-from pinarm.input.yaml.schema import Model, convert, reading_from
+from pinarm.input.yaml.schema import InputStruct, convert, reading_from
 from pinarm.input.yaml.validation_messages import explain, failing_path, unknown_key
 
 MAX_BYTES = 1_000_000
-"""Longer tables belong in CSV files; a reader in Python needs about a minute per ten megabytes."""
+"""Largest size of a file; a reader in Python needs about a minute for ten megabytes. Longer tables go in CSV files."""
 
 
-ModelT = TypeVar("ModelT", bound=Model)
+StructT = TypeVar("StructT", bound=InputStruct)
 
 
 @dataclass(frozen=True)
 class Document:
-    """A YAML file as plain data, with the place of every key and value. A list or map stands where its key does.
+    """A YAML file as plain data, with the location of every key and value; that of a list or map is its key's.
 
     Attributes:
         source: File name as the user gave it, for messages.
         path: The file; ``None`` for text.
-        data: Its content: maps, lists, text, numbers, booleans, ``None``.
+        data: Content: maps, lists, text, numbers, booleans, ``None``.
         places: Path of keys and indices -> location of the value.
-        keys: The same -> location of the key.
+        keys: Path of keys and indices -> location of the key.
     """
 
     source: str
@@ -52,7 +52,7 @@ class Document:
         """Read a file.
 
         Raises:
-            InputError: The file is missing, too large, not UTF-8, or not YAML of the kind described above.
+            InputError: The file is missing, too large, not UTF-8, or not the accepted subset of YAML.
         """
         name = source or str(path)
         try:
@@ -76,7 +76,7 @@ class Document:
         return cls(source, path, _copy(data), places, keys)
 
     def locate(self, path: Path_) -> Location:
-        """Return the place of a path, or of its nearest ancestor that has one; a ``Key`` at its end is itself meant."""
+        """Return the location of the value at a path, or of its nearest ancestor; a final ``Key`` asks for the key."""
         if path and isinstance(path[-1], Key) and path in self.keys:
             return self.keys[path]
         for length in range(len(path), -1, -1):
@@ -86,7 +86,7 @@ class Document:
 
     @contextmanager
     def locating(self, *path: str | int) -> Iterator[None]:
-        """Give errors that come out of the block the place of ``path``, unless they have a more exact one."""
+        """Locate errors raised in the block at ``path``, unless they have a more exact location."""
         try:
             yield
         except PinarmError as error:
@@ -96,12 +96,12 @@ class Document:
         """Return the document with the value at a path such as ``problem.time.end`` replaced.
 
         Args:
-            name: The path; keys that are missing on the way are made.
+            name: The path; missing keys are created.
             value: Plain data.
-            option: The place of the value, for messages.
+            option: Location of the value, for messages.
 
         Raises:
-            InputError: The path does not lead into the document.
+            InputError: The path is not in the document.
         """
         data, node = (copied := _copy(self.data)), None
         path: Path_ = ()
@@ -114,21 +114,21 @@ class Document:
         path = (*path, node)
         made = {path[:k]: option for k in range(1, len(path))}
         places, keys = (
-            made | {at: place for at, place in known.items() if at[: len(path)] != path} | {path: option}
-            for known in (self.places, self.keys)
+            made | {at: place for at, place in locations.items() if at[: len(path)] != path} | {path: option}
+            for locations in (self.places, self.keys)
         )
         return replace(self, data=copied, places=places, keys=keys)
 
     def part(self, key: str) -> Document:
-        """Return what stands below a key, as a document of its own."""
+        """Return the content below a key as a document."""
         places, keys = (
-            {path[1:]: place for path, place in known.items() if path[:1] == (key,)}
-            for known in (self.places, self.keys)
+            {path[1:]: place for path, place in locations.items() if path[:1] == (key,)}
+            for locations in (self.places, self.keys)
         )
         return replace(self, data=self.data[key], places=places, keys=keys)
 
     def merged(self, changes: Document) -> Document:
-        """Return the document with values replaced by those that another has at the same paths.
+        """Return the document with values replaced by those of another document at the same paths.
 
         Raises:
             InputError: An index of a list does not exist.
@@ -137,28 +137,28 @@ class Document:
         places, keys = {**self.places, **changes.places}, {**self.keys, **changes.keys}
         return replace(self, data=data, places=places, keys=keys)
 
-    def validate(self, model: type[ModelT], *at: str | int) -> ModelT:
-        """Validate the document, or the part of it at a path, as an input model.
+    def validate(self, struct: type[StructT], *at: str | int) -> StructT:
+        """Validate the document, or its part at a path, as an input struct.
 
         Raises:
-            InputError: The first mistake, located, with what was expected.
+            InputError: The first error, located, with what was expected.
         """
         data = self.data
         for key in at:
             data = data[key]
         with reading_from(self.path.parent if self.path else Path()):
             try:
-                return msgspec.convert(data, model, dec_hook=convert)
+                return msgspec.convert(data, struct, dec_hook=convert)
             except msgspec.ValidationError as error:
-                path = failing_path(error, data, model)
-                mistake = explain(error, data, path, model)
+                path = failing_path(error, data, struct)
+                mistake = explain(error, data, path, struct)
                 place = self.locate((*at, *path, *map(Key, unknown_key(error)), *mistake.path))
                 raise mistake.at(place) from None
 
 
 @lru_cache(maxsize=32)
 def _built(text: str, source: str) -> tuple[Any, Mapping[Path_, Location], Mapping[Path_, Location]]:
-    """Read YAML text; kept, because the reader takes longer than many a run."""
+    """Read YAML text; cached, since reading can take longer than the run."""
     builder = Builder(text, source)
     return builder.build(), builder.places, builder.keys
 
@@ -191,9 +191,9 @@ def step_into(data: Any, key: str, option: Location, *, create: bool) -> str | i
     if isinstance(data, list):
         if re.fullmatch(r"-?[0-9]{1,9}", key) and -len(data) <= int(key) < len(data):
             return int(key) % len(data)
-        raise InputError(f"'{key}' is no index of this list", expected=f"0 to {len(data) - 1}").at(option)
+        raise InputError(f"'{key}' is not an index of this list", expected=f"0 to {len(data) - 1}").at(option)
     if not isinstance(data, dict):
-        raise InputError(f"there is nothing below '{key}': a plain value stands there").at(option)
+        raise InputError(f"'{key}' cannot be reached: the path leads through a plain value").at(option)
     if create:
         data.setdefault(key, {})
     return key

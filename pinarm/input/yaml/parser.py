@@ -1,4 +1,4 @@
-"""YAML text to plain data, without recursion, with the place of every key and value.
+"""YAML text to plain data, without recursion, with the location of every key and value.
 
 Numbers, text, booleans, lists and maps only. Tags, anchors and aliases are refused; depth and digits are bounded.
 """
@@ -12,7 +12,7 @@ from pinarm.errors import InputError, Location, PinarmError
 
 MAX_DEPTH = 50
 MAX_VALUES = 50_000
-"""Read in half a second."""
+"""Largest number of values; they are read in half a second."""
 MAX_DIGITS = 400
 """Python refuses to convert integers beyond 4300 digits; no float needs more than this."""
 
@@ -36,7 +36,7 @@ class Builder:
         source: Its name in messages.
 
     Attributes:
-        places: Path of keys and indices -> location of the value; a list or map in a map stands where its key does.
+        places: Path of keys and indices -> location of the value; that of a list or map in a map is its key's.
         keys: Path -> location of the key.
     """
 
@@ -53,7 +53,7 @@ class Builder:
         """Return the data.
 
         Raises:
-            InputError: The text is not YAML of the kind described above.
+            InputError: The text is not the accepted subset of YAML.
         """
         import yaml
 
@@ -97,7 +97,7 @@ class Builder:
 
     def _scalar(self, event: Any) -> None:
         if any("\ud800" <= c <= "\udfff" for c in event.value):
-            raise self._refuse(event, "this holds half of a surrogate pair", "characters of Unicode")
+            raise self._refuse(event, "this contains half of a surrogate pair", "Unicode characters")
         container, path, pending = self.stack[-1] if self.stack else (None, (), [])
         if isinstance(container, dict) and not pending:
             if event.value in container:

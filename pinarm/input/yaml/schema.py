@@ -1,4 +1,4 @@
-"""The base of everything that is read from files: validated, immutable, and strict about units."""
+"""Base class and quantity types of everything that is read from files: validated, immutable, strict about units."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _folder: ContextVar[Path | None] = ContextVar("folder", default=None)
 
 @contextmanager
 def reading_from(folder: Path) -> Iterator[None]:
-    """Read what is built in the block as from a file of that folder: paths count from there, units are required."""
+    """Validate objects built in the block as content of a file in that folder: relative paths, units required."""
     token = _folder.set(folder)
     try:
         yield
@@ -29,15 +29,21 @@ def reading_from(folder: Path) -> Iterator[None]:
         _folder.reset(token)
 
 
-def folder_read() -> Path | None:
-    """Return the folder of the file that is being read; ``None`` where Python builds the objects."""
+def current_folder() -> Path | None:
+    """Return the folder of the file being read; ``None`` for objects built in Python."""
     return _folder.get()
 
 
 class Measured(float):
-    """A float in SI that remembers the unit it was written in; ``None`` where it was a bare number.
+    """A float in SI with the unit that it was written in.
 
-    Subclasses, made by ``quantity``, say what is expected of it.
+    Attributes:
+        unit: The unit as written; ``None`` for a bare number.
+        expected: Unit whose dimension it must have; ``None`` for any.
+        order: For fields of a law: order of the derivative of its value.
+        along: For fields of a law: power of the variable that the law runs along.
+        least: Lower bound in SI.
+        above: Strict lower bound in SI.
     """
 
     unit: Unit | None = None
@@ -49,16 +55,16 @@ class Measured(float):
 
     @classmethod
     def read(cls, value: object, *, bare: bool = True) -> Self:
-        """Read ``"30 deg"``, or a number in SI; where ``bare`` is false, only 0 goes without a unit.
+        """Read ``"30 deg"``, or a number in SI; where ``bare`` is false, only 0 needs no unit.
 
         Raises:
             UnitError: The unit is missing, unknown, or of another dimension.
-            InputError: It is no finite number, or out of bounds.
+            InputError: It is not a finite number, or out of bounds.
         """
         if isinstance(value, cls):
             return value
         if isinstance(value, bool) or not isinstance(value, str | int | float):
-            raise InputError("this is no quantity", expected="a number with a unit, such as '30 deg'")
+            raise InputError("this is not a quantity", expected="a number with a unit, such as '30 deg'")
         try:
             number, written = read_quantity(value) if isinstance(value, str) else (float(value), _unit_of(value))
         except OverflowError:
@@ -87,7 +93,7 @@ class Measured(float):
         return measured
 
     def check(self, expected: Unit) -> None:
-        """Raise where the unit that was written has another dimension than the expected one.
+        """Raise where the written unit has another dimension than the expected one.
 
         Raises:
             UnitError: The dimensions differ.
@@ -101,12 +107,11 @@ def _unit_of(value: object) -> Unit | None:
 
 
 def quantity(text: str = "", **expected: float | None) -> Any:
-    """Return the annotation of a quantity.
+    """Return the annotation of a quantity: a subclass of ``Measured``.
 
     Args:
-        text: A unit whose dimension it must have; any where it is empty.
-        expected: ``least`` or ``above``, bounds in SI; for the fields of a law ``order``, which derivative of its value
-            it is, or ``along``, which power of what the law runs along.
+        text: Unit whose dimension it must have; any dimension if empty.
+        expected: ``least``, ``above``, ``order`` or ``along``; see ``Measured``.
     """
     return type("Measured", (Measured,), {"expected": unit(text) if text else None, **expected})
 
@@ -123,28 +128,28 @@ Stiffness, Damping = quantity("N/m", least=0.0), quantity("N*s/m", least=0.0)
 RotationStiffness, RotationDamping = quantity("N*m/rad", least=0.0), quantity("N*m*s/rad", least=0.0)
 
 
-class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """An immutable piece of input; keys it does not know are errors."""
+class InputStruct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """An immutable part of an input file; unknown keys are errors."""
 
     def __post_init__(self) -> None:
-        """Hold what Python gave to the annotations, as files are held to them; then check what the class adds."""
-        if folder_read() is None:
+        """Validate values given in Python against the annotations, as those from files are; then run ``check``."""
+        if current_folder() is None:
             for field in _fields(type(self)):
                 given = getattr(self, field.name)
-                held = hold(given, field)
-                if held is not given:
-                    msgspec.structs.force_setattr(self, field.name, held)
+                value = validated(given, field)
+                if value is not given:
+                    msgspec.structs.force_setattr(self, field.name, value)
         self.check()
 
     def check(self) -> None:
-        """Check what annotations cannot say; raise an InputError."""
+        """Check what annotations cannot express; raise an InputError."""
 
 
-def hold(value: object, field: msgspec.structs.FieldInfo) -> object:
-    """Return a value as its field wants it.
+def validated(value: object, field: msgspec.structs.FieldInfo) -> object:
+    """Return a value converted to the type of its field.
 
     Raises:
-        InputError: It does not fit.
+        InputError: It is not of this type.
     """
     plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
     try:
@@ -152,25 +157,25 @@ def hold(value: object, field: msgspec.structs.FieldInfo) -> object:
     except msgspec.ValidationError as error:
         cause = error.__cause__
         if isinstance(cause, PinarmError):
-            said = f"{field.encode_name}: {cause.message}"
-            raise type(cause)(said, expected=cause.expected, hint=cause.hint, location=cause.location) from None
+            message = f"{field.encode_name}: {cause.message}"
+            raise type(cause)(message, expected=cause.expected, hint=cause.hint, location=cause.location) from None
         raise InputError(f"{field.encode_name}: {error}".replace("`", "")) from None
 
 
 def convert(kind: type, value: object) -> object:
-    """Turn plain data into the types that msgspec does not know."""
+    """Convert plain data into types that msgspec does not know; its ``dec_hook``."""
     if issubclass(kind, Measured):
-        return kind.read(value, bare=folder_read() is None)
+        return kind.read(value, bare=current_folder() is None)
     raise NotImplementedError(kind)
 
 
 @cache
-def _fields(model: type[Model]) -> tuple[msgspec.structs.FieldInfo, ...]:
-    return msgspec.structs.fields(model)
+def _fields(struct: type[InputStruct]) -> tuple[msgspec.structs.FieldInfo, ...]:
+    return msgspec.structs.fields(struct)
 
 
 def check_unit(value: float, expected: Unit) -> None:
-    """Check the unit that a value was written in; plain numbers have none.
+    """Check the unit of a value; plain numbers have none and pass.
 
     Raises:
         UnitError: It has another dimension.
@@ -180,10 +185,10 @@ def check_unit(value: float, expected: Unit) -> None:
 
 
 def check_each(values: Sequence[float], *expected: Unit) -> None:
-    """Check the units that the values of a list were written in, each against its own.
+    """Check the units of the values of a list, each against its own.
 
     Raises:
-        UnitError: One has another dimension.
+        UnitError: A unit has another dimension.
     """
     for index, (value, wanted) in enumerate(zip(values, expected, strict=True)):
         with within(index):
@@ -191,14 +196,14 @@ def check_each(values: Sequence[float], *expected: Unit) -> None:
 
 
 @cache
-def measured_fields(model: type[Model]) -> dict[str, type[Measured]]:
-    """Return the fields of a class that hold one quantity each, with what is expected of them."""
-    found = {}
-    for field in _fields(model):
+def measured_fields(struct: type[InputStruct]) -> dict[str, type[Measured]]:
+    """Return the fields of a struct that are one quantity each, with their types."""
+    fields = {}
+    for field in _fields(struct):
         for kind in _members(field.type):
             if isinstance(kind, type) and issubclass(kind, Measured):
-                found[field.name] = kind
-    return found
+                fields[field.name] = kind
+    return fields
 
 
 def _members(annotation: Any) -> tuple[Any, ...]:
@@ -206,8 +211,8 @@ def _members(annotation: Any) -> tuple[Any, ...]:
 
 
 def json_schema(kind: type) -> dict[str, object]:
-    """Return the JSON Schema of a quantity: a number, or text with a unit."""
+    """Return the JSON Schema of a quantity: a number, or a text with a unit."""
     if not issubclass(kind, Measured):
         raise NotImplementedError(kind)
-    described = f"a quantity in {kind.expected}" if kind.expected else "a number with its unit"
-    return {"anyOf": [{"type": "number"}, {"type": "string"}], "description": described}
+    description = f"a quantity in {kind.expected}" if kind.expected else "a number with its unit"
+    return {"anyOf": [{"type": "number"}, {"type": "string"}], "description": description}

@@ -1,4 +1,4 @@
-"""Turning a validation error into the words of a user of scenario files, with the exact place and a suggestion."""
+"""Validation errors in the terms of input files, with the exact location and a suggestion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Literal, Union, get_args, get_origin
 import msgspec
 
 from pinarm.errors import InputError, PinarmError, choices
-from pinarm.input.yaml.schema import Model, convert
+from pinarm.input.yaml.schema import InputStruct, convert
 
 Keys = tuple[str | int, ...]
 _STEP = re.compile(r"\.(?P<key>[^.\[\]]+)|\[(?P<index>\d+)\]|\[(?P<any>\.\.\.)\]")
@@ -24,49 +24,49 @@ _WORDS = {
 }
 
 
-def failing_path(error: msgspec.ValidationError, data: Any, model: type[Model]) -> Keys:
-    """Return the keys and indices that lead to a mistake.
+def failing_path(error: msgspec.ValidationError, data: Any, struct: type[InputStruct]) -> Keys:
+    """Return the keys and indices of the value that fails.
 
-    The error names fields and indices, but not the keys of maps: those are found by trying the map with one key a time.
+    msgspec names fields and indices, but not the keys of maps: those are found by validating the map key by key.
     """
     _, _, text = str(error).rpartition(" - at `$")
     path: list[str | int] = []
     for step in _STEP.finditer(text.rstrip("`")):
         if step["any"]:
-            path.append(_failing_key(str(error), data, path, model))
+            path.append(_failing_key(str(error), data, path, struct))
         else:
             path.append(int(step["index"]) if step["index"] else step["key"])
     return tuple(path)
 
 
-def _failing_key(message: str, data: Any, path: list[str | int], model: type[Model]) -> str:
+def _failing_key(message: str, data: Any, path: list[str | int], struct: type[InputStruct]) -> str:
     node = _at(data, path)
     for key, value in node.items():
         try:
-            msgspec.convert(_replaced(data, path, {key: value}), model, dec_hook=convert)
+            msgspec.convert(_replaced(data, path, {key: value}), struct, dec_hook=convert)
         except msgspec.ValidationError as error:
             if str(error) == message:
                 return str(key)
     return str(next(iter(node)))
 
 
-def explain(error: msgspec.ValidationError, data: Any, path: Keys, model: type[Model]) -> PinarmError:
-    """Return the error to raise for a mistake at a path of the data."""
+def explain(error: msgspec.ValidationError, data: Any, path: Keys, struct: type[InputStruct]) -> PinarmError:
+    """Return the error to raise for the value at a path."""
     cause, (message, _, _) = error.__cause__, str(error).partition(" - at `$")
     if isinstance(cause, PinarmError):
         mistake = type(cause)(cause.message, expected=cause.expected, hint=cause.hint, location=cause.location)
         mistake.path = cause.path
         return mistake
-    if found := re.fullmatch(r"Object contains unknown field `(.*)`", message, re.DOTALL):
-        expected, hint = choices(found[1], _keys(model, data, path), most=40)
-        return InputError(f"unknown key '{found[1]}'", expected=expected, hint=hint)
-    if found := re.fullmatch(r"Object missing required field `(.*)`", message):
-        what = ": it says which kind this is" if found[1] in _tags(model, data, path) else ""
-        return InputError(f"the key '{found[1]}' is missing{what}")
-    if found := re.fullmatch(r"Invalid (?:enum )?value (.*)", message, re.DOTALL):
-        names = _values(model, data, path)
-        expected, hint = choices(found[1].strip("'"), names, most=40)
-        return InputError(f"unknown {path[-1] if path else 'value'} {found[1]}", expected=expected, hint=hint)
+    if match := re.fullmatch(r"Object contains unknown field `(.*)`", message, re.DOTALL):
+        expected, hint = choices(match[1], _keys(struct, data, path), most=40)
+        return InputError(f"unknown key '{match[1]}'", expected=expected, hint=hint)
+    if match := re.fullmatch(r"Object missing required field `(.*)`", message):
+        what = ": it says which kind this is" if match[1] in _tags(struct, data, path) else ""
+        return InputError(f"the key '{match[1]}' is missing{what}")
+    if match := re.fullmatch(r"Invalid (?:enum )?value (.*)", message, re.DOTALL):
+        names = _values(struct, data, path)
+        expected, hint = choices(match[1].strip("'"), names, most=40)
+        return InputError(f"unknown {path[-1] if path else 'value'} {match[1]}", expected=expected, hint=hint)
     wanted, _, found_kind = message.removeprefix("Expected ").partition(", got ")
     shown = _at(data, list(path))
     expected, what = _in_words(wanted), _in_words(found_kind) or repr(shown)[:40]
@@ -75,20 +75,20 @@ def explain(error: msgspec.ValidationError, data: Any, path: Keys, model: type[M
 
 
 def _in_words(kinds: str) -> str:
-    """Return the kinds that an error names in the words of a file's author."""
+    """Replace msgspec's type names in an error by words for authors of files."""
     return re.sub(
         r"`([^`]*)`", lambda m: " or ".join(_WORDS.get(k, k) for k in m[1].split(" | ") if k != "null"), kinds
     )
 
 
 def unknown_key(error: msgspec.ValidationError) -> tuple[str, ...]:
-    """Return the key that an error is about, as a path of one step; empty where it is about a value."""
-    found = re.match(r"Object contains unknown field `(.*?)`( - at|$)", str(error), re.DOTALL)
-    return (found[1],) if found else ()
+    """Return the unknown key of an error as a path of one step; empty where the error is about a value."""
+    match = re.match(r"Object contains unknown field `(.*?)`( - at|$)", str(error), re.DOTALL)
+    return (match[1],) if match else ()
 
 
 def _kinds(annotation: Any, data: Any, path: Keys) -> Iterator[Any]:
-    """Yield the annotations that may hold at a path."""
+    """Yield the annotations that apply at a path."""
     if hasattr(annotation, "__metadata__"):
         annotation = annotation.__origin__
     if get_origin(annotation) in (Union, UnionType):
@@ -101,7 +101,7 @@ def _kinds(annotation: Any, data: Any, path: Keys) -> Iterator[Any]:
         return
     first, rest = path[0], path[1:]
     inner = _at(data, [first])
-    if isinstance(annotation, type) and issubclass(annotation, Model):
+    if isinstance(annotation, type) and issubclass(annotation, InputStruct):
         for field in msgspec.structs.fields(annotation):
             if field.encode_name == first:
                 yield from _kinds(field.type, inner, rest)
@@ -110,39 +110,39 @@ def _kinds(annotation: Any, data: Any, path: Keys) -> Iterator[Any]:
 
 
 def _is_other(member: Any, data: Any) -> bool:
-    """Tell whether a union's member is excluded by the tag in the data."""
-    if not (isinstance(member, type) and issubclass(member, Model) and isinstance(data, dict)):
+    """Return whether a member of a union is excluded by the tag in the data."""
+    if not (isinstance(member, type) and issubclass(member, InputStruct) and isinstance(data, dict)):
         return False
     config = member.__struct_config__
     return config.tag_field in data and data[config.tag_field] != config.tag
 
 
-def _structs(model: type[Model], data: Any, path: Keys) -> list[type[Model]]:
-    return [kind for kind in _kinds(model, data, path) if isinstance(kind, type) and issubclass(kind, Model)]
+def _structs(struct: type[InputStruct], data: Any, path: Keys) -> list[type[InputStruct]]:
+    return [kind for kind in _kinds(struct, data, path) if isinstance(kind, type) and issubclass(kind, InputStruct)]
 
 
-def _keys(model: type[Model], data: Any, path: Keys) -> list[str]:
+def _keys(struct: type[InputStruct], data: Any, path: Keys) -> list[str]:
     names: list[str] = []
-    for struct in _structs(model, data, path):
-        names += [field.encode_name for field in msgspec.structs.fields(struct)]
-        names += [struct.__struct_config__.tag_field] if struct.__struct_config__.tag_field else []
+    for kind in _structs(struct, data, path):
+        names += [field.encode_name for field in msgspec.structs.fields(kind)]
+        names += [kind.__struct_config__.tag_field] if kind.__struct_config__.tag_field else []
     return names
 
 
-def _tags(model: type[Model], data: Any, path: Keys) -> list[str]:
-    return [str(struct.__struct_config__.tag_field) for struct in _structs(model, data, path)]
+def _tags(struct: type[InputStruct], data: Any, path: Keys) -> list[str]:
+    return [str(kind.__struct_config__.tag_field) for kind in _structs(struct, data, path)]
 
 
-def _values(model: type[Model], data: Any, path: Keys) -> list[str]:
-    """Return what may stand at a path: the tags of a union, or literals."""
-    kinds = [kind for kind in _kinds(model, data, path) if get_origin(kind) is Literal]
+def _values(struct: type[InputStruct], data: Any, path: Keys) -> list[str]:
+    """Return the values allowed at a path: tags of a union, or literals."""
+    kinds = [kind for kind in _kinds(struct, data, path) if get_origin(kind) is Literal]
     names = [str(literal) for kind in kinds for literal in get_args(kind)]
     if path:
         without = {key: value for key, value in _at(data, list(path[:-1])).items() if key != path[-1]}
         replaced = _replaced(data, list(path[:-1]), without)
-        for struct in _structs(model, replaced, path[:-1]):
-            if struct.__struct_config__.tag_field == path[-1]:
-                names.append(str(struct.__struct_config__.tag))
+        for kind in _structs(struct, replaced, path[:-1]):
+            if kind.__struct_config__.tag_field == path[-1]:
+                names.append(str(kind.__struct_config__.tag))
     return names
 
 

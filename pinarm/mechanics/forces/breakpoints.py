@@ -16,7 +16,7 @@ SLIVER = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """The stretches of a coordinate or a velocity w on which a load is one smooth function of it.
+    """The intervals of a coordinate or a velocity w on which a load is one smooth function of it.
 
     Attributes:
         bounds: Where one meets the next, ascending, shape (k,); those from 0 on of the first period where they repeat.

@@ -19,13 +19,13 @@ from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import (
     AnyQuantity,
     Damping,
-    Model,
+    InputStruct,
     RotationDamping,
     RotationStiffness,
     Stiffness,
     check_unit,
 )
-from pinarm.mechanics.forces.force_element import ForceElement, Measure
+from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
 from pinarm.mechanics.geometry.deflection import REACH, Deflection
 from pinarm.mechanics.joints import METRE, RADIAN, Joint, frames_of
 
@@ -128,7 +128,7 @@ class LinearBushing(ForceElement):
         turned, most = (f"{math.degrees(angle):.4g} deg" for angle in (theta, REACH))
         return f"its frames {self.between} are turned by {turned} to one another, and a bushing acts up to {most}"
 
-    def measures(self) -> Mapping[str, Measure]:
+    def measures(self) -> Mapping[str, ElementQuantity]:
         """Return how far frame 2 is from frame 1, and what the first link does to the second, all in world axes.
 
         ``displacement`` of the second origin from the first, ``rotation`` vector of the second frame in the first,
@@ -136,7 +136,9 @@ class LinearBushing(ForceElement):
         """
         units = (METRE, RADIAN, unit("N"), unit("N*m"))
         named = zip(("displacement", "rotation", "force", "moment"), units, strict=True)
-        return {name: Measure(each, partial(self._in_world, k), vector=True) for k, (name, each) in enumerate(named)}
+        return {
+            name: ElementQuantity(each, partial(self._in_world, k), vector=True) for k, (name, each) in enumerate(named)
+        }
 
     @property
     def description(self) -> str:
@@ -211,7 +213,7 @@ def _rows(values: Array) -> Array:
     return values.reshape(-1, values.shape[-1])
 
 
-class SpringRates(Model, frozen=True):
+class SpringRates(InputStruct, frozen=True):
     """The stiffness of a bushing: a symmetric matrix of six rows.
 
     Attributes:
@@ -229,7 +231,7 @@ class SpringRates(Model, frozen=True):
         _matrix(self, DIMENSIONLESS)
 
 
-class DampingRates(Model, frozen=True):
+class DampingRates(InputStruct, frozen=True):
     """The damping of a bushing: a symmetric matrix of six rows.
 
     Attributes:
@@ -247,7 +249,7 @@ class DampingRates(Model, frozen=True):
         _matrix(self, unit("s"))
 
 
-class Bushing(Model, frozen=True, tag_field="kind", tag="bushing"):
+class Bushing(InputStruct, frozen=True, tag_field="kind", tag="bushing"):
     """Stiffness and damping in six directions between the frames of two links, free where they coincide.
 
     With the axes halfway between the two frames, d the displacement of the second from the first along them, and phi

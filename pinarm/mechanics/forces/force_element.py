@@ -15,7 +15,7 @@ from pinarm.mechanics.laws.motion_law import MotionLaw
 
 
 @dataclass(frozen=True)
-class Measure:
+class ElementQuantity:
     """Something of a force element that can be asked over the rows of a run, as ``force.NAME.MEASURE``.
 
     Attributes:
@@ -63,7 +63,7 @@ class ForceElement(ABC):
         return []
 
     def on(self, start: float, end: float) -> ForceElement:
-        """Return the element as it is on a stretch of time in which no law jumps."""
+        """Return the element as it is on an interval of time in which no law jumps."""
         return self
 
     @property
@@ -87,7 +87,7 @@ class ForceElement(ABC):
         """
         return {}
 
-    def measures(self) -> Mapping[str, Measure]:
+    def measures(self) -> Mapping[str, ElementQuantity]:
         """Return what can be asked of the element by name, beside its power."""
         return {}
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, unit
-from pinarm.input.yaml.schema import AnyQuantity, Extent, Model, NotNegative, Positive, check_each, check_unit
+from pinarm.input.yaml.schema import AnyQuantity, Extent, InputStruct, NotNegative, Positive, check_each, check_unit
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.joints import METRE, Joint, joint_of
 from pinarm.mechanics.laws import Law
@@ -25,7 +25,7 @@ def effort_unit(joint: Joint) -> Unit:
     return unit("N") if joint.unit == METRE else unit("N*m")
 
 
-class JointSpring(Model, frozen=True, tag_field="kind", tag="joint_spring"):
+class JointSpring(InputStruct, frozen=True, tag_field="kind", tag="joint_spring"):
     """Spring and damper between a joint's two links."""
 
     joint: str
@@ -45,7 +45,7 @@ class JointSpring(Model, frozen=True, tag_field="kind", tag="joint_spring"):
                             self.rest * one)  # fmt: skip
 
 
-class JointFriction(Model, frozen=True, tag_field="kind", tag="joint_friction"):
+class JointFriction(InputStruct, frozen=True, tag_field="kind", tag="joint_friction"):
     """Dry friction between a joint's two links, regularised: see ``DryFriction``."""
 
     joint: str
@@ -61,7 +61,7 @@ class JointFriction(Model, frozen=True, tag_field="kind", tag="joint_friction"):
         return DryFriction(np.array([joint.v]), np.array([float(self.friction)]), np.array([float(self.creep)]))
 
 
-class JointEffort(Model, frozen=True, tag_field="kind", tag="joint_effort"):
+class JointEffort(InputStruct, frozen=True, tag_field="kind", tag="joint_effort"):
     """Torque or force at a joint, over time or over the coordinate of a joint.
 
     Attributes:
@@ -102,7 +102,7 @@ class JointEffort(Model, frozen=True, tag_field="kind", tag="joint_effort"):
         return ProfiledEffort(joint.v, along.q, Profile.of(self.effort, self.period))
 
 
-class TorqueSpeed(Model, frozen=True, tag_field="kind", tag="torque_speed"):
+class TorqueSpeed(InputStruct, frozen=True, tag_field="kind", tag="torque_speed"):
     """A motor's curve at its joint: pairs of velocity and effort."""
 
     joint: str
@@ -130,7 +130,7 @@ def _joint(joints: Mapping[str, Joint], name: str) -> Joint:
         return joint_of(joints, name)
 
 
-def _check(keys: Model, **expected: Unit) -> None:
+def _check(keys: InputStruct, **expected: Unit) -> None:
     for name, measured in expected.items():
         with within(name):
             check_unit(getattr(keys, name), measured)

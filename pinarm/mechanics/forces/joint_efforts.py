@@ -24,7 +24,7 @@ class AppliedEffort(ForceElement):
     Attributes:
         v: Index in v.
         law: The effort [N*m or N] over time.
-        function: The smooth piece of the law on the present stretch.
+        function: The smooth piece of the law on the present interval.
         constant: Its value there if it is constant.
     """
 
@@ -55,7 +55,7 @@ class AppliedEffort(ForceElement):
         return [self.law]
 
     def on(self, start: float, end: float) -> AppliedEffort:
-        """Return the element with the piece of its law on the stretch."""
+        """Return the element with the piece of its law on the interval."""
         constant = float(self.law.value) if isinstance(self.law, Constant) else None
         return replace(self, function=self.law.on(start, end), constant=constant)
 
@@ -63,7 +63,7 @@ class AppliedEffort(ForceElement):
         if self.constant is not None:
             return self.constant
         if self.function is None:
-            raise ValueError("a law is evaluated on a stretch of time: take the element's on(start, end)")
+            raise ValueError("a law is evaluated on an interval of time: take the element's on(start, end)")
         return self.function(np.asarray(t, float))[0]
 
 

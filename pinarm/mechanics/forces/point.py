@@ -14,10 +14,10 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import DynamicsError, within
 from pinarm.input.units import DIMENSIONLESS, unit
-from pinarm.input.yaml.schema import Damping, Force, Length, Model, Moment, Stiffness
-from pinarm.mechanics.forces.force_element import ForceElement, Measure
+from pinarm.input.yaml.schema import Damping, Force, InputStruct, Length, Moment, Stiffness
+from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
 from pinarm.mechanics.geometry.vectors import combined, cross, dot
-from pinarm.mechanics.joints import METRE, Joint, frame_of, frames_of, spelled
+from pinarm.mechanics.joints import METRE, Joint, format_configuration, frame_of, frames_of
 from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, Values
 
@@ -47,7 +47,7 @@ class AppliedWrench(ForceElement):
         axes: Index of the frame in whose axes it is given.
         wrench: [force; moment] [N, N*m], shape (6,).
         law: Factor over time.
-        function: The smooth piece of the law on the present stretch.
+        function: The smooth piece of the law on the present interval.
         data: Buffers of its own.
     """
 
@@ -102,7 +102,7 @@ class AppliedWrench(ForceElement):
         return [self.law]
 
     def on(self, start: float, end: float) -> AppliedWrench:
-        """Return the element with the piece of its law on the stretch."""
+        """Return the element with the piece of its law on the interval."""
         return replace(self, function=self.law.on(start, end))
 
     def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
@@ -120,7 +120,7 @@ class AppliedWrench(ForceElement):
 
     def _factor(self, t: Array | float) -> Array:
         if self.function is None:
-            raise ValueError("a law is evaluated on a stretch of time: take the element's on(start, end)")
+            raise ValueError("a law is evaluated on an interval of time: take the element's on(start, end)")
         return self.function(np.asarray(t, float))[0]
 
 
@@ -185,11 +185,11 @@ class TwoPointSpring(ForceElement):
             found[joint] = found.get(joint, np.zeros(6)) + np.concatenate([force, cross(point, force)])
         return found
 
-    def measures(self) -> Mapping[str, Measure]:
+    def measures(self) -> Mapping[str, ElementQuantity]:
         """Return its length, and its tension, positive where it pulls."""
         return {
-            "length": Measure(METRE, lambda t, q, v: self._lines(q)[0]),
-            "tension": Measure(unit("N"), self._tensions),
+            "length": ElementQuantity(METRE, lambda t, q, v: self._lines(q)[0]),
+            "tension": ElementQuantity(unit("N"), self._tensions),
         }
 
     @property
@@ -249,7 +249,7 @@ class TwoPointSpring(ForceElement):
 
     def _meeting(self, q: Array) -> DynamicsError:
         said = f"the points {self._named} of a two-point spring meet: its direction is undetermined"
-        return DynamicsError(f"{said} where {spelled(self.model, q)}", q=q)
+        return DynamicsError(f"{said} where {format_configuration(self.model, q)}", q=q)
 
 
 End = Callable[[Array], tuple[Array, Array]]
@@ -270,7 +270,7 @@ def _end(model: pin.Model, data: pin.Data, index: int) -> End:
     return moving
 
 
-class Wrench(Model, frozen=True, tag_field="kind", tag="wrench"):
+class Wrench(InputStruct, frozen=True, tag_field="kind", tag="wrench"):
     """Force and moment at the origin of a link.
 
     Attributes:
@@ -299,7 +299,7 @@ class Wrench(Model, frozen=True, tag_field="kind", tag="wrench"):
         return AppliedWrench(model, frame, axes, wrench, self.factor, model.createData())
 
 
-class PointSpring(Model, frozen=True, tag_field="kind", tag="point_spring"):
+class PointSpring(InputStruct, frozen=True, tag_field="kind", tag="point_spring"):
     """Spring, damper and constant pull between the origins of two links."""
 
     between: tuple[str, str]

@@ -1,9 +1,9 @@
 """Open chains between two frames of a tree, at many configurations at once.
 
-The chain from frame 1 to frame 2 runs along the tree: against the joints up to the common ancestor, with them down from
-there. Seen from frame 1 it is a serial arm on a fixed base, with the twist of frame 2 in frame 1 as its own. So only
-the joints between the frames matter, and all vectors are in the axes of frame 1, in which a loop joint says what it
-holds.
+The chain from frame 1 to frame 2 follows the tree: from frame 1 towards the root, against the direction of the joints,
+to the common ancestor, and from there with it to frame 2. Seen from frame 1 it is a serial arm on a fixed base that
+ends at frame 2. So only the joints between the frames matter, and all vectors are in the axes of frame 1, in which the
+rows of a loop joint are defined.
 
 Arrays have the configurations along their last axis, so that numpy works on long rows: n of them, or 1 where a vector
 is the same in all, such as the axes of a planar mechanism.
@@ -21,21 +21,21 @@ from pinarm.arrays import Array
 from pinarm.mechanics.geometry.vectors import Axes, combined, cross, dot
 
 ROUNDING = 1e-15
-"""What rounding leaves of 0 and 1 in the rotation matrices of a model; taken away, such products cost nothing."""
+"""Deviation from 0 and 1 in rotation matrices of a model that is rounding; removed, it leaves exact products."""
 
 FIXED = tuple(np.eye(3)[:, :, None])
-"""The axes of frame 1 in themselves."""
+"""The axes of frame 1 in frame 1, each of shape (3, 1)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A joint of a chain; its axis is the z axis of a frame of its own.
+    """A joint of a chain, with a frame whose z axis is the joint axis.
 
     Attributes:
-        index: Place of its coordinate in q and v.
-        turns: Whether it turns about its axis; otherwise it slides along it.
-        shift: From the stage before, in the axes there [m], shape (3,).
-        turn: Axes of this stage in those of the stage before, as columns, shape (3, 3).
+        index: Index of its coordinate in q and v.
+        turns: True for a revolute joint, False for a prismatic one.
+        shift: Origin in the axes of the stage before [m], shape (3,).
+        turn: Axes in those of the stage before, as columns, shape (3, 3).
     """
 
     index: int
@@ -46,11 +46,11 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """The joints between two frames, all of them revolute or prismatic, at the same places in q and in v.
+    """The joints between two frames, all revolute or prismatic, each with one index in q and v.
 
     Attributes:
-        stages: From frame 1 to frame 2.
-        shift: From the last stage to frame 2 [m], shape (3,).
+        stages: Joints from frame 1 to frame 2.
+        shift: Origin of frame 2 in the axes of the last stage [m], shape (3,).
         turn: Axes of frame 2 in those of the last stage, as columns, shape (3, 3).
     """
 
@@ -60,11 +60,11 @@ class Chain:
 
     @classmethod
     def between(cls, model: pin.Model, first: int, second: int) -> Chain | None:
-        """Return the chain between two frames; ``None`` where there is another kind of joint in it."""
-        one, two = model.frames[first], model.frames[second]
-        up, down = (list(model.supports[frame.parentJoint]) for frame in (one, two))
+        """Return the chain between two frames; ``None`` where it contains another kind of joint."""
+        start, end = model.frames[first], model.frames[second]
+        up, down = (list(model.supports[frame.parentJoint]) for frame in (start, end))
         path = [(j, -1.0) for j in reversed(up) if j not in down] + [(j, 1.0) for j in down if j not in up]
-        stages, between, axes = [], one.placement.inverse(), np.eye(3)
+        stages, between, axes = [], start.placement.inverse(), np.eye(3)
         for joint, direction in path:
             screw = _screw(model.joints[joint])
             if screw is None or model.joints[joint].idx_q != model.joints[joint].idx_v:
@@ -76,11 +76,11 @@ class Chain:
             stages.append(Stage(int(model.joints[joint].idx_v), turns, axes.T @ between.translation, turn))
             between = pin.SE3.Identity() if direction > 0.0 else model.jointPlacements[joint].inverse()
             axes = own
-        between = between * two.placement
+        between = between * end.placement
         return cls(tuple(stages), axes.T @ between.translation, _rounded(axes.T @ between.rotation))
 
     def placed(self, q: Array, cosine: Array, sine: Array) -> Placed:
-        """Return where everything is.
+        """Return the placements of the stages and of frame 2 in frame 1, stage by stage: ``R <- R turn Rz(q)``.
 
         Args:
             q: Configurations, shape (nv, n): all joints have one coordinate.
@@ -107,14 +107,14 @@ class Chain:
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A chain at many configurations; all vectors are in the axes of frame 1.
+    """A chain at n configurations; all vectors are in the axes of frame 1.
 
     Attributes:
         chain: The chain.
-        p: Place of the origin of frame 2 [m], shape (3, n).
+        p: Origin of frame 2 [m], shape (3, n).
         axes: Axes of frame 2, each of shape (3, n).
-        screws: Axis of every stage, shape (3, n).
-        arms: From the origin of every stage to that of frame 2 [m], shape (3, n).
+        screws: Joint axis of every stage, shape (3, n).
+        arms: Vector from the origin of every stage to that of frame 2 [m], shape (3, n).
     """
 
     chain: Chain
@@ -125,23 +125,23 @@ class Placed:
 
     @cached_property
     def travels(self) -> list[Array]:
-        """Velocity of the origin of frame 2 for every stage at velocity 1, shape (3, n)."""
+        """Velocity of the origin of frame 2 for unit velocity of every stage: ``z x r`` or ``z``, shape (3, n)."""
         parts = zip(self.chain.stages, self.screws, self.arms, strict=True)
         return [cross(screw, arm) if stage.turns else screw for stage, screw, arm in parts]
 
     def along(self, e: Array) -> dict[int, Array]:
-        """Return the row of ``e . p'``: place in v -> coefficient, shape (n,); e has the shape (3, n)."""
+        """Return the row of ``e . p'``: index in v -> coefficient, shape (n,); e has the shape (3, n)."""
         return _present(
             {stage.index: dot(e, travel) for stage, travel in zip(self.chain.stages, self.travels, strict=True)}
         )
 
     def about(self, w: Array) -> dict[int, Array]:
-        """Return the row of ``w . omega``: place in v -> coefficient, shape (n,); w has the shape (3, n)."""
+        """Return the row of ``w . omega``: index in v -> coefficient, shape (n,); w has the shape (3, n)."""
         turning = [(stage, screw) for stage, screw in zip(self.chain.stages, self.screws, strict=True) if stage.turns]
         return _present({stage.index: dot(w, screw) for stage, screw in turning})
 
     def rates(self, v: Array) -> tuple[Array, Array, Array, Array]:
-        """Return how frame 2 moves in frame 1 under velocities v of the joints, shape (nv, n), without accelerations.
+        """Return the motion of frame 2 in frame 1 for joint velocities v, shape (nv, n), and zero joint accelerations.
 
         From stage to stage, over an arm r and with the joint's velocity u along its axis z:
         ``p' += omega x r``, ``p'' += omega' x r + omega x (omega x r)``, then for a joint that turns
@@ -169,12 +169,12 @@ class Placed:
 
 
 def _present(row: dict[int, Array]) -> dict[int, Array]:
-    """Return a row without the coefficients that are 0 in all configurations."""
+    """Return a row without coefficients that are 0 in all configurations."""
     return {index: x for index, x in row.items() if len(x) > 1 or x[0]}
 
 
 def _screw(joint: pin.JointModel) -> tuple[bool, Array] | None:
-    """Return whether a joint turns, and its axis in its own frame; ``None`` if it does neither that nor slide."""
+    """Return whether a joint is revolute, and its axis in joint axes; ``None`` if neither revolute nor prismatic."""
     if joint.nq != 1 or joint.nv != 1:
         return None
     data = joint.createData()
@@ -185,13 +185,13 @@ def _screw(joint: pin.JointModel) -> tuple[bool, Array] | None:
 
 
 def _with_z_along(axis: Array) -> Array:
-    """Return a rotation matrix whose third column is an axis, shape (3, 3); exact for the axes of coordinates."""
+    """Return a rotation matrix whose third column is an axis, shape (3, 3); exact for coordinate axes."""
     k = int(np.abs(axis).argmax())
-    one = np.zeros(3)
-    one[(k + 1) % 3] = 1.0
-    one -= (one @ axis) * axis
-    one /= np.linalg.norm(one)
-    return np.column_stack([one, np.cross(axis, one), axis])
+    normal = np.zeros(3)
+    normal[(k + 1) % 3] = 1.0
+    normal -= (normal @ axis) * axis
+    normal /= np.linalg.norm(normal)
+    return np.column_stack([normal, np.cross(axis, normal), axis])
 
 
 def _rounded(turn: Array) -> Array:

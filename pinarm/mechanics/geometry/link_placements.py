@@ -1,4 +1,4 @@
-"""Where the links of a mechanism are, and how they move, at many configurations."""
+"""Placements and motions of all links at many configurations, and transformations of wrenches on them."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from pinarm.mechanics.geometry.vectors import crossed
 
 
 @dataclass(frozen=True, eq=False)
-class Links:
-    """The placements of the joints' frames in the world, one of each link, at n configurations.
+class LinkPlacements:
+    """World placements of the joint frames, one for each link, at n configurations.
 
     Attributes:
         model: Pinocchio's model.
-        turns: Rotation matrices, columns the axes of the joints, shape (n, njoints, 3, 3).
-        places: Origins [m], shape (n, njoints, 3).
+        turns: Rotation matrices R, columns are the joint axes in world axes, shape (n, njoints, 3, 3).
+        places: Origins p in the world [m], shape (n, njoints, 3).
     """
 
     model: pin.Model = field(repr=False)
@@ -26,37 +26,43 @@ class Links:
     places: Array
 
     @classmethod
-    def at(cls, model: pin.Model, q: Array) -> Links:
+    def at(cls, model: pin.Model, q: Array) -> LinkPlacements:
         """Return the placements at configurations, shape (n, nq)."""
         data, shape = model.createData(), (len(q), model.njoints)
         turns, places = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
-        for k, one in enumerate(q):
-            pin.forwardKinematics(model, data, one)
+        for k, configuration in enumerate(q):
+            pin.forwardKinematics(model, data, configuration)
             joints = data.oMi.tolist()
             turns[k], places[k] = [joint.rotation for joint in joints], [joint.translation for joint in joints]
         return cls(model, turns, places)
 
-    def some(self, rows: Indices) -> Links:
+    def some(self, rows: Indices) -> LinkPlacements:
         """Return the placements at some of the configurations."""
-        return Links(self.model, self.turns[rows], self.places[rows])
+        return LinkPlacements(self.model, self.turns[rows], self.places[rows])
 
     def frame(self, index: int) -> tuple[Array, Array]:
-        """Return the rotation matrices, shape (n, 3, 3), and the origins, shape (n, 3), of a frame."""
-        one = self.model.frames[index]
-        turn, place = self.turns[:, one.parentJoint], self.places[:, one.parentJoint]
-        return turn @ one.placement.rotation, place + turn @ one.placement.translation
+        """Return the rotation matrices, shape (n, 3, 3), and the origins [m], shape (n, 3), of a frame of the model."""
+        frame = self.model.frames[index]
+        turn, place = self.turns[:, frame.parentJoint], self.places[:, frame.parentJoint]
+        return turn @ frame.placement.rotation, place + turn @ frame.placement.translation
 
     def inwards(self, wrenches: Array) -> Array:
-        """Return wrenches on the links in their own frames, shape (n, njoints, 6), from those at the world's origin."""
+        """Return wrenches [f; m] in link frames from those at the world origin: ``R^T f``, ``R^T (m - p x f)``.
+
+        Shape (n, njoints, 6).
+        """
         forces = wrenches[..., :3]
         return self._turned(forces, wrenches[..., 3:] - crossed(self.places, forces), self.turns.swapaxes(-1, -2))
 
     def outwards(self, wrenches: Array) -> Array:
-        """Return wrenches at the joints' origins in world axes, shape (n, njoints, 6), from those in their own."""
+        """Return wrenches [f; m] at the joint origins in world axes from those in link axes, shape (n, njoints, 6)."""
         return self._turned(wrenches[..., :3], wrenches[..., 3:], self.turns)
 
     def at_world(self, wrenches: Array) -> Array:
-        """Return wrenches at the world's origin, shape (.., n, njoints, 6), from those in the links' own frames."""
+        """Return wrenches [f; m] at the world origin from those in link frames: ``R f``, ``R m + p x R f``.
+
+        Shape (.., n, njoints, 6).
+        """
         forces, moments = np.matvec(self.turns, wrenches[..., :3]), np.matvec(self.turns, wrenches[..., 3:])
         return np.concatenate([forces, moments + crossed(self.places, forces)], axis=-1)
 
@@ -64,8 +70,8 @@ class Links:
         return np.concatenate([np.matvec(turns, forces), np.matvec(turns, moments)], axis=-1)
 
 
-def moving(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[Links, Array, Array, Array]:
-    """Return where links are, their twists, the rates of these, and the Jacobian, by forward kinematics.
+def moving(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, Array, Array, Array]:
+    """Return the placements of links, their twists, the time derivatives of these, and the world Jacobian.
 
     Args:
         model: Pinocchio's model.
@@ -74,26 +80,29 @@ def moving(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[Links, Array
         a: Accelerations, shape (n, nv).
 
     Returns:
-        The links; their twists and rates in their own frames, each of shape (n, njoints, 6); and the columns of all
-        joints, twists in the world's frame, shape (n, 6, nv).
+        The placements; twists and their derivatives in link frames, each of shape (n, njoints, 6); and the columns of
+        the joints as twists in the world frame, shape (n, 6, nv).
     """
     data, shape = model.createData(), (len(q), model.njoints)
     turns, places = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
     twists, rates, columns = np.empty((*shape, 6)), np.empty((*shape, 6)), np.empty((len(q), 6, model.nv))
-    for k, (one, velocity, acceleration) in enumerate(zip(q, v, a, strict=True)):
-        pin.computeJointJacobians(model, data, one)
-        pin.forwardKinematics(model, data, one, velocity, acceleration)
+    for k, (configuration, velocity, acceleration) in enumerate(zip(q, v, a, strict=True)):
+        pin.computeJointJacobians(model, data, configuration)
+        pin.forwardKinematics(model, data, configuration, velocity, acceleration)
         joints, columns[k] = data.oMi.tolist(), data.J.reshape(6, -1)
         turns[k], places[k] = [joint.rotation for joint in joints], [joint.translation for joint in joints]
-        twists[k], rates[k] = [one.vector for one in data.v.tolist()], [one.vector for one in data.a.tolist()]
-    return Links(model, turns, places), twists, rates, columns
+        twists[k], rates[k] = (
+            [motion.vector for motion in data.v.tolist()],
+            [motion.vector for motion in data.a.tolist()],
+        )
+    return LinkPlacements(model, turns, places), twists, rates, columns
 
 
 def supports(model: pin.Model) -> Flags:
-    """Return which velocities move which links, shape (njoints, nv)."""
-    found = np.zeros((model.njoints, model.nv), dtype=bool)
+    """Return which velocities move which links, shape (njoints, nv): row j is true for all joints up to joint j."""
+    moves = np.zeros((model.njoints, model.nv), dtype=bool)
     for k, (parent, joint) in enumerate(zip(model.parents, model.joints, strict=True)):
         if k:
-            found[k] = found[parent]
-            found[k, joint.idx_v : joint.idx_v + joint.nv] = True
-    return found
+            moves[k] = moves[parent]
+            moves[k, joint.idx_v : joint.idx_v + joint.nv] = True
+    return moves

@@ -1,4 +1,4 @@
-"""The laws of motion that a file may give, one family a module. A new law is one class and one entry in ``Law``."""
+"""Laws of motion, one family in each module. A new law is a class in one of them and an entry in ``composed.Law``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Laws made of other laws, and the union of them all."""
+"""Laws composed of other laws, and the union of all laws."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
-from pinarm.input.yaml.schema import Abscissa, Extent, Level, Model, check_unit
+from pinarm.input.yaml.schema import Abscissa, Extent, InputStruct, Level, check_unit
 from pinarm.mechanics.laws.interpolated import SpeedPoints, Spline, Steps, Table
-from pinarm.mechanics.laws.motion_law import RENAMED, SECOND, MotionLaw, Piece, Values, polynomial
+from pinarm.mechanics.laws.motion_law import FILE_KEYS, SECOND, MotionLaw, Piece, Values, polynomial
 from pinarm.mechanics.laws.rest_to_rest import Cycloidal, Polynomial, SCurve, Trapezoid
 from pinarm.mechanics.laws.steady import Constant, ConstantAcceleration, ConstantSpeed, Harmonic
 
 
-class Segment(Model, frozen=True):
-    """A law for a while.
+class Segment(InputStruct, frozen=True):
+    """A law over a limited time.
 
     Attributes:
-        duration: How long [s].
-        motion: The law, in a time of its own that begins at 0.
+        duration: Duration [s].
+        motion: The law, in its own time that begins at 0.
     """
 
     duration: Extent
     motion: Law
 
 
-class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rename=RENAMED):
-    """Laws end to end: each begins where the one before has come to, and its speed must be that of the one before.
+class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rename=FILE_KEYS):
+    """Laws end to end; value and speed are continuous where one takes over from another.
 
-    A law whose own values begin at 0 counts from there; one that begins elsewhere has to begin there, as a constant
-    has to stay there. After the last one the speed stays what it is.
+    A law whose own value begins at 0 is shifted to the value reached before it; any other law, and a constant, must
+    begin at that value. After the last law the speed stays constant.
 
     Attributes:
-        segments: The laws.
-        start: Value at the beginning; that of the first law where it is left out.
-        begin: When the first one begins.
+        segments: The laws, each with its duration.
+        start: Initial value; that of the first law if ``None``.
+        begin: Time at which the first law begins [s].
     """
 
     segments: Annotated[list[Segment], msgspec.Meta(min_length=1)]
@@ -57,18 +57,18 @@ class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rena
                 segment.motion.check_units(of, along)
 
     def check(self) -> None:
-        """Refuse laws that do not follow one another."""
+        """Refuse laws with a jump of value or speed between them."""
         self.pieces()
 
     def pieces(self) -> Sequence[Piece]:
-        """Return the pieces of all the laws, moved in time and value."""
+        """Return the pieces of all laws, shifted in time and value."""
         t, v, now = float(self.begin), 0.0, np.array([0.0])
-        first = self.segments[0].motion.settled
-        s = float(own_piece(first, 0.0)(now)[0][0]) if self.start is None else float(self.start)
-        found, size = [_rest_at(t, s)], abs(s)
+        first = self.segments[0].motion.smooth_pieces
+        s = float(piece_after(first, 0.0)(now)[0][0]) if self.start is None else float(self.start)
+        pieces, size = [_rest_at(t, s)], abs(s)
         for row, segment in enumerate(self.segments):
-            own = segment.motion.settled
-            value, speed = (float(part[0]) for part in own_piece(own, 0.0)(now)[:2])
+            own = segment.motion.smooth_pieces
+            value, speed = (float(part[0]) for part in piece_after(own, 0.0)(now)[:2])
             with within("segments", row, "motion"):
                 if abs(speed - v) > CONTINUOUS * max(abs(speed), abs(v)):
                     raise InputError(f"the speed jumps from {v:.6g} to {speed:.6g} where segment {row + 1} begins")
@@ -77,26 +77,26 @@ class Succession(MotionLaw, frozen=True, tag_field="law", tag="succession", rena
             for piece in own:
                 low, high = max(piece.start, 0.0), min(piece.end, segment.duration)
                 if low < high:
-                    found.append(Piece(t + low, t + high, _moved(piece.function, t, s - value)))
-            s, v = (float(part[0]) for part in found[-1].function(np.array([t + segment.duration]))[:2])
+                    pieces.append(Piece(t + low, t + high, _moved(piece.function, t, s - value)))
+            s, v = (float(part[0]) for part in pieces[-1].function(np.array([t + segment.duration]))[:2])
             t, size = t + segment.duration, max(size, abs(s))
-        return [*found, Piece(t, math.inf, polynomial(t, s, v))]
+        return [*pieces, Piece(t, math.inf, polynomial(t, s, v))]
 
 
 CONTINUOUS = 1e-9
-"""Relative difference of values and speeds that rounding explains where one law takes over from another."""
+"""Relative difference of values and speeds between consecutive laws that is attributed to rounding."""
 
 
 def _check_reached(value: float, reached: float, size: float) -> None:
-    """Raise where a law begins elsewhere than at the value that those before it have come to.
+    """Raise where a law does not begin at the value that the laws before it reached.
 
     Raises:
-        InputError: Says both.
+        InputError: Names both values.
     """
     if abs(value - reached) > CONTINUOUS * max(abs(value), size):
         raise InputError(
-            f"the law begins at {value:.6g}, but those before it have come to {reached:.6g}",
-            expected=f"one that begins at {reached:.6g}, or, unless it is constant, at 0 to count from there",
+            f"the law begins at {value:.6g}, but the laws before it end at {reached:.6g}",
+            expected=f"a law that begins at {reached:.6g}, or one, not constant, that begins at 0 and is added to it",
         )
 
 
@@ -104,8 +104,8 @@ def _rest_at(end: float, value: float) -> Piece:
     return Piece(-math.inf, end, polynomial(0.0, value))
 
 
-def own_piece(pieces: Sequence[Piece], t: float) -> Callable[[Array], Values]:
-    """Return the piece that holds just after an instant."""
+def piece_after(pieces: Sequence[Piece], t: float) -> Callable[[Array], Values]:
+    """Return the function of the piece that is valid just after t."""
     return next(piece.function for piece in pieces if t < piece.end)
 
 

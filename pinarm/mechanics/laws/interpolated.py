@@ -1,4 +1,4 @@
-"""Laws through points: given in the file, or in a table beside it."""
+"""Laws through points, given in the scenario or in a CSV table."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, UnitError, within
-from pinarm.input.roots import inside, root_of
+from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import Unit
-from pinarm.input.yaml.schema import Abscissa, Level, Rate, check_each, folder_read
-from pinarm.mechanics.laws.motion_law import RENAMED, SECOND, MotionLaw, Piece, Values, polynomial
+from pinarm.input.yaml.schema import Abscissa, Level, Rate, check_each, current_folder
+from pinarm.mechanics.laws.motion_law import FILE_KEYS, SECOND, MotionLaw, Piece, Values, polynomial
 
 
-class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", rename=RENAMED):
-    """Speed linear between given instants, constant before the first and after the last; ``from`` at the first.
+class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", rename=FILE_KEYS):
+    """Speed linear between points, constant before the first and after the last; the value at the first is ``from``.
 
     The acceleration jumps at every point.
     """
@@ -28,7 +28,7 @@ class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", r
     start: Level = 0.0
 
     def check(self) -> None:
-        """Refuse instants that do not ascend, and too few of them."""
+        """Refuse too few points, and instants that do not increase."""
         check_ascending([t for t, _ in self.points], 1)
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
@@ -39,18 +39,18 @@ class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", r
     def pieces(self) -> Sequence[Piece]:
         """Return constant speed, a parabola between each two points, constant speed."""
         (t, v), s = self.points[0], float(self.start)
-        found = [Piece(-math.inf, t, polynomial(t, s, v))]
+        pieces = [Piece(-math.inf, t, polynomial(t, s, v))]
         for (t0, v0), (t1, v1) in pairwise(self.points):
-            found.append(Piece(t0, t1, polynomial(t0, s, v0, (v1 - v0) / (t1 - t0) / 2)))
+            pieces.append(Piece(t0, t1, polynomial(t0, s, v0, (v1 - v0) / (t1 - t0) / 2)))
             s += (v0 + v1) / 2 * (t1 - t0)
         t, v = self.points[-1]
-        return [*found, Piece(t, math.inf, polynomial(t, s, v))]
+        return [*pieces, Piece(t, math.inf, polynomial(t, s, v))]
 
 
 class Steps(MotionLaw, frozen=True, tag_field="law", tag="steps"):
-    """Constant from each instant to the next, as of a motor that is switched on and off: for efforts and forces.
+    """Piecewise constant values, such as of a motor that is switched on and off: for efforts and forces.
 
-    The first value holds before its instant too, and the last for ever.
+    Each value holds from its instant to the next; the first also before its instant, the last for all later times.
 
     Attributes:
         points: Instants and values.
@@ -59,7 +59,7 @@ class Steps(MotionLaw, frozen=True, tag_field="law", tag="steps"):
     points: list[tuple[Abscissa, Level]]
 
     def check(self) -> None:
-        """Refuse instants that do not ascend, and none at all."""
+        """Refuse an empty list, and instants that do not increase."""
         check_ascending([t for t, _ in self.points], 1)
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
@@ -73,19 +73,19 @@ class Steps(MotionLaw, frozen=True, tag_field="law", tag="steps"):
         return [Piece(start, end, level) for (start, end), level in zip(pairwise(bounds), levels, strict=True)]
 
 
-class Spline(MotionLaw, frozen=True, tag_field="law", tag="spline", rename=RENAMED):
+class Spline(MotionLaw, frozen=True, tag_field="law", tag="spline", rename=FILE_KEYS):
     """Cubic spline through points, s'' continuous inside, with given speeds at its ends; constant speed beyond them.
 
     Attributes:
         points: Instants and values.
-        speeds: At the first and the last point; at rest where they are left out.
+        speeds: At the first and the last point; 0 by default.
     """
 
     points: list[tuple[Abscissa, Level]]
     speeds: tuple[Rate, Rate] = (0.0, 0.0)
 
     def check(self) -> None:
-        """Refuse instants that do not ascend, and too few of them."""
+        """Refuse too few points, and instants that do not increase."""
         check_ascending([t for t, _ in self.points], 2)
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
@@ -107,40 +107,40 @@ class Table(MotionLaw, frozen=True, tag_field="law", tag="table"):
 
     Attributes:
         file: The table, relative to the file that names it.
-        speeds: At the first and the last row, and beyond them; at rest where they are left out, which bends a motion
-            that is not.
+        speeds: At the first and the last row, and beyond them; 0 by default, which distorts a motion that does not
+            rest there.
     """
 
     file: str
     speeds: tuple[Rate, Rate] = (0.0, 0.0)
 
     def check(self) -> None:
-        """Read the table, so that its mistakes are found with those of the file that names it."""
-        folder = folder_read() or Path(self.file).absolute().parent
+        """Read the table, so that its errors are reported with those of the file that names it."""
+        folder = current_folder() or Path(self.file).absolute().parent
         with within("file"):
-            path = inside((folder / self.file).absolute(), root_of(folder))
+            path = contained_file((folder / self.file).absolute(), root_of(folder))
             msgspec.structs.force_setattr(self, "file", str(path))
-            read_once(self.file)
+            cached_table(self.file)
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
         """Check the column's unit and the end speeds; see ``MotionLaw.check_units``."""
-        _, _, *units = read_once(self.file)
-        for column, (found, wanted) in enumerate(zip(units, (along, of), strict=True), 1):
-            if found.dimension != wanted.dimension:
+        _, _, *units = cached_table(self.file)
+        for column, (written, wanted) in enumerate(zip(units, (along, of), strict=True), 1):
+            if written.dimension != wanted.dimension:
                 with within("file"):
-                    said = f"column {column} of the table {Path(self.file).name} is in {found}"
-                    raise UnitError(said, expected=f"a unit such as {wanted}")
+                    message = f"column {column} of the table {Path(self.file).name} is in {written}"
+                    raise UnitError(message, expected=f"a unit such as {wanted}")
         with within("speeds"):
             check_each(self.speeds, of / along, of / along)
 
     def pieces(self) -> Sequence[Piece]:
         """Return constant speed, the spline, constant speed."""
-        times, values, _, _ = read_once(self.file)
+        times, values, _, _ = cached_table(self.file)
         return spline_pieces(np.array(times), np.array(values), self.speeds)
 
 
-def read_once(path: str) -> tuple[tuple[float, ...], tuple[float, ...], Unit, Unit]:
-    """Return the two columns of a table and their units; it is read again only when the file has changed."""
+def cached_table(path: str) -> tuple[tuple[float, ...], tuple[float, ...], Unit, Unit]:
+    """Return the two columns of a table in SI and their units; cached until the file changes."""
     from pinarm.input.motion_tables import read_table
 
     state = Path(path).stat()
@@ -176,10 +176,10 @@ def check_points(points: Sequence[tuple[float, float]], along: Unit, of: Unit) -
 
 
 def check_ascending(times: Sequence[float], least: int) -> None:
-    """Raise where there are too few points, or they do not ascend.
+    """Raise where there are too few points, or their instants do not increase.
 
     Raises:
-        InputError: Names the first that does not.
+        InputError: Names the first point that does not.
     """
     if len(times) < least:
         raise InputError(f"{len(times)} points are too few", expected=f"at least {least}")

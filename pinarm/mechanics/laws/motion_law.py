@@ -1,7 +1,7 @@
-"""Laws of motion: a value with its first and second derivative, exact, over time or over a coordinate.
+"""Laws of motion: a value s with its exact first and second derivatives, over time or over a coordinate.
 
 A law is a sequence of smooth pieces. At a jump of any derivative each side has its own piece, valid up to and including
-the instant of the jump, so that "just before" and "just after" are both well-defined numbers.
+the instant of the jump, so that the values just before and just after it are both defined.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, unit
-from pinarm.input.yaml.schema import Model, check_unit, measured_fields
+from pinarm.input.yaml.schema import InputStruct, check_unit, measured_fields
 
-RENAMED = {"start": "from", "end": "to"}
-"""Keys of files that are words of Python."""
+FILE_KEYS = {"start": "from", "end": "to"}
+"""Field -> key in files, where the key is a Python keyword or would shadow one of its meanings."""
 
 Values = tuple[Array, Array, Array]
 """s, s' and s'' at the same instants, each of shape (n,)."""
@@ -30,20 +30,20 @@ Values = tuple[Array, Array, Array]
 SECOND = unit("s")
 
 ROUNDING = 1e-12
-"""Instants that differ by less, relative to the duration, are one instant."""
+"""Difference of instants, relative to the duration, below which they are the same instant."""
 
 JUMP = 1e-9
-"""Two sides that differ by less, relative to the size of s, s' or s'', are one value, computed twice."""
+"""Difference of two sides, relative to the size of s, s' or s'', below which there is no jump."""
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A smooth stretch of a law.
+    """A smooth interval of a law.
 
     Attributes:
-        start: First instant [s]; ``-inf`` where it has always been so.
+        start: First instant [s]; may be ``-inf``.
         end: Last instant [s].
-        function: Instants, shape (n,), to s, s', s''.
+        function: ``t -> s, s', s''``, each of shape (n,).
     """
 
     start: float
@@ -51,7 +51,7 @@ class Piece:
     function: Callable[[Array], Values]
 
     def size(self) -> Array:
-        """Return how large |s|, |s'| and |s''| become, roughly, shape (3,)."""
+        """Return estimates of the largest |s|, |s'| and |s''|, from 9 samples, shape (3,)."""
         ends = [end for end in (self.start, self.end) if math.isfinite(end)] or [0.0]
         return np.asarray(np.abs(np.array(self.function(np.linspace(ends[0], ends[-1], 9)))).max(axis=1))
 
@@ -76,16 +76,16 @@ def _horner(c: Array, x: Array) -> Array:
     return total
 
 
-class MotionLaw(Model, frozen=True, dict=True):
-    """Base of the laws: their fields say which derivative of the coordinate they measure, ``pieces`` what they do."""
+class MotionLaw(InputStruct, frozen=True, dict=True):
+    """Abstract law: the annotations of its fields give their units, ``pieces`` gives the law."""
 
     @abstractmethod
     def pieces(self) -> Sequence[Piece]:
-        """Return the smooth pieces, end to end, from ``-inf`` to ``inf``."""
+        """Return the smooth pieces in order, which together cover ``-inf`` to ``inf``."""
 
     @cached_property
-    def settled(self) -> Sequence[Piece]:
-        """The pieces, made once."""
+    def smooth_pieces(self) -> Sequence[Piece]:
+        """The pieces, computed once."""
         return self.pieces()
 
     def check_units(self, of: Unit, along: Unit = SECOND) -> None:
@@ -99,7 +99,7 @@ class MotionLaw(Model, frozen=True, dict=True):
             UnitError: A field has another dimension.
         """
         for name, kind in measured_fields(type(self)).items():
-            with within(RENAMED.get(name, name)):
+            with within(FILE_KEYS.get(name, name)):
                 if kind.order is not None:
                     check_unit(getattr(self, name), of / along**kind.order if kind.order else of)
                 elif kind.along is not None:
@@ -107,19 +107,19 @@ class MotionLaw(Model, frozen=True, dict=True):
 
     def breakpoints(self) -> list[float]:
         """Return the instants at which one piece meets the next [s]."""
-        return [piece.start for piece in self.settled[1:]]
+        return [piece.start for piece in self.smooth_pieces[1:]]
 
     def jumps(self) -> list[float]:
-        """Return the breakpoints at which s, s' or s'' itself jumps, not only a higher derivative."""
+        """Return the breakpoints at which s, s' or s'' jumps, not only a higher derivative [s]."""
         return [t for t, jumping in self._jumping() if jumping.any()]
 
-    def leaps(self) -> list[float]:
-        """Return the breakpoints at which s itself jumps: a load may, a position never."""
+    def value_jumps(self) -> list[float]:
+        """Return the breakpoints at which s itself jumps [s]: allowed for a load, not for a position."""
         return [t for t, jumping in self._jumping() if jumping[0]]
 
     def _jumping(self) -> Iterator[tuple[float, Flags]]:
         """Yield the breakpoints, and which of s, s' and s'' jump there."""
-        for before, after in pairwise(self.settled):
+        for before, after in pairwise(self.smooth_pieces):
             instant = np.array([after.start])
             left, right = np.array(before.function(instant)), np.array(after.function(instant))
             size = np.maximum(before.size(), after.size())
@@ -132,31 +132,31 @@ class MotionLaw(Model, frozen=True, dict=True):
             along: Unit of what the law runs along.
 
         Raises:
-            InputError: Says where the first one is.
+            InputError: Names the instant of the first one.
         """
-        for t in self.leaps():
+        for t in self.value_jumps():
             raise InputError(
                 f"the value jumps at {t:.6g} {along}",
-                expected="a law without jumps: those are for loads over time",
+                expected="a law without jumps (only loads over time may jump)",
             )
 
     def on(self, start: float, end: float) -> Callable[[Array], Values]:
         """Return the smooth function that holds between two neighbouring breakpoints, both ends included."""
-        place = bisect_left(self.settled, 0.5 * (start + end), key=lambda piece: piece.end)
-        return self.settled[place].function
+        place = bisect_left(self.smooth_pieces, 0.5 * (start + end), key=lambda piece: piece.end)
+        return self.smooth_pieces[place].function
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Instants at which a problem is solved, cut into stretches on which every law is one smooth piece.
+    """Instants at which a problem is solved, divided into intervals on which every law is one smooth piece.
 
-    An instant at which s, s' or s'' of a law jumps stands twice: as the end of one stretch and as the start of the
-    next. Other cuts, where pieces meet smoothly, need no row of their own; a stretch between them may have no row.
+    An instant at which s, s' or s'' of a law jumps has two rows: the end of one interval and the start of the next.
+    Other cuts, where pieces meet smoothly, have no row of their own; an interval between them may have no row.
 
     Attributes:
         t: Instants [s], or values of the coordinate swept, shape (n,).
-        cuts: Bounds of the stretches, shape (m + 1,).
-        rows: First row of each stretch, and n; shape (m + 1,).
+        cuts: Bounds of the intervals, shape (m + 1,).
+        rows: First row of each interval, and n; shape (m + 1,).
     """
 
     t: Array
@@ -170,7 +170,7 @@ class Grid:
         Args:
             t: Instants, shape (n,).
             laws: Their breakpoints cut the grid.
-            jumps: Further instants at which something jumps.
+            jumps: Further instants of jumps.
         """
         first, last = float(t[0]), float(t[-1])
         laws = list(laws)
@@ -184,8 +184,8 @@ class Grid:
         rows = np.cumsum([0, *(len(part) for part in parts)])
         return cls(np.concatenate(parts), cuts, tuple(int(row) for row in rows))
 
-    def stretches(self) -> list[tuple[float, float, slice]]:
-        """Return start, end and rows of every stretch."""
+    def intervals(self) -> list[tuple[float, float, slice]]:
+        """Return start, end and rows of every interval."""
         return [
             (start, end, slice(low, high))
             for (start, end), (low, high) in zip(pairwise(self.cuts), pairwise(self.rows), strict=True)
@@ -193,25 +193,25 @@ class Grid:
 
     def evaluate(self, law: MotionLaw) -> Values:
         """Return s, s', s'' of a law at every row, each side of a jump by its own piece."""
-        parts = [law.on(start, end)(self.t[rows]) for start, end, rows in self.stretches()]
+        parts = [law.on(start, end)(self.t[rows]) for start, end, rows in self.intervals()]
         s, ds, dds = (np.concatenate([part[k] for part in parts]) for k in range(3))
         return s, ds, dds
 
     def part(self, first: int, last: int) -> Grid:
-        """Return the stretches from the first to the last of the given indices."""
+        """Return the intervals from the first to the last of the given indices."""
         low, high = self.rows[first], self.rows[last + 1]
         rows = tuple(row - low for row in self.rows[first : last + 2])
         return Grid(self.t[low:high], self.cuts[first : last + 2], rows)
 
     def until(self, end: float) -> Grid:
         """Return the grid up to an instant, which becomes its last cut."""
-        kept = [(start, min(stop, end), rows) for start, stop, rows in self.stretches() if start < end or start == stop]
+        kept = [(start, min(stop, end), rows) for start, stop, rows in self.intervals() if start < end or start == stop]
         ends = [rows.start + int((self.t[rows] <= end).sum()) for _, _, rows in kept]
         return Grid(self.t[: ends[-1]], (self.cuts[0], *(stop for _, stop, _ in kept)), (0, *ends))
 
 
 def _rows_between(t: Array, start: float, end: float, doubled: set[float], slack: float) -> Array:
-    """Return the instants of one stretch: its ends where they stand twice, and what was asked for in between."""
+    """Return the rows of one interval: its ends where they have two rows, and the requested instants between them."""
     below = t < end - slack if end in doubled else t <= end + slack
     inside = t[(t > start + slack) & below]
     return np.concatenate([[start] if start in doubled else [], inside, [end] if end in doubled else []])

@@ -1,6 +1,7 @@
-"""Laws over a coordinate instead of over time, as of a cam: profiles, alone or driven by a law over time.
+"""Laws over a coordinate instead of over time, such as cam profiles, alone or driven by a law over time.
 
-With the profile f and the law w(t) of what drives it: ``s = f(w)``, ``s' = f'(w) w'``, ``s'' = f'' w'^2 + f' w''``.
+With the profile f and the law w(t) of the driving coordinate:
+``s = f(w)``, ``s' = f'(w) w'``, ``s'' = f'' w'^2 + f' w''``.
 """
 
 from __future__ import annotations
@@ -17,30 +18,30 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
-from pinarm.input.yaml.schema import Extent, Model, check_unit
+from pinarm.input.yaml.schema import Extent, InputStruct, check_unit
 from pinarm.mechanics.laws.composed import CONTINUOUS, Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, Piece, Values
 
 SAMPLES = 2049
-"""Instants at which a smooth piece of the driving law is looked at for where it turns back."""
+"""Samples of a smooth piece of the driving law in the search for its reversals."""
 
 HALVINGS = 60
-"""Of a bracket around an instant: it ends at the digits of a double."""
+"""Bisections of a bracket: enough to reach the resolution of a double."""
 
-SAME = 1e-12
-"""Distance from a breakpoint, relative to the size of the breakpoints, that is still on it."""
+ON_BREAKPOINT = 1e-12
+"""Distance from a breakpoint, relative to the size of the breakpoints, below which a value is on it."""
 
 MANY = 10_000
-"""Most breakpoints that a driven profile may pass."""
+"""Largest number of breakpoints that a driven profile may pass."""
 
 
 @dataclass(frozen=True)
 class Profile:
-    """A law over a coordinate, evaluated wherever the coordinate may be.
+    """A law f(w) over a coordinate w, repeated with a period if there is one.
 
     Attributes:
-        pieces: Its smooth pieces, end to end; those of the first period where it repeats.
-        period: After which it repeats [rad or m]; infinite where it does not.
+        pieces: Smooth pieces in order; those of the first period where it repeats.
+        period: Period [rad or m]; infinite where it does not repeat.
     """
 
     pieces: tuple[Piece, ...]
@@ -48,31 +49,31 @@ class Profile:
 
     @classmethod
     def of(cls, law: MotionLaw, period: float | None = None) -> Profile:
-        """Return the profile that a law describes from 0 to its period, or everywhere."""
+        """Return the profile of a law, taken from 0 to the period if there is one."""
         if period is None:
-            return cls(tuple(law.settled))
-        inside = [piece for piece in law.settled if piece.end > 0.0 and piece.start < period]
+            return cls(tuple(law.smooth_pieces))
+        inside = [piece for piece in law.smooth_pieces if piece.end > 0.0 and piece.start < period]
         return cls(tuple(Piece(max(p.start, 0.0), min(p.end, period), p.function) for p in inside), period)
 
     def __call__(self, w: Array) -> Values:
-        """Return f, f' and f'' at values of the coordinate, each of the shape of w."""
+        """Return f, f' and f'' at values w of the coordinate, each of the shape of w."""
         x = self._folded(w)
-        found = np.empty((3, *x.shape))
+        values = np.empty((3, *x.shape))
         place = np.searchsorted([piece.end for piece in self.pieces[:-1]], x)
         for index in np.unique(place):
-            held = place == index
-            found[:, held] = self.pieces[index].function(x[held])
-        return found[0], found[1], found[2]
+            inside = place == index
+            values[:, inside] = self.pieces[index].function(x[inside])
+        return values[0], values[1], values[2]
 
     def _folded(self, w: Array) -> Array:
         w = np.asarray(w, float)
         return w if self.period == math.inf else w - self.period * np.floor(w / self.period)
 
     def breaks(self, low: float, high: float) -> Array:
-        """Return where pieces meet between two values of the coordinate, ascending.
+        """Return the breakpoints between two values of the coordinate, ascending.
 
         Raises:
-            InputError: There are too many.
+            InputError: There are more than ``MANY``.
         """
         own = np.array([piece.start for piece in self.pieces if math.isfinite(piece.start)])
         if self.period < math.inf and math.isfinite(low) and math.isfinite(high):
@@ -84,23 +85,23 @@ class Profile:
         return own[(own > low) & (own < high)]
 
     def beside(self, middle: float, w: Array) -> Values:
-        """Return f, f' and f'' by the piece that holds at ``middle`` where w is on it or at its ends, else by value."""
+        """Return f, f' and f'' at w by the piece at ``middle`` where w lies on it, otherwise by the piece at w."""
         turn = middle - float(self._folded(np.array(middle)))
         piece = self.pieces[int(np.searchsorted([piece.end for piece in self.pieces[:-1]], middle - turn))]
         x = np.asarray(w, float) - turn
-        slack = SAME * max(1.0, *(abs(end) for end in (piece.start, piece.end, turn) if math.isfinite(end)))
-        held = (x >= piece.start - slack) & (x <= piece.end + slack)
-        if held.all():
+        slack = ON_BREAKPOINT * max(1.0, *(abs(end) for end in (piece.start, piece.end, turn) if math.isfinite(end)))
+        inside = (x >= piece.start - slack) & (x <= piece.end + slack)
+        if inside.all():
             return piece.function(x)
-        found = np.array(self(w))
-        found[:, held] = piece.function(x[held])
-        return found[0], found[1], found[2]
+        values = np.array(self(w))
+        values[:, inside] = piece.function(x[inside])
+        return values[0], values[1], values[2]
 
     def check_closed(self) -> None:
-        """Refuse a profile whose value or slope is not the same at the end of its period as at its beginning.
+        """Refuse a profile whose value or slope differs between the beginning and the end of its period.
 
         Raises:
-            InputError: Says by how much they differ.
+            InputError: Names both values.
         """
         if self.period == math.inf:
             return
@@ -127,7 +128,7 @@ class Driven(MotionLaw, frozen=True):
         return self.parts
 
 
-class Over(Model, frozen=True, tag_field="law", tag="over"):
+class Over(InputStruct, frozen=True, tag_field="law", tag="over"):
     """The value of one coordinate as a function of another one that follows a law, such as of a cam and its follower.
 
     Attributes:
@@ -142,7 +143,7 @@ class Over(Model, frozen=True, tag_field="law", tag="over"):
     period: Extent | None = None
 
     def check(self) -> None:
-        """Refuse a profile that does not end its period as it begins."""
+        """Refuse a profile that is not continuous from one period to the next."""
         with within("period"):
             Profile.of(self.profile, self.period).check_closed()
 
@@ -162,10 +163,10 @@ class Over(Model, frozen=True, tag_field="law", tag="over"):
             check_unit(self.period or 0.0, along)
 
     def along(self, drive: MotionLaw, start: float, end: float) -> MotionLaw:
-        """Return the law over time that the profile makes of that of the other coordinate.
+        """Return the law over time ``s(t) = f(w(t))`` for the law w(t) of the other coordinate.
 
-        It is cut where the other coordinate passes a breakpoint of the profile between two instants; outside of them
-        it holds as well, but is not cut.
+        Between ``start`` and ``end`` it has a piece for each passage of w through a breakpoint of f; outside of them it
+        is valid as well, but not divided.
 
         Args:
             drive: Law of the other coordinate.
@@ -173,13 +174,13 @@ class Over(Model, frozen=True, tag_field="law", tag="over"):
             end: Last instant [s].
 
         Raises:
-            InputError: More breakpoints are passed than anyone would want.
+            InputError: More than ``MANY`` breakpoints are passed.
         """
         profile = Profile.of(self.profile, self.period)
         parts: list[Piece] = []
-        for piece in drive.settled:
+        for piece in drive.smooth_pieces:
             low, high = max(piece.start, start), min(piece.end, end)
-            cuts = passages(profile, piece.function, low, high) if low < high else []
+            cuts = passing_times(profile, piece.function, low, high) if low < high else []
             if len(parts) + len(cuts) > MANY:
                 raise InputError("the profile's breakpoints are passed too often", expected="a shorter motion")
             for first, last in pairwise([piece.start, *cuts, piece.end]):
@@ -189,7 +190,7 @@ class Over(Model, frozen=True, tag_field="law", tag="over"):
 
 
 def _chained(profile: Profile, drive: Callable[[Array], Values], middle: float) -> Callable[[Array], Values]:
-    """Return the profile along a drive, by the piece of the profile that holds at an instant in the middle."""
+    """Return ``f(w(t))`` with its derivatives, by the piece of f at the instant ``middle``."""
     between = float(drive(np.array([middle]))[0][0])
 
     def function(t: Array) -> Values:
@@ -200,7 +201,7 @@ def _chained(profile: Profile, drive: Callable[[Array], Values], middle: float) 
     return function
 
 
-def passages(profile: Profile, drive: Callable[[Array], Values], low: float, high: float) -> list[float]:
+def passing_times(profile: Profile, drive: Callable[[Array], Values], low: float, high: float) -> list[float]:
     """Return the instants between low and high at which a smooth motion passes breakpoints of a profile, ascending."""
     t = np.linspace(low, high, SAMPLES)
     speed = drive(t)[1]
@@ -209,14 +210,14 @@ def passages(profile: Profile, drive: Callable[[Array], Values], low: float, hig
     t = np.sort(np.concatenate([t, turns]))
     w = drive(t)[0]
     breaks = profile.breaks(float(w.min()), float(w.max()))
-    slack = SAME * max(1.0, float(np.abs(breaks).max(initial=0.0)))
-    found = []
+    slack = ON_BREAKPOINT * max(1.0, float(np.abs(breaks).max(initial=0.0)))
+    instants = []
     for place in breaks:
         side = np.where(np.abs(w - place) <= slack, 0.0, np.sign(w - place))
         off = np.flatnonzero(side)
         across = np.flatnonzero(side[off[:-1]] != side[off[1:]])
-        found.append(_halved(partial(_gap, drive, float(place)), t[off[across]], t[off[across + 1]]))
-    return sorted(float(instant) for instant in np.concatenate([np.zeros(0), *found]))
+        instants.append(_halved(partial(_gap, drive, float(place)), t[off[across]], t[off[across + 1]]))
+    return sorted(float(instant) for instant in np.concatenate([np.zeros(0), *instants]))
 
 
 def _gap(drive: Callable[[Array], Values], place: float, t: Array) -> Array:
@@ -224,7 +225,7 @@ def _gap(drive: Callable[[Array], Values], place: float, t: Array) -> Array:
 
 
 def _halved(function: Callable[[Array], Array], low: Array, high: Array) -> Array:
-    """Return where a function changes its sign between the ends of each bracket."""
+    """Return the sign changes of a function by bisection of brackets, shape (n,)."""
     first = np.sign(function(low)) if len(low) else low
     for _ in range(HALVINGS if len(low) else 0):
         middle = 0.5 * (low + high)
@@ -234,4 +235,4 @@ def _halved(function: Callable[[Array], Array], low: Array, high: Array) -> Arra
 
 
 Motion = Law | Over
-"""What a coordinate may follow."""
+"""The law of a coordinate: over time, or over another coordinate."""

@@ -11,14 +11,14 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.yaml.schema import Abscissa, Extent, Level, Rate, SecondRate, ThirdRate
-from pinarm.mechanics.laws.motion_law import RENAMED, ROUNDING, MotionLaw, Piece, Values, polynomial
+from pinarm.mechanics.laws.motion_law import FILE_KEYS, ROUNDING, MotionLaw, Piece, Values, polynomial
 
 
 def _rest_move_rest(begin: float, end: float, first: float, last: float, *moving: Piece) -> list[Piece]:
     return [Piece(-math.inf, begin, polynomial(0.0, first)), *moving, Piece(end, math.inf, polynomial(0.0, last))]
 
 
-class Trapezoid(MotionLaw, frozen=True, tag_field="law", tag="trapezoid", rename=RENAMED):
+class Trapezoid(MotionLaw, frozen=True, tag_field="law", tag="trapezoid", rename=FILE_KEYS):
     """From rest to rest with a trapezoid of speed; a triangle where the limit of speed is not reached or not given.
 
     Speeds up at ``acceleration`` to ``speed``, keeps it, slows down alike. The acceleration jumps four times (three for
@@ -54,7 +54,7 @@ class Trapezoid(MotionLaw, frozen=True, tag_field="law", tag="trapezoid", rename
         return _rest_move_rest(self.begin, t3, self.start, self.end, up, *level, down)
 
 
-class Polynomial(MotionLaw, frozen=True, tag_field="law", tag="polynomial", rename=RENAMED):
+class Polynomial(MotionLaw, frozen=True, tag_field="law", tag="polynomial", rename=FILE_KEYS):
     """From rest to rest along the polynomial of lowest degree whose derivatives vanish at both ends.
 
     With x = (t - begin)/duration: ``3 x^2 - 2 x^3`` (degree 3, the acceleration jumps at the ends),
@@ -88,7 +88,7 @@ class Polynomial(MotionLaw, frozen=True, tag_field="law", tag="polynomial", rena
         return _rest_move_rest(self.begin, stop, self.start, self.end, move)
 
 
-class Cycloidal(MotionLaw, frozen=True, tag_field="law", tag="cycloidal", rename=RENAMED):
+class Cycloidal(MotionLaw, frozen=True, tag_field="law", tag="cycloidal", rename=FILE_KEYS):
     """From rest to rest as a point of a rolling wheel: ``s = from + D (x - sin(2 pi x) / (2 pi))``.
 
     x = (t - begin)/duration and D = to - from. The acceleration is a sine and begins and ends at 0.
@@ -112,8 +112,8 @@ class Cycloidal(MotionLaw, frozen=True, tag_field="law", tag="cycloidal", rename
         return _rest_move_rest(self.begin, stop, self.start, self.end, Piece(self.begin, stop, function))
 
 
-class SCurve(MotionLaw, frozen=True, tag_field="law", tag="s_curve", rename=RENAMED):
-    """From rest to rest with a bounded jerk: seven stretches of constant jerk, fewer where a limit is not reached.
+class SCurve(MotionLaw, frozen=True, tag_field="law", tag="s_curve", rename=FILE_KEYS):
+    """From rest to rest with a bounded jerk: seven intervals of constant jerk, fewer where a limit is not reached.
 
     The acceleration is continuous. Limits of acceleration and speed that are left out do not bind.
     """
@@ -132,16 +132,16 @@ class SCurve(MotionLaw, frozen=True, tag_field="law", tag="s_curve", rename=RENA
             raise InputError("an s_curve that goes somewhere needs limits other than 0")
 
     def pieces(self) -> Sequence[Piece]:
-        """Return rest, the stretches of constant jerk that take any time, rest."""
+        """Return rest, the intervals of constant jerk that take any time, rest."""
         distance = self.end - self.start
         if distance == 0.0:
             return [Piece(-math.inf, math.inf, polynomial(0.0, self.start))]
         ramp, hold, cruise = self._durations(abs(distance))
         jerk = math.copysign(abs(self.jerk), distance)
-        stretches = [(ramp, jerk), (hold, 0.0), (ramp, -jerk), (cruise, 0.0), (ramp, -jerk), (hold, 0.0), (ramp, jerk)]
+        intervals = [(ramp, jerk), (hold, 0.0), (ramp, -jerk), (cruise, 0.0), (ramp, -jerk), (hold, 0.0), (ramp, jerk)]
         total = 4 * ramp + 2 * hold + cruise
         moving, t, state = [], self.begin, (self.start, 0.0, 0.0)
-        for duration, j in stretches:
+        for duration, j in intervals:
             if duration > ROUNDING * total:
                 s, v, a = state
                 function = polynomial(t, s, v, a / 2, j / 6)

@@ -9,10 +9,10 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.input.yaml.schema import Abscissa, Angle, Level, Pulsation, Rate, SecondRate
-from pinarm.mechanics.laws.motion_law import RENAMED, MotionLaw, Piece, Values, polynomial
+from pinarm.mechanics.laws.motion_law import FILE_KEYS, MotionLaw, Piece, Values, polynomial
 
 
-class Constant(MotionLaw, frozen=True, tag_field="law", tag="constant", rename=RENAMED):
+class Constant(MotionLaw, frozen=True, tag_field="law", tag="constant", rename=FILE_KEYS):
     """``s = value``, at rest."""
 
     value: Level
@@ -22,7 +22,7 @@ class Constant(MotionLaw, frozen=True, tag_field="law", tag="constant", rename=R
         return [Piece(-math.inf, math.inf, polynomial(0.0, self.value))]
 
 
-class ConstantSpeed(MotionLaw, frozen=True, tag_field="law", tag="constant_speed", rename=RENAMED):
+class ConstantSpeed(MotionLaw, frozen=True, tag_field="law", tag="constant_speed", rename=FILE_KEYS):
     """``s = from + speed (t - begin)``, for all t."""
 
     speed: Rate
@@ -34,7 +34,7 @@ class ConstantSpeed(MotionLaw, frozen=True, tag_field="law", tag="constant_speed
         return [Piece(-math.inf, math.inf, polynomial(self.begin, self.start, self.speed))]
 
 
-class ConstantAcceleration(MotionLaw, frozen=True, tag_field="law", tag="constant_acceleration", rename=RENAMED):
+class ConstantAcceleration(MotionLaw, frozen=True, tag_field="law", tag="constant_acceleration", rename=FILE_KEYS):
     """``s = from + speed (t - begin) + acceleration (t - begin)^2 / 2``, for all t."""
 
     acceleration: SecondRate
@@ -48,7 +48,7 @@ class ConstantAcceleration(MotionLaw, frozen=True, tag_field="law", tag="constan
         return [Piece(-math.inf, math.inf, function)]
 
 
-class Harmonic(MotionLaw, frozen=True, tag_field="law", tag="harmonic", rename=RENAMED):
+class Harmonic(MotionLaw, frozen=True, tag_field="law", tag="harmonic", rename=FILE_KEYS):
     """``s = mean + amplitude sin(pulsation (t - begin) + phase)``, for all t."""
 
     amplitude: Level

@@ -1,7 +1,7 @@
-"""MJCF text as a tree.
+"""Reader of MJCF models.
 
-Read here and not by Pinocchio's parser, which drops gravity, springs, couplings and every tree but the first, merges
-several joints of a body into one without their names, and opens any mesh. What is not read is refused or noted.
+Pinocchio's parser is not used: it drops gravity, springs, couplings and every tree but the first, merges several joints
+of a body into one without their names, and opens any mesh. What this reader does not support it refuses or notes.
 Coordinates are MuJoCo's, except that free and ball joints count from the pose in the file.
 """
 
@@ -16,18 +16,18 @@ import pinocchio as pin
 
 from pinarm.errors import ModelError
 from pinarm.mechanics.loading.mjcf_geoms import geom_inertia
-from pinarm.mechanics.loading.mjcf_joints import joint_chain, within
+from pinarm.mechanics.loading.mjcf_joints import elements_of, joint_chain
 from pinarm.mechanics.loading.mjcf_settings import Attributes, Settings, number, numbers
-from pinarm.mechanics.loading.model_tree import Mimic, Tree, TreeJoint, checked_mimics, defect, inertia, several
+from pinarm.mechanics.loading.model_tree import Mimic, Tree, TreeJoint, checked_mimics, inertia, inertia_defect, several
 
 WORLD = "world"
 GENERATED = ("replicate", "attach", "composite", "flexcomp", "flex", "plugin")
-"""Elements in place of which MuJoCo makes others."""
+"""Elements from which MuJoCo generates bodies."""
 
 
 @dataclass
 class _Reader:
-    """What is found on the way through the bodies."""
+    """What has been read while walking through the bodies."""
 
     settings: Settings
     links: dict[str, pin.Inertia] = field(default_factory=lambda: {WORLD: pin.Inertia.Zero()})
@@ -37,7 +37,7 @@ class _Reader:
     notes: dict[str, list[str]] = field(default_factory=dict)
 
     def note(self, what: str, name: str) -> None:
-        """Keep a name for a note that many may share."""
+        """Add a name to a note that several elements may share."""
         self.notes.setdefault(what, []).append(name)
 
 
@@ -45,8 +45,8 @@ def mjcf_tree(model: Element) -> Tree:
     """Return the tree of a ``<mujoco>`` element whose includes are resolved.
 
     Raises:
-        ModelError: A number, mass or axis is none that a body or joint can have, or the model has something that moves
-            it and is not read: loops, generated bodies.
+        ModelError: A number, mass or axis is invalid, or the model has a part that would move it and is not supported:
+            loops, generated bodies.
     """
     settings = Settings.of(model)
     reader = _Reader(settings)
@@ -54,17 +54,17 @@ def mjcf_tree(model: Element) -> Tree:
         _bodies(reader, world, WORLD, pin.SE3.Identity(), "", moves=False)
     sites = [site for site in reader.sites if site.child not in reader.links]  # points, unless a body is called so
     links = {**_scaled(reader.links, settings.total_mass), **{site.child: pin.Inertia.Zero() for site in sites}}
-    mimics, orphans = checked_mimics([*_couplings(model, reader)], {one.name: one.kind for one in reader.joints})
+    mimics, orphans = checked_mimics([*_couplings(model, reader)], {joint.name: joint.kind for joint in reader.joints})
     gravity = np.zeros(3) if "gravity" in settings.off else settings.gravity
-    said = [f"{what}: {several(names)}" for what, names in reader.notes.items()]
+    notes = [f"{what}: {several(names)}" for what, names in reader.notes.items()]
     return Tree(
         model.get("model", ""), links, (*reader.joints, *sites), mimics, gravity, (*reader.defects, *orphans),
-        (*said, *_unread(model)),
+        (*notes, *_unread(model)),
     )  # fmt: skip
 
 
 def _bodies(reader: _Reader, element: Element, parent: str, frame: pin.SE3, childclass: str, *, moves: bool) -> None:
-    """Read the bodies and sites in a body, or in a frame of it, whose placement in the body is given."""
+    """Read the bodies and sites in a body, or in a frame of it with the given placement in the body."""
     for child in element:
         if child.tag in GENERATED:
             raise ModelError(f"in '{parent}': <{child.tag}> is not read", expected="the bodies that it stands for",
@@ -82,7 +82,7 @@ def _bodies(reader: _Reader, element: Element, parent: str, frame: pin.SE3, chil
 
 
 def _body(reader: _Reader, body: Element, parent: str, frame: pin.SE3, childclass: str, moves: bool) -> None:
-    count = sum(one.startswith(f"{parent}_body") for one in reader.links)
+    count = sum(link.startswith(f"{parent}_body") for link in reader.links)
     name = body.get("name") or f"{parent}_body{count + 1}"
     if name in reader.links:
         raise ModelError(f"two bodies have the name '{name}'", expected="a name of its own for each")
@@ -93,12 +93,12 @@ def _body(reader: _Reader, body: Element, parent: str, frame: pin.SE3, childclas
         reader.note("gravity compensation is not modelled", name)
     childclass = body.get("childclass", childclass)
     place = frame * settings.placement(body.attrib, where)
-    joints = [*within(settings, body, childclass, "joint", "freejoint")]
+    joints = [*elements_of(settings, body, childclass, "joint", "freejoint")]
     reader.links[name] = pin.Inertia.Zero()
     if not joints:
         reader.joints.append(_fixed(f"{name}_fixed", parent, name, place))
     for joint in joint_chain(settings, joints, parent, name, place, reader.notes):
-        if any(joint.name == one.name for one in reader.joints):
+        if any(joint.name == other.name for other in reader.joints):
             raise ModelError(f"two joints have the name '{joint.name}'", expected="a name of its own for each")
         reader.joints.append(joint)
     moves = moves or bool(joints)
@@ -118,17 +118,17 @@ def _site(settings: Settings, given: Attributes, where: str) -> pin.SE3:
 
 
 def _inertia(reader: _Reader, body: Element, childclass: str, where: str, moves: bool) -> pin.Inertia:
-    """Return the inertia of a body about its frame; of one that never moves it plays no part."""
+    """Return the inertia of a body about its frame; zero for a body that never moves."""
     if not moves and not reader.settings.total_mass:
         return pin.Inertia.Zero()
     settings = reader.settings
-    inertials = [*within(settings, body, childclass, "inertial")]
+    inertials = [*elements_of(settings, body, childclass, "inertial")]
     if settings.source == "inertial" or (settings.source == "auto" and inertials):
         if not inertials:
             raise ModelError(f"{where}: it has no <inertial>, and inertiafromgeom is false")
         return _bounded(reader, _inertial(inertials[0].given, settings, where), where)
     total = pin.Inertia.Zero()
-    for geom in within(settings, body, childclass, "geom"):
+    for geom in elements_of(settings, body, childclass, "geom"):
         shape = geom_inertia(geom.given, settings, f"{where}: geom '{geom.given.get('name', '')}'")
         total += geom.frame.act(shape)
     return _bounded(reader, total, where)
@@ -148,9 +148,9 @@ def _inertial(given: Attributes, settings: Settings, where: str) -> pin.Inertia:
 
 
 def _bounded(reader: _Reader, body: pin.Inertia, where: str) -> pin.Inertia:
-    """Return an inertia with the least mass and moments that the model asks for."""
+    """Return an inertia raised to the least mass and moments of ``boundmass`` and ``boundinertia``."""
     settings = reader.settings
-    if wrong := defect(body.inertia):
+    if wrong := inertia_defect(body.inertia):
         reader.defects.append(f"{where}: {wrong}")
     moments = body.inertia
     if settings.least_inertia:
@@ -160,25 +160,25 @@ def _bounded(reader: _Reader, body: pin.Inertia, where: str) -> pin.Inertia:
 
 
 def _scaled(links: dict[str, pin.Inertia], total: float) -> dict[str, pin.Inertia]:
-    """Return the inertias scaled to a total mass, where one is asked for."""
-    mass = sum(one.mass for one in links.values())
+    """Return the inertias scaled to the total mass of ``settotalmass``; unchanged where it is 0."""
+    mass = sum(body.mass for body in links.values())
     share = total / mass if total > 0.0 and mass else 1.0
-    return {name: inertia(share * one.mass, one.lever, share * one.inertia) for name, one in links.items()}
+    return {name: inertia(share * body.mass, body.lever, share * body.inertia) for name, body in links.items()}
 
 
 def _couplings(model: Element, reader: _Reader) -> Iterator[Mimic]:
-    """Yield the joints that equalities couple.
+    """Yield the couplings of the ``<equality>`` section.
 
     Raises:
         ModelError: An equality closes a loop, or couples by a curve.
     """
-    for one in (one for section in model.findall("equality") for one in section):
-        given = reader.settings.attributes(one, "", "equality")
+    for element in (element for section in model.findall("equality") for element in section):
+        given = reader.settings.attributes(element, "", "equality")
         name = given.get("name") or given.get("joint1") or given.get("body1") or given.get("site1") or "without name"
         if given.get("active", "true") == "false" or "equality" in reader.settings.off:
             continue
-        if one.tag != "joint":
-            raise ModelError(f"equality '{name}': a <{one.tag}> that ties bodies together is not read",
+        if element.tag != "joint":
+            raise ModelError(f"equality '{name}': a <{element.tag}> that ties bodies together is not read",
                              hint="remove it, and use 'loops:' or 'couplings:' of the mechanism file")  # fmt: skip
         follower, leader, where = given.get("joint1", ""), given.get("joint2"), f"equality '{name}'"
         text = given.get("polycoef", "0 1 0 0 0").split()
@@ -192,11 +192,11 @@ def _couplings(model: Element, reader: _Reader) -> Iterator[Mimic]:
 
 
 def _unread(model: Element) -> Iterator[str]:
-    """Yield notes on sections that move a MuJoCo model and are not read."""
+    """Yield notes on sections that move a MuJoCo model and are not supported."""
     for tag in ("deformable", "extension"):
         if any(len(section) for section in model.findall(tag)):
             raise ModelError(f"the model has a section <{tag}>, which is not read", expected="rigid bodies and joints")
-    option = {key: value for one in model.findall("option") for key, value in one.attrib.items()}
+    option = {key: value for section in model.findall("option") for key, value in section.attrib.items()}
     medium = [key for key in ("density", "viscosity") if number(option, key, "<option>", 0.0)]
     if medium:
         yield f"the forces of a medium ({', '.join(medium)}) are not modelled"
@@ -207,6 +207,6 @@ def _unread(model: Element) -> Iterator[str]:
         ("actuator", "actuators are not modelled: efforts come from laws, drives and loads"),
         ("keyframe", "keyframes are not used: the scenario says how a motion begins"),
     ):
-        names = [one.get("name") or one.tag for part in model.findall(section) for one in part]
+        names = [element.get("name") or element.tag for part in model.findall(section) for element in part]
         if names:
             yield f"{meant}: {several(names)}"

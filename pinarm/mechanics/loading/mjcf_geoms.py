@@ -1,4 +1,4 @@
-"""Inertias of the shapes of MJCF: solids of uniform density, or of a given mass."""
+"""Inertias of MJCF geoms: solids of uniform density, or of a given mass."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WATER = 1000.0
 
 SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
 FLAT = ("plane", "hfield")
-"""Shapes without mass, which only what does not move may have."""
+"""Shapes without mass."""
 
 
 def geom_inertia(given: Attributes, settings: Settings, where: str) -> pin.Inertia:
@@ -51,7 +51,7 @@ def geom_inertia(given: Attributes, settings: Settings, where: str) -> pin.Inert
 
 
 def _shape(given: Attributes, kind: str, settings: Settings, where: str) -> tuple[pin.SE3, Array]:
-    """Return placement and size; a shape drawn from a point to another lies between them, its z along them."""
+    """Return placement and size; with ``fromto`` the centre lies between the two points, z along their line."""
     size = numbers(given, "size", where, len(given.get("size", "").split()), ())
     if "fromto" in given and kind != "sphere":
         ends = numbers(given, "fromto", where, 6)

@@ -31,7 +31,7 @@ SWITCHES: dict[str, frozenset[str]] = {
 
 
 @dataclass(frozen=True)
-class Part:
+class BodyElement:
     """An element that belongs to a body.
 
     Attributes:
@@ -45,7 +45,7 @@ class Part:
     frame: pin.SE3
 
 
-def within(settings: Settings, body: Element, childclass: str, *tags: str) -> Iterator[Part]:
+def elements_of(settings: Settings, body: Element, childclass: str, *tags: str) -> Iterator[BodyElement]:
     """Yield the elements of some kinds that belong to a body itself, those in frames with the frame's placement."""
     waiting = [(body, pin.SE3.Identity(), childclass)]
     while waiting:
@@ -53,29 +53,34 @@ def within(settings: Settings, body: Element, childclass: str, *tags: str) -> It
         for child in element:
             if child.tag in tags:
                 plain = child.tag in ("freejoint", "inertial")
-                yield Part(child.tag, child.attrib if plain else settings.attributes(child, inherited), place)
+                yield BodyElement(child.tag, child.attrib if plain else settings.attributes(child, inherited), place)
             elif child.tag == "frame":
                 inner = place * settings.placement(child.attrib, f"a frame of body '{body.get('name', '')}'")
                 waiting.append((child, inner, child.get("childclass", inherited)))
 
 
 def joint_chain(
-    settings: Settings, joints: Sequence[Part], parent: str, body: str, place: pin.SE3, notes: dict[str, list[str]]
+    settings: Settings,
+    joints: Sequence[BodyElement],
+    parent: str,
+    body: str,
+    place: pin.SE3,
+    notes: dict[str, list[str]],
 ) -> Iterator[TreeJoint]:
-    """Yield the joints of a body, which move one after the other, each in the frame that those before leave.
+    """Yield the joints of a body as a chain: each moves in the frame of the one before it.
 
     Args:
         settings: Conventions of the model.
-        joints: Its joints.
-        parent: Link that it hangs on.
-        body: Its name.
-        place: Its placement in the parent link, as it is drawn.
-        notes: Notes on attributes that are not modelled, with the joints that have them; more are added.
+        joints: The ``<joint>`` elements of the body.
+        parent: Parent link of the body.
+        body: Name of the body.
+        place: Placement of the body in the parent link at the reference pose.
+        notes: Attribute that is not modelled -> names of the joints that have it; completed here.
 
     Raises:
-        ModelError: A joint has an attribute that none can have, or stands beside a free joint.
+        ModelError: An attribute is invalid, or there is another joint beside a free joint.
     """
-    free = any(one.tag == "freejoint" or one.given.get("type") == "free" for one in joints)
+    free = any(joint.tag == "freejoint" or joint.given.get("type") == "free" for joint in joints)
     if free and (len(joints) > 1 or parent != "world"):
         raise ModelError(f"body '{body}': a free joint stands alone, in a body of the world")
     for k, part in enumerate(joints):
@@ -87,8 +92,8 @@ def joint_chain(
         parent, place = child, pin.SE3.Identity()
 
 
-def _joint(settings: Settings, part: Part, name: str, kind: Kind, notes: dict[str, list[str]]) -> TreeJoint:
-    """Return a joint in its body, with what its attributes say of its forces and limits."""
+def _joint(settings: Settings, part: BodyElement, name: str, kind: Kind, notes: dict[str, list[str]]) -> TreeJoint:
+    """Return a joint in its body frame, with the forces and limits of its attributes."""
     where, given = f"joint '{name}'", part.given
     for key in sorted(given.keys() - KNOWN):
         if key != "springdamper" or numbers(given, key, where, 2).any():
@@ -115,7 +120,7 @@ def _joint(settings: Settings, part: Part, name: str, kind: Kind, notes: dict[st
 
 
 def _measured(settings: Settings, joint: TreeJoint, given: Attributes, where: str) -> TreeJoint:
-    """Return a joint with one coordinate with what is measured along it."""
+    """Return a joint of one coordinate, completed by its reference, spring rest position and limits."""
     turns = joint.kind == "revolute"
     measure = settings.angle if turns else 1.0
     drawn, rest = (measure * number(given, key, where, 0.0) for key in ("ref", "springref"))
@@ -127,7 +132,7 @@ def _measured(settings: Settings, joint: TreeJoint, given: Attributes, where: st
 
 
 def _force(given: Attributes, key: str, settings: Settings, where: str) -> float:
-    """Return a coefficient, 0 where the model switches its kind of force off."""
+    """Return a force coefficient; 0 where the model disables this kind of force."""
     value = number(given, key, where, 0.0)
     if value < 0.0:
         raise ModelError(f"{where}: its {key} is negative")
@@ -135,7 +140,7 @@ def _force(given: Attributes, key: str, settings: Settings, where: str) -> float
 
 
 def _range(given: Attributes, key: str, switch: str, settings: Settings, where: str) -> Array:
-    """Return a range where it is a limit, else an infinite one."""
+    """Return a range if it is a limit, otherwise an infinite one, shape (2,)."""
     limited = one_of(given, switch, ("auto", "true", "false"), where)
     if key not in given or limited == "false" or (limited == "auto" and not settings.limits_by_range):
         return np.array([-np.inf, np.inf])

@@ -1,4 +1,4 @@
-"""What holds for a whole MJCF model: units, conventions, default classes; and how its attributes are read."""
+"""Settings of a whole MJCF model: units, conventions, default classes; readers of its attributes."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ SWITCHES = {"gravity", "passive", "spring", "damper", "frictionloss", "equality"
 
 @dataclass(frozen=True)
 class Settings:
-    """The ``<compiler>`` and ``<option>`` sections, as far as they concern the motion of rigid bodies.
+    """The ``<compiler>`` and ``<option>`` sections, as far as they affect the motion of rigid bodies.
 
     Attributes:
-        angle: Size of the unit of angles [rad].
-        sequence: Axes of Euler angles: small letters turn with the body, capitals stay fixed.
-        limits_by_range: Whether a range that is given is a limit without being called so.
-        source: Where inertias come from: ``inertial``, ``geoms``, or the first that there is (``auto``).
-        groups: First and last group of the geoms that have mass.
-        least_mass: Of every body [kg].
-        least_inertia: Of every body, about its principal axes [kg*m^2].
-        total_mass: That all masses are scaled to [kg]; as they are where it is 0.
-        gravity: [m/s^2], shape (3,).
-        off: Which of ``SWITCHES`` are off.
-        classes: Attributes by class and element, what classes inherit included.
+        angle: Unit of angles [rad]: 1, or pi/180.
+        sequence: Axes of Euler angles: lower case about body axes, upper case about fixed axes.
+        limits_by_range: Whether a range is a limit without ``limited="true"`` (``autolimits``).
+        source: Source of inertias: ``inertial``, ``geoms``, or ``auto``: ``inertial`` where given, else geoms.
+        groups: First and last group of the geoms with mass.
+        least_mass: Lower bound of the mass of every body [kg].
+        least_inertia: Lower bound of the principal moments of every body [kg*m^2].
+        total_mass: Total to which all masses are scaled [kg]; 0 for no scaling.
+        gravity: Gravity field [m/s^2], world axes, shape (3,).
+        off: The disabled ones of ``SWITCHES``.
+        classes: Attributes by class and element, inherited ones included.
     """
 
     angle: float
@@ -55,11 +55,11 @@ class Settings:
         """Read the sections of a model.
 
         Raises:
-            ModelError: A value is malformed, or asks for a convention that is not read.
+            ModelError: A value is malformed, or a convention is not supported.
         """
         compiler = _merged(model.findall("compiler"))
         option = _merged(model.findall("option"))
-        flags = _merged([flag for one in model.findall("option") for flag in one.findall("flag")])
+        flags = _merged([flag for section in model.findall("option") for flag in section.findall("flag")])
         if compiler.get("coordinate", "local") != "local":
             raise ModelError("the model has global coordinates", expected='<compiler coordinate="local"/>')
         sequence = compiler.get("eulerseq", "xyz")
@@ -80,12 +80,12 @@ class Settings:
         )  # fmt: skip
 
     def attributes(self, element: Element, childclass: str, kind: str = "") -> Attributes:
-        """Return the attributes of an element, those of its class where it gives none.
+        """Return the attributes of an element, with those of its default class where it has none.
 
         Args:
-            element: Such as a joint.
-            childclass: Class of the elements of its body that name none.
-            kind: What classes call such elements; by its tag where it is left out.
+            element: An element, such as a joint.
+            childclass: Default class of the body, for elements without ``class``.
+            kind: Name of such elements in default classes; the element's tag if empty.
 
         Raises:
             ModelError: There is no class of that name.
@@ -104,7 +104,7 @@ class Settings:
         return merged
 
     def placement(self, given: Attributes, where: str) -> pin.SE3:
-        """Return the placement that ``pos`` and one of five ways to give an orientation say."""
+        """Return the placement from ``pos`` and one of the ``ORIENTATIONS``."""
         return pin.SE3(self.rotation(given, where), numbers(given, "pos", where, 3, (0.0, 0.0, 0.0)))
 
     def rotation(self, given: Attributes, where: str) -> Array:
@@ -152,10 +152,10 @@ def number(given: Attributes, key: str, where: str, default: float | None = None
 
 
 def numbers(given: Attributes, key: str, where: str, count: int, default: Sequence[float] | None = None) -> Array:
-    """Return an attribute that is some numbers, shape (count,).
+    """Return an attribute with ``count`` finite numbers, shape (count,).
 
     Raises:
-        ModelError: It is missing, or is not so many finite numbers.
+        ModelError: It is missing without a default, or malformed.
     """
     if key not in given:
         if default is None:
@@ -173,10 +173,10 @@ def numbers(given: Attributes, key: str, where: str, count: int, default: Sequen
 
 
 def one_of(given: Attributes, key: str, words: Sequence[str], where: str) -> str:
-    """Return an attribute that is one of some words, the first of them by default.
+    """Return an attribute with one of the given words; the first is the default.
 
     Raises:
-        ModelError: It is none of them.
+        ModelError: It is another word.
     """
     word = given.get(key, words[0])
     if word not in words:
@@ -185,21 +185,21 @@ def one_of(given: Attributes, key: str, words: Sequence[str], where: str) -> str
 
 
 def _merged(elements: Sequence[Element]) -> dict[str, str]:
-    """Return the attributes of sections of one kind; later ones win."""
+    """Return the attributes of several elements; later ones take precedence."""
     return {key: value for element in elements for key, value in element.attrib.items()}
 
 
 def _classes(model: Element) -> dict[str, Mapping[str, Attributes]]:
-    found: dict[str, Mapping[str, Attributes]] = {"": {}}
+    classes: dict[str, Mapping[str, Attributes]] = {"": {}}
     for top in model.findall("default"):
-        for name, elements in _class(top, found[""]):
-            found[name] = elements
-        found[""] = found[top.get("class", "main")]
-    return found
+        for name, elements in _class(top, classes[""]):
+            classes[name] = elements
+        classes[""] = classes[top.get("class", "main")]
+    return classes
 
 
 def _class(element: Element, above: Mapping[str, Attributes]) -> Iterator[tuple[str, Mapping[str, Attributes]]]:
-    """Yield a class and those in it, each with what it inherits."""
+    """Yield a default class and the classes in it, each with its inherited attributes."""
     own = dict(above)
     for child in element:
         if child.tag != "default":

@@ -1,4 +1,4 @@
-"""A tree of links and joints, as any format of model describes it, before Pinocchio sees it."""
+"""The kinematic tree of a model file of any format, from which Pinocchio's model is built."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from pinarm.errors import ModelError, choices
 Kind = Literal["fixed", "revolute", "prismatic", "ball", "planar", "floating"]
 
 TRIANGLE = 1e-9
-"""Relative violation of the triangle inequality of the principal moments that rounding of printed digits explains."""
+"""Relative violation of the triangle inequality of principal moments that is attributed to printed digits."""
 
 NOTHING = 1e-25
-"""Moment of inertia that is rounding of 0 [kg*m^2]."""
+"""Moment of inertia that is taken for rounding of 0 [kg*m^2]."""
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class Bounds:
     """Limits of a joint with one coordinate; infinite where the model gives none.
 
     Attributes:
-        lower: Least coordinate [rad or m].
-        upper: Largest coordinate [rad or m].
-        velocity: Largest speed [rad/s or m/s].
-        effort: Largest absolute effort of the drive [N*m or N].
+        lower: Lower limit of the coordinate [rad or m].
+        upper: Upper limit of the coordinate [rad or m].
+        velocity: Limit of the speed [rad/s or m/s].
+        effort: Limit of the absolute effort of the drive [N*m or N].
     """
 
     lower: float = -np.inf
@@ -40,23 +40,23 @@ class Bounds:
 
 @dataclass(frozen=True)
 class TreeJoint:
-    """A joint with the link that it carries.
+    """A joint with its child link.
 
     Attributes:
-        name: Its name.
-        kind: How it moves; a revolute joint counts turns.
-        parent: Link it is mounted on.
-        child: Link it carries.
-        placement: Of the joint in its parent link, at coordinate 0.
-        offset: Of the child link in the joint.
-        axis: Unit vector in the joint's axes, shape (3,): of rotation or sliding, or normal to the plane.
-        bounds: Its limits.
-        damping: [N*m*s/rad or N*s/m], the same for all its directions.
+        name: Name of the joint.
+        kind: Kind of motion; a revolute joint counts turns.
+        parent: Parent link.
+        child: Child link.
+        placement: Placement of the joint frame in the parent link, at coordinate 0.
+        axis: Unit vector in joint axes, shape (3,): of rotation or sliding, or normal to the plane.
+        offset: Placement of the child link in the joint frame.
+        bounds: Limits.
+        damping: Viscous damping [N*m*s/rad or N*s/m], the same in all directions of the joint.
         friction: Dry friction [N*m or N], likewise.
-        stiffness: Of a spring to the rest position [N*m/rad or N/m], likewise.
+        stiffness: Stiffness of a spring to the rest position [N*m/rad or N/m], likewise.
         rest: Coordinate at which that spring is free [rad or m]; 0 for joints with several coordinates.
-        armature: Inertia of a rotor, at the joint [kg*m^2 or kg], likewise.
-        drawn: Coordinate at which the model draws it [rad or m].
+        armature: Rotor inertia reflected to the joint [kg*m^2 or kg], the same in all directions.
+        drawn: Coordinate of the reference pose of the model [rad or m].
     """
 
     name: str
@@ -77,7 +77,7 @@ class TreeJoint:
 
 @dataclass(frozen=True)
 class Mimic:
-    """A joint that a model couples to another: ``q = multiplier * q_of + offset``.
+    """A joint that the model couples to another one: ``q = multiplier * q_of + offset``.
 
     Attributes:
         joint: The joint that follows.
@@ -94,16 +94,16 @@ class Mimic:
 
 @dataclass(frozen=True)
 class Tree:
-    """What a model's text says of masses and joints.
+    """LinkPlacements and joints of a model file.
 
     Attributes:
         name: Name of the model.
-        links: Inertia of every link about its own frame, 0 where it has none; the root first.
-        joints: Every joint after the one that carries its parent link, children before siblings.
+        links: Inertia of every link about its own frame, 0 where none is given; the root first.
+        joints: Joints depth-first: each after the joint of its parent link.
         mimics: Joints coupled to others.
-        gravity: Field that the text asks for [m/s^2], world axes, shape (3,); ``None`` where it says nothing.
-        defects: What cannot be as the text has it, though the model could be built, in words.
-        notes: What is not modelled as the text has it, in words.
+        gravity: Gravity field of the file [m/s^2], world axes, shape (3,); ``None`` where it gives none.
+        defects: Physically impossible values with which the model can still be built, in words.
+        notes: Parts of the file that are modelled differently or not at all, in words.
     """
 
     name: str
@@ -116,7 +116,7 @@ class Tree:
 
     @property
     def root(self) -> str:
-        """The link that no joint carries."""
+        """The root link."""
         return next(iter(self.links))
 
 
@@ -124,20 +124,22 @@ def inertia(mass: float, centre: Array, moments: Array) -> pin.Inertia:
     """Return an inertia about a link's frame; Pinocchio's constructor refuses moments that are negative by rounding.
 
     Args:
-        mass: [kg].
-        centre: Mass centre in the link's axes [m], shape (3,).
-        moments: Moments and products about it, link's axes [kg*m^2], shape (3, 3).
+        mass: Mass [kg].
+        centre: Centre of mass in link axes [m], shape (3,).
+        moments: Inertia matrix about the centre of mass, link axes [kg*m^2], shape (3, 3).
     """
-    made = pin.Inertia(mass, centre, np.zeros((3, 3)))
-    made.inertia = moments
-    return made
+    body = pin.Inertia(mass, centre, np.zeros((3, 3)))
+    body.inertia = moments
+    return body
 
 
-def defect(moments: Array) -> str:
-    """Return what is wrong with an inertia, in words; nothing for one that a body can have.
+def inertia_defect(moments: Array) -> str:
+    """Return why no body can have an inertia, in words; empty for a possible one.
+
+    Possible are principal moments ``0 <= I_1 <= I_2 <= I_3 <= I_1 + I_2``.
 
     Args:
-        moments: Moments and products about the mass centre [kg*m^2], shape (3, 3).
+        moments: Inertia matrix about the centre of mass [kg*m^2], shape (3, 3).
     """
     principal = np.linalg.eigvalsh(moments)
     slack = TRIANGLE * np.abs(principal).max() + NOTHING
@@ -150,10 +152,10 @@ def defect(moments: Array) -> str:
 
 
 def checked_mimics(mimics: Iterable[Mimic], joints: Mapping[str, Kind]) -> tuple[tuple[Mimic, ...], tuple[str, ...]]:
-    """Return the couplings whose leaders exist, and in words those without one.
+    """Return the couplings whose leaders exist, and a note on each of the others.
 
     Raises:
-        ModelError: A joint follows itself, directly or through others, or one that has not one coordinate.
+        ModelError: A joint follows itself, directly or through others, or a joint without exactly one coordinate.
     """
     leaders = {mimic.joint: mimic.of for mimic in mimics}
     kept, orphans = [], []
@@ -176,17 +178,20 @@ def checked_mimics(mimics: Iterable[Mimic], joints: Mapping[str, Kind]) -> tuple
 
 
 def listed(what: str, names: Sequence[str]) -> str:
-    """Return names after what they name."""
+    """Return a noun with names, such as ``joints a, b``."""
     return f"{what}{'s' if len(names) > 1 else ''} {several(names)}"
 
 
 def several(names: Sequence[str], most: int = 6) -> str:
-    """Return names in a row, the rest counted where there are many."""
+    """Return names separated by commas; beyond ``most`` the rest is counted."""
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def from_z(axis: Array) -> Array:
-    """Return the smallest rotation that takes z to a unit vector; half a turn about x for -z. Shape (3, 3)."""
+    """Return the smallest rotation that takes z to a unit vector, shape (3, 3); half a turn about x for -z.
+
+    ``R = 1 + [w] + [w]^2 / (1 + axis_z)`` with ``w = z x axis``.
+    """
     if axis[2] <= -1.0 + 1e-15:
         return np.diag([1.0, -1.0, -1.0])
     w = np.cross([0.0, 0.0, 1.0], axis)

@@ -1,6 +1,6 @@
-"""From a model's text to Pinocchio's model, joint by joint: nothing is dropped, and no file of meshes is opened.
+"""Pinocchio's model from a model file, built joint by joint: nothing is dropped, and no mesh file is opened.
 
-A joint with several coordinates is built of simple ones that move after each other, which is the same motion. A
+A joint with several coordinates becomes a chain of simple joints, which has the same motion. A
 floating joint ``J`` slides along its parent's axes (``J.x``, ``J.y``, ``J.z``), then turns as a ball joint ``J``; its
 velocities are the rates of x, y, z, and the angular velocity in the link's own axes. A planar joint slides along two
 axes (``J.x``, ``J.y``), then turns (``J.angle``), so that its turns are counted.
@@ -25,10 +25,10 @@ from pinarm.mechanics.loading.model_tree import Bounds, Mimic, Tree, TreeJoint, 
 from pinarm.mechanics.loading.urdf import urdf_tree
 
 BASE = "root"
-"""Name of the joint that lets a model float whose text holds it to the ground."""
+"""Name of the joint that is added where ``base: floating`` frees a model that its file fixes to the ground."""
 
 MOST = 250
-"""Degrees of freedom at most: Pinocchio's buffers take 65 nv^3 bytes, here 1 GB."""
+"""Largest number of degrees of freedom: Pinocchio's buffers take 65 nv^3 bytes, here 1 GB."""
 
 ALIGNED = 1e-15
 """Deviation from a coordinate axis that is rounding."""
@@ -44,15 +44,15 @@ SIMPLE = {
 
 @dataclass(frozen=True)
 class RobotModel:
-    """A model as Pinocchio sees it, with what its text says and Pinocchio ignores.
+    """Pinocchio's model, with the content of the file that Pinocchio ignores.
 
     Attributes:
-        model: Pinocchio's model; its joints stand depth-first, limits that are not given are infinite.
-        xml: The text it was built from.
-        forces: Springs, damping and dry friction of its joints, by name.
-        mimics: Joints that its text couples to others.
-        gravity: Field that its text asks for [m/s^2], shape (3,); ``None`` where it says nothing.
-        notes: What is not modelled as the text has it, in words.
+        model: Pinocchio's model; joints depth-first, limits that are not given are infinite.
+        xml: The text of the file.
+        forces: Springs, damping and dry friction of the joints, by name.
+        mimics: Joints that the file couples to others.
+        gravity: Gravity field of the file [m/s^2], world axes, shape (3,); ``None`` where it gives none.
+        notes: Parts of the file that are modelled differently or not at all, in words.
     """
 
     model: pin.Model
@@ -70,14 +70,14 @@ def build_model(
 
     Args:
         xml: The text.
-        base: Whether the root is held or floats; as in the text where it is left out.
-        defects: Whether inertias that no body can have, and joints that mimic none, are refused, or taken and noted.
-        creep: Velocity below which its dry friction gives way [rad/s or m/s].
+        base: Whether the root is fixed or floating; as in the file if ``None``.
+        defects: Whether impossible inertias, and joints that mimic a missing one, are refused, or used and noted.
+        creep: Velocity below which the regularised dry friction decreases [rad/s or m/s].
 
     Raises:
-        ModelError: The text is no model, or has a mass, inertia, axis or other number that no body or joint can have.
+        ModelError: The text is no model, or has an invalid mass, inertia, axis or other number.
     """
-    tree = _based(_read(xml), base)
+    tree = _with_base(_read(xml), base)
     if tree.defects and defects == "refused":
         raise ModelError(tree.defects[0], hint="mend the model, or say 'defects: noted' in the mechanism file")
     model = _assembled(tree)
@@ -103,15 +103,15 @@ def _read(xml: str) -> Tree:
     return urdf_tree(root)
 
 
-def _based(tree: Tree, base: Base | None) -> Tree:
-    """Return the tree with its root held or afloat."""
+def _with_base(tree: Tree, base: Base | None) -> Tree:
+    """Return the tree with its root fixed or floating."""
     if base is None:
         return tree
     carried = [joint for joint in tree.joints if joint.parent == tree.root]
     afloat = [joint.name for joint in carried if joint.kind == "floating"]
     if base == "fixed":
-        held = (replace(joint, kind="fixed") if joint.name in afloat else joint for joint in tree.joints)
-        return replace(tree, joints=tuple(held))
+        joints = (replace(joint, kind="fixed") if joint.name in afloat else joint for joint in tree.joints)
+        return replace(tree, joints=tuple(joints))
     if afloat:
         return tree
     if any(joint.name == BASE for joint in tree.joints):
@@ -127,7 +127,7 @@ def _assembled(tree: Tree) -> pin.Model:
     """Return Pinocchio's model of a tree.
 
     Raises:
-        ModelError: Nothing in it moves, or too much; or two parts of joints have one name.
+        ModelError: It has no degree of freedom, or too many, or two joints have the same name.
     """
     model = pin.Model()
     model.name = tree.name
@@ -155,7 +155,7 @@ def _assembled(tree: Tree) -> pin.Model:
 
 
 def _add(model: pin.Model, joint: TreeJoint, before: int) -> int:
-    """Add a simple joint beyond a frame; return its own frame."""
+    """Add a simple joint to the link of a frame; return the frame of the joint."""
     parent = model.frames[before]
     place = parent.placement * joint.placement
     if joint.kind == "fixed":
@@ -207,9 +207,9 @@ def _parts(joint: TreeJoint) -> Iterator[TreeJoint]:
 
 
 def _passive(model: pin.Model, tree: Tree, creep: float) -> dict[str, ForceElement]:
-    """Return springs, damping and friction of the joints, which Pinocchio does not apply."""
-    named = {part.name: part for joint in tree.joints for part in _parts(joint)}
-    of = [(named[model.names[made.id]], made) for made in model.joints[1:]]
+    """Return the springs, damping and dry friction of the joints as force elements: Pinocchio does not apply them."""
+    parts = {part.name: part for joint in tree.joints for part in _parts(joint)}
+    of = [(parts[model.names[made.id]], made) for made in model.joints[1:]]
     if not any(joint.damping or joint.friction or joint.stiffness for joint, _ in of):
         return {}
     from pinarm.mechanics.forces.joint_springs import BallSpring, DryFriction, SpringDamper
@@ -235,7 +235,7 @@ def _passive(model: pin.Model, tree: Tree, creep: float) -> dict[str, ForceEleme
 
 
 def _massless(model: pin.Model) -> Iterator[str]:
-    """Yield a note on joints beyond which there is no mass."""
+    """Yield a note on joints whose subtree has no mass."""
     heavy = [bool(body.mass or body.inertia.any()) for body in model.inertias]
     idle = [not any(heavy[joint] for joint in model.subtrees[index]) for index in range(model.njoints)]
     names = [model.names[index] for index in range(1, model.njoints) if idle[index] and not idle[model.parents[index]]]
@@ -253,6 +253,6 @@ def _said(tree: Tree, creep: float) -> Iterator[str]:
         yield f"limits of {listed('joint', limited)} are not watched: they have several coordinates"
 
 
-def ending(xml: str) -> str:
-    """Return the ending of the name of a file with a model's text."""
+def file_suffix(xml: str) -> str:
+    """Return the suffix of a file with this model text."""
     return ".xml" if ElementTree.fromstring(xml).tag == "mujoco" else ".urdf"

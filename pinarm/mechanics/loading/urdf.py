@@ -1,4 +1,4 @@
-"""URDF text as a tree, every number checked: parsers in use take a NaN mass for 0 kg, and drop what they dislike."""
+"""Reader of URDF models; it checks every number: common parsers read a NaN mass as 0 kg, or drop elements."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from pinarm.mechanics.loading.model_tree import (
     Tree,
     TreeJoint,
     checked_mimics,
-    defect,
     inertia,
+    inertia_defect,
     listed,
     several,
 )
@@ -29,7 +29,7 @@ KINDS: Mapping[str, Kind] = {
     "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "planar": "planar",
     "floating": "floating",
 }  # fmt: skip
-"""Types of joint in URDF, and what they are here; ``continuous`` is a revolute joint without limits."""
+"""URDF joint type -> kind; ``continuous`` is a revolute joint without limits."""
 
 Vector = tuple[float, float, float]
 Element = ElementTree.Element
@@ -38,10 +38,10 @@ Element = ElementTree.Element
 def urdf_tree(robot: Element) -> Tree:
     """Return the tree of a ``<robot>`` element.
 
-    Joints come depth-first, those of one link in the order of their names: that of Pinocchio's own reader.
+    Joints are ordered depth-first, those of one link by name, as in Pinocchio's own reader.
 
     Raises:
-        ModelError: The links and joints are no tree, or a mass, axis, or other number is none that a body has.
+        ModelError: The links and joints form no tree, or a mass, axis or other number is invalid.
     """
     defects: list[str] = []
     notes: list[str] = []
@@ -50,7 +50,7 @@ def urdf_tree(robot: Element) -> Tree:
     joints = {name: _joint(joint, name, links) for name, joint in elements.items()}
     root, order = _ordered(links, joints)
     mimics, orphans = checked_mimics([*_mimics(elements)], {name: joint.kind for name, joint in joints.items()})
-    notes += _said_of_limits(elements, joints)
+    notes += _limit_notes(elements, joints)
     if any(float(spring.text or 0) for spring in robot.iter("springStiffness") if _is_number(spring.text)):
         notes.append("springs that the model gives to its joints for Gazebo are not modelled")
     if geared := [*_geared(robot)]:
@@ -60,24 +60,24 @@ def urdf_tree(robot: Element) -> Tree:
 
 
 def _geared(robot: Element) -> Iterator[str]:
-    """Yield the names of the transmissions that have a gear or a rotor."""
+    """Yield the names of the transmissions with a gear ratio or a rotor inertia."""
     idle = {"mechanicalReduction": 1.0, "motorInertia": 0.0}
     for transmission in robot.findall("transmission"):
-        if any(one.tag in idle and _is_number(one.text) and abs(float(one.text or 0)) != idle[one.tag]
-               for one in transmission.iter()):  # fmt: skip
+        if any(element.tag in idle and _is_number(element.text) and abs(float(element.text or 0)) != idle[element.tag]
+               for element in transmission.iter()):  # fmt: skip
             yield transmission.get("name", "without name")
 
 
 def _named(robot: Element, tag: str) -> dict[str, Element]:
-    found: dict[str, Element] = {}
+    elements: dict[str, Element] = {}
     for element in robot.findall(tag):
         name = element.get("name")
         if not name:
             raise ModelError(f"a {tag} has no name")
-        if name in found:
+        if name in elements:
             raise ModelError(f"two {tag}s have the name '{name}'", expected="a name of its own for each")
-        found[name] = element
-    return found
+        elements[name] = element
+    return elements
 
 
 def _inertia(link: Element, name: str, defects: list[str], notes: list[str]) -> pin.Inertia:
@@ -98,7 +98,7 @@ def _inertia(link: Element, name: str, defects: list[str], notes: list[str]) -> 
     xx, yy, zz = (_number(element, key, f"{where}: {key}") for key in ("ixx", "iyy", "izz"))
     xy, xz, yz = (_number(element, key, f"{where}: {key}", default=0.0) for key in ("ixy", "ixz", "iyz"))
     moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    if wrong := defect(moments):
+    if wrong := inertia_defect(moments):
         defects.append(f"{where}: {wrong}")
     return inertia(mass, place.translation, place.rotation @ moments @ place.rotation.T)
 
@@ -135,7 +135,7 @@ def _axis(axis: Element | None, where: str) -> Any:
 
 
 def _bounds(joint: Element, where: str) -> Bounds:
-    """Return the limits; 0 for effort, velocity or the whole range is what exporters write that know none."""
+    """Return the limits; an effort, velocity or range of 0 means unknown: exporters write it so."""
     limit = joint.find("limit")
     effort, velocity = (_not_negative(limit, key, where, "limit of ") or np.inf for key in ("effort", "velocity"))
     if joint.get("type") not in ("revolute", "prismatic"):
@@ -148,8 +148,8 @@ def _bounds(joint: Element, where: str) -> Bounds:
     return Bounds(lower, upper, velocity, effort)
 
 
-def _said_of_limits(elements: Mapping[str, Element], joints: Mapping[str, TreeJoint]) -> list[str]:
-    """Return notes on limits that are 0 or missing, one for each kind."""
+def _limit_notes(elements: Mapping[str, Element], joints: Mapping[str, TreeJoint]) -> list[str]:
+    """Return one note for each kind of limit that is 0 or missing."""
     missing: dict[str, list[str]] = {"position": [], "effort": [], "velocity": []}
     for name, joint in joints.items():
         limit = elements[name].find("limit")
@@ -180,7 +180,7 @@ def _ordered(links: Mapping[str, Any], joints: Mapping[str, TreeJoint]) -> tuple
     """Return the root, and the joints depth-first.
 
     Raises:
-        ModelError: A link has two parents, or there is not exactly one root from which all others hang.
+        ModelError: A link has two parents, there is not exactly one root, or joints form a cycle.
     """
     carried: dict[str, str] = {}
     below: dict[str, list[TreeJoint]] = {name: [] for name in links}

@@ -14,9 +14,9 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
-from pinarm.input.yaml.schema import Model
+from pinarm.input.yaml.schema import InputStruct
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import Links
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import cross, crossed
 from pinarm.mechanics.joints import METRE, RADIAN, frame_of
 from pinarm.mechanics.loops.pair import Pair
@@ -83,14 +83,14 @@ class LoopJoint:
         e, w = self.pair.directions(p, axes)
         return np.asarray(e @ ddp + w @ domega + self.pair.bend(p, axes, dp, omega))
 
-    def wrenches(self, links: Links, lam: Array) -> dict[int, Array]:
+    def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:
         """Return what multipliers, shape (n, m), do to links: joint index -> [f; m] at the world's origin, (n, 6)."""
         wrench, place = self.wrench(links, lam), links.frame(self.second)[1]
         moved = np.concatenate([wrench[:, :3], wrench[:, 3:] + crossed(place, wrench[:, :3])], axis=1)
         frames = links.model.frames
         return {frames[self.second].parentJoint: moved, frames[self.first].parentJoint: -moved}
 
-    def wrench(self, links: Links, lam: Array) -> Array:
+    def wrench(self, links: LinkPlacements, lam: Array) -> Array:
         """Return [f; m] of the first link on the second, at the origin of frame 2, world axes [N, N*m], (n, 6)."""
         (turn, origin), (other, place) = links.frame(self.first), links.frame(self.second)
         axes = (turn.swapaxes(1, 2) @ other).transpose(2, 1, 0)
@@ -105,7 +105,7 @@ def _spread(directions: Array, n: int) -> Array:
     return np.broadcast_to(spread, (*directions.shape[:2], n))
 
 
-class LoopDefinition(Model, frozen=True):
+class LoopDefinition(InputStruct, frozen=True):
     """What every loop joint says.
 
     Attributes:

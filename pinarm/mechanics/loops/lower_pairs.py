@@ -18,7 +18,7 @@ MEETING = 1e-8
 """Sine of an angle below which it is the angle to rounding, and the direction of its axis is not."""
 
 
-class Rotation(Protocol):
+class RotationGap(Protocol):
     """How far the rotation of frame 2 against frame 1 is from the one that a pair asks at p."""
 
     def __call__(self, p: Array, axes: Axes) -> Array:
@@ -43,7 +43,7 @@ class LowerPair:
     e: Array
     w: Array
     axis: Array
-    rotation: Rotation | None
+    rotation: RotationGap | None
     points: Array | None = None
 
     @cached_property
@@ -120,7 +120,7 @@ def holding(held: Array, aligned: Array, axis: Array, points: Array | None = Non
         points: See ``Pair``.
     """
     e, w = np.vstack([held, np.zeros_like(aligned)]), np.vstack([np.zeros_like(held), aligned])
-    rotations: dict[int, Rotation] = {2: Tilt(axis, normals(axis)[0]), 3: turned}
+    rotations: dict[int, RotationGap] = {2: Tilt(axis, normals(axis)[0]), 3: turned}
     return LowerPair(e, w, axis, rotations.get(len(aligned)), points)
 
 

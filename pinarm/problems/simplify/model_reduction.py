@@ -20,7 +20,7 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_interval
-from pinarm.engine.motion.trajectory import Happening, Trajectory
+from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.mechanics.ball_joints import ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings import Coupling
@@ -174,8 +174,8 @@ class ReducedMechanism:
     def restored(self, outcome: Outcome) -> Outcome:
         """Return what came out for the part as what comes out for the whole."""
         motion = outcome.motion and RestoredMotion(self, outcome.motion, outcome.rows.grid.cuts)
-        happenings = [self._happening(one) for one in outcome.happenings]
-        return replace(outcome, rows=self.restored_rows(outcome.rows), motion=motion, happenings=happenings)
+        events = [self._event(one) for one in outcome.events]
+        return replace(outcome, rows=self.restored_rows(outcome.rows), motion=motion, events=events)
 
     def restored_rows(self, run: Trajectory) -> Trajectory:
         """Return states of the part as those of the whole, with the efforts of the joints that are removed."""
@@ -190,7 +190,7 @@ class ReducedMechanism:
             run, mechanism=self.whole, q=q, v=v, a=a, tau=tau, closure=closure,
             dynamics=Dynamics.of(self.whole.model, self.forces),
         )  # fmt: skip
-        if run.unasked:
+        if run.no_efforts:
             return replace(back, lam=self._multipliers(run.lam, np.zeros((n, len(self.removed.couplings)))))
         return self._with_efforts(back)
 
@@ -230,7 +230,7 @@ class ReducedMechanism:
 
         return Multipliers(own, lam.along) if gone.any() else lam
 
-    def _happening(self, one: Happening) -> Happening:
+    def _event(self, one: EventRecord) -> EventRecord:
         q, v = self.configuration.copy(), np.zeros(self.whole.model.nv)
         instant = Grid(np.array([one.t]), (one.t, one.t), (0, 1))
         q[self.kept_q], v[self.kept_v] = one.q, one.v
@@ -246,7 +246,7 @@ class RestoredMotion:
     Attributes:
         part: The part.
         motion: Its motion.
-        cuts: Bounds of the stretches between jumps.
+        cuts: Bounds of the intervals between jumps.
     """
 
     part: ReducedMechanism
@@ -313,7 +313,7 @@ class Carried(ForceElement):
         return [*(law for force in self.forces for law in force.laws()), *self.timetable]
 
     def on(self, start: float, end: float) -> Carried:
-        """Return the elements as they are on a stretch."""
+        """Return the elements as they are on an interval."""
         return replace(self, forces=tuple(force.on(start, end) for force in self.forces))
 
     def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:

@@ -9,13 +9,13 @@ import msgspec
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, Key, within
 from pinarm.input.units import Unit, read_quantity
-from pinarm.input.yaml.schema import Measured, Model
+from pinarm.input.yaml.schema import InputStruct, Measured
 
 Verdict = Literal["agrees", "rounding", "reading", "misprint"]
 Extreme = Literal["max", "min", "largest"]
 
 
-class Expectation(Model, frozen=True):
+class Expectation(InputStruct, frozen=True):
     """What a quantity must be, and what was published of it.
 
     Attributes:

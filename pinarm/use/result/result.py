@@ -14,14 +14,14 @@ import numpy as np
 
 from pinarm.engine.checks.limits import Excess, excesses
 from pinarm.engine.motion.outcome import Outcome
-from pinarm.engine.motion.trajectory import Happening, Trajectory
+from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.forces.force_element import refusals
-from pinarm.mechanics.joints import spelled
+from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
-from pinarm.problems.simplify.simplified import Removal
+from pinarm.problems.simplify.simplification import Removal
 from pinarm.use.result.measures import COSTS, MEASURES
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class Result:
         quantities: Everything that can be asked of the run, by name.
         figures: Measured accuracy and cost, by name.
         folder: Folder of the scenario file; paths in it are relative to that.
-        errors: Estimate of the global error of each output, relative to its scale (see ``worth.scales``); empty where
+        errors: Estimate of the global error of each output, relative to its scale (see ``output_scales``); empty where
             none was asked for.
         setting: How the motion was integrated, and what the estimate rests on, in words.
         removals: Joints of the mechanism that were not solved for.
@@ -80,9 +80,9 @@ class Result:
         return self.outcome.rows
 
     @property
-    def happenings(self) -> Sequence[Happening]:
+    def events(self) -> Sequence[EventRecord]:
         """Events and impacts, in order of time."""
-        return self.outcome.happenings
+        return self.outcome.events
 
     def __getitem__(self, name: str) -> Series:
         """Return a quantity by name, symbol or formula, as an array with its unit.
@@ -135,7 +135,7 @@ class Result:
 
         Args:
             path: Where to write it; nowhere where it is left out.
-            traces: Links whose origins leave a path; ``com`` for the centre of mass.
+            traces: LinkPlacements whose origins leave a path; ``com`` for the centre of mass.
             arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
             plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
 
@@ -172,15 +172,16 @@ class Result:
             run = self.trajectory
             where = f"{run.parameter} = {run.grid.t[bad[0]]:.9g} {run.unit}"
             more = f", nor in {len(bad) - 1} more rows" if len(bad) > 1 else ""
-            never = [time for time, series in run.further.items() if time in name and np.isnan(series.values).any()]
+            never = [time for time, series in run.columns.items() if time in name and np.isnan(series.values).any()]
             hint = (
                 f"{never[0].removesuffix('.time')} does not take place; its count is 0"
                 if never
                 else "a body without mass that is free to move, or a formula that divides by zero there"
             )
             reasons = refusals(run.dynamics.forces, run.q[bad[0]])
+            at = format_configuration(run.mechanism.model, run.q[bad[0]])
             raise DynamicsError(
-                f"{name} is not finite at {where}, where {spelled(run.mechanism.model, run.q[bad[0]])}{more}{reasons}",
+                f"{name} is not finite at {where}, where {at}{more}{reasons}",
                 hint=hint, partial=self, t=float(run.grid.t[bad[0]]), q=run.q[bad[0]],
             )  # fmt: skip
 

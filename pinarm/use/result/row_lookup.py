@@ -31,7 +31,7 @@ SAME = 1e-9
 """Relative difference between two sides of an instant below which there is no jump to be asked about."""
 
 Spot = tuple[int, float]
-"""A stretch of the run and a value of its parameter within it."""
+"""A interval of the run and a value of its parameter within it."""
 
 
 def at(result: Result, where: str | dict[str, str | int | float], name: str) -> Quantities:
@@ -54,7 +54,7 @@ class Lookup:
 
     Attributes:
         quantities: Those of its rows.
-        motion: What the rows are states of; ``None`` where there is nothing between them, and each is a stretch by
+        motion: What the rows are states of; ``None`` where there is nothing between them, and each is an interval by
             itself.
     """
 
@@ -67,18 +67,18 @@ class Lookup:
         return self.quantities.trajectory
 
     @property
-    def stretches(self) -> list[tuple[float, float, slice]]:
-        """Start, end and rows of the stretches."""
+    def intervals(self) -> list[tuple[float, float, slice]]:
+        """Start, end and rows of the intervals."""
         if self.motion:
-            return self.run.grid.stretches()
+            return self.run.grid.intervals()
         return [(t, t, slice(k, k + 1)) for k, t in enumerate(self.run.grid.t.tolist())]
 
-    def quantities_at(self, stretch: int, t: Array) -> Quantities:
-        """Return the quantities at values of the parameter in one stretch, shape (n,)."""
+    def quantities_at(self, interval: int, t: Array) -> Quantities:
+        """Return the quantities at values of the parameter in one interval, shape (n,)."""
         if self.motion is None:
-            rows = self.run.some(np.full(len(t), stretch))
+            rows = self.run.some(np.full(len(t), interval))
         else:
-            rows = on_interval(self.motion, self.run.grid.cuts, stretch, t)
+            rows = on_interval(self.motion, self.run.grid.cuts, interval, t)
         return Quantities(rows, self.quantities.symbols)
 
     def at(self, where: str | dict[str, str | int | float], name: str) -> Quantities:
@@ -86,7 +86,7 @@ class Lookup:
         if where == "start":
             return self._row(0, float(self.run.grid.t[0]))
         if where == "end":
-            return self._row(len(self.stretches) - 1, float(self.run.grid.t[-1]))
+            return self._row(len(self.intervals) - 1, float(self.run.grid.t[-1]))
         if isinstance(where, str):
             return self._extreme(where, name)
         keys = {key: value for key, value in where.items() if key not in ("side", "occurrence")}
@@ -100,12 +100,12 @@ class Lookup:
         spots = self._on_parameter(value) if along == self.run.parameter else self._crossings(along, value)
         return self._choose(spots, where, name, f"{along} = {text}")
 
-    def _row(self, stretch: int, t: float) -> Quantities:
-        return self.quantities_at(stretch, np.array([t]))
+    def _row(self, interval: int, t: float) -> Quantities:
+        return self.quantities_at(interval, np.array([t]))
 
     def _on_parameter(self, value: float) -> list[Spot]:
         spots = []
-        for k, (start, end, _) in enumerate(self.stretches):
+        for k, (start, end, _) in enumerate(self.intervals):
             slack = 1e-12 * abs(end - start)
             if min(start, end) - slack <= value <= max(start, end) + slack:
                 spots.append((k, float(np.clip(value, min(start, end), max(start, end)))))
@@ -114,19 +114,19 @@ class Lookup:
     def _crossings(self, along: str, value: float) -> list[Spot]:
         """Return where a quantity takes a value, in order."""
         spots = []
-        for stretch, (start, end, rows) in enumerate(self.stretches):
+        for interval, (start, end, rows) in enumerate(self.intervals):
             t = self.run.grid.t[rows]
             t = np.concatenate(
                 [t[:0] if len(t) and t[0] == start else [start], t, [] if len(t) and t[-1] == end else [end]]
             )
-            difference = self.quantities_at(stretch, t)[along].values - value
+            difference = self.quantities_at(interval, t)[along].values - value
             for k in range(len(t) - 1):
                 if difference[k] == 0.0:
-                    spots.append((stretch, float(t[k])))
+                    spots.append((interval, float(t[k])))
                 elif difference[k] * difference[k + 1] < 0.0:
-                    spots.append((stretch, self._root(stretch, along, value, (t[k], t[k + 1]))))
+                    spots.append((interval, self._root(interval, along, value, (t[k], t[k + 1]))))
             if difference[-1] == 0.0:
-                spots.append((stretch, float(t[-1])))
+                spots.append((interval, float(t[-1])))
         return spots
 
     def _choose(self, spots: list[Spot], where: dict[str, str | int | float], name: str, text: str) -> Quantities:
@@ -164,33 +164,33 @@ class Lookup:
         best = int(values.argmax())
         low, high = sorted((run.grid.t[max(best - 1, 0)], run.grid.t[min(best + 1, len(values) - 1)]))
         spots = []
-        for stretch, (start, end, _) in enumerate(self.stretches):
+        for interval, (start, end, _) in enumerate(self.intervals):
             bracket = max(low, min(start, end)), min(high, max(start, end))
             if bracket[0] <= bracket[1]:
-                spots.append(self._refined(stretch, name, height, bracket))
-        _, stretch, t = max(spots, key=lambda spot: spot[0])
-        return self._row(stretch, t)
+                spots.append(self._refined(interval, name, height, bracket))
+        _, interval, t = max(spots, key=lambda spot: spot[0])
+        return self._row(interval, t)
 
     def _refined(
-        self, stretch: int, name: str, height: Callable[[Array], Array], bracket: tuple[float, float]
+        self, interval: int, name: str, height: Callable[[Array], Array], bracket: tuple[float, float]
     ) -> tuple[float, int, float]:
-        """Return the largest height in a bracket of one stretch, the stretch, and where it is."""
+        """Return the largest height in a bracket of one interval, the interval, and where it is."""
         (low, high), spot, top = bracket, bracket[0], -np.inf
         for _ in range(ROUNDS // 2):  # near a maximum only half of the digits of its place matter
             t = np.linspace(low, high, POINTS)
-            heights = height(self.quantities_at(stretch, t)[name].values)
+            heights = height(self.quantities_at(interval, t)[name].values)
             peak = int(heights.argmax())
             if heights[peak] > top:
                 spot, top = float(t[peak]), float(heights[peak])
             low, high = t[max(peak - 1, 0)], t[min(peak + 1, POINTS - 1)]
-        return top, stretch, spot
+        return top, interval, spot
 
-    def _root(self, stretch: int, along: str, value: float, bracket: tuple[float, float]) -> float:
+    def _root(self, interval: int, along: str, value: float, bracket: tuple[float, float]) -> float:
         """Return where a quantity takes a value between two neighbouring samples."""
         low, high = bracket
         for _ in range(ROUNDS):
             t = np.linspace(low, high, POINTS)
-            difference = self.quantities_at(stretch, t)[along].values - value
+            difference = self.quantities_at(interval, t)[along].values - value
             change = np.flatnonzero((difference[:-1] == 0.0) | (difference[:-1] * difference[1:] < 0.0))
             if not len(change):
                 break

@@ -16,7 +16,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, IntegrationError
-from pinarm.input.yaml.schema import AnyQuantity, Measured, Model
+from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Measured
 
 DIFFERENCE = 1e-3
 """Half width of a difference, relative to the value, or to one of its units where that is larger."""
@@ -28,7 +28,7 @@ INDEPENDENT = 1e-9
 """Smallest singular value of the scaled Jacobian, relative to the largest, with which the values are determined."""
 
 
-class Find(Model, frozen=True, rename={"unknown": "for", "wanted": "so_that"}):
+class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_that"}):
     """Numbers to find, and what they are to bring about at every row of the run.
 
     Attributes:

@@ -21,19 +21,19 @@ from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DynamicsError, InputError, MethodError, NumericsError
 from pinarm.input.formulas.expressions import Expression
-from pinarm.input.roots import inside, root_of
+from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import read_quantity
 from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.schema import Measured, Model
+from pinarm.input.yaml.schema import InputStruct, Measured
 from pinarm.input.yaml.values import Values, varied, written_unit
 from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.forces.force_element import refusals
-from pinarm.mechanics.joints import spelled
+from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.payloads import Payload
 from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.simplify.requested_joints import requested_joints
-from pinarm.problems.simplify.simplified import Scene
+from pinarm.problems.simplify.simplification import Simplification
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.find import Find, find
@@ -57,7 +57,7 @@ class Argument(Measured):
         return measured
 
 
-class ScenarioFile(Model, frozen=True):
+class ScenarioFile(InputStruct, frozen=True):
     """Content of a scenario file.
 
     Attributes:
@@ -171,13 +171,13 @@ class Scenario:
         with self.document.locating("mechanism"):
             source: str | Path = wanted
             if Path(wanted).suffix:
-                source = inside((self.folder / wanted).absolute(), root_of(self.folder), {})
+                source = contained_file((self.folder / wanted).absolute(), root_of(self.folder), {})
             changes = self.document.part("changes") if self.content.changes else None
             loaded = read_mechanism(
                 source, self.content.arguments, gravity=gravity, payloads=self.content.payloads, changes=changes,
                 locate=self.document.locating,
             )  # fmt: skip
-        return loaded if self.seed is None else loaded.shaken(self.seed)
+        return loaded if self.seed is None else loaded.perturbed(self.seed)
 
     @cached_property
     def symbols(self) -> Mapping[str, Expression]:
@@ -189,13 +189,13 @@ class Scenario:
         return parsed
 
     @cached_property
-    def scene(self) -> Scene:
+    def simplification(self) -> Simplification:
         """What is solved in place of the question about the whole mechanism."""
         if self.content.modelled == "whole":
-            return Scene.whole(self.problem, self.mechanism)
+            return Simplification.whole(self.problem, self.mechanism)
         expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
         requested = requested_joints([*self.content.outputs, *expected], self.symbols, self.mechanism)
-        return Scene.required(self.problem, self.mechanism, requested, self._place)
+        return Simplification.required(self.problem, self.mechanism, requested, self._place)
 
     def run(self) -> Result:
         """Solve the problem; with ``accuracy.target``, at the cheapest setting whose error is below it.
@@ -260,7 +260,7 @@ class Scenario:
 
     def _residuals(self, search: Find) -> dict[str, Array]:
         """Return the wanted quantities less their targets, at all rows."""
-        _, outcome = self.scene.solve(self.content.accuracy, self._place)
+        _, outcome = self.simplification.solve(self.content.accuracy, self._place)
         quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
         left = {}
         for name, target in search.wanted.items():
@@ -273,7 +273,7 @@ class Scenario:
     def _solve_once(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""
         try:
-            solved = self.scene.solve(self.content.accuracy, self._place)
+            solved = self.simplification.solve(self.content.accuracy, self._place)
         except MethodError as error:
             raise error.at(self.document.locate(("accuracy", "method"))) from None
         return self.measured(*solved)
@@ -289,7 +289,7 @@ class Scenario:
             NumericsError: It is not finite.
         """
         measured = {**solved.figures, **power_balance(solved.rows), **table_figures(solved.rows, solved.motion)}
-        removals = self.scene.removals if solved is not whole else ()
+        removals = self.simplification.removals if solved is not whole else ()
         result = replace(self.result(whole), figures=measured, removals=removals)
         for index, name in enumerate(self.content.outputs):
             with self.document.locating("outputs", index):
@@ -362,7 +362,7 @@ def declared_unit(data: Mapping[str, Any], folder: Path, path: str) -> str:
     if part not in ("arguments", "changes") or not isinstance(wanted, str) or not Path(wanted).suffix:
         return ""
     try:
-        file = mechanism_document(inside((folder / wanted).absolute(), root_of(folder), {})).data
+        file = mechanism_document(contained_file((folder / wanted).absolute(), root_of(folder), {})).data
     except InputError:  # whoever needs the mechanism says what is wrong with it
         return ""
     if part == "changes":
@@ -393,7 +393,8 @@ def _overflow(outcome: Outcome) -> DynamicsError:
     run = outcome.rows
     state = np.hstack([run.q, run.v, run.a, run.tau])
     row = int((~(np.abs(state) < CHECKABLE)).any(axis=1).argmax())
-    where = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit} on, where {spelled(run.mechanism.model, run.q[row])}"
+    at = format_configuration(run.mechanism.model, run.q[row])
+    where = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit} on, where {at}"
     reasons = refusals(run.dynamics.forces, run.q[row])
     said = f"the numbers of this run are too large to be checked, from {where}{reasons}"
     return DynamicsError(said, partial=outcome)

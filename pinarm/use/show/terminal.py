@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pinarm.engine.series import Series
 from pinarm.errors import printable
-from pinarm.problems.simplify.simplified import removal_lines
+from pinarm.problems.simplify.simplification import removal_lines
 from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, RESIDUALS
 
 if TYPE_CHECKING:

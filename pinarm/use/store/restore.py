@@ -23,7 +23,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
-from pinarm.problems.simplify.simplified import Removal
+from pinarm.problems.simplify.simplification import Removal
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
@@ -76,7 +76,7 @@ def replay(
 
     Args:
         result: The result, or the folder that it was written to.
-        traces: Links whose origins leave a path; ``com`` for the centre of mass.
+        traces: LinkPlacements whose origins leave a path; ``com`` for the centre of mass.
         arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
         plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
 
@@ -140,7 +140,7 @@ class SolvedAnew:
     Attributes:
         scenario: The scenario.
         mechanism: The mechanism, as it was saved.
-        cuts: Bounds of the stretches between jumps.
+        cuts: Bounds of the intervals between jumps.
     """
 
     scenario: Scenario
@@ -176,23 +176,23 @@ def _rows(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array])
     problem, n = scenario.problem, len(arrays["t"])
     guides = [str(name) for name in arrays["guides"].reshape(-1)]
     closure = mechanism.closure.with_guides(guides, [mechanism.coordinate(name) for name in guides])
-    still, (nq, nv) = problem.schema_row(mechanism), (mechanism.model.nq, mechanism.model.nv)
+    first, (nq, nv) = problem.schema_row(mechanism), (mechanism.model.nq, mechanism.model.nv)
     wanted = {"q": (n, nq), "v": (n, nv), "a": (n, nv), "tau": (n, nv), "lam": (n, closure.size), "t": (n,)}
-    wanted |= {"further": (len(still.further), n)} if still.further else {}
+    wanted |= {"further": (len(first.columns), n)} if first.columns else {}
     grid = Grid(arrays["t"], tuple(arrays["cuts"].tolist()), tuple(int(row) for row in arrays["rows"]))
     if n == 0 or any(arrays[name].shape != shape for name, shape in wanted.items()) or not _fits(grid):
         raise InputError("the states of this result are not those of its model", hint=AGAIN)
-    further = {name: replace(series, values=row)
-               for (name, series), row in zip(still.further.items(), arrays["further"], strict=False)}  # fmt: skip
+    columns = {name: replace(series, values=row)
+               for (name, series), row in zip(first.columns.items(), arrays["further"], strict=False)}  # fmt: skip
     lam = Multipliers.known(arrays["lam"], mechanism.closure.size)
     return replace(
-        still, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], tau=arrays["tau"], lam=lam,
-        closure=closure, further=further,
+        first, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], tau=arrays["tau"], lam=lam,
+        closure=closure, columns=columns,
     )  # fmt: skip
 
 
 def _fits(grid: Grid) -> bool:
-    """Tell whether the stretches of a grid cover its rows, in order."""
+    """Tell whether the intervals of a grid cover its rows, in order."""
     rows = np.array(grid.rows)
     covers = len(rows) == len(grid.cuts) >= 2 and rows[0] == 0 and rows[-1] == len(grid.t)
     return bool(covers and (np.diff(rows) >= 0).all())

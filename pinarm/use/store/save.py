@@ -16,7 +16,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import Source
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
-from pinarm.mechanics.loading.pinocchio_model import ending
+from pinarm.mechanics.loading.pinocchio_model import file_suffix
 from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
         folder.mkdir(parents=True, exist_ok=True)
         _clear(result, folder)
         mechanism = result.trajectory.mechanism
-        model = f"model{ending(mechanism.xml)}"
+        model = f"model{file_suffix(mechanism.xml)}"
         write(folder / "summary.json", summary)  # first: by it the next run knows a folder that was left half written
         write(folder / "scenario.yaml", _resolved(result, folder))
         write(folder / "mechanism.yaml", _mechanism(mechanism.source, folder, model))
@@ -109,7 +109,7 @@ def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
     state = {
         "state.q": run.q, "state.v": run.v, "state.a": run.a, "state.tau": run.tau, "state.units": units,
         "state.t": run.grid.t, "state.cuts": np.array(run.grid.cuts), "state.rows": np.array(run.grid.rows),
-        "state.lam": np.asarray(run.lam), "state.further": np.array([series.values for series in run.further.values()]),
+        "state.lam": np.asarray(run.lam), "state.further": np.array([series.values for series in run.columns.values()]),
         "state.guides": np.array([one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]], str),
     }  # fmt: skip
     return {**state, **{series.name: np.asarray(series.values) for series in columns}}

@@ -12,7 +12,7 @@ from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import Values
 from pinarm.mechanics.couplings import Coupling
 from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.problems.simplify.simplified import Removal
+from pinarm.problems.simplify.simplification import Removal
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
 
@@ -112,7 +112,7 @@ def explain(path: str | Path, values: Values | None = None) -> Explanation:
     if file.suffix in (".yaml", ".yml") and "problem" in (Document.read(file).data or {}):
         scenario = Scenario.load(file, values)
         q, whole = run(scenario).trajectory.q[0], scenario.mechanism
-        return Explanation(whole, mobility_of(whole, q), "where the motion begins", scenario.scene.removals)
+        return Explanation(whole, mobility_of(whole, q), "where the motion begins", scenario.simplification.removals)
     mechanism = Mechanism.load(path, values=values)
     q = assembled_near(mechanism, {})
     return Explanation(mechanism, mobility_of(mechanism, q), "in the closed position nearest to zero")

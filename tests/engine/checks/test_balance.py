@@ -8,7 +8,9 @@ import pytest
 
 from pinarm.engine.checks.balance import Account, energy_balance, power_balance
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration import Adaptive, Stretch, integrate
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Interval
+from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.laws import Constant, Harmonic, Polynomial, Trapezoid
@@ -145,14 +147,14 @@ class TestEnergyBalance:
         whole = Dynamics.of(arm.model, bound)
         less = Dynamics.of(arm.model, {key: force for key, force in bound.items() if key != name})
         pairs = list(itertools.pairwise(bounds))
-        stretches = [Stretch(low, high, whole.on(low, high).acceleration()) for low, high in pairs]
-        solution = integrate(stretches, whole.manifold, np.array([0.4, 0.0]), np.array([0.0, 3.0]), Adaptive(1e-10))
+        intervals = [Interval(low, high, whole.on(low, high).acceleration()) for low, high in pairs]
+        solution = integrate(intervals, whole.manifold, np.array([0.4, 0.0]), np.array([0.0, 3.0]), Adaptive(1e-10))
         assert energy_balance(Account(solution, [whole.on(*pair) for pair in pairs]))["energy"] < 1e-8
         assert energy_balance(Account(solution, [less.on(*pair) for pair in pairs]))["energy"] > 1e-4
 
     def test_a_wrong_law_of_motion_shows(self, arm):
         honest = arm.dynamics.acceleration()
-        skewed = Stretch(0.0, 2.0, lambda t, q, v: honest(t, q, v) * (1 + 1e-6))
+        skewed = Interval(0.0, 2.0, lambda t, q, v: honest(t, q, v) * (1 + 1e-6))
         solution = integrate([skewed], arm.dynamics.manifold, np.array([0.4, 0.0]), np.zeros(2), Adaptive(1e-12))
         assert energy_balance(Account(solution, [arm.dynamics]))["energy"] > 1e-8
 

@@ -11,7 +11,9 @@ from scipy.integrate import solve_ivp
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.coordinate_partition import Reduction, solved
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration import Adaptive, Flat, integrate
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Flat
+from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.systems import Initial, system_of
@@ -232,7 +234,7 @@ class TestQuaternions:
         t, initial = np.linspace(0.0, 1.0, 11), Initial(q, v)
         system = system_of(Closure.of(carousel), dynamics, imposed, initial)
         assert isinstance(system.manifold, FreePart)
-        solution = integrate([system.stretch(dynamics, 0.0, 1.0)], system.manifold,
+        solution = integrate([system.interval(dynamics, 0.0, 1.0)], system.manifold,
                              *system.begin(initial, 0.0, 1.0), Adaptive(1e-13))  # fmt: skip
         found = system.complete(dynamics, Grid(t, (0.0, 1.0), (0, 11)), *solution.states(t))
         rows, data = np.array([coordinates[n].weights for n in prescribed]), carousel.createData()
@@ -320,10 +322,10 @@ def test_many_states_have_the_accelerations_of_each(panda):
     law = Trapezoid(start=0.0, end=1.0, speed=1.0, acceleration=4.0)
     imposed = Imposed.some(panda, {"panda_joint2": law, "panda_finger_joint1": Constant(value=0.02)})
     initial = Initial(np.zeros(panda.model.nq), np.zeros(panda.model.nv))
-    stretch = system_of(panda.closure, panda.dynamics, imposed, initial).stretch(panda.dynamics, 0.0, 0.25)
+    interval = system_of(panda.closure, panda.dynamics, imposed, initial).interval(panda.dynamics, 0.0, 0.25)
     t, (q, v) = np.linspace(0.0, 0.25, 30), np.random.default_rng(1).normal(size=(2, 30, 6))
-    alone = [stretch.acceleration(*state) for state in zip(t, q, v, strict=True)]
-    assert stretch.together(t, q, v) == pytest.approx(np.array(alone), rel=1e-10, abs=1e-10)  # M has condition 1e4
+    alone = [interval.acceleration(*state) for state in zip(t, q, v, strict=True)]
+    assert interval.batch(t, q, v) == pytest.approx(np.array(alone), rel=1e-10, abs=1e-10)  # M has condition 1e4
 
 
 def test_a_singular_state_leaves_the_others_their_accelerations():

@@ -1,13 +1,14 @@
 from itertools import pairwise
 
 import numpy as np
-import pinocchio as pin
 import pytest
+from pinarm.engine.integration.methods.tableaus import DOPRI5
 from scipy.special import ellipj, ellipk
 
-from pinarm.engine.dynamics.configuration_space import JointSpace
-from pinarm.engine.integration import Adaptive, Flat, Radau, Stretch, integrate
-from pinarm.engine.integration.methods.tableaus import DOPRI5
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Flat, Interval
+from pinarm.engine.integration.methods.explicit import Adaptive
+from pinarm.engine.integration.methods.stiff import radau_of
 from pinarm.errors import IntegrationError, Interrupted
 
 from .methods.known_motions import ATTITUDE, MOMENTS, PLANE, SPIN, attraction, body, orbit, turned
@@ -25,44 +26,44 @@ def top():
 
 class TestDenseOutput:
     def test_meets_the_steps_at_their_ends(self):
-        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
+        solution = integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
         t = np.array([step.t for step in solution.steps])
         assert np.array_equal(np.hstack(solution.states(t)), np.array([step.y for step in solution.steps]))
 
     def test_is_smooth_across_the_steps(self):
-        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
+        solution = integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
         ends = np.array([step.t for step in solution.steps[1:]])
         before, after = solution.states(np.nextafter(ends, -1.0)), solution.states(ends)
         assert np.hstack(before) == pytest.approx(np.hstack(after), abs=1e-14)
 
     def test_is_as_accurate_as_the_steps(self):
-        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-10))
+        solution = integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-10))
         ends = np.array([step.t for step in solution.steps])
         between = np.linspace(0.0, 6.0, 2001)
         assert deviation(solution, between) < 10 * deviation(solution, ends) + 1e-12
 
     def test_takes_times_in_any_order(self):
-        solution = integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
+        solution = integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9))
         t = np.array([5.0, 0.0, 6.0, 2.5, 2.5])
         together = solution.states(t)
         for k, instant in enumerate(t):
             assert np.array_equal(solution.states(np.array([instant]))[0][0], together[0][k])
 
     @pytest.mark.parametrize(
-        "method", [Adaptive(1e-9), Adaptive(1e-6, DOPRI5), Radau.of(1e-6)], ids=lambda one: one.name
+        "method", [Adaptive(1e-9), Adaptive(1e-6, DOPRI5), radau_of(1e-6)], ids=lambda one: one.name
     )
     def test_of_many_steps_at_once_is_that_of_each(self, top, method):
         """Further stages of all steps are computed together, where accelerations are known of many states at once."""
         t = np.linspace(0.0, 4.0, 201)
         one, many = (
-            integrate([Stretch(0.0, 4.0, top.acceleration(), together=together)], top.manifold, ATTITUDE, SPIN, method)
+            integrate([Interval(0.0, 4.0, top.acceleration(), batch=together)], top.manifold, ATTITUDE, SPIN, method)
             for together in (None, top.forward)
         )
         alone = np.array([np.hstack(one.states(np.array([instant])))[0] for instant in t])
         assert np.hstack(many.states(t)) == pytest.approx(alone, abs=1e-14)
 
     def test_quaternions_have_unit_length(self, top):
-        solution = integrate([Stretch(0.0, 4.0, top.acceleration())], top.manifold, ATTITUDE, SPIN, Adaptive(1e-4))
+        solution = integrate([Interval(0.0, 4.0, top.acceleration())], top.manifold, ATTITUDE, SPIN, Adaptive(1e-4))
         q, _ = solution.states(np.linspace(0.0, 4.0, 101))
         assert np.linalg.norm(q, axis=1) == pytest.approx(1.0, abs=1e-15)
         assert all(abs(np.linalg.norm(step.y[:4]) - 1.0) < 1e-15 for step in solution.steps)
@@ -74,7 +75,7 @@ class TestTolerance:
     def errors(self, acceleration, manifold, q, v, t, exact):
         found = []
         for tolerance in self.tolerances:
-            solution = integrate([Stretch(0.0, t[-1], acceleration)], manifold, q, v, Adaptive(tolerance))
+            solution = integrate([Interval(0.0, t[-1], acceleration)], manifold, q, v, Adaptive(tolerance))
             found.append(np.abs(np.hstack(solution.states(t)) - exact).max())
         return np.array(found)
 
@@ -94,8 +95,8 @@ class TestTolerance:
 
 @pytest.mark.parametrize("noise", [0.0, 3e-17, -1e-16, 1e-15])
 def test_a_start_at_rest_that_is_off_zero_by_rounding_begins_with_no_smaller_steps(noise):
-    stretch = Stretch(0.0, 1.0, lambda t, q, v: np.array([np.cos(t), 50.0]))
-    solution = integrate([stretch], PLANE, np.full(2, noise), np.zeros(2), Adaptive(1e-12))
+    interval = Interval(0.0, 1.0, lambda t, q, v: np.array([np.cos(t), 50.0]))
+    solution = integrate([interval], PLANE, np.full(2, noise), np.zeros(2), Adaptive(1e-12))
     assert len(solution.steps) < 30
     assert solution.states(np.ones(1))[0][0] == pytest.approx([1.0 - np.cos(1.0), 25.0], rel=1e-11)
 
@@ -115,8 +116,8 @@ def test_free_rotation_follows_the_elliptic_functions(top):
         np.sqrt((energy2 * i3 - momentum2) / (i2 * (i3 - i2))) * sn,
         np.sqrt((momentum2 - energy2 * i1) / (i3 * (i3 - i1))) * dn,
     ])  # fmt: skip
-    stretch = Stretch(0.0, t[-1], top.acceleration())
-    _, v = integrate([stretch], top.manifold, ATTITUDE, w, Adaptive(1e-13)).states(t)
+    interval = Interval(0.0, t[-1], top.acceleration())
+    _, v = integrate([interval], top.manifold, ATTITUDE, w, Adaptive(1e-13)).states(t)
     assert pytest.approx(expected, abs=1e-11) == v.T
 
 
@@ -137,21 +138,21 @@ class TestStretches:
     bounds = (0.0, 1 / 3, 2.0, 5.0)
     levels = (0.0, 1.0, 0.0)
 
-    def stretches(self):
+    def intervals(self):
         return [
-            Stretch(low, high, oscillator_with(lambda t, level=level: level))
+            Interval(low, high, oscillator_with(lambda t, level=level: level))
             for low, high, level in zip(self.bounds, self.bounds[1:], self.levels, strict=False)
         ]
 
     def test_a_load_that_jumps_between_them_costs_no_accuracy(self):
-        solution = integrate(self.stretches(), self.flat, *self.rest, Adaptive(1e-12))
+        solution = integrate(self.intervals(), self.flat, *self.rest, Adaptive(1e-12))
         t = np.linspace(0.0, 5.0, 301)
         for found, exact in zip(solution.states(t), kicked(t), strict=True):
             assert found == pytest.approx(exact, abs=1e-10)
 
     def test_steps_end_exactly_on_their_bounds(self):
-        solution = integrate(self.stretches(), self.flat, *self.rest, Adaptive(1e-9))
-        first = {k: next(step for step in solution.steps if step.stretch == k) for k in range(3)}
+        solution = integrate(self.intervals(), self.flat, *self.rest, Adaptive(1e-9))
+        first = {k: next(step for step in solution.steps if step.interval == k) for k in range(3)}
         assert [step.t for step in first.values()] == list(self.bounds[:-1])
         assert solution.end == pytest.approx(5.0, abs=1e-15)
         for step, after in zip(solution.steps, solution.steps[1:], strict=False):
@@ -161,19 +162,19 @@ class TestStretches:
         def load(t):
             return 1.0 if 1 / 3 < t < 2.0 else 0.0
 
-        split = integrate(self.stretches(), self.flat, *self.rest, Adaptive(1e-12))
-        whole = integrate([Stretch(0.0, 5.0, oscillator_with(load))], self.flat, *self.rest, Adaptive(1e-12))
+        split = integrate(self.intervals(), self.flat, *self.rest, Adaptive(1e-12))
+        whole = integrate([Interval(0.0, 5.0, oscillator_with(load))], self.flat, *self.rest, Adaptive(1e-12))
         assert split.count.rejected <= 2
         assert whole.count.rejected > 10 * max(1, split.count.rejected)
 
     def test_a_stretch_that_starts_late_is_on_its_own_clock(self):
-        late = [Stretch(s.start + 1e3, s.end + 1e3, s.acceleration) for s in self.stretches()]
+        late = [Interval(s.start + 1e3, s.end + 1e3, s.acceleration) for s in self.intervals()]
         t = np.linspace(0.0, 5.0, 31)
         q, _ = integrate(late, self.flat, *self.rest, Adaptive(1e-12)).states(1e3 + t)
         assert q == pytest.approx(kicked(t)[0], abs=1e-10)  # times near 1000 s are known to 1e-13 s
 
     def test_rest_is_crossed_in_few_steps(self):
-        solution = integrate([Stretch(0.0, 1e3, lambda t, q, v: 0.0 * q)], self.flat, *self.rest, Adaptive(1e-12))
+        solution = integrate([Interval(0.0, 1e3, lambda t, q, v: 0.0 * q)], self.flat, *self.rest, Adaptive(1e-12))
         assert len(solution.steps) < 20
         assert np.hstack(solution.states(np.array([1e3]))).tolist() == [[0.0, 0.0]]
 
@@ -185,13 +186,13 @@ def test_evaluations_are_counted():
         calls.append(t)
         return attraction(t, q, v)
 
-    solution = integrate([Stretch(0.0, 6.0, counted)], PLANE, *orbit(0.0), Adaptive(1e-9))
+    solution = integrate([Interval(0.0, 6.0, counted)], PLANE, *orbit(0.0), Adaptive(1e-9))
     assert solution.count.evaluations == len(calls)
     assert len(calls) == 2 + 12 * (len(solution.steps) + solution.count.rejected)
 
 
 def test_equal_input_gives_equal_bits():
-    runs = [integrate([Stretch(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9)) for _ in range(2)]
+    runs = [integrate([Interval(0.0, 6.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9)) for _ in range(2)]
     assert all(np.array_equal(one.y, other.y) for one, other in zip(runs[0].steps, runs[1].steps, strict=True))
 
 
@@ -200,7 +201,7 @@ class TestFailures:
 
     def fails(self, acceleration, q=0.0, v=1.0, end=2.0):
         with pytest.raises(IntegrationError) as caught:
-            integrate([Stretch(0.0, end, acceleration)], self.flat, np.array([q]), np.array([v]), Adaptive(1e-9))
+            integrate([Interval(0.0, end, acceleration)], self.flat, np.array([q]), np.array([v]), Adaptive(1e-9))
         return caught.value
 
     @pytest.mark.parametrize("value", [np.nan, np.inf])
@@ -236,8 +237,8 @@ class TestInterruption:
     flat = Flat(1, 1)
     start = (np.ones(1), np.zeros(1))
 
-    def stopped(self, when, stretches=1):
-        """Return what is raised by an oscillator that is interrupted once, at its call ``when`` in the last stretch."""
+    def stopped(self, when, intervals=1):
+        """Return what is raised by an oscillator that is interrupted at its call ``when`` in the last interval."""
         calls = []
 
         def acceleration(t, q, v):
@@ -249,9 +250,9 @@ class TestInterruption:
                 raise KeyboardInterrupt
             return -q
 
-        cuts = np.linspace(0.0, 20.0, stretches + 1).tolist()
-        parts = [Stretch(low, high, acceleration) for low, high in pairwise(cuts)]
-        parts[-1] = Stretch(*cuts[-2:], interrupted)
+        cuts = np.linspace(0.0, 20.0, intervals + 1).tolist()
+        parts = [Interval(low, high, acceleration) for low, high in pairwise(cuts)]
+        parts[-1] = Interval(*cuts[-2:], interrupted)
         with pytest.raises((Interrupted, KeyboardInterrupt)) as caught:
             integrate(parts, self.flat, *self.start, Adaptive(1e-10))
         assert isinstance(caught.value, Interrupted), "what was integrated is lost"
@@ -269,7 +270,7 @@ class TestInterruption:
         assert v[:, 0] == pytest.approx(-np.sin(t), abs=1e-8)
 
     def test_at_the_first_instant_of_a_later_stretch(self):
-        assert self.stopped(1, stretches=2).partial.end == pytest.approx(10.0, abs=1e-14)
+        assert self.stopped(1, intervals=2).partial.end == pytest.approx(10.0, abs=1e-14)
 
     def test_within_the_first_step(self):
         error = self.stopped(3)
@@ -280,7 +281,7 @@ class TestInterruption:
 class TestMaxSteps:
     def test_no_more_steps_are_taken_and_those_taken_are_kept(self):
         with pytest.raises(IntegrationError, match="has taken 7 steps and is at t = ") as caught:
-            integrate([Stretch(0.0, 60.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=7)
+            integrate([Interval(0.0, 60.0, attraction)], PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=7)
         partial = caught.value.partial
         assert len(partial.steps) + partial.count.rejected == 7
         assert caught.value.data["t"] == pytest.approx(partial.end, abs=1e-14)
@@ -289,50 +290,9 @@ class TestMaxSteps:
 
     def test_they_are_counted_over_all_stretches(self):
         cuts = np.linspace(0.0, 6.0, 13).tolist()
-        parts = [Stretch(low, high, attraction) for low, high in pairwise(cuts)]
+        parts = [Interval(low, high, attraction) for low, high in pairwise(cuts)]
         whole = integrate(parts, PLANE, *orbit(0.0), Adaptive(1e-9))
         needed = len(whole.steps) + whole.count.rejected
         assert integrate(parts, PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=needed).end == pytest.approx(6.0)
         with pytest.raises(IntegrationError, match=f"has taken {needed - 1} steps"):
             integrate(parts, PLANE, *orbit(0.0), Adaptive(1e-9), max_steps=needed - 1)
-
-
-class TestJointSpace:
-    @pytest.fixture
-    def space(self):
-        model = pin.Model()
-        ball = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "free")
-        model.addJoint(ball, pin.JointModelRUBX(), pin.SE3.Identity(), "wheel")
-        return JointSpace(model, model.nq, model.nv)
-
-    def test_velocity_is_the_derivative_along_the_manifold(self, space, differentiate):
-        rng = np.random.default_rng(1)
-        q, v = pin.normalize(space.model, rng.normal(size=space.nq)), rng.normal(size=space.nv)
-        change = differentiate(lambda t: pin.integrate(space.model, q, t * v), 0.0)
-        assert space.velocity(q, v) == pytest.approx(change, abs=1e-11)
-
-    def test_rows_are_what_each_is(self, space, differentiate):
-        """Of balls, which have formulas of their own, and of joints that have none."""
-        rng, balls = np.random.default_rng(3), pin.Model()
-        ends = [balls.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "shoulder")]
-        for joint, name in ((pin.JointModelRX(), "elbow"), (pin.JointModelSpherical(), "wrist")):
-            ends.append(balls.addJoint(ends[-1], joint, pin.SE3.Identity(), name))
-        for one in (space, JointSpace(balls, balls.nq, balls.nv)):
-            raw, v = rng.normal(size=(5, one.nq)), rng.normal(size=(5, one.nv))
-            q = one.project(raw)
-            assert q == pytest.approx(np.array([pin.normalize(one.model, row) for row in raw]), abs=1e-15)
-            changes = [
-                differentiate(lambda t, model=one.model, q=a, v=b: pin.integrate(model, q, t * v), 0.0)
-                for a, b in zip(q, v, strict=True)
-            ]
-            assert one.velocity(q, v) == pytest.approx(np.array(changes), abs=1e-11)
-
-    def test_projection_keeps_what_is_on_it_and_takes_rows(self, space):
-        rng = np.random.default_rng(2)
-        rows = rng.normal(size=(4, space.nq))
-        found = space.project(rows)
-        assert np.linalg.norm(found[:, 3:7], axis=1) == pytest.approx(1.0, abs=1e-15)
-        assert np.linalg.norm(found[:, 7:], axis=1) == pytest.approx(1.0, abs=1e-15)
-        assert np.array_equal(found[:, :3], rows[:, :3])
-        assert np.array_equal(found[2], space.project(rows[2]))
-        assert space.project(found) == pytest.approx(found, abs=1e-15)

@@ -60,7 +60,7 @@ class TestTaskMotion:
     @pytest.mark.parametrize(("motion", "t"), [(RISE, 1.25), (RISE, 1.75), (SMOOTH, 0.6), (SMOOTH, 2.1)])
     def test_rates_are_the_derivatives_of_the_positions(self, leg, motion, t, differentiate):
         def at(instant):
-            # the step before brings the motion near; both rows lie in one smooth stretch
+            # the step before brings the motion near; both rows lie in one smooth interval
             q, v, a = moved(leg, motion, [instant - 0.05, instant], BENT)
             return np.array([q[-1], v[-1], a[-1]])
 

@@ -29,7 +29,7 @@ def fall(mechanism, chain):
             end_stops={"weight": EndStop(lower=floor, restitution=restitution)},
         )
         found = problem.solve(model, Accuracy(tolerance=1e-12), lambda *path: nullcontext())
-        return found.rows.grid.t, found.rows.q[:, 0], np.array([one.t for one in found.happenings])
+        return found.rows.grid.t, found.rows.q[:, 0], np.array([one.t for one in found.events])
 
     return run
 

@@ -54,16 +54,16 @@ def test_direction_at_rest_is_none(arm):
     assert rest.direction(0).tolist() == [0, 0, 0]
 
 
-@pytest.mark.parametrize("stretch", range(4))
-def test_the_same_motion_at_other_instants_of_a_stretch(solved, run, stretch):
+@pytest.mark.parametrize("interval", range(4))
+def test_the_same_motion_at_other_instants_of_a_stretch(solved, run, interval):
     cuts = run.grid.cuts
-    t = np.linspace(cuts[stretch], cuts[stretch + 1], 5)
-    part = on_interval(solved.motion, cuts, stretch, t)
-    s, ds, dds = LAW.on(cuts[stretch], cuts[stretch + 1])(t)
+    t = np.linspace(cuts[interval], cuts[interval + 1], 5)
+    part = on_interval(solved.motion, cuts, interval, t)
+    s, ds, dds = LAW.on(cuts[interval], cuts[interval + 1])(t)
     assert part.grid.t.tolist() == t.tolist()
     for found, expected in ((part.q, s), (part.v, ds), (part.a, dds)):
         assert found[:, 0] == pytest.approx(expected, abs=1e-15)
-    rows = slice(run.grid.rows[stretch], run.grid.rows[stretch + 1])
+    rows = slice(run.grid.rows[interval], run.grid.rows[interval + 1])
     assert part.tau[[0, -1]] == pytest.approx(run.tau[rows][[0, -1]], abs=1e-14)
 
 
@@ -93,7 +93,7 @@ def test_some_rows_are_those_rows(run):
 
 
 def test_stretches_cover_the_rows_in_order(run):
-    rows = [rows for rows, _ in run.stretches()]
+    rows = [rows for rows, _ in run.intervals()]
     assert np.concatenate([np.arange(len(run))[part] for part in rows]).tolist() == list(range(len(run)))
     counted = run.gather(lambda dynamics, part: run.grid.t[part])
     assert np.array_equal(counted, run.grid.t)

@@ -15,7 +15,7 @@ import pytest
 from pinarm.errors import InputError, ModelError, PinarmError
 from pinarm.input import roots
 from pinarm.input.robots import robot
-from pinarm.input.roots import contained, example_robot_data, inside, root_of
+from pinarm.input.roots import contained_file, contained_path, example_robot_data, root_of
 from pinarm.input.xacro import sandboxed_xacro as private_xacro
 from pinarm.input.xacro.expansion import Expansion, expand
 
@@ -187,7 +187,7 @@ def test_packages(tmp_path: Path) -> None:
         ('<xacro:include filename="broken.xacro"/>', r"broken.xacro:4:3: this is not XML: mismatched tag"),
         ("<a>\n<b>\n</a>", r"model.urdf.xacro:5:3: this is not XML: mismatched tag"),
         ("<a:b/>", "not XML|unbound"),
-        ("<x v='${1 +}'/>", r":3:7: this is no formula"),
+        ("<x v='${1 +}'/>", r":3:7: this is not a formula"),
         ("<x v='${1'/>", r":3:7: a brace is not closed"),
         ("<x v='$(arg none)'/>", r":3:7: unknown argument 'none'"),
         ("<xacro:insert_block name='b'/>", r':3:1: Undefined block "b"'),
@@ -270,9 +270,13 @@ def test_roots(tmp_path: Path) -> None:
     assert root_of(file) == root_of(inner) == inner.resolve()
     (tmp_path / "a" / ".pinarm-root").touch()
     assert root_of(file) == root_of(inner) == (tmp_path / "a").resolve()
-    assert inside("b/model.urdf", tmp_path / "a") == inside(file, tmp_path) == inside(f"file://{file}", tmp_path)
-    assert inside("package://p/model.urdf", tmp_path, {"p": inner}) == file.resolve()
-    assert contained("a/none.stl", tmp_path) == (tmp_path / "a/none.stl").resolve()
+    assert (
+        contained_file("b/model.urdf", tmp_path / "a")
+        == contained_file(file, tmp_path)
+        == contained_file(f"file://{file}", tmp_path)
+    )
+    assert contained_file("package://p/model.urdf", tmp_path, {"p": inner}) == file.resolve()
+    assert contained_path("a/none.stl", tmp_path) == (tmp_path / "a/none.stl").resolve()
 
 
 @pytest.mark.parametrize(
@@ -290,7 +294,7 @@ def test_paths_that_are_refused(tmp_path: Path, path: str) -> None:
     (root / "loop").symlink_to(root / "loop")
     os.mkfifo(root / "pipe")
     with pytest.raises(InputError):
-        inside(path, root, {"p": root / "folder"})
+        contained_file(path, root, {"p": root / "folder"})
 
 
 def test_example_robots_are_found_without_importing_anything(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from pinarm.errors import InputError, Key, Location, within
 from pinarm.input.yaml.document import MAX_BYTES, Document
-from pinarm.input.yaml.schema import Model, Time
+from pinarm.input.yaml.schema import InputStruct, Time
 from pinarm.input.yaml.values import varied
 
 
@@ -257,11 +257,12 @@ def test_overrides_leave_the_places_of_the_rest() -> None:
 @pytest.mark.parametrize(
     ("assignment", "says"),
     [
-        ("title", "no assignment"), ("", "no assignment"), ("=3", "no assignment"), (" =3", "no assignment"),
-        ("title.a=3", "a plain value stands there"), ("expect.2=3", "no index"), ("expect.x=3", "no index"),
-        ("expect.-3=1", "no index"), ("expect.--1=3", "no index"), ("expect.²=3", "no index"),
-        ("expect.=3", "no index"),
-        ("expect.0.value.x=1", "a plain value stands there"), ("title=[1", "not YAML"), ("title=&a b", "anchors"),
+        ("title", "not an assignment"), ("", "not an assignment"), ("=3", "not an assignment"),
+        (" =3", "not an assignment"),
+        ("title.a=3", "through a plain value"), ("expect.2=3", "not an index"), ("expect.x=3", "not an index"),
+        ("expect.-3=1", "not an index"), ("expect.--1=3", "not an index"), ("expect.²=3", "not an index"),
+        ("expect.=3", "not an index"),
+        ("expect.0.value.x=1", "through a plain value"), ("title=[1", "not YAML"), ("title=&a b", "anchors"),
         ("title=!!int 3", "tags"), ("title={a: 1, a: 2}", "twice"), ("title=a\n---\nb", ""),
     ],
 )  # fmt: skip
@@ -276,14 +277,14 @@ def test_overrides_that_lead_nowhere(assignment: str, says: str) -> None:
 # ---------------------------------------------------------------------------------------------------- validation
 
 
-class Inner(Model):
+class Inner(InputStruct):
     """A part."""
 
     end: Time
     samples: int = 3
 
 
-class Whole(Model):
+class Whole(InputStruct):
     """A document."""
 
     time: Inner

@@ -11,7 +11,7 @@ import pytest
 
 from pinarm.errors import InputError, UnitError
 from pinarm.input.units import unit
-from pinarm.input.yaml.schema import AnyQuantity, Level, Measured, Model, Time, convert, quantity, reading_from
+from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Level, Measured, Time, convert, quantity, reading_from
 from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces.joint_definitions import JointSpring
@@ -20,7 +20,7 @@ from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.time_grid import TimeGrid
 
 
-class Piece(Model, rename={"angle": "from"}):
+class Piece(InputStruct, rename={"angle": "from"}):
     """Something to fill in."""
 
     length: quantity("m") = 0.0  # type: ignore[valid-type]
@@ -29,7 +29,7 @@ class Piece(Model, rename={"angle": "from"}):
     angle: Level = 0.0
 
 
-def built(model: type[Model], data: Any) -> Any:
+def built(model: type[InputStruct], data: Any) -> Any:
     """Build a model as from a file, and let its own error out."""
     with reading_from(Path()):
         try:
@@ -81,7 +81,7 @@ def test_the_hint_shows_a_unit_that_would_be_right() -> None:
 def test_the_hint_does_not_show_seconds_for_an_angle() -> None:
     """``from`` of a range is called ``start`` inside, as the first instant of a run is."""
 
-    class Sweep(Model, rename={"start": "from"}):
+    class Sweep(InputStruct, rename={"start": "from"}):
         start: Level
 
     assert hint(lambda **data: built(Sweep, data), **{"from": -60}) == ""
@@ -129,7 +129,7 @@ def test_only_numbers_and_text(value: Any) -> None:
         (Cycloidal, {"from": "0 m", "to": "1 m", "duration": "-1 s"}),
     ],
 )
-def test_bounds_of_a_quantity_hold(model: type[Model], data: dict[str, Any]) -> None:
+def test_bounds_of_a_quantity_hold(model: type[InputStruct], data: dict[str, Any]) -> None:
     mended = {key: value.lstrip("-").replace("0 s", "1 s") if key != "from" else value for key, value in data.items()}
     built(model, mended)
     with pytest.raises(InputError, match="out of bounds"):

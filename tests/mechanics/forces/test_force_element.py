@@ -5,16 +5,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.errors import DynamicsError, InputError, UnitError
-from pinarm.input.units import unit
-from pinarm.input.yaml.schema import Measured
+from pinarm.errors import InputError
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.forces.bushing import Bushing, DampingRates, SpringRates
-from pinarm.mechanics.forces.joint_definitions import CREEP, JointEffort, JointFriction, JointSpring, TorqueSpeed
+from pinarm.mechanics.forces.joint_definitions import JointEffort, JointFriction, JointSpring, TorqueSpeed
 from pinarm.mechanics.forces.point import PointSpring, Wrench
-from pinarm.mechanics.joints import frame_of, joints_of
 from pinarm.mechanics.laws import Constant, Harmonic, SpeedPoints, Spline, Trapezoid
-from pinarm.mechanics.loading.pinocchio_model import build_model
 
 MEMBERS = typing.get_args(Force)
 RUBBER = SpringRates(
@@ -73,23 +69,6 @@ every_force = pytest.mark.parametrize(
 )
 
 
-@pytest.fixture
-def model(chain):
-    """A turning link with a sliding one on it, both off the axis, and a post that stands still beside them."""
-    bodies = ({"name": "turn", "at": "0.2 -0.1 0.3", "axis": "0.6 0 0.8"},
-              {"name": "slide", "kind": "prismatic", "axis": "1 0 0", "at": "1.4 0.3 0.2"})  # fmt: skip
-    post = (
-        '<link name="post"/><joint name="foot" type="fixed"><parent link="base"/><child link="post"/>'
-        '<origin xyz="0.5 1.5 -0.4" rpy="0.3 -0.7 1.1"/></joint></robot>'
-    )
-    return build_model(chain(*bodies).replace("</robot>", post)).model
-
-
-@pytest.fixture
-def joints(model):
-    return joints_of(model)
-
-
 def motion(t):
     """A smooth motion of both joints: q and v, each of shape (..., 2)."""
     x = np.asarray(t)[..., None] * np.array([1.3, 2.1]) + np.array([0.4, 1.0])
@@ -103,7 +82,7 @@ def load(element, t, q, v):
 
 
 def bound(force, model, joints):
-    """Return the element of a force on a stretch between two breakpoints of every sample."""
+    """Return the element of a force on an interval between two breakpoints of every sample."""
     return force.bind(model, joints).on(0.1, 0.9)
 
 
@@ -213,222 +192,6 @@ def test_unknown_links_are_refused(force, names, model, joints):
     with pytest.raises(InputError, match=r"no link '(pots|wrold|turn)'") as caught:
         force.bind(model, joints)
     assert "turn_link" in caught.value.expected
-
-
-@pytest.mark.parametrize("point", ["slide_link", "turn_link"])
-@pytest.mark.parametrize("axes", ["world", "slide_link", "turn_link", "post"])
-def test_load_of_a_wrench_is_its_virtual_work(model, joints, differentiate, point, axes):
-    """Force times the displacement of the point, moment times the rotation, both by differences of the placement."""
-    force, moment = np.array([3.0, -8.0, 5.0]), np.array([1.0, 2.0, -4.0])
-    element = Wrench(point=point, force=force, moment=moment, axes=axes).bind(model, joints).on(0, 1)
-    q, data = np.array([0.7, -0.4]), model.createData()
-
-    def placement(x, name=point):
-        pin.framesForwardKinematics(model, data, x)
-        return data.oMf[frame_of(model, name)].copy() if name != "world" else pin.SE3.Identity()
-
-    given, here = placement(q, axes).rotation, placement(q)
-    for k, direction in enumerate(np.eye(2)):
-
-        def moved(h, direction=direction):
-            there = placement(pin.integrate(model, q, h * direction))
-            return np.concatenate([there.translation, pin.log3(there.rotation @ here.rotation.T)])
-
-        change = differentiate(moved, 0.0)
-        expected = (given @ force) @ change[:3] + (given @ moment) @ change[3:]
-        # differences of order 8 at h = 0.02
-        assert load(element, 0.5, q, np.zeros(2))[k] == pytest.approx(expected, abs=1e-11)
-
-
-def test_a_wrench_follows_its_factor(model, joints):
-    q, v = motion(0.0)
-    plain, varied = (
-        Wrench(point="slide_link", force=(1.0, 2.0, 3.0), **factor).bind(model, joints).on(0.0, 1.0)
-        for factor in ({}, {"factor": Harmonic(amplitude=2.0, pulsation=3.0)})
-    )
-    for t in (0.1, 0.7):
-        scale = 2.0 * np.sin(3.0 * t)
-        assert load(varied, t, q, v) == pytest.approx(scale * load(plain, t, q, v), abs=1e-14)
-        [one], [other] = varied.wrenches(t, q, v).values(), plain.wrenches(t, q, v).values()
-        assert one == pytest.approx(scale * other, abs=1e-14)
-    with pytest.raises(ValueError, match="on a stretch of time"):
-        load(SAMPLES[Wrench][3].bind(model, joints), 0.5, q, v)
-
-
-@pytest.fixture
-def held(chain):
-    """A pendulum of 0.8 m about z, and a hook at (0.3, 1.1) that its tip is tied to."""
-    ends = (
-        '<link name="tip"/><joint name="end" type="fixed"><parent link="arm_link"/><child link="tip"/>'
-        '<origin xyz="0.8 0 0"/></joint><link name="hook"/><joint name="wall" type="fixed"><parent link="base"/>'
-        '<child link="hook"/><origin xyz="0.3 1.1 0"/></joint></robot>'
-    )
-    model = build_model(chain({"name": "arm"}).replace("</robot>", ends)).model
-    return model, joints_of(model)
-
-
-@pytest.mark.parametrize("ends", [("hook", "tip"), ("tip", "hook")])
-@pytest.mark.parametrize("theta", [0.2, 1.0, 2.7])
-def test_point_spring_on_a_pendulum_by_hand(held, ends, theta):
-    element = PointSpring(between=ends, stiffness=40.0, damping=6.0, free_length=0.5,
-                          force=3.0).bind(*held)  # fmt: skip
-    rate = 1.7
-    x, y = 0.8 * np.cos(theta) - 0.3, 0.8 * np.sin(theta) - 1.1
-    length = np.hypot(x, y)
-    # l^2 = 0.8^2 + 0.3^2 + 1.1^2 - 2 * 0.8 (0.3 cos + 1.1 sin), so that l dl/dtheta = 0.8 (0.3 sin - 1.1 cos)
-    slope = 0.8 * (0.3 * np.sin(theta) - 1.1 * np.cos(theta)) / length
-    tension = 40.0 * (length - 0.5) + 6.0 * slope * rate + 3.0
-    q, v = np.array([theta]), np.array([rate])
-    assert load(element, 0.0, q, v) == pytest.approx([-tension * slope], rel=1e-13)
-    stretched = length - 0.5
-    assert element.potential_energy(q) == pytest.approx(20.0 * stretched**2 + 3.0 * stretched, rel=1e-13)
-    assert element.dissipated_power(0.0, q, v) == pytest.approx(6.0 * (slope * rate) ** 2, rel=1e-13)
-    pull = element.wrenches(0.0, q, v)[1]
-    point = np.array([0.8 * np.cos(theta), 0.8 * np.sin(theta), 0.0])
-    expected = -tension * np.array([x, y, 0.0]) / length
-    assert pull == pytest.approx(np.concatenate([expected, np.cross(point, expected)]), abs=1e-12)
-
-
-@pytest.mark.parametrize("act", [
-    lambda element, q, v: load(element, 0.0, q, v), lambda element, q, v: element.wrenches(0.0, q, v),
-    lambda element, q, v: element.potential_energy(q), lambda element, q, v: element.dissipated_power(0.0, q, v),
-])  # fmt: skip
-def test_points_that_meet_are_refused(chain, act):
-    ends = "".join(
-        f'<link name="{name}"/><joint name="to_{name}" type="fixed"><parent link="{parent}"/><child link="{name}"/>'
-        f'<origin xyz="0.8 0 0"/></joint>' for name, parent in (("tip", "arm_link"), ("hook", "base"))
-    )  # fmt: skip
-    model = build_model(chain({"name": "arm"}).replace("</robot>", f"{ends}</robot>")).model
-    element = PointSpring(between=("tip", "hook"), stiffness=1.0, damping=1.0).bind(model, joints_of(model))
-    with pytest.raises(
-        DynamicsError, match=r"points tip and hook of a two-point spring meet: .* where arm = 0 rad"
-    ) as caught:
-        act(element, np.zeros(1), np.ones(1))
-    assert caught.value.data["q"].tolist() == [0.0]
-    with pytest.raises(DynamicsError, match="points tip and hook of a two-point spring meet"):
-        element.potential_energy(np.repeat([[1.0], [0.0]], 20, axis=0))
-
-
-@pytest.mark.parametrize("creep", [None, 0.02])
-def test_friction_is_its_bound_far_above_creep_and_gives_way_below(model, joints, creep):
-    given = {} if creep is None else {"creep": creep}
-    element = JointFriction(joint="turn", friction=3.0, **given).bind(model, joints)
-    scale = CREEP if creep is None else creep
-
-    def at(rate):
-        return load(element, 0.0, np.zeros(2), np.array([rate, 50.0]))[0]
-
-    for sign in (1.0, -1.0):
-        assert at(sign * 5 * scale) == pytest.approx(-sign * 3.0, rel=1e-4)
-        assert at(sign * 1e3 * scale) == -sign * 3.0
-        # a load of half the bound makes the joint creep at atanh(1/2)
-        assert at(sign * scale * np.arctanh(0.5)) == pytest.approx(-sign * 1.5, rel=1e-14)
-    assert at(0.0) == 0.0
-    assert element.dissipated_power(0.0, np.zeros(2), np.array([-2.0, 50.0])) == pytest.approx(6.0, rel=1e-14)
-    assert element.potential_energy(np.ones(2)) == 0.0
-
-
-def test_motor_curve_is_linear_between_its_points_and_constant_beyond(model, joints):
-    element = SAMPLES[TorqueSpeed][0].bind(model, joints)
-    rates = np.array([-7.0, -1.0, -0.5, 0.0, 0.75, 1.5, 2.0, 3.0, 40.0])
-    expected = [9.0, 9.0, 7.5, 6.0, 5.5, 5.0, 3.0, -1.0, -1.0]
-    v = np.stack([rates, np.full(9, 50.0)], axis=1)
-    assert load(element, 0.0, np.zeros((9, 2)), v)[:, 0] == pytest.approx(expected, abs=1e-14)
-    assert element.dissipated_power(0.0, np.zeros((9, 2)), v) == pytest.approx(-rates * expected, abs=1e-13)
-
-
-@pytest.mark.parametrize("speeds", [(1.0, 0.0), (0.0, 0.0), (0.0, 2.0, 1.0)])
-def test_a_curve_that_descends_is_refused(speeds):
-    with pytest.raises(InputError, match="velocities of the curve do not ascend"):
-        TorqueSpeed(joint="turn", curve=[(speed, 1.0) for speed in speeds])
-
-
-def test_a_curve_of_one_point_is_refused():
-    with pytest.raises(InputError, match="do not ascend"):
-        TorqueSpeed(joint="turn", curve=[(0.0, 1.0)])
-
-
-def test_spring_and_damper_by_hand(model, joints):
-    element = SAMPLES[JointSpring][0].bind(model, joints)
-    q, v = np.array([0.5, 9.0]), np.array([-2.0, 9.0])
-    assert load(element, 0.0, q, v) == pytest.approx([-30.0 * 0.3 + 0.7 * 2.0, 0.0])
-    assert element.potential_energy(q) == pytest.approx(0.5 * 30.0 * 0.3**2)
-    assert element.dissipated_power(0.0, q, v) == pytest.approx(0.7 * 4.0)
-    assert element.laws() == []
-
-
-def test_effort_is_its_law_on_each_side_of_a_jump(model, joints):
-    law = Trapezoid(start=0.0, end=1.0, acceleration=1.0, begin=0.5)
-    element = JointEffort(joint="turn", effort=law).bind(model, joints)
-    q, v = motion(0.0)
-    assert element.laws() == [law]
-    assert load(element.on(1.5, 2.5), 1.0, q, v)[0] == pytest.approx(1.0 - 0.5 * 1.5**2)
-    assert load(element.on(0.5, 1.5), 1.0, q, v)[0] == pytest.approx(0.125)
-    with pytest.raises(ValueError, match="on a stretch of time"):
-        load(element, 1.0, q, v)
-
-
-def measured(value, text):
-    number = Measured(value)
-    number.unit = unit(text)
-    return number
-
-
-UNITS = {
-    "turn": {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest": "deg"},
-    "slide": {"stiffness": "N/mm", "damping": "N*s/m", "rest": "mm"},
-}
-
-
-@pytest.mark.parametrize("field", ["stiffness", "damping", "rest"])
-@pytest.mark.parametrize(("joint", "other"), [("turn", "slide"), ("slide", "turn")])
-def test_springs_check_their_units_against_the_joint(model, joints, joint, other, field):
-    JointSpring(joint=joint, **{field: measured(1.0, UNITS[joint][field])}).bind(model, joints)
-    with pytest.raises(UnitError, match="not a unit of this quantity"):
-        JointSpring(joint=joint, **{field: measured(1.0, UNITS[other][field])}).bind(model, joints)
-
-
-@pytest.mark.parametrize(("joint", "right", "wrong"), [("turn", "N*m", "N"), ("slide", "kN", "N*m")])
-def test_efforts_check_their_units_against_the_joint(model, joints, joint, right, wrong):
-    def effort(text):
-        return JointEffort(joint=joint, effort=Harmonic(amplitude=measured(1.0, text), pulsation=1.0))
-
-    effort(right).bind(model, joints)
-    with pytest.raises(UnitError, match="not a unit of this quantity"):
-        effort(wrong).bind(model, joints)
-
-
-@pytest.mark.parametrize(("joint", "other"), [("turn", "slide"), ("slide", "turn")])
-@pytest.mark.parametrize("what", ["friction", "creep", "speed of a curve", "effort of a curve"])
-def test_friction_and_curves_check_their_units_against_the_joint(model, joints, joint, other, what):
-    units = {"turn": ("N*m", "rpm"), "slide": ("kN", "mm/s")}
-
-    def element(effort, rate):
-        one = {"friction": measured(1.0, effort), "creep": measured(1.0, rate)}
-        two = {"curve": [(0.0, 0.0), (measured(1.0, rate), measured(1.0, effort))]}
-        if what.endswith("curve"):
-            return TorqueSpeed(joint=joint, **two)
-        return JointFriction(joint=joint, **one)
-
-    right, wrong = units[joint], units[other]
-    element(*right).bind(model, joints)
-    mixed = (wrong[0], right[1]) if what.startswith(("friction", "effort")) else (right[0], wrong[1])
-    with pytest.raises(UnitError, match="not a unit of this quantity"):
-        element(*mixed).bind(model, joints)
-
-
-@pytest.mark.parametrize("field", ["stiffness", "damping"])
-def test_springs_and_dampers_that_give_energy_away_are_refused(field):
-    with pytest.raises(ValueError, match="out of bounds"):
-        JointSpring(joint="turn", **{field: -1.0})
-    with pytest.raises(ValueError, match="out of bounds"):
-        PointSpring(between=("a", "b"), **{field: -1.0})
-
-
-@pytest.mark.parametrize(("field", "value"), [("friction", -1.0), ("creep", 0.0), ("creep", -1.0)])
-def test_friction_that_drives_is_refused(field, value):
-    with pytest.raises(ValueError, match="out of bounds"):
-        JointFriction(joint="turn", **{"friction": 1.0, field: value})
 
 
 class TestEffortOverACoordinate:

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.mechanics.geometry.link_placements import Links, moving, supports
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving, supports
 
 N = 4
 
@@ -27,7 +27,7 @@ def states(model):
 def test_links_and_their_twists_are_those_of_pinocchio(model, states):
     links, twists, rates, columns = moving(model, *states)
     data, tool = model.createData(), model.getFrameId("tool")
-    turn, place = Links.at(model, states[0]).frame(tool)
+    turn, place = LinkPlacements.at(model, states[0]).frame(tool)
     for row, (q, v, a) in enumerate(zip(*states, strict=True)):
         pin.forwardKinematics(model, data, q, v, a)
         pin.updateFramePlacements(model, data)
@@ -40,7 +40,7 @@ def test_links_and_their_twists_are_those_of_pinocchio(model, states):
 
 
 def test_wrenches_change_their_frame_as_pinocchio_changes_it(model, states):
-    links = Links.at(model, states[0])
+    links = LinkPlacements.at(model, states[0])
     own = np.random.default_rng(2).normal(size=(N, model.njoints, 6))
     world, outwards = links.at_world(own), links.outwards(own)
     assert links.inwards(world) == pytest.approx(own, abs=1e-12)

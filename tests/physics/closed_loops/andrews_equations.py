@@ -109,5 +109,5 @@ def energy(q, v):
     """Kinetic and potential energy less the work of the drive [J]: constant."""
     kinetic = sum(0.5 * m * abs(centre.slope(q) @ v) ** 2 + 0.5 * inertia * (row @ v) ** 2
                   for m, inertia, centre, row in BODIES)  # fmt: skip
-    stretch = abs(C - SPRING.place(q)) - FREE_LENGTH
-    return kinetic + 0.5 * STIFFNESS * stretch**2 - DRIVE * q[0]
+    interval = abs(C - SPRING.place(q)) - FREE_LENGTH
+    return kinetic + 0.5 * STIFFNESS * interval**2 - DRIVE * q[0]

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from pinarm.engine.imposed import Imposed
-from pinarm.engine.systems import system_of
-from pinarm.engine.systems.contract import Initial
 
-from pinarm.engine.dynamics import Dynamics
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.systems import system_of
+from pinarm.engine.motion.systems.system import Initial
 from pinarm.errors import PinarmError
 from pinarm.mechanics.laws import Harmonic
 
@@ -91,13 +91,13 @@ def test_no_tolerance_takes_the_change_point_linkage_to_another_motion(solve, to
         assert np.exp(1j * found["theta4"].values) == pytest.approx(np.exp(1j * theta4), abs=1e-9)
 
 
-def test_last_digits_of_the_start_do_not_decide_how_a_change_point_is_passed(solve):
+def test_last_digits_of_the_start_do_not_decide_how_a_change_point_is_passed(outcome):
     """Where the passage hung on rounding, the same motion took 1400 to 8300 steps, or was refused."""
     steps = []
     for k in range(4):
         initial = {"position": {"theta2": 0.0}, "velocity": {"theta2": 17.3 * (1.0 + 1e-13 * k)}}
-        found = solve("change_point_four_bar", "forward", end=3.0, tolerance=1e-12, start=OPEN, initial=initial)
-        steps.append(found.trajectory.figures["steps"])
+        found = outcome("change_point_four_bar", "forward", end=3.0, tolerance=1e-12, start=OPEN, initial=initial)
+        steps.append(found.figures["steps"])
     assert max(steps) < 1.1 * min(steps)
 
 
@@ -106,12 +106,12 @@ def test_a_step_may_end_on_a_change_point(speed):
     """A singular position is not taken for one of a mechanism of lower rank: the acceleration stays smooth."""
     mechanism = Mechanism.load(MODELS / "change_point_four_bar" / "mechanism.yaml")
     dynamics, initial = Dynamics.of(mechanism.model), Initial(np.array([0.0, 0.8, 1.8]), np.zeros(3))
-    stretch = system_of(mechanism.closure, dynamics, Imposed((), (), ()), initial).stretch(dynamics, 0.0, 1.0)
+    interval = system_of(mechanism.closure, dynamics, Imposed((), (), ()), initial).interval(dynamics, 0.0, 1.0)
     found = []
     for t, turned in enumerate([2.0, 3.0, np.pi - 0.01, np.pi, np.pi + 0.01]):
         theta3, theta4, d3, d4 = CHANGE_POINT.slopes(np.array(turned))
         q, v = np.array([turned, theta3 - turned, theta4]), speed * np.array([1.0, d3 - 1.0, d4])
-        found.append(stretch.acceleration(0.1 * t, *stretch.settle(0.1 * t, q, v)).copy())
+        found.append(interval.acceleration(0.1 * t, *interval.settle(0.1 * t, q, v)).copy())
     assert found[3] == pytest.approx(0.5 * (found[2] + found[4]), rel=1e-3)
 
 

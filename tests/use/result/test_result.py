@@ -53,7 +53,7 @@ def test_a_jump_stands_twice_in_the_table(scenario: Callable[..., Any]) -> None:
         ("joint.", InputError, ""), ("joint.pivot", InputError, "there is no quantity"), ("", InputError, "empty"),
         ("alpha + M", UnitError, "do not go together"), ("sin(M)", UnitError, ""),
         ("sine(alpha)", ExpressionError, "sin"),
-        ("sin(alpha, 1)", ExpressionError, "2 arguments"), ("alpha +", ExpressionError, "no formula"),
+        ("sin(alpha, 1)", ExpressionError, "2 arguments"), ("alpha +", ExpressionError, "not a formula"),
         ("__import__('os')", ExpressionError, ""), ("alpha.real", InputError, ""),
         ("1/0", ExpressionError, "not finite"),
     ],

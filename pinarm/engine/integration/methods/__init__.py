@@ -1,22 +1,87 @@
-"""The methods that scenarios may choose, by name; a new one is a module beside these and an entry here."""
+"""The methods of integration that scenarios may choose, by name.
+
+A new method is a module beside these with a class that meets ``integrator.Method``, and an entry in ``METHODS``. The
+names in files, their JSON Schema, the tests of order and of events, the search for a tolerance and the trade-off follow
+the table. The module of a method is imported when a method of it is made: a run loads the one method that it uses.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Literal
 
-from pinarm.engine.integration.integrator import Method, MethodName
-from pinarm.engine.integration.methods.collocation import Collocation
-from pinarm.engine.integration.methods.conserving import Conserving
-from pinarm.engine.integration.methods.explicit import Adaptive, FixedStep
-from pinarm.engine.integration.methods.stiff import Radau
-from pinarm.engine.integration.methods.tableaus import DOPRI5
+if TYPE_CHECKING:
+    from pinarm.engine.integration.integrator import Method
 
-METHODS: dict[MethodName, Callable[[float], Method]] = {
-    "dop853": Adaptive,
-    "dopri5": lambda tolerance: Adaptive(tolerance, DOPRI5),
-    "rk4": FixedStep,
-    "stiff": Radau.of,
-    "conserving": Conserving,
-    "collocation": Collocation,
-}
-"""Name -> what makes the method of its tolerance, or of the length of its steps."""
+    MethodName = str
+
+Setting = Literal["tolerance", "step"]
+"""The key of ``accuracy`` that decides the error of a method."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A method that scenarios may choose.
+
+    Attributes:
+        module: Module in this package that defines it.
+        factory: Class or function in the module that returns the method, of the tolerance or of the longest step [s].
+        setting: Which of the two it takes.
+        summary: Its order and its use, for the JSON Schema.
+        finest: Finest setting that a trade-off tries: the tolerance ``10^-finest``, or the span by ``16 2^finest``. 0
+            leaves the method out of trade-offs, and of the search for a tolerance.
+        requires: The motions that it is restricted to; empty where it integrates all.
+    """
+
+    module: str
+    factory: str
+    setting: Setting
+    summary: str
+    finest: int = 0
+    requires: Literal["", "constant energy", "open chains"] = ""
+
+    def make(self, value: float) -> Method:
+        """Return the method of a tolerance, or of a longest step [s]; see ``setting``."""
+        method: Method = getattr(import_module(f"{__name__}.{self.module}"), self.factory)(value)
+        return method
+
+
+METHODS: dict[MethodName, Entry] = {
+    "dop853": Entry(
+        "explicit", "Adaptive", "tolerance", "Dormand-Prince 8(5,3), order 8, adaptive: for smooth motions", finest=12
+    ),
+    "dopri5": Entry(
+        "explicit", "dopri5", "tolerance", "Dormand-Prince 5(4), order 5, adaptive: for rough motions", finest=10
+    ),
+    "rk4": Entry("explicit", "FixedStep", "step", "Runge-Kutta 4, order 4, steps of one length", finest=7),
+    "stiff": Entry(
+        "stiff", "radau_of", "tolerance",
+        "Radau IIA, order 5, 9 or 13, adaptive, implicit: for stiff springs with dampers", finest=7,
+    ),
+    "conserving": Entry(
+        "conserving", "Conserving", "tolerance",
+        "dop853 with velocities scaled to constant energy: for free motions over many periods",
+        requires="constant energy",
+    ),
+    "collocation": Entry(
+        "collocation", "Collocation", "tolerance",
+        "Gauss-Legendre, order 32, adaptive: for smooth motions of open chains at tight tolerances",
+        requires="open chains",
+    ),
+}  # fmt: skip
+"""Name -> method. The search for a tolerance tries them in this order, the other way round where a motion is stiff."""
+
+if not TYPE_CHECKING:
+    MethodName = Literal[tuple(METHODS)]
+    """Names of the methods, as files may give them; type checkers see a ``str``."""
+
+
+def for_all_motions() -> dict[MethodName, Entry]:
+    """Return the methods that integrate every motion, in the order of ``METHODS``."""
+    return {name: entry for name, entry in METHODS.items() if not entry.requires}
+
+
+def described() -> str:
+    """Return the names of the methods with their summaries, for the JSON Schema."""
+    return "; ".join(f"{name}: {entry.summary}" for name, entry in METHODS.items())

@@ -1,4 +1,4 @@
-"""Collocation over long windows, all nodes of which are evaluated in one call."""
+"""Gauss-Legendre collocation over long windows, all of whose nodes are evaluated in one call."""
 
 from __future__ import annotations
 
@@ -10,53 +10,55 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.integration.first_step import first_step
-from pinarm.engine.integration.integrator import SAME, Count, Manifold, Solution, Step, Stretch
-from pinarm.engine.integration.methods.collocation_window import Course, Window
+from pinarm.engine.integration.integrator import BATCH_ROUNDING, Count, Interval, Manifold, Solution, Step
+from pinarm.engine.integration.methods import for_all_motions
+from pinarm.engine.integration.methods.collocation_window import SlopePolynomial, Window
 from pinarm.engine.integration.methods.gauss_legendre import gauss
 from pinarm.errors import MethodError
 
 SAFETY, GAIN, SLOWEST, FASTEST = 0.8, 0.5, 0.3, 4.0
-"""Step control, as of the explicit methods; windows are so long that the motion changes within them."""
+"""Step control as in ``step_control``, with other values: windows are so long that the motion changes within them."""
 
 SHRINKING, FEW, MOST = 0.1, 6, 16
-"""Mean ratio of the changes of successive sweeps that the next window is to have at most, taken to grow with the square
-of its length; sweeps that it may need whatever their ratio; sweeps beyond which a window is given up."""
+"""Largest mean ratio of the changes of successive sweeps wanted in the next window (it grows with the square of the
+window's length); number of sweeps that are accepted whatever their ratio; largest number of sweeps."""
 
 ENOUGH = 0.02
-"""Part of the tolerance that may be left when the sweeps end."""
+"""Change of a sweep, over the tolerance, at which the sweeps end."""
 
 ROUNDING = 1e-15
-"""Change of a sweep, relative to what changes, that is no error any more."""
+"""Relative change of a sweep that is rounding."""
 
 KEPT, SPARED = 2, 4
-"""Coefficients of a window's polynomial that are continued beyond it, besides the digits of the tolerance, and those at
-least that are not: the higher, the faster they grow there, and the less they are worth where the tolerance is wide."""
+"""Extrapolation beyond a window uses as many coefficients of its polynomial as the tolerance has digits and ``KEPT``
+more, and leaves out at least ``SPARED``: high coefficients grow fast there, and are inaccurate at wide tolerances."""
 
 TINY = 1e-9
-"""Ratio of changes that limits nothing."""
+"""Smallest ratio of changes, which limits nothing; it avoids a division by 0."""
 
 REACH = 1.3
-"""Part of a refused window up to which its polynomial is a better start than that of the window before."""
+"""Length, over that of a rejected window, up to which its polynomial is a better start than the previous window's."""
 
 NEEDLESS, LIMITED = 1e-6, 0.5
-"""Error of a window, relative to the tolerance, which says that it could be more than twice as long but for its sweeps;
-share of such windows from which on a problem is called stiff."""
+"""Error of a window over the tolerance at which it could be twice as long if its sweeps converged; share of such
+windows from which a motion is reported as stiff."""
 
 
 @dataclass(frozen=True)
 class Collocation:
     """Gauss-Legendre collocation in windows so long that all their nodes are evaluated in one call.
 
-    ``v_i = v_0 + h sum_j a_ij a(t_j, q_j, v_j)``, ``q_i = q_0 + h sum_j a_ij velocity(q_j, v_j)``, by sweeps that put
-    the last accelerations into the right side; the first are continued from the window before. The error is
-    estimated from the last coefficients of Legendre's series of the slopes, which bounds that of the dense output, the
-    collocation polynomial; the ends of windows are far better, of order 2s.
+    ``v_i = v_0 + h sum_j a_ij a(t_j, q_j, v_j)``, ``q_i = q_0 + h sum_j a_ij velocity(q_j, v_j)``, solved
+    by fixed-point sweeps: the accelerations of the last sweep are put into the right side. The first sweep begins with
+    the extrapolated polynomial of the previous window. The error is estimated from the last coefficients of the
+    Legendre series of the slopes; this bounds the error of the dense output, the collocation polynomial. The ends of
+    windows are far more accurate, of order 2s.
 
     For smooth motions of open chains at tight tolerances. To errors of 1e-9 and 1e-11 a run takes 0.75 and 0.7 of the
     time that it takes with ``Adaptive`` for a double pendulum, 0.6 and 0.45 for a tumbling satellite with two arms, 1.0
     and 0.85 for an arm of seven joints; above 1e-6 it mostly takes longer. It refuses loops, on which it took 1.2 to 4
     times as long, state by state. Sweeps do not converge on stiff problems: windows then follow the fastest decay or
-    swing, which ``doubts`` finds.
+    oscillation, which ``diagnose`` reports.
 
     Sources: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.7; sweeps and their start:
     Hairer, Lubich, Wanner, Geometric Numerical Integration, sections VIII.6.1 and VIII.6.2.
@@ -70,6 +72,7 @@ class Collocation:
     nodes: int = 16
     name = "Gauss-Legendre collocation"
     remedy = "a wider tolerance"
+    pair = None
 
     @property
     def order(self) -> int:
@@ -77,36 +80,36 @@ class Collocation:
         return 2 * self.nodes
 
     @property
-    def parts(self) -> int:
-        """Parts of a window: the dense output has the degree s."""
+    def subdivisions(self) -> int:
+        """Parts of a window for the location of events: the dense output has the degree s."""
         return max(4, (self.nodes + 1) // 2)
 
-    def prepare(self, stretches: Sequence[Stretch], q: Array, v: Array) -> Sequence[Stretch]:
-        """Return the stretches as they are.
+    def prepare(self, intervals: Sequence[Interval], q: Array, v: Array) -> Sequence[Interval]:
+        """Return the intervals unchanged.
 
         Raises:
-            MethodError: Accelerations are known of one state at a time only, or states have to be settled.
+            MethodError: There are no accelerations of many states at once, or there are constraints.
         """
-        if any(stretch.together is None or stretch.settle for stretch in stretches):
+        if any(interval.batch is None or interval.settle for interval in intervals):
             raise MethodError(
-                "the method collocation needs the accelerations of many states at once, as of open chains; here loops, "
-                "or coordinates that follow laws beside them, are closed state by state",
-                expected="dop853, dopri5, rk4 or stiff", hint="accuracy.method: dop853",
+                "the method collocation needs the accelerations of many states at once, as open chains have them; here "
+                "loops, or coordinates that follow laws, are solved state by state",
+                expected=f"one of {', '.join(for_all_motions())}", hint="accuracy.method: dop853",
             )  # fmt: skip
-        return stretches
+        return intervals
 
     def stepper(self, manifold: Manifold, count: Count) -> CollocationStepper:
-        """Return the method at work."""
+        """Return a stepper of this method."""
         return CollocationStepper(self, manifold, count)
 
-    def interpolants(self, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
-        """Return the terms of the collocation polynomial."""
+    def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
+        """Return the terms of the collocation polynomial: ``h terms @ (series @ k)``."""
         table = gauss(self.nodes)
         slopes, h = np.array([step.slopes for step in steps]), np.array([step.h for step in steps])
         return np.asarray(h[:, None, None] * (table.terms @ (table.series @ slopes)))
 
-    def doubts(self, solution: Solution) -> list[str]:
-        """Return a note where the sweeps, not the error, keep windows short."""
+    def diagnose(self, solution: Solution) -> list[str]:
+        """Return a note where the convergence of the sweeps, not the error, keeps windows short."""
         share = solution.count.limited / max(len(solution.steps), 1)
         if share < LIMITED:
             return []
@@ -117,15 +120,15 @@ class Collocation:
 
 
 class CollocationStepper:
-    """The method at work."""
+    """The stepper of the collocation."""
 
     def __init__(self, method: Collocation, manifold: Manifold, count: Count) -> None:
         s, n = method.nodes, manifold.nq + manifold.nv
         self.tolerance, self.manifold, self.count = method.tolerance, manifold, count
         self.y, self.slope = np.zeros(n), np.zeros(n)
         self.window = Window(s, manifold)
-        self.last: Course | None = None
-        self.refused: Course | None = None
+        self.last: SlopePolynomial | None = None
+        self.refused: SlopePolynomial | None = None
         self.exponent, self.ceiling, self.sweeps, self.ratio = -1.0 / s, FASTEST, 0, 0.0
         self.kept = max(min(s - SPARED, KEPT - round(math.log10(self.tolerance))), 1)
 
@@ -134,33 +137,34 @@ class CollocationStepper:
         """Whether the accelerations last computed are finite."""
         return bool(np.isfinite(self.window.accelerations).all())
 
-    def begin(self, stretch: Stretch, y: Array) -> None:
-        """Stand at the first instant of a stretch."""
-        self.stretch, self.last, self.refused = stretch, None, None
-        self.together = stretch.unchecked or stretch.together or self._one_by_one
+    def begin(self, interval: Interval, y: Array) -> None:
+        """Set the state at the start of an interval."""
+        self.interval, self.last, self.refused = interval, None, None
+        self.together = interval.unchecked_batch or interval.batch or self._one_by_one
         self.y[:] = y
-        self.slope = self._slope(stretch.start, self.y)
+        self.slope = self._slope(interval.start, self.y)
         self.window.slopes[:] = self.slope
 
     def _one_by_one(self, t: Array, q: Array, v: Array) -> Array:
-        return np.array([self.stretch.acceleration(float(at), *state) for at, *state in zip(t, q, v, strict=True)])
+        return np.array([self.interval.acceleration(float(at), *state) for at, *state in zip(t, q, v, strict=True)])
 
     def _slope(self, t: float, y: Array) -> Array:
         nq = self.manifold.nq
         q, v = self.manifold.project(y[:nq]), y[nq:]
         self.count.evaluations += 1
-        return np.concatenate([self.manifold.velocity(q, v), self.stretch.acceleration(t, q, v)])
+        return np.concatenate([self.manifold.velocity(q, v), self.interval.acceleration(t, q, v)])
 
     def first(self, h: float) -> float:
-        """Return the window of the stretch before, or one from two slopes."""
-        stretch = self.stretch
-        order = len(self.window.t) - 1
-        return h or float(
-            first_step(stretch.start, stretch.end, self.y, self.slope, self._slope, self.tolerance, order)
-        )
+        """Return the window proposed in the previous interval, or one from two slopes."""
+        start, end, order = self.interval.start, self.interval.end, len(self.window.t) - 1
+        return h or float(first_step(start, end, self.y, self.slope, self._slope, self.tolerance, order))
 
     def attempt(self, t: float, h: float) -> float:
-        """Compute a window from the present state; return its error, infinite where the sweeps do not converge."""
+        """Compute a window from the present state; return its error over the tolerance, inf without convergence.
+
+        ``e = h / (2s - 1) rms(sqrt(c_(s-1)^2 + 0.01 c_(s-2)^2))`` with the Legendre coefficients c of the slopes over
+        ``tol (1 + |y|)``.
+        """
         window, self.t = self.window, t
         window.begin(t, h, self.y, self._guess(t, h))
         scale = self.tolerance * (1.0 + np.abs(self.y))
@@ -174,16 +178,16 @@ class CollocationStepper:
         return h / (2 * len(window.t) - 1) * math.sqrt((last + 0.01 * before) / len(scale))
 
     def _guess(self, t: float, h: float) -> Callable[[Array], Array]:
-        """Return slopes over time to begin the sweeps with."""
+        """Return ``t -> slopes`` with which the sweeps begin."""
         if self.refused and t + h <= self.refused.t + REACH * self.refused.h:
             return self.refused.at
         return self.last.at if self.last else lambda t: self.slope
 
     def _converge(self, unit: Array) -> bool:
-        """Sweep until what is left is below the tolerance; return whether it is.
+        """Sweep until the remaining change is below ``ENOUGH``; return whether the sweeps converged.
 
         Args:
-            unit: Accelerations times these are what they change in the window, relative to the tolerance, shape (nv,).
+            unit: ``h / (tol (1 + |v|))``, shape (nv,): from changes of acceleration to those of v over the tolerance.
         """
         window, change, together, least, before, first = self.window, self.window.change, self.together, 0.0, 0.0, 0.0
         unit = unit / change.size**0.5
@@ -201,14 +205,14 @@ class CollocationStepper:
         return done
 
     def _hopeless(self, size: float, shrunk: float) -> bool:
-        """Return whether changes that go on to shrink as they did since the first are too large after all sweeps."""
+        """Return whether the change predicted for the last allowed sweep, at the present rate, is above ``ENOUGH``."""
         return bool(shrunk > 1.0 or size * shrunk ** ((MOST - self.sweeps) / (self.sweeps - 1)) > ENOUGH)
 
     def _agrees(self) -> bool:
-        """Return whether the last acceleration of those of all nodes at once is that of the state alone."""
+        """Return whether the batch acceleration of the last node equals that of the single state."""
         window = self.window
-        alone = self.stretch.acceleration(float(window.t[-1]), window.on[-1], window.v[-1])
-        return bool(np.abs(window.accelerations[-1] - alone).max() <= SAME * np.abs(alone).max())
+        alone = self.interval.acceleration(float(window.t[-1]), window.on[-1], window.v[-1])
+        return bool(np.abs(window.accelerations[-1] - alone).max() <= BATCH_ROUNDING * np.abs(alone).max())
 
     def along(self, t: float, h: float) -> tuple[Array, Array]:
         """Return the start, the nodes and the end of the window attempted."""
@@ -222,7 +226,7 @@ class CollocationStepper:
         return new
 
     def retry(self, h: float, error: float) -> float:
-        """Return a shorter window; the polynomial of the refused one, if there is one, is where it begins."""
+        """Return a shorter window; its sweeps begin with the polynomial of the rejected one if that converged."""
         self.ceiling = 1.0
         if error == np.inf:
             return 0.5 * h
@@ -230,7 +234,7 @@ class CollocationStepper:
         return float(h * max(SLOWEST, SAFETY * error**self.exponent))
 
     def accept(self, t: float, h: float, error: float) -> tuple[Array, float]:
-        """Move on to the end of the window; return its slopes and the window to go on with."""
+        """Move to the end of the window; return its slopes and the next window [s]."""
         self.y[:] = self._end(h)
         self.last = self.window.course(t - h, h, self.kept)
         wider = SAFETY * error ** (GAIN * self.exponent) if error else FASTEST
@@ -238,5 +242,5 @@ class CollocationStepper:
         self.count.limited += error < NEEDLESS and possible < wider
         h *= min(wider, possible, self.ceiling)
         self.ceiling = FASTEST
-        left = self.stretch.end - t
+        left = self.interval.end - t
         return self.window.slopes.copy(), left / math.ceil(left / h) if left > h else h

@@ -1,4 +1,4 @@
-"""A window of collocation: its nodes, and sweeps over them."""
+"""One window of the collocation: its nodes, and the sweeps over them."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from pinarm.engine.integration.integrator import Accelerations, Manifold
 from pinarm.engine.integration.methods.gauss_legendre import gauss
 
 
-class Course(NamedTuple):
-    """The slopes of a window as polynomials in ``z = 2x - 1``.
+class SlopePolynomial(NamedTuple):
+    """The slopes [q', v'] of a window as polynomials in ``z = 2 (t - t_0) / h - 1``.
 
     Attributes:
-        t: Start of the window [s].
-        h: Its length [s].
+        t: Start t_0 of the window [s].
+        h: Length [s].
         powers: Coefficients of the powers of z, shape (d, nq + nv).
     """
 
@@ -26,16 +26,16 @@ class Course(NamedTuple):
     powers: Array
 
     def at(self, t: Array) -> Array:
-        """Return the slopes at times within the window or near it."""
+        """Return the slopes at times t, shape (n,) -> (n, nq + nv)."""
         z = (2.0 / self.h) * (t - self.t) - 1.0
         return np.asarray(z[:, None] ** np.arange(len(self.powers)) @ self.powers)
 
 
 class Window:
-    """The nodes of a window, and the slopes there.
+    """The nodes of a window, and the slopes at them.
 
-    ``z`` stacks the state and the slopes at the nodes, so that one product with the rows ``[1, h a_i0, h a_i1, ...]``
-    gives the states there, ``on`` and ``v``.
+    ``z = [y; k_0; k_1; ...]`` stacks the state and the slopes at the nodes, so that one product with the rows
+    ``[1, h a_i0, h a_i1, ...]`` gives the states at the nodes: ``on``, projected onto the manifold, and ``v``.
     """
 
     def __init__(self, s: int, manifold: Manifold) -> None:
@@ -48,16 +48,16 @@ class Window:
         self.on = self.q
 
     def begin(self, t: float, h: float, y: Array, slopes: Callable[[Array], Array]) -> None:
-        """Stand at the start of a window with the state y, and with slopes that are guessed at the nodes."""
+        """Set the state y at the start of a window, and first slopes at its nodes."""
         self.t = t + h * self.table.c
         np.multiply(self.table.a, h, out=self.scaled)
         self.z[0], self.slopes[:] = y, slopes(self.t)
         self.on = self.manifold.project(np.dot(self.weights, self.for_q, out=self.q))
 
     def sweep(self, together: Accelerations) -> Array:
-        """Put the accelerations into the states, and those into the accelerations; return these, shape (s, nv).
+        """Compute states from the accelerations, then accelerations from the states; return these, shape (s, nv).
 
-        Their change is ``change``.
+        ``change`` is their difference to those of the last sweep.
         """
         np.dot(self.weights, self.for_v, out=self.v)
         self.rates[:] = self.manifold.velocity(self.on, self.v)
@@ -67,7 +67,7 @@ class Window:
         self.accelerations[:] = new
         return new
 
-    def course(self, t: float, h: float, kept: int) -> Course:
-        """Return the polynomials of the slopes with so many coefficients of Legendre's series."""
+    def course(self, t: float, h: float, kept: int) -> SlopePolynomial:
+        """Return the polynomials of the slopes with the first ``kept`` coefficients of the Legendre series."""
         table = self.table
-        return Course(t, h, table.powers[:kept, :kept] @ (table.series[:kept] @ self.slopes))
+        return SlopePolynomial(t, h, table.powers[:kept, :kept] @ (table.series[:kept] @ self.slopes))

@@ -1,4 +1,4 @@
-"""Long free motions whose energy does not drift."""
+"""Integration at constant energy, for long free motions."""
 
 from __future__ import annotations
 
@@ -6,26 +6,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pinarm.arrays import Array
-from pinarm.engine.integration.integrator import Count, Energy, Manifold, Settle, Solution, Step, Stretch
+from pinarm.engine.integration.integrator import Count, Energy, Interval, Manifold, Projection, Solution, Step
 from pinarm.engine.integration.methods.explicit import Adaptive, AdaptiveStepper
 from pinarm.errors import MethodError
 
 SLOW = 1e-2
-"""Kinetic energy, relative to the largest met, below which velocities are left as they are: near standstill the whole
-error of the potential energy would have to be made good by what little velocity there is."""
+"""Kinetic energy, over its largest value so far, below which velocities are not scaled: near standstill a small
+velocity would have to compensate the whole error of the potential energy."""
 
 
 @dataclass(frozen=True)
 class Conserving:
-    """Dormand-Prince 8(5,3) with velocities brought back to the energy of the start after every accepted step.
+    """Dormand-Prince 8(5,3) with velocities scaled to the initial energy after every accepted step.
 
     ``v <- v sqrt((E_0 - V(q)) / T(q, v))``: the change of v of least kinetic energy, which every loop allows because
-    its rows are linear in v. Order 8, dense output of order 7 as of ``Adaptive``; energy to rounding at the ends of the
-    steps, however many there are. Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, section IV.4.
+    its rows are linear in v. Order 8, dense output of order 7 as of ``Adaptive``; the energy at the ends of
+    steps is constant to rounding, however many there are. Source: Hairer, Lubich, Wanner, Geometric Numerical
+    Integration, section IV.4.
 
-    For runs over thousands of periods without dampers, drives and laws; it refuses those. It keeps the energy and
-    nothing else: other integrals, and the phase, err as those of ``Adaptive`` do, by the tolerance per step, and the
-    energy no longer tells how much. Tolerances above 1e-6 give motions of the right energy, but not those asked for.
+    For runs over thousands of periods without dampers, drives and laws; it refuses those. It conserves the energy and
+    nothing else: other integrals and the phase have the errors of ``Adaptive``, of the tolerance per step, and the
+    energy no longer measures them. Tolerances above 1e-6 give motions of the right energy with a wrong course.
 
     Chosen by measurement, on the double pendulum of two rods from (2.2, 1.0) rad (chaotic, to 30 rad/s; milliseconds a
     simulated second, in Python): Gauss-Legendre methods in (q, p), which are symplectic, of order 4, 6 and 8 take 28,
@@ -38,11 +39,12 @@ class Conserving:
     """
 
     tolerance: float
-    parts = 4
+    subdivisions = 4
+    pair = None
 
     @property
     def steps(self) -> Adaptive:
-        """Return the method that takes the steps."""
+        """The method that takes the steps."""
         return Adaptive(self.tolerance)
 
     @property
@@ -60,39 +62,39 @@ class Conserving:
         """What to try where it fails."""
         return self.steps.remedy
 
-    def prepare(self, stretches: Sequence[Stretch], q: Array, v: Array) -> Sequence[Stretch]:
-        """Return the stretches with states settled onto the energy of the start.
+    def prepare(self, intervals: Sequence[Interval], q: Array, v: Array) -> Sequence[Interval]:
+        """Return the intervals with states projected onto the initial energy as well.
 
         Raises:
             MethodError: The energy is not constant.
         """
-        if any(stretch.energy is None for stretch in stretches):
+        if any(interval.energy is None for interval in intervals):
             raise MethodError(
-                "the conserving integrator is for free motions: dampers, drives, loads over time and coordinates that "
-                "follow laws exchange energy",
+                "the method conserving is for motions at constant energy: dampers, drives, loads over time and "
+                "coordinates that follow laws exchange energy",
                 hint="accuracy.method: dop853",
             )
-        level = sum(stretches[0].energy(q, v)) if stretches[0].energy else 0.0
-        return [replace(one, settle=_keeping(level, one.energy, one.settle)) for one in stretches if one.energy]
+        level = sum(intervals[0].energy(q, v)) if intervals[0].energy else 0.0
+        return [replace(each, settle=_keeping(level, each.energy, each.settle)) for each in intervals if each.energy]
 
     def stepper(self, manifold: Manifold, count: Count) -> AdaptiveStepper:
-        """Return the method at work."""
+        """Return a stepper of this method."""
         return self.steps.stepper(manifold, count)
 
-    def interpolants(self, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
+    def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
         """Return the terms of the dense output."""
-        return self.steps.interpolants(stretch, manifold, steps)
+        return self.steps.interpolants(interval, manifold, steps)
 
-    def doubts(self, solution: Solution) -> list[str]:
-        """Return a note where steps are limited by stability."""
-        return self.steps.doubts(solution)
+    def diagnose(self, solution: Solution) -> list[str]:
+        """Return a note where the stability limit, not the error, keeps steps short."""
+        return self.steps.diagnose(solution)
 
 
-def _keeping(level: float, energy: Energy, settle: Settle | None) -> Settle:
-    """Return what settles a state onto the constraints and the energy ``level`` [J]."""
+def _keeping(level: float, energy: Energy, settle: Projection | None) -> Projection:
+    """Return the projection onto the constraints and then onto the energy ``level`` [J]: ``v sqrt((E - V) / T)``."""
     largest = 0.0
 
-    def settled(t: float, q: Array, v: Array) -> tuple[Array, Array]:
+    def project(t: float, q: Array, v: Array) -> tuple[Array, Array]:
         nonlocal largest
         if settle is not None:
             q, v = settle(t, q, v)
@@ -103,4 +105,4 @@ def _keeping(level: float, energy: Energy, settle: Settle | None) -> Settle:
             v = v * (wanted / kinetic) ** 0.5
         return q, v
 
-    return settled
+    return project

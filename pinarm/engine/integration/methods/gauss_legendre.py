@@ -1,4 +1,4 @@
-"""Gauss-Legendre collocation as data: integration of the polynomial through values at its nodes."""
+"""Coefficients of Gauss-Legendre collocation: integrals of the polynomial through values at the nodes."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class Gauss:
         b: ``sum_j b_j f_j`` is the integral over [0, 1], shape (s,).
         a: ``sum_j a_ij f_j`` is the integral from 0 to c_i, shape (s, s).
         series: Values at the nodes to coefficients of Legendre's polynomials on [0, 1], shape (s, s).
-        powers: The same coefficients to those of powers of ``z = 2x - 1``, shape (s, s).
-        terms: The same to the terms of the integral from 0 to x; see ``Method.interpolants``; shape (s, s).
+        powers: Legendre coefficients to coefficients of powers of ``z = 2x - 1``, shape (s, s).
+        terms: Legendre coefficients to terms of the integral from 0 to x, see ``Method.interpolants``; shape (s, s).
     """
 
     c: Array
@@ -37,7 +37,7 @@ class Gauss:
 
 @cache
 def gauss(s: int) -> Gauss:
-    """Return the collocation of s nodes."""
+    """Return the coefficients for s nodes."""
     z, weights = np.polynomial.legendre.leggauss(s)
     values, integrals = legendre(0.5 * (1.0 + z), s)
     series = 0.5 * (2.0 * np.arange(s) + 1.0)[:, None] * (values * weights[:, None]).T
@@ -48,7 +48,11 @@ def gauss(s: int) -> Gauss:
 
 
 def legendre(x: Array, s: int) -> tuple[Array, Array]:
-    """Return Legendre's polynomials on [0, 1] of degree 0 to s - 1 at x, and their integrals from 0, each (n, s)."""
+    """Return the Legendre polynomials on [0, 1] of degree 0 to s - 1 at x, and their integrals from 0, each (n, s).
+
+    ``(k + 1) P_(k+1) = (2k + 1) z P_k - k P_(k-1)`` with ``z = 2x - 1``;
+    ``int_0^x P_k = (P_(k+1) - P_(k-1)) / (2 (2k + 1))``.
+    """
     p = [np.ones_like(x), 2.0 * x - 1.0]
     for k in range(1, s):
         p.append(((2 * k + 1) * (2.0 * x - 1.0) * p[k] - k * p[k - 1]) / (k + 1))
@@ -57,7 +61,7 @@ def legendre(x: Array, s: int) -> tuple[Array, Array]:
 
 
 def _terms(s: int) -> Array:
-    """Return the terms of the integrals of Legendre's polynomials, each a column, rounded only at the end."""
+    """Return the terms of the integrals of the Legendre polynomials, one in each column, exact up to one rounding."""
     columns = np.zeros((s, s))
     columns[0, 0] = 1.0
     for k in range(1, s):
@@ -72,7 +76,7 @@ def _terms(s: int) -> Array:
 
 
 def _coefficients(k: int) -> list[int]:
-    """Return the coefficients of powers of x of Legendre's polynomial on [0, 1]."""
+    """Return the coefficients of powers of x of the Legendre polynomial of degree k on [0, 1]."""
     return [(-1) ** (k + power) * math.comb(k, power) * math.comb(k + power, power) for power in range(k + 1)]
 
 

@@ -18,20 +18,20 @@ Complex = NDArray[np.complex128]
 class RadauTableau:
     """The coefficients of a Radau IIA method of s stages.
 
-    The real eigenvalue of the inverse of a is the first; of each pair of complex ones there is one, since with real
-    slopes the other is its conjugate: ``x = Re(back @ (forth @ x))`` for real x, and
+    The first eigenvalue of the inverse of a is the real one. Of each complex pair only one is kept, since for real
+    slopes the other part is its conjugate: ``x = Re(back @ (forth @ x))`` for real x, and
     ``inv(a) @ x = Re(back @ (eigenvalues * (forth @ x)))``.
 
     Attributes:
         c: Nodes, shape (s,).
         a: Weights of the stages, shape (s, s); the last row are those of the step.
         inverse: Inverse of a.
-        eigenvalues: Of the inverse of a, shape (m,) with ``m = (s + 1) / 2``.
-        forth: Rows of the inverse of its eigenvectors, shape (m, s).
-        back: Its eigenvectors, those of pairs doubled, shape (s, m).
-        error: Weights of the stages less the state in the error estimate, shape (s,).
-        powers: From values at the stages to the coefficients of x, x^2 ... x^s, shape (s, s).
-        terms: From the same to the terms of ``Method.interpolants``, shape (s, s).
+        eigenvalues: Eigenvalues of the inverse of a, shape (m,) with ``m = (s + 1) / 2``.
+        forth: Rows of the inverse of the eigenvector matrix, shape (m, s).
+        back: Eigenvectors, those of complex pairs doubled, shape (s, m).
+        error: Weights of ``Z_i = Y_i - y`` in the error estimate, shape (s,).
+        powers: Values at the stages to coefficients of x, x^2 ... x^s, shape (s, s).
+        terms: Values at the stages to the terms of ``Method.interpolants``, shape (s, s).
     """
 
     c: Array
@@ -69,7 +69,7 @@ def radau(s: int) -> RadauTableau:
 
 
 def _nodes(s: int) -> Array:
-    """Return the nodes by Golub's method: eigenvalues of the matrix of the recurrence of Legendre's polynomials."""
+    """Return the nodes by Golub's method: eigenvalues of the Jacobi matrix of the Legendre polynomials."""
     k = np.arange(1, s)
     beside = k / np.sqrt(4.0 * k**2 - 1.0)
     matrix = np.diag(beside, 1) + np.diag(beside, -1)

@@ -1,4 +1,4 @@
-"""An implicit method for stiff problems."""
+"""Radau IIA: implicit methods for stiff problems."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.integration.first_step import first_step
-from pinarm.engine.integration.integrator import Count, Manifold, Solution, Step, Stretch
+from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution, Step
 from pinarm.engine.integration.methods.radau_coefficients import Complex, radau
 
 STAGES = ((3e-5, 3), (1e-7, 5), (0.0, 7))
-"""Tolerances above which so many stages are used. Many stages take long steps: at tight tolerances they save most of
-the work, at wide ones Newton's method then meets more than its linear model can follow, as where dry friction sticks.
-"""
+"""Tolerance above which a number of stages is used. Many stages take long steps: at tight tolerances they save most of
+the work; at wide ones Newton's method fails over such steps, as where dry friction sticks."""
 
 ITERATIONS = 10
 CONVERGED = 1e-4
-"""Error of Newton's method relative to the tolerance: a velocity may be off by less than the creep of dry friction."""
+"""Error of Newton's method over the tolerance: an error of velocity has to be below the creep of dry friction."""
 
 CONTRACTION = 1e-2
-"""Convergence rate of Newton's method below which a Jacobian serves the next step too."""
+"""Convergence rate of Newton's method below which a Jacobian is used for the next step too."""
 
 SAFETY, SLOWEST, FASTEST, KEPT = 0.9, 0.2, 8.0, 1.2
-"""Step control of RADAU5; a step that would grow by less than the last is kept, and its matrices with it."""
+"""Step control of RADAU5: safety factor, bounds of the factor of the next step, and the factor up to which the step is
+kept, so that its matrices can be used again."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,12 @@ class Radau:
     ``Z_i = h sum_j a_ij f(y + Z_j)``, ``y_new = y + Z_s``, by simplified Newton iterations with a Jacobian by
     differences; dense output of order s + 1, the collocation polynomial. For springs of 1e6 to 1e9 N*m/rad with
     damping, in open chains and in loops, and for dry friction with little creep: steps follow the slow motion, whatever
-    decays quickly. A fast oscillation without damping is not followed but damped. Of no use for smooth motion, where
-    ``Adaptive`` is cheaper, nor for long runs without loss, whose energy it eats. It breaks where the acceleration is
-    not smooth: Newton's method then forces tiny steps. Sources: Hairer, Wanner, Solving Ordinary Differential Equations
-    II, section IV.8 (RADAU5); Hairer, Wanner, Stiff differential equations solved by Radau methods, J. Comput. Appl.
-    Math. 111 (1999), for more stages.
+    decays quickly. Fast oscillations without damping are not followed but damped. Not for smooth motions, where
+    ``Adaptive`` is cheaper, nor for long runs without losses, whose energy it dissipates. It fails where the
+    acceleration is not smooth: Newton's method then forces tiny steps.
+
+    Sources: Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.8 (RADAU5); Hairer, Wanner, Stiff
+    differential equations solved by Radau methods, J. Comput. Appl. Math. 111 (1999), for more stages.
 
     Attributes:
         tolerance: Local error per step, relative to ``1 + |y|`` in SI; good values 1e-5 to 1e-10.
@@ -49,13 +50,9 @@ class Radau:
 
     tolerance: float
     stages: int
-    parts = 4
+    subdivisions = 4
     remedy = "a wider tolerance"
-
-    @classmethod
-    def of(cls, tolerance: float) -> Radau:
-        """Return the method with the stages that suit a tolerance."""
-        return cls(tolerance, next(stages for above, stages in STAGES if tolerance > above))
+    pair = None
 
     @property
     def name(self) -> str:
@@ -67,25 +64,30 @@ class Radau:
         """Order of the step."""
         return 2 * self.stages - 1
 
-    def prepare(self, stretches: Sequence[Stretch], q: Array, v: Array) -> Sequence[Stretch]:
-        """Return the stretches as they are."""
-        return stretches
+    def prepare(self, intervals: Sequence[Interval], q: Array, v: Array) -> Sequence[Interval]:
+        """Return the intervals unchanged."""
+        return intervals
 
     def stepper(self, manifold: Manifold, count: Count) -> RadauStepper:
-        """Return the method at work."""
+        """Return a stepper of this method."""
         return RadauStepper(self, manifold, count)
 
-    def interpolants(self, stretch: Stretch, manifold: Manifold, steps: Sequence[Step]) -> Array:
-        """Return the terms of the collocation polynomial, from its values at the stages less that at the start."""
+    def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
+        """Return the terms of the collocation polynomial: ``terms @ Z``."""
         return np.asarray(radau(self.stages).terms @ np.array([step.slopes for step in steps]))
 
-    def doubts(self, solution: Solution) -> list[str]:
-        """Return nothing: it may cost more than needed, but it does not break."""
+    def diagnose(self, solution: Solution) -> list[str]:
+        """Return nothing: its steps are neither limited by stability nor unchecked."""
         return []
 
 
+def radau_of(tolerance: float) -> Radau:
+    """Return the method with the number of stages that suits a tolerance; see ``STAGES``."""
+    return Radau(tolerance, next(stages for above, stages in STAGES if tolerance > above))
+
+
 class RadauStepper:
-    """The method at work; ``z`` holds the stages less the state."""
+    """The stepper of Radau IIA; ``z`` holds the stages less the state, ``Z_i = Y_i - y``, shape (s, nq + nv)."""
 
     def __init__(self, method: Radau, manifold: Manifold, count: Count) -> None:
         n, s = manifold.nq + manifold.nv, method.stages
@@ -105,9 +107,9 @@ class RadauStepper:
         """Whether the slope at the present state is finite."""
         return bool(np.isfinite(self.slope).all())
 
-    def begin(self, stretch: Stretch, y: Array) -> None:
-        """Stand at the first instant of a stretch."""
-        self.stretch, self.t, self.jacobian, self.last_h = stretch, stretch.start, None, 0.0
+    def begin(self, interval: Interval, y: Array) -> None:
+        """Set the state at the start of an interval."""
+        self.interval, self.t, self.jacobian, self.last_h = interval, interval.start, None, 0.0
         self.y[:] = y
         self.slope = self.rates(self.t, self.y)
 
@@ -116,11 +118,11 @@ class RadauStepper:
         nq = self.manifold.nq
         q, v = self.manifold.project(y[:nq]), y[nq:]
         self.count.evaluations += 1
-        return np.concatenate([self.manifold.velocity(q, v), self.stretch.acceleration(t, q, v)])
+        return np.concatenate([self.manifold.velocity(q, v), self.interval.acceleration(t, q, v)])
 
     def all_rates(self, t: Array, y: Array) -> Array:
         """Return f of many states, both of shape (k, nq + nv), at times t, shape (k,)."""
-        slopes, nq, acceleration = np.empty_like(y), self.manifold.nq, self.stretch.acceleration
+        slopes, nq, acceleration = np.empty_like(y), self.manifold.nq, self.interval.acceleration
         q, v = self.manifold.project(y[:, :nq]), y[:, nq:]
         self.count.evaluations += len(y)
         slopes[:, :nq] = self.manifold.velocity(q, v)
@@ -129,13 +131,12 @@ class RadauStepper:
         return slopes
 
     def first(self, h: float) -> float:
-        """Return the step of the stretch before, or one from two slopes."""
-        stretch = self.stretch
-        order = len(self.method.c)
-        return h or float(first_step(stretch.start, stretch.end, self.y, self.slope, self.rates, self.tolerance, order))
+        """Return the step proposed in the previous interval, or one from two slopes."""
+        start, end, order = self.interval.start, self.interval.end, len(self.method.c)
+        return h or float(first_step(start, end, self.y, self.slope, self.rates, self.tolerance, order))
 
     def attempt(self, t: float, h: float) -> float:
-        """Compute a step from the present state; return its error, not a number where Newton's method fails."""
+        """Compute a step from the present state; return its error over the tolerance, NaN without convergence."""
         if self.jacobian is None:
             self.jacobian, self.fresh, self.h = self.differences(t), True, 0.0
         if h != self.h:
@@ -155,7 +156,12 @@ class RadauStepper:
         return ((self.all_rates(np.full(len(self.y), t), moved) - self.slope) / apart[:, None]).T
 
     def solve(self, t: float, h: float) -> bool:
-        """Find the stages by Newton's method; return whether it converged."""
+        """Solve for the stages by simplified Newton iterations; return whether they converged.
+
+        In the eigenvectors of the inverse of a each iteration solves ``(lambda_i / h - J) w_i = r_i`` with
+        ``r = forth @ (f(y + Z) - inverse @ Z / h)``, and ``Z += Re(back @ w)``. The first guess extrapolates the
+        collocation polynomial of the last step.
+        """
         method, scale = self.method, self.tolerance * (1.0 + np.abs(self.y))
         x = 1.0 + method.c * h / self.last_h if self.last_h else method.c
         self.z = (x[:, None] ** np.arange(1, len(x) + 1)) @ (method.powers @ self.last_z) - self.last_z[-1]
@@ -180,7 +186,7 @@ class RadauStepper:
         return False
 
     def estimate(self, t: float, h: float) -> float:
-        """Return the error relative to the tolerance: the difference to an embedded method, filtered."""
+        """Return the error over the tolerance: ``(lambda_0 / h - J)^-1 (lambda_0 / h (error @ Z) + f(y))``, rms."""
         nq, method = self.manifold.nq, self.method
         self.new = self.y + self.z[-1]
         self.new[:nq] = self.manifold.project(self.new[:nq])
@@ -202,24 +208,24 @@ class RadauStepper:
         self.ceiling = 1.0
         if not self.fresh:
             self.jacobian = None
-        return h * (max(SLOWEST, self.careful() * error**self.exponent) if np.isfinite(error) else 0.5)
+        return h * (max(SLOWEST, self.safety() * error**self.exponent) if np.isfinite(error) else 0.5)
 
-    def careful(self) -> float:
-        """Return a safety factor that is smaller where Newton's method had to work."""
+    def safety(self) -> float:
+        """Return the safety factor, smaller the more Newton iterations were needed."""
         return SAFETY * (2 * ITERATIONS + 1) / (2 * ITERATIONS + self.iterations)
 
     def accept(self, t: float, h: float, error: float) -> tuple[Array, float]:
-        """Move on to the end of the step; return its stages and the step to go on with."""
+        """Move to the end of the step; return its stages and the next step [s]."""
         nq, z = self.manifold.nq, self.z.copy()
-        factor = self.careful() * error**self.exponent
+        factor = self.safety() * error**self.exponent
         if self.before[0]:  # Gustafsson's predictive controller
             factor = min(factor, factor * h / self.before[0] * (self.before[1] / error) ** -self.exponent)
         factor = min(self.ceiling, FASTEST, max(SLOWEST, factor))
         self.before, self.ceiling = (h, max(error, 1e-2)), FASTEST
         self.last_z, self.last_h = z, h
         self.y[:] = self.new
-        if self.stretch.settle is not None:
-            self.y[:] = np.concatenate(self.stretch.settle(t, self.y[:nq].copy(), self.y[nq:].copy()))
+        if self.interval.settle is not None:
+            self.y[:] = np.concatenate(self.interval.settle(t, self.y[:nq].copy(), self.y[nq:].copy()))
         self.t, self.slope = t, self.rates(t, self.y)
         self.fresh = False
         if self.rate > CONTRACTION:

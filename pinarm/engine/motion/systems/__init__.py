@@ -9,7 +9,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.coordinate_partition import Reduction
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.pinocchio_constraints import PointClosure
-from pinarm.engine.integration import Flat
+from pinarm.engine.integration.integrator import Flat
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
 from pinarm.engine.motion.systems.free import FreeSystem

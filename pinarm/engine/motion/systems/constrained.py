@@ -22,7 +22,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.dynamics.equation import solve, solve_each
 from pinarm.engine.dynamics.mass_matrix import mass_matrices, mass_matrix
 from pinarm.engine.dynamics.masses import require_masses
-from pinarm.engine.integration import Energy, Manifold, Stretch
+from pinarm.engine.integration.integrator import Energy, Interval, Manifold
 from pinarm.engine.kinematics.newton import assembled
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.motion.systems.batch_rows import CLOSED, ITERATIONS, ROUNDED, TURNED, Solved, Together
@@ -139,10 +139,10 @@ class ConstrainedSystem:
         nothing = np.zeros((*targets.shape[:-1], self.rows.size - targets.shape[-1]))
         return np.concatenate([nothing, targets], axis=-1)
 
-    def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
+    def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion on an interval without jumps."""
         motion = RowMotion(self.rows, self.settled, dynamics.on(start, end), self.imposed.on(start, end))
-        return Stretch(start, end, motion.acceleration, motion.settle, energy=self.energy(dynamics))
+        return Interval(start, end, motion.acceleration, motion.settle, energy=self.energy(dynamics))
 
     def energy(self, dynamics: Dynamics) -> Energy | None:
         """Return the energy of a state, as far as it is conserved."""

@@ -10,7 +10,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
-from pinarm.engine.integration import Manifold, Stretch
+from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.motion.systems.system import CompletedStates, Initial
 from pinarm.mechanics.laws.motion_law import Grid
 
@@ -31,12 +31,12 @@ class FreeSystem:
         """Return the state itself."""
         return initial.q, initial.v
 
-    def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
+    def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion of the free tree."""
         here = dynamics.on(start, end)
-        return Stretch(
-            start, end, here.acceleration(), energy=dynamics.conserved, together=here.accelerations(),
-            unchecked=here.unchecked(),
+        return Interval(
+            start, end, here.acceleration(), energy=dynamics.conserved, batch=here.accelerations(),
+            unchecked_batch=here.unchecked(),
         )  # fmt: skip
 
     def part(self, q: Array, v: Array) -> tuple[Array, Array]:

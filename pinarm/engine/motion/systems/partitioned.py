@@ -11,7 +11,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.coordinate_partition import Reduction
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
-from pinarm.engine.integration import Acceleration, Accelerations, Energy, Manifold, Stretch
+from pinarm.engine.integration.integrator import Acceleration, Accelerations, Energy, Interval, Manifold
 from pinarm.engine.kinematics.prescribed import Imposed
 from pinarm.engine.motion.systems.system import CompletedStates, Initial
 from pinarm.errors import InputError
@@ -56,10 +56,10 @@ class ReducedSystem:
                 )
         return free_q, free_v
 
-    def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
+    def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion of the free coordinates."""
         together, energy = self._accelerations(dynamics, start, end), self._energy(dynamics)
-        return Stretch(start, end, self._acceleration(dynamics, start, end), energy=energy, together=together)
+        return Interval(start, end, self._acceleration(dynamics, start, end), energy=energy, batch=together)
 
     def _energy(self, dynamics: Dynamics) -> Energy | None:
         """Return the energy of the free coordinates, as far as it is conserved."""
@@ -94,7 +94,7 @@ class ReducedSystem:
         reduction, targets = self.reduction, np.array([grid.evaluate(law) for law in self.imposed.laws])  # (k, 3, n)
         whole_q, whole_v = reduction.configuration(q, targets[:, 0].T), reduction.velocity(v, targets[:, 1].T)
         rates = np.empty_like(v)
-        for start, end, rows in grid.stretches():
+        for start, end, rows in grid.intervals():
             rates[rows] = self._accelerations(dynamics, start, end)(grid.t[rows], q[rows], v[rows])
         a = rates @ reduction.basis.T + targets[:, 2].T @ reduction.particular.T
         demand = np.concatenate(

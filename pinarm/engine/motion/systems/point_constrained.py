@@ -12,7 +12,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.pinocchio_constraints import PointClosure
-from pinarm.engine.integration import Acceleration, Manifold, Stretch
+from pinarm.engine.integration.integrator import Acceleration, Interval, Manifold
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
 from pinarm.engine.motion.systems.row_motion import require_met
 from pinarm.engine.motion.systems.system import CompletedStates, Initial
@@ -73,11 +73,11 @@ class PointSystem:
         """Return the closed state nearest to the initial one."""
         return self.general.begin(initial, start, end)
 
-    def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
+    def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion on an interval without jumps."""
         general = self.general
         motion = _PointMotion(self.points, general.rows, dynamics.on(start, end), general.imposed.on(start, end))
-        return Stretch(
+        return Interval(
             start, end, motion.acceleration, motion.settle, motion.floor, general.energy(dynamics), motion.since
         )
 
@@ -95,7 +95,7 @@ class PointSystem:
 
 
 class _PointMotion:
-    """The motion on one stretch; it looks at every accepted state how close a singular position is."""
+    """The motion on one interval; it looks at every accepted state how close a singular position is."""
 
     def __init__(self, points: PointClosure, rows: Closure, dynamics: Dynamics, targets: Targets) -> None:
         self.points, self.extent, self.scale, self.targets = points, rows.extent, rows.scale, targets

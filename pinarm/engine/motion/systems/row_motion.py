@@ -15,7 +15,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.joints import spelled
+from pinarm.mechanics.joints import format_configuration
 
 Settled = Callable[[Array, Array, Array, Array, Array], tuple[Array, Array, Splits]]
 """``(q, v, w, dw, t) -> q, v`` closed, of many states, and the rows there; see ``ConstrainedSystem.settled``."""
@@ -30,7 +30,7 @@ rounding, a linkage is known to the root of it."""
 
 
 class RowMotion:
-    """The motion on one stretch; it looks at accepted states whether rounding would choose the way on.
+    """The motion on one interval; it looks at accepted states whether rounding would choose the way on.
 
     Args:
         rows: The constraints, then the imposed coordinates.
@@ -74,7 +74,7 @@ class RowMotion:
         if self.close and not regular:
             raise DynamicsError(
                 f"at t = {t:.9g} s the position is singular but for rounding, which would choose among the motions "
-                f"that meet there: {spelled(self.dynamics.model, q)}",
+                f"that meet there: {format_configuration(self.dynamics.model, q)}",
                 expected="a motion that passes singular positions at some speed",
                 hint="lengths that differ by more than rounding, or masses for light links",
                 t=t, q=q,

@@ -9,7 +9,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration import Manifold, Stretch
+from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.mechanics.laws.motion_law import Grid
 
 
@@ -66,7 +66,7 @@ class System(Protocol):
         """Return the integrated state that belongs to the initial state of the mechanism."""
         ...
 
-    def stretch(self, dynamics: Dynamics, start: float, end: float) -> Stretch:
+    def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion of the integrated state on an interval without jumps."""
         ...
 

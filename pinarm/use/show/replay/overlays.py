@@ -165,8 +165,8 @@ def arrows(run: Trajectory, nodes: Sequence[Node], kinds: Sequence[str]) -> list
         if kind not in ARROWS:
             expected, hint = choices(kind, [*ARROWS, "all"])
             raise InputError(f"there are no arrows of '{kind}'", expected=expected, hint=hint)
-    if wanted and run.unasked:
-        raise InputError(f"arrows of {', '.join(wanted)}: {run.unasked}", hint="kind: inverse")
+    if wanted and run.no_efforts:
+        raise InputError(f"arrows of {', '.join(wanted)}: {run.no_efforts}", hint="kind: inverse")
     makers = {"forces": _forces, "torques": _torques, "reactions": _reactions}
     found = [arrow for kind in wanted for arrow in makers[kind](run, nodes)]
     return [arrow for arrow in found if arrow.largest > 0.0]
@@ -204,7 +204,7 @@ def _at_frame(run: Trajectory, name: str, frame: int) -> Iterator[Arrow]:
 def _wrench(run: Trajectory, name: str, joint: int) -> Array:
     """Return what a force element does to a body, about the world's origin, shape (n, 6)."""
     rows = np.zeros((len(run), 6))
-    for part, dynamics in run.stretches():
+    for part, dynamics in run.intervals():
         for i in range(part.start, part.stop):
             acting = dynamics.forces[name].wrenches(float(run.grid.t[i]), run.q[i], run.v[i])
             rows[i] = acting.get(joint, np.zeros(6))

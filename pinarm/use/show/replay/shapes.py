@@ -15,7 +15,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, ModelError, PinarmError
-from pinarm.input.roots import example_robot_data, inside, root_of
+from pinarm.input.roots import contained_file, example_robot_data, root_of
 from pinarm.use.show.replay.meshes import Mesh, read_mesh
 
 Colour = tuple[float, float, float, float]
@@ -170,7 +170,7 @@ def _mesh_file(name: str, robot: Path) -> Path:
     """Return the file of a mesh, which must lie under the model's root or in example-robot-data."""
     name = re.sub("^package:/+", "package://", name)
     packages = {PACKAGE: example_robot_data()} if name.startswith(f"package://{PACKAGE}/") else {}
-    return inside(name if "://" in name else robot.parent.absolute() / name, root_of(robot), packages)
+    return contained_file(name if "://" in name else robot.parent.absolute() / name, root_of(robot), packages)
 
 
 def _origin(element: ElementTree.Element | None) -> pin.SE3:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from pinarm.engine.integration import SETTING, MethodName
+from pinarm.engine.integration.methods import METHODS, MethodName
 from pinarm.problems.accuracy import Accuracy, setting_keys
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class Ladder:
     @property
     def halving(self) -> bool:
         """Whether the rungs are steps."""
-        return SETTING[self.method] == "step"
+        return METHODS[self.method].setting == "step"
 
     @property
     def last(self) -> int:
@@ -102,8 +102,8 @@ def reference_settings() -> list[dict[str, Any]]:
 def settings_by_method(result: Result) -> dict[str, list[dict[str, Any]]]:
     """Return the settings that are worth trying on a motion, by method, the coarsest first."""
     t = result.trajectory.grid.t
-    down: dict[MethodName, int] = {"dop853": 12, "dopri5": 10, "rk4": 7, "stiff": 7}
     return {
-        method: [Ladder(method, float(t[-1] - t[0])).setting(rung) for rung in range(2, last + 1)]
-        for method, last in down.items()
+        method: [Ladder(method, float(t[-1] - t[0])).setting(rung) for rung in range(2, entry.finest + 1)]
+        for method, entry in METHODS.items()
+        if entry.finest
     }

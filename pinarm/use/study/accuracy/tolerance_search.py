@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.engine.integration import MethodName
+from pinarm.engine.integration.methods import METHODS, MethodName
 from pinarm.engine.integration.methods.explicit import LIMITED
 from pinarm.errors import NumericsError
 from pinarm.problems.forward import Forward
@@ -30,7 +30,9 @@ FEW = 100
 MANY = 3000
 """Steps within which it shows whether an explicit method is limited by stability."""
 
-METHODS: tuple[MethodName, ...] = ("dop853", "dopri5", "stiff")
+TRIED: tuple[MethodName, ...] = tuple(
+    name for name, entry in METHODS.items() if entry.setting == "tolerance" and entry.finest
+)
 """Methods that are tried where the scenario names none, in this order; the other way round where a motion is stiff."""
 
 
@@ -71,7 +73,7 @@ def reach_target(scenario: Scenario) -> Result:
 
 def _ordered(scenario: Scenario, span: float, target: float) -> tuple[MethodName, ...]:
     """Return the methods in the order in which they are tried: what one costs limits those that follow."""
-    ladder = Ladder(METHODS[0], span)
+    ladder = Ladder(TRIED[0], span)
     try:
         first = with_setting(
             scenario, ladder.setting(_guess(ladder, target)), min(MANY, scenario.content.accuracy.max_steps)
@@ -80,7 +82,7 @@ def _ordered(scenario: Scenario, span: float, target: float) -> tuple[MethodName
     except NumericsError as error:
         run = error.partial
     is_stiff = run is not None and any(note.startswith(LIMITED) for note in run.outcome.notes)
-    return METHODS[::-1] if is_stiff else METHODS
+    return TRIED[::-1] if is_stiff else TRIED
 
 
 def _guess(ladder: Ladder, target: float) -> int:

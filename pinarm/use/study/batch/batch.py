@@ -252,5 +252,5 @@ def batch(
     if workers < 1:
         raise InputError(f"{workers} workers solve nothing", expected="at least 1")
     question = Question.of(load(scenario, values))
-    starts = Starts.of(question.scenario.scene.solved, question.hybrid, position or {}, velocity or {})
+    starts = Starts.of(question.scenario.simplification.solved, question.hybrid, position or {}, velocity or {})
     return Batch(question, starts, *question.begin(starts.initial(question.hybrid)), workers)

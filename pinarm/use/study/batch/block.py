@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.integration import Ensemble
+from pinarm.engine.integration.batch_solution import Ensemble
 from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.systems import Initial
@@ -48,7 +48,7 @@ class Question:
         Raises:
             InputError: It is of another kind than ``forward``, or looks for something.
         """
-        content, problem = scenario.content, scenario.scene.problem
+        content, problem = scenario.content, scenario.simplification.problem
         if not isinstance(problem, Forward):
             raise InputError(f"the scenario '{scenario.name}' is of kind {problem.kind}", expected="kind: forward")
         if content.find or content.accuracy.target is not None:
@@ -57,7 +57,7 @@ class Question:
                 expected="neither find nor accuracy.target", hint="accuracy.tolerance",
             )  # fmt: skip
         place = partial(scenario.document.locating, "problem")
-        return cls(scenario, problem, problem.prepare(scenario.scene.solved, place, content.accuracy))
+        return cls(scenario, problem, problem.prepare(scenario.simplification.solved, place, content.accuracy))
 
     def begin(self, starts: Iterable[Initial]) -> tuple[Array, Array]:
         """Return initial states, assembled, of shapes (b, nq) and (b, nv).
@@ -67,7 +67,7 @@ class Question:
             DynamicsError: Masses do not determine the accelerations there.
         """
         q, v = (np.array(x) for x in zip(*(self.hybrid.begin(start) for start in starts), strict=True))
-        self.problem.require_masses(self.scenario.scene.solved, self.hybrid, q)
+        self.problem.require_masses(self.scenario.simplification.solved, self.hybrid, q)
         return q, v
 
 
@@ -120,9 +120,9 @@ class Block:
         try:
             with np.errstate(all="ignore"):
                 if isinstance(solved, Outcome):
-                    return scenario.measured(solved, scenario.scene.restored(solved))
+                    return scenario.measured(solved, scenario.simplification.restored(solved))
                 error, kept = copy(solved), self._outcome(number)
-                error.partial = None if kept is None else scenario.scene.restored(kept)
+                error.partial = None if kept is None else scenario.simplification.restored(kept)
                 raise error
         except NumericsError as error:
             if isinstance(error.partial, Outcome):
@@ -153,7 +153,9 @@ class Block:
         found = np.full((len(names), len(self), len(self.t)), np.nan)
         scenario = self.question.scenario
         for motion, instant, run, rows in self._tables():
-            quantities = Quantities(scenario.scene.restored_rows(run), scenario.symbols, scenario.content.undetermined)
+            quantities = Quantities(
+                scenario.simplification.restored_rows(run), scenario.symbols, scenario.content.undetermined
+            )
             with np.errstate(all="ignore"):
                 for k, name in enumerate(names):
                     found[k, motion, instant] = quantities[name].values[rows]
@@ -167,12 +169,12 @@ class Block:
             q, v = (np.full((len(self), len(self.t), x.shape[1]), np.nan) for x in (self.q, self.v))
             for motion, instant, run, rows in self._tables():
                 q[motion, instant], v[motion, instant] = run.q[rows], run.v[rows]
-        return self.question.scenario.scene.spread(self.question.hybrid.grid_of_each(self.t), q, v)
+        return self.question.scenario.simplification.spread(self.question.hybrid.grid_of_each(self.t), q, v)
 
     def _tables(self) -> Iterator[tuple[Indices, Indices, Trajectory, Indices]]:
         """Yield motions, the instants that they have come to, trajectories, and where in these they stand."""
         question = self.question
-        mechanism = question.scenario.scene.solved
+        mechanism = question.scenario.simplification.solved
         lossy = any(drive.efficiency < 1.0 for drive in question.scenario.mechanism.drives.values())
         if self.whole is not None and not lossy:  # whether a motor drives, its own motion tells at standstill
             table = BatchTable.of(question.problem, mechanism, question.hybrid, self.whole)
@@ -196,7 +198,7 @@ class Block:
             first = None if ensemble is None else partial(ensemble.solution, number)
             try:
                 self._followed[number] = question.problem.solve_from(
-                    question.scenario.scene.solved, question.hybrid, self.q[number], self.v[number], first
+                    question.scenario.simplification.solved, question.hybrid, self.q[number], self.v[number], first
                 )
             except Interrupted:
                 raise

@@ -1,5 +1,6 @@
 """Motions with a known course, and integration by steps of one length, for tests of integrators."""
 
+from contextlib import suppress
 from functools import cache
 
 import numpy as np
@@ -7,8 +8,7 @@ import pinocchio as pin
 from scipy.integrate import solve_ivp
 
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration import Flat, Solution
-from pinarm.engine.integration.integrator import Step
+from pinarm.engine.integration.integrator import Flat, Solution, Step
 
 PLANE = Flat(2, 2)
 ECCENTRICITY = 0.1
@@ -63,20 +63,36 @@ def turned():
     return solve_ivp(rate, (0, 4), start, "DOP853", rtol=1e-13, atol=1e-14, dense_output=True).sol
 
 
-def equal_steps(method, stretch, manifold, q, v, n):
+def equal_steps(method, interval, manifold, q, v, n):
     """Return the solution of n equal steps of any method, and its last state."""
-    (stretch,) = method.prepare([stretch], q, v)
-    solution, h = Solution(method, manifold, [stretch]), (stretch.end - stretch.start) / n
+    (interval,) = method.prepare([interval], q, v)
+    solution, h = Solution(method, manifold, [interval]), (interval.end - interval.start) / n
     stepper = method.stepper(manifold, solution.count)
-    stepper.begin(stretch, np.concatenate([q, v]))
+    stepper.begin(interval, np.concatenate([q, v]))
     for k in range(n):
-        t = stretch.start + k * h
+        t = interval.start + k * h
         if np.isnan(stepper.attempt(t, h)):  # an old Jacobian
             stepper.retry(h, np.nan)
-            assert np.isfinite(stepper.attempt(t, h))
+            if not np.isfinite(stepper.attempt(t, h)):
+                raise ArithmeticError("the iteration does not converge")
         y, (slopes, _) = stepper.y.copy(), stepper.accept(t + h, h, 1.0)
         solution.steps.append(Step(t, h, t + h, y, slopes, 0))
     return solution, stepper.y.copy()
+
+
+def measurable(method, errors, floor, ceiling, first=4):
+    """Return numbers of steps, and what ``errors`` says of each: those whose first error is between the bounds.
+
+    Each number is 1.2 times the one before; the last five are kept, where powers of h are purest.
+    """
+    tried, n, most = [], first, 300 if method.order > 3 else 4000
+    while n <= most and (not tried or tried[-1][1][0] > floor):
+        with suppress(ArithmeticError):  # too few steps for the iteration of an implicit method
+            tried.append((n, errors(n)))
+        n = max(round(1.2 * n), n + 1)
+    kept = [(n, row) for n, row in tried if floor < row[0] < ceiling][-5:]
+    assert len(kept) >= 2, f"too few errors between {floor} and {ceiling}"
+    return [n for n, _ in kept], np.array([row for _, row in kept]).T
 
 
 def slope(counts, errors):

@@ -9,8 +9,10 @@ from scipy.special import ellipj, ellipk
 
 import pinarm
 from pinarm.engine.checks.balance import Account, energy_balance
-from pinarm.engine.integration import Adaptive, Collocation, Flat, Stretch, integrate
-from pinarm.engine.integration.integrator import Count
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Count, Flat, Interval
+from pinarm.engine.integration.methods.collocation import Collocation
+from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.integration.methods.gauss_legendre import gauss
 from pinarm.errors import IntegrationError, MethodError
 from pinarm.mechanics.forces import JointEffort, JointSpring
@@ -27,14 +29,14 @@ TOLERANCES = 10.0 ** -np.arange(3, 13)
 
 
 def motion(dynamics, end, q, v, tolerance):
-    stretch = Stretch(0.0, end, dynamics.acceleration(), together=dynamics.forward, unchecked=dynamics.unchecked())
-    return integrate([stretch], dynamics.manifold, q, v, Collocation(tolerance))
+    interval = Interval(0.0, end, dynamics.acceleration(), batch=dynamics.forward, unchecked_batch=dynamics.unchecked())
+    return integrate([interval], dynamics.manifold, q, v, Collocation(tolerance))
 
 
 def on_a_line(acceleration, end, q=0.0, v=0.0, tolerance=1e-10, **given):
     """The motion of one coordinate; the acceleration takes one state as it takes many."""
-    stretch = Stretch(0.0, end, acceleration, together=lambda t, q, v: acceleration(t[:, None], q, v))
-    return integrate([stretch], LINE, np.array([q]), np.array([v]), Collocation(tolerance), **given)
+    interval = Interval(0.0, end, acceleration, batch=lambda t, q, v: acceleration(t[:, None], q, v))
+    return integrate([interval], LINE, np.array([q]), np.array([v]), Collocation(tolerance), **given)
 
 
 @pytest.mark.parametrize("s", [1, 2, 7, 16])
@@ -57,8 +59,8 @@ class TestTolerance:
     def test_error_shrinks_with_it_in_the_plane_within_windows_too(self):
         t, errors = np.linspace(0.0, 20.0, 501), []
         for tolerance in TOLERANCES:
-            stretch = Stretch(0.0, 20.0, attraction, together=attractions)
-            solution = integrate([stretch], PLANE, *orbit(0.0), Collocation(tolerance))
+            interval = Interval(0.0, 20.0, attraction, batch=attractions)
+            solution = integrate([interval], PLANE, *orbit(0.0), Collocation(tolerance))
             errors.append(np.abs(np.hstack(solution.states(t)) - np.hstack(orbit(t))).max())
             assert len(solution.steps) < 40
         self.check(np.array(errors))
@@ -92,11 +94,11 @@ def test_a_free_body_keeps_its_energy_and_its_angular_momentum_in_the_world():
 def test_loads_that_jump_are_met_between_windows():
     """The unit oscillator from rest under 1 from t = 1/3 to t = 2."""
     bounds, levels, t = (0.0, 1 / 3, 2.0, 5.0), (0.0, 1.0, 0.0), np.linspace(0.0, 5.0, 301)
-    stretches = [
-        Stretch(low, high, lambda t, q, v, x=x: x - q, together=lambda t, q, v, x=x: x - q)
+    intervals = [
+        Interval(low, high, lambda t, q, v, x=x: x - q, batch=lambda t, q, v, x=x: x - q)
         for low, high, x in zip(bounds, bounds[1:], levels, strict=False)
     ]
-    solution = integrate(stretches, LINE, np.zeros(1), np.zeros(1), Collocation(1e-12))
+    solution = integrate(intervals, LINE, np.zeros(1), np.zeros(1), Collocation(1e-12))
     on, off = np.maximum(t - 1 / 3, 0.0), np.maximum(t - 2.0, 0.0)
     assert solution.states(t)[0][:, 0] == pytest.approx(np.cos(off) - np.cos(on), abs=1e-11)
 
@@ -110,7 +112,7 @@ class TestArm:
     def test_ends_where_another_method_ends(self, arm):
         q, v, end = np.array([1.2, 0.7]), np.array([0.5, -2.0]), np.array([3.0])
         other = integrate(
-            [Stretch(0.0, 3.0, arm.dynamics.acceleration())], arm.dynamics.manifold, q, v, Adaptive(1e-13)
+            [Interval(0.0, 3.0, arm.dynamics.acceleration())], arm.dynamics.manifold, q, v, Adaptive(1e-13)
         )
         found = motion(arm.dynamics, 3.0, q, v, 1e-12)
         assert np.hstack(found.states(end)) == pytest.approx(np.hstack(other.states(end)), abs=1e-10)
@@ -143,11 +145,11 @@ class TestArm:
 
     def test_accelerations_that_lose_digits_together_are_computed_one_by_one(self, arm):
         alone = arm.dynamics.acceleration()
-        wrong = Stretch(0.0, 1.0, alone, together=arm.dynamics.forward,
-                        unchecked=lambda t, q, v: arm.dynamics.forward(t, q, v) * (1.0 + 1e-10))  # fmt: skip
+        wrong = Interval(0.0, 1.0, alone, batch=arm.dynamics.forward,
+                        unchecked_batch=lambda t, q, v: arm.dynamics.forward(t, q, v) * (1.0 + 1e-10))  # fmt: skip
         q, v, end = np.array([1.2, 0.7]), np.array([0.5, -2.0]), np.array([1.0])
         found = integrate([wrong], arm.dynamics.manifold, q, v, Collocation(1e-13)).states(end)
-        exact = integrate([Stretch(0.0, 1.0, alone)], arm.dynamics.manifold, q, v, Adaptive(1e-14)).states(end)
+        exact = integrate([Interval(0.0, 1.0, alone)], arm.dynamics.manifold, q, v, Adaptive(1e-14)).states(end)
         assert np.hstack(found) == pytest.approx(np.hstack(exact), abs=2e-12)  # 1e-10 of an acceleration of 10
 
 
@@ -157,10 +159,10 @@ def test_a_stiff_problem_is_called_stiff_and_a_smooth_one_is_not():
 
     assert on_a_line(pulled, 1.0, tolerance=1e-7).count.limited > 100
     solution = on_a_line(pulled, 1.0, tolerance=1e-7)
-    assert [note.partition(":")[0] for note in solution.method.doubts(solution)] == ["stiff"]
+    assert [note.partition(":")[0] for note in solution.method.diagnose(solution)] == ["stiff"]
     for tolerance in TOLERANCES:
         smooth = on_a_line(lambda t, q, v: -np.sin(q), 30.0, q=2.5, tolerance=tolerance)
-        assert smooth.method.doubts(smooth) == []
+        assert smooth.method.diagnose(smooth) == []
 
 
 def test_few_windows_are_refused():
@@ -177,7 +179,7 @@ def test_few_windows_are_refused():
 def test_states_along_a_window_are_on_the_motion():
     method, count = Collocation(1e-12), Count()
     stepper = method.stepper(PLANE, count)
-    stepper.begin(Stretch(0.0, 6.0, attraction, together=attractions), np.hstack(orbit(0.0)))
+    stepper.begin(Interval(0.0, 6.0, attraction, batch=attractions), np.hstack(orbit(0.0)))
     assert stepper.attempt(0.0, 0.3) <= 1.0
     t, y = stepper.along(0.0, 0.3)
     assert t[[0, -1]].tolist() == [0.0, 0.3]

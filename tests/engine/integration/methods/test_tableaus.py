@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import RK45
 from scipy.integrate._ivp import dop853_coefficients as scipy_coefficients
 
-from pinarm.engine.integration.methods.tableaus import DOP853, DOPRI5, RK4
+from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4
 
 
 def test_coefficients_are_those_of_scipy_bit_for_bit():

@@ -78,3 +78,23 @@ def shown(_browser: Page, tmp_path: Path) -> Callable[..., Page]:
         return _browser
 
     return show
+
+
+@pytest.fixture
+def picture(tmp_path: Path, read: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the scene of a URDF text whose joints rest, and the notes on it."""
+
+    def draw(xml: str, **content: Any) -> tuple[dict[str, Any], tuple[str, ...]]:
+        (tmp_path / ".pinarm-root").touch()
+        (tmp_path / "m.urdf").write_text(xml)
+        forces = content.get("forces", "{}")
+        (tmp_path / "m.yaml").write_text(f"pinarm: 1\nrobot: m.urdf\nforces: {forces}\n")
+        hold = pinarm.Mechanism.load(tmp_path / "m.yaml").joints
+        held = ", ".join(f"{name}: {content.get('at', 0)} {joint.unit}" for name, joint in hold.items())
+        (tmp_path / "s.yaml").write_text(
+            f"pinarm: 1\nmechanism: m.yaml\nproblem: {{kind: statics, hold: {{{held}}}}}\noutputs: [g]\n"
+        )
+        page = pinarm.load(tmp_path / "s.yaml").run().replay(arrows=content.get("arrows", ()))
+        return read(page.html).scene, page.notes
+
+    return draw

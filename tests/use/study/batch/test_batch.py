@@ -10,14 +10,17 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.integration import Adaptive, Flat, Stretch, advance, integrate
+from pinarm.engine.integration.batch_driver import integrate_batch
+from pinarm.engine.integration.driver import integrate
+from pinarm.engine.integration.integrator import Flat, Interval
+from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.errors import InputError, Interrupted, NumericsError
 from pinarm.mechanics.forces.breakpoints import Pieces
 from pinarm.problems.forward import Forward
 from pinarm.use.study.batch import batch as motions
 from pinarm.use.study.batch import worker_blocks as remote
 from pinarm.use.study.batch.block import Block
-from pinarm.use.study.sweep.process_pool import Death
+from pinarm.use.study.sweep.process_pool import WorkerDeath
 
 ROOT = Path(__file__).parents[4]
 SWING = """\
@@ -115,12 +118,12 @@ def test_events_and_stops_are_those_of_each_motion(scenario):
 
 def test_a_narrow_part_of_a_load_is_passed_unseen_by_none():
     """Points that fly evenly but for a push of 1 J between 3 and 3.02."""
-    push = Stretch(0.0, 1.0, lambda t, q, v: 100.0 * np.clip(1.0 - abs(q - 3.01) / 0.01, 0.0, None),
-                   together=lambda t, q, v: 100.0 * np.clip(1.0 - abs(q - 3.01) / 0.01, 0.0, None))  # fmt: skip
+    push = Interval(0.0, 1.0, lambda t, q, v: 100.0 * np.clip(1.0 - abs(q - 3.01) / 0.01, 0.0, None),
+                   batch=lambda t, q, v: 100.0 * np.clip(1.0 - abs(q - 3.01) / 0.01, 0.0, None))  # fmt: skip
     pieces, line = Pieces(np.array([3.0, 3.01, 3.02])), Flat(1, 1)
-    given = {"max_steps": 300, "passes": lambda t, q, v: pieces.passed(q[:, 0])}
+    given = {"max_steps": 300, "steps_over": lambda t, q, v: pieces.passed(q[:, 0])}
     speeds = np.array([[20.0], [2.0], [-5.0]])
-    batch = advance([push], line, np.zeros((3, 1)), speeds, Adaptive(1e-10), **given)
+    batch = integrate_batch([push], line, np.zeros((3, 1)), speeds, Adaptive(1e-10), **given)
     for number, v in enumerate(speeds):
         expected = integrate([push], line, np.zeros(1), v, Adaptive(1e-10), **given)
         found = batch.solution(number)
@@ -216,7 +219,7 @@ class TestWorkers:
             list(batch._answers(partial(Block.values, names=["upright"])))
 
     def test_a_process_that_dies_is_told(self, scenario, monkeypatch):
-        monkeypatch.setattr(remote, "spread", lambda f, jobs, n: ((job, Death("SIGKILL")) for job in jobs))
+        monkeypatch.setattr(remote, "distribute", lambda f, jobs, n: ((job, WorkerDeath("SIGKILL")) for job in jobs))
         batch = pinarm.batch(scenario(text=LOOP), velocity={"upright_0": [1.0, 2.0]}, workers=2)
         with pytest.raises(NumericsError, match="solved the motions 0 to 1 died by SIGKILL"):
             batch.states()
@@ -437,15 +440,15 @@ def test_steps_do_not_depend_on_the_company(tolerance):
     def acceleration(t, q, v):
         return accelerations(np.array([t]), q[None], v[None])[0]
 
-    stretches = [Stretch(a, b, acceleration, together=accelerations) for a, b in ((0.0, 0.9), (0.9, 2.0))]
+    intervals = [Interval(a, b, acceleration, batch=accelerations) for a, b in ((0.0, 0.9), (0.9, 2.0))]
     method, space = Adaptive(tolerance), Flat(2, 2)
-    ensemble = advance(stretches, space, q, v, method)
+    ensemble = integrate_batch(intervals, space, q, v, method)
     t = np.linspace(0.0, 2.0, 7)
     states = ensemble.states(t)
     for number in range(40):
-        single, ours = integrate(stretches, space, q[number], v[number], method), ensemble.solution(number)
+        single, ours = integrate(intervals, space, q[number], v[number], method), ensemble.solution(number)
         assert len(ours.steps) == pytest.approx(len(single.steps), abs=3)  # errors near 1 go by rounding
-        for one in (single, ours):  # twelve stages a try, a slope where each stretch begins, one for the first step
+        for one in (single, ours):  # twelve stages a try, a slope where each interval begins, one for the first step
             assert one.count.evaluations == 12 * (len(one.steps) + one.count.rejected) + 2 + 1
         assert states[0][number] == pytest.approx(single.states(t)[0], abs=1e3 * tolerance)
 
@@ -456,9 +459,9 @@ def test_steps_are_limited_over_all_stretches():
     def pull(t, q, v):
         return -400.0 * q
 
-    halves = [Stretch(t, t + 1.0, pull, together=pull) for t in (0.0, 1.0)]
+    halves = [Interval(t, t + 1.0, pull, batch=pull) for t in (0.0, 1.0)]
     ones, line, method = np.ones((2, 1)), Flat(1, 1), Adaptive(1e-10)
-    first, both = (advance(some, line, ones, ones, method).solution(0) for some in (halves[:1], halves))
+    first, both = (integrate_batch(some, line, ones, ones, method).solution(0) for some in (halves[:1], halves))
     most = len(both.steps) + both.count.rejected - 1
     assert len(first.steps) + first.count.rejected < 0.6 * most
-    assert list(advance(halves, line, ones, ones, method, max_steps=most).failures) == [0, 1]
+    assert list(integrate_batch(halves, line, ones, ones, method, max_steps=most).failures) == [0, 1]

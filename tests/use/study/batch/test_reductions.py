@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.use.study.batch.reductions import Asked
+from pinarm.use.study.batch.reductions import ColumnReduction
 
 T = np.linspace(0.0, 2.0 * np.pi, 4001)
 WAVE = 2.0 + 3.0 * np.sin(T)
@@ -19,25 +19,25 @@ WAVE = 2.0 + 3.0 * np.sin(T)
 )  # fmt: skip
 def test_of_a_wave_in_closed_form(measure: str | float, expected: float) -> None:
     # one in 4000 instants: extremes off by 1e-6, shares of instants by 1e-3
-    assert Asked("x", measure).of(T, WAVE) == pytest.approx(expected, abs=2e-3)
+    assert ColumnReduction("x", measure).of(T, WAVE) == pytest.approx(expected, abs=2e-3)
 
 
 def test_a_mean_is_over_time_not_over_instants() -> None:
     t = np.array([0.0, 0.1, 0.2, 3.0])
-    assert Asked("x", "mean").of(t, t) == pytest.approx(1.5, rel=1e-14)
-    assert Asked("x", "rms").of(np.array([1.0]), np.array([-4.0])) == 4.0
+    assert ColumnReduction("x", "mean").of(t, t) == pytest.approx(1.5, rel=1e-14)
+    assert ColumnReduction("x", "rms").of(np.array([1.0]), np.array([-4.0])) == 4.0
 
 
 def test_the_largest_counts_both_signs() -> None:
-    assert Asked("x", "largest").of(T, -WAVE) == pytest.approx(5.0, abs=1e-5)
+    assert ColumnReduction("x", "largest").of(T, -WAVE) == pytest.approx(5.0, abs=1e-5)
 
 
 def test_measures_are_asked_alone_or_in_a_list() -> None:
-    asked = Asked.read({"a": "max", "b": ["min", 95]})
+    asked = ColumnReduction.read({"a": "max", "b": ["min", 95]})
     assert [one.label for one in asked] == ["max a", "min b", "95 % b"]
 
 
 @pytest.mark.parametrize(("wrong", "said"), [("maxx", "no measure 'maxx'"), (101, "no percentage")])
 def test_what_is_no_measure_is_refused(wrong: str | float, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        Asked.read({"a": [wrong]})
+        ColumnReduction.read({"a": [wrong]})

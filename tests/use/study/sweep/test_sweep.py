@@ -77,11 +77,11 @@ def test_cases_that_are_known_are_not_solved_again(
 ) -> None:
     first = pinarm.sweep(scenario, MASSES, folder=tmp_path / "out")
 
-    def spread(function: object, jobs: Any, workers: int) -> Any:
+    def distribute(function: object, jobs: Any, workers: int) -> Any:
         yield from ()
         assert next(jobs, None) is None, "a case is solved again"
 
-    monkeypatch.setattr(solving, "spread", spread)
+    monkeypatch.setattr(solving, "distribute", distribute)
     again = pinarm.sweep(scenario, dict(reversed(MASSES.items())), folder=tmp_path / "out")
     assert sorted(first["max M"].values) == sorted(again["max M"].values)
     with pytest.raises(AssertionError, match="solved again"):

@@ -1,8 +1,8 @@
-"""What a scene requires of a mechanism, solved in place of the whole, and the answer put back into the whole.
+"""A problem solved on the part of a mechanism that it requires, and the outcome put back into the whole.
 
 A joint is *locked* where a law, a value of ``hold`` or a coupling keeps it still: with what it carries it becomes one
 body with its parent. It is *dropped* with its bodies where it follows a law and no joint that stays is beyond it, nor
-before it but where only the motion is asked. See ``problems.removal`` for what stays.
+before it but where only the motion is asked. See ``problems.simplify.removal`` for what stays.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from pinarm.problems.simplify.removal import KnownMotion, known_laws, removable
 
 @dataclass(frozen=True)
 class Removal:
-    """A joint that a scene does without.
+    """A joint that is not solved for.
 
     Attributes:
         joint: Its name.
@@ -43,13 +43,13 @@ class Removal:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
-    """A question, and what is solved in its place.
+class Simplification:
+    """A problem, and what is solved in its place.
 
     Attributes:
-        question: The question about the whole.
+        question: The problem on the whole mechanism.
         mechanism: The whole.
-        problem: The question about the part.
+        problem: The problem on the part.
         part: What is solved; ``None`` where that is the whole.
     """
 
@@ -59,22 +59,24 @@ class Scene:
     part: ReducedMechanism | None = None
 
     @classmethod
-    def whole(cls, problem: Problem, mechanism: Mechanism) -> Scene:
-        """Return the scene that removes nothing."""
+    def whole(cls, problem: Problem, mechanism: Mechanism) -> Simplification:
+        """Return the simplification that removes nothing."""
         return cls(problem, mechanism, problem)
 
     @classmethod
-    def required(cls, problem: Problem, mechanism: Mechanism, requested: Collection[str], place: Place) -> Scene:
-        """Return what a question requires.
+    def required(
+        cls, problem: Problem, mechanism: Mechanism, requested: Collection[str], place: Place
+    ) -> Simplification:
+        """Return what a problem requires.
 
         Args:
-            problem: The question.
+            problem: The problem.
             mechanism: The mechanism.
             requested: Names of the joints at which forces are asked.
             place: Gives errors their place.
 
         Raises:
-            InputError: The question has a mistake.
+            InputError: The problem has a mistake.
         """
         declared = problem.declaration()
         if declared is None:

@@ -1,4 +1,4 @@
-"""Runge-Kutta methods as data that checks itself."""
+"""Coefficients of explicit Runge-Kutta methods, checked for consistency."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pinarm.arrays import Array
 
 @dataclass(frozen=True)
 class Tableau:
-    """An explicit Runge-Kutta method with dense output; an embedded pair where it estimates its error.
+    """The coefficients of an explicit Runge-Kutta method with dense output, and of its error estimate if it has one.
 
     Stage i is ``k_i = f(t + c_i h, y + h sum_j a_ij k_j)``; the step is ``y + h sum_i b_i k_i``, and ``k_s``, behind
     the stages, is the slope at its end, which is also the first slope of the next step.
@@ -19,7 +19,7 @@ class Tableau:
     Attributes:
         name: Name for summaries.
         order: Order of the step.
-        error_order: Power of h, less one, that the error estimate behaves like; 0 where there is none.
+        error_order: The error estimate behaves like ``h^(error_order + 1)``; 0 where there is none.
         stability: ``h |lambda|`` just below the end of the stability interval on the negative real axis.
         a: Shape (s, s), strictly lower triangular.
         b: Shape (s,).
@@ -63,7 +63,7 @@ class Tableau:
 
 
 def _matrix(rows: tuple[tuple[float, ...], ...], width: int) -> Array:
-    """Return rows of different length as one matrix, filled up with zeros."""
+    """Return rows of different length as one matrix, padded with zeros."""
     return np.array([[*row, *(0.0,) * (width - len(row))] for row in rows])
 
 

@@ -15,7 +15,7 @@ import pinarm
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
 from pinarm.problems.simplify.model_reduction import ReducedMechanism, Removed
-from pinarm.problems.simplify.simplified import Scene
+from pinarm.problems.simplify.simplification import Simplification
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.show.terminal import report
 from pinarm.use.store.restore import restore
@@ -100,12 +100,12 @@ def held(scenario, joint, other):
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_answers_are_those_of_the_whole_mechanism(file):
     scenario = pinarm.load(file)
-    if scenario.scene.part:
+    if scenario.simplification.part:
         assert_unchanged(scenario)
     joints, removed = list(scenario.mechanism.joints.values()), set()
     for joint, other in zip(joints, joints[-1:] + joints[:-1], strict=True):
         variant = held(scenario, joint, other) if len(joints) < 20 else None  # forty four-bars are all loops
-        if variant and variant.scene.part:
+        if variant and variant.simplification.part:
             assert assert_unchanged(variant)[joint.name] == "locked"
             removed.add(joint.name)
     assert removed == LOCKABLE.get(file.stem, set())
@@ -230,7 +230,7 @@ def test_an_arm_that_falls_feels_the_other_only_through_a_free_trunk(scene, wais
 
 
 def test_bodies_that_are_dropped_are_not_there(scene):
-    mechanism = scene(inverse(waist=MOVES), "joint.shoulder_a.effort").scene.part.mechanism
+    mechanism = scene(inverse(waist=MOVES), "joint.shoulder_a.effort").simplification.part.mechanism
     assert pin.computeTotalMass(mechanism.model) == pytest.approx(8.0 + 2.0 + 1.0)
 
 
@@ -247,7 +247,7 @@ def test_a_free_base_carries_what_is_locked(scene):
     problem["end_stops"] = {"shoulder_a": {"upper": "0.2 rad", "restitution": 0.5}}
     asked = scene(problem, "t", base="floating", accuracy=RK4)
     assert assert_unchanged(asked) == dict.fromkeys(motion, "locked")
-    found, wanted = (each.run().happenings for each in (asked, asked.varied({"modelled": "whole"})))
+    found, wanted = (each.run().events for each in (asked, asked.varied({"modelled": "whole"})))
     assert [one.name for one in found] == [one.name for one in wanted]
     assert {one.name for one in found} > {"passes"}
     for one, two in zip(found, wanted, strict=True):
@@ -343,7 +343,7 @@ def test_reactions_of_the_part_are_those_of_the_whole(scene):
     """A force on a body that is locked acts on what carries it."""
     loads = {"push": {"kind": "wrench", "point": "hand", "force": ["3 N", "-2 N", "5 N"], "axes": "hand"}}
     asked = scene({**inverse(waist=MOVES), "loads": loads}, "joint.shoulder_a.effort")
-    solved, whole = asked.scene.solve(asked.content.accuracy, lambda *at: nullcontext())
+    solved, whole = asked.simplification.solve(asked.content.accuracy, lambda *at: nullcontext())
     assert len(solved.rows.mechanism.joints) == 4
     for axis in "xyz":
         for name in (f"joint.shoulder_a.force.{axis}", f"joint.shoulder_a.moment.{axis}"):
@@ -407,7 +407,7 @@ def test_what_is_wrong_is_told_of_the_whole_mechanism(scene):
     motion = {**LAWS, "height": {"law": "constant", "value": "9 m"}}
     del motion["shoulder_a"]
     asked = scene({"kind": "inverse", "motion": motion}, "t", coordinates=hand)
-    assert asked.scene.part
+    assert asked.simplification.part
     said = []
     for scenario in (asked, asked.varied({"modelled": "whole"})):
         with pytest.raises(PinarmError, match="out of reach") as caught:
@@ -433,9 +433,9 @@ def test_a_body_left_out_that_matters_is_noticed(scene):
     laws = {mechanism.joints[name].v: problem.motion[name] for name in ("shoulder_b", "elbow_b")}
     part = ReducedMechanism(mechanism, mechanism.forces, Removed({}, laws), np.array([], dtype=int))
     kept = {name: law for name, law in problem.motion.items() if not name.endswith("_b")}
-    wrong = Scene(problem, mechanism, msgspec.structs.replace(problem, motion=kept), part)
+    wrong = Simplification(problem, mechanism, msgspec.structs.replace(problem, motion=kept), part)
     right = asked.run()
-    asked.__dict__["scene"] = wrong
+    asked.__dict__["simplification"] = wrong
     with pytest.raises(AssertionError, match="tau"):
         assert_same(asked.run(), right)
 

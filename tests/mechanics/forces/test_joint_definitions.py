@@ -1,0 +1,84 @@
+"""What files say of forces at joints: units against the joint, and what no spring, friction or motor can be."""
+
+import pytest
+
+from pinarm.errors import InputError, UnitError
+from pinarm.input.units import unit
+from pinarm.input.yaml.schema import Measured
+from pinarm.mechanics.forces.joint_definitions import JointEffort, JointFriction, JointSpring, TorqueSpeed
+from pinarm.mechanics.forces.point import PointSpring
+from pinarm.mechanics.laws import Harmonic
+
+
+@pytest.mark.parametrize("speeds", [(1.0, 0.0), (0.0, 0.0), (0.0, 2.0, 1.0)])
+def test_a_curve_that_descends_is_refused(speeds):
+    with pytest.raises(InputError, match="velocities of the curve do not ascend"):
+        TorqueSpeed(joint="turn", curve=[(speed, 1.0) for speed in speeds])
+
+
+def test_a_curve_of_one_point_is_refused():
+    with pytest.raises(InputError, match="do not ascend"):
+        TorqueSpeed(joint="turn", curve=[(0.0, 1.0)])
+
+
+def measured(value, text):
+    number = Measured(value)
+    number.unit = unit(text)
+    return number
+
+
+UNITS = {
+    "turn": {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest": "deg"},
+    "slide": {"stiffness": "N/mm", "damping": "N*s/m", "rest": "mm"},
+}
+
+
+@pytest.mark.parametrize("field", ["stiffness", "damping", "rest"])
+@pytest.mark.parametrize(("joint", "other"), [("turn", "slide"), ("slide", "turn")])
+def test_springs_check_their_units_against_the_joint(model, joints, joint, other, field):
+    JointSpring(joint=joint, **{field: measured(1.0, UNITS[joint][field])}).bind(model, joints)
+    with pytest.raises(UnitError, match="not a unit of this quantity"):
+        JointSpring(joint=joint, **{field: measured(1.0, UNITS[other][field])}).bind(model, joints)
+
+
+@pytest.mark.parametrize(("joint", "right", "wrong"), [("turn", "N*m", "N"), ("slide", "kN", "N*m")])
+def test_efforts_check_their_units_against_the_joint(model, joints, joint, right, wrong):
+    def effort(text):
+        return JointEffort(joint=joint, effort=Harmonic(amplitude=measured(1.0, text), pulsation=1.0))
+
+    effort(right).bind(model, joints)
+    with pytest.raises(UnitError, match="not a unit of this quantity"):
+        effort(wrong).bind(model, joints)
+
+
+@pytest.mark.parametrize(("joint", "other"), [("turn", "slide"), ("slide", "turn")])
+@pytest.mark.parametrize("what", ["friction", "creep", "speed of a curve", "effort of a curve"])
+def test_friction_and_curves_check_their_units_against_the_joint(model, joints, joint, other, what):
+    units = {"turn": ("N*m", "rpm"), "slide": ("kN", "mm/s")}
+
+    def element(effort, rate):
+        one = {"friction": measured(1.0, effort), "creep": measured(1.0, rate)}
+        two = {"curve": [(0.0, 0.0), (measured(1.0, rate), measured(1.0, effort))]}
+        if what.endswith("curve"):
+            return TorqueSpeed(joint=joint, **two)
+        return JointFriction(joint=joint, **one)
+
+    right, wrong = units[joint], units[other]
+    element(*right).bind(model, joints)
+    mixed = (wrong[0], right[1]) if what.startswith(("friction", "effort")) else (right[0], wrong[1])
+    with pytest.raises(UnitError, match="not a unit of this quantity"):
+        element(*mixed).bind(model, joints)
+
+
+@pytest.mark.parametrize("field", ["stiffness", "damping"])
+def test_springs_and_dampers_that_give_energy_away_are_refused(field):
+    with pytest.raises(ValueError, match="out of bounds"):
+        JointSpring(joint="turn", **{field: -1.0})
+    with pytest.raises(ValueError, match="out of bounds"):
+        PointSpring(between=("a", "b"), **{field: -1.0})
+
+
+@pytest.mark.parametrize(("field", "value"), [("friction", -1.0), ("creep", 0.0), ("creep", -1.0)])
+def test_friction_that_drives_is_refused(field, value):
+    with pytest.raises(ValueError, match="out of bounds"):
+        JointFriction(joint="turn", **{"friction": 1.0, field: value})

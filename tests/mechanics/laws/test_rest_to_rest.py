@@ -1,0 +1,124 @@
+"""Laws from rest to rest: times in closed form, limits that are kept, and what could never arrive."""
+
+import math
+
+import numpy as np
+import pytest
+
+from pinarm.errors import InputError
+from pinarm.mechanics.laws import (
+    SCurve,
+    Trapezoid,
+)
+
+from .test_motion_law import BOUNDED, LAWS
+
+
+def test_degree_seven_keeps_its_jerk_too(differentiate):
+    move = LAWS["polynomial 7"].pieces()[1]
+    jerk = differentiate(lambda x: move.function(x)[2], np.array([move.start, move.end]))
+    assert jerk == pytest.approx(0.0, abs=1e-10)  # differences over h = 0.02
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_trapezoid_takes_the_time_of_its_closed_form(sign):
+    law = Trapezoid(start=0.5, end=0.5 + sign * 1.2, acceleration=2.0, speed=0.8, begin=0.25)
+    rise, total = 0.8 / 2.0, 1.2 / 0.8 + 0.8 / 2.0
+    expected = [0.25, 0.25 + rise, 0.25 + total - rise, 0.25 + total]
+    assert law.breakpoints() == pytest.approx(expected, abs=1e-15)
+    _, ds, dds = law.on(0.8, 0.9)(np.array([0.8]))
+    assert (ds[0], dds[0]) == pytest.approx((sign * 0.8, 0.0), abs=1e-15)
+    assert law.on(0.25, 0.3)(np.array([0.25]))[2][0] == sign * 2.0
+    assert law.on(*expected[2:])(np.array([1.8]))[2][0] == -sign * 2.0
+
+
+@pytest.mark.parametrize(("acceleration", "speed"), [(-2.0, 0.8), (2.0, -0.8), (-2.0, -0.8)])
+def test_signs_of_the_limits_do_not_matter(acceleration, speed):
+    law = Trapezoid(start=0.1, end=1.3, acceleration=acceleration, speed=speed, begin=0.25)
+    assert law.breakpoints() == LAWS["trapezoid"].breakpoints()
+
+
+def test_triangle_reaches_its_closed_form_peak():
+    law = LAWS["triangle"]
+    half = math.sqrt(1.2 / 2.0)
+    assert law.breakpoints() == pytest.approx([0.25, 0.25 + half, 0.25 + 2 * half])
+    s, ds, _ = law.on(0.25, 0.25 + half)(np.array([0.25 + half]))
+    assert (s[0], ds[0]) == pytest.approx((0.7, math.sqrt(1.2 * 2.0)))
+
+
+@pytest.mark.parametrize("broken", [{"acceleration": 0.0}, {"acceleration": 1.0, "speed": 0.0}])
+def test_trapezoid_that_could_never_arrive_is_refused(broken):
+    with pytest.raises(InputError, match="other than 0"):
+        Trapezoid(start=0.0, end=1.0, **broken)
+
+
+def minimal_time(distance, jerk, acceleration=math.inf, speed=math.inf):
+    """Shortest time from rest to rest under the three bounds: Biagiotti and Melchiorri, section 3.4."""
+    if acceleration**2 >= speed * jerk:  # the acceleration is not reached before the speed
+        ramp, rise = math.sqrt(speed / jerk), 2 * math.sqrt(speed / jerk)
+    else:
+        ramp, rise = acceleration / jerk, acceleration / jerk + speed / acceleration
+    if speed < math.inf and distance >= speed * rise:
+        return distance / speed + rise
+    if distance <= 2 * acceleration**3 / jerk**2:
+        return 4 * (distance / (2 * jerk)) ** (1 / 3)
+    ramp = acceleration / jerk
+    return ramp + math.sqrt(ramp**2 + 4 * distance / acceleration)
+
+
+class TestSCurve:
+    @pytest.mark.parametrize("name", BOUNDED)
+    def test_bounds_are_kept_and_the_time_is_minimal(self, name):
+        law = LAWS[name]
+        limits = {"acceleration": law.acceleration or math.inf, "speed": law.speed or math.inf}
+        moving = law.pieces()[1:-1]
+        total = moving[-1].end - moving[0].start
+        assert total == pytest.approx(minimal_time(abs(law.end - law.start), law.jerk, **limits), rel=1e-14)
+        for piece in moving:
+            t = np.linspace(piece.start, piece.end, 21)
+            _, ds, dds = piece.function(t)
+            assert np.abs(ds).max() <= limits["speed"] * (1 + 1e-13)
+            assert np.abs(dds).max() <= limits["acceleration"] * (1 + 1e-13)
+            slope = (dds[-1] - dds[0]) / (t[-1] - t[0])
+            # constant on each stretch, and either full or none
+            assert dds == pytest.approx(dds[0] + slope * (t - t[0]), abs=1e-13)
+            assert min(abs(abs(slope) - law.jerk), abs(slope)) < 1e-11
+
+    @pytest.mark.parametrize(
+        ("name", "stretches"),
+        [
+            ("s-curve", 7), ("s-curve without limits", 4), ("s-curve below its limits", 4),
+            ("s-curve below its speed", 6), ("s-curve below its acceleration", 5),
+        ],
+    )  # fmt: skip
+    def test_as_many_stretches_as_limits_are_reached(self, name, stretches):
+        # without a full acceleration two stretches of equal jerk meet in the middle
+        assert len(LAWS[name].pieces()) - 2 == stretches
+
+    @pytest.mark.parametrize("distance", [1e-9, 1e-3, 0.37, 1.0, 1e3])
+    @pytest.mark.parametrize("limits", [{}, {"speed": 1.0}, {"acceleration": 2.0}, {"speed": 1.0, "acceleration": 2.0}])
+    def test_it_arrives_in_minimal_time_at_any_distance(self, distance, limits):
+        law = SCurve(start=0.0, end=distance, jerk=5.0, **limits)
+        assert law.breakpoints()[-1] == pytest.approx(minimal_time(distance, 5.0, **limits), rel=1e-12)
+        moving = law.pieces()[-2]
+        s, ds, dds = (float(x[0]) for x in moving.function(np.array([moving.end])))
+        assert s == pytest.approx(distance, rel=1e-12)
+        assert abs(ds) < 1e-12 * max(1.0, distance)
+        assert abs(dds) < 1e-11 * max(1.0, distance)
+
+    @pytest.mark.parametrize("distance", [2 * 2.0**3 / 5.0**2, 1.0 * (1.0 / 2.0 + 2.0 / 5.0)])
+    def test_limits_that_are_only_just_reached(self, distance):
+        law = SCurve(start=0.0, end=distance, jerk=5.0, acceleration=2.0, speed=1.0)
+        assert law.breakpoints()[-1] == pytest.approx(minimal_time(distance, 5.0, 2.0, 1.0), rel=1e-12)
+        assert law.jumps() == []
+
+    @pytest.mark.parametrize("signs", [(-1, 1, 1), (1, -1, 1), (1, 1, -1)])
+    def test_signs_of_the_limits_do_not_matter(self, signs):
+        j, a, v = signs
+        law = SCurve(start=0.1, end=2.3, jerk=9.0 * j, acceleration=3.0 * a, speed=1.5 * v, begin=0.25)
+        assert law.breakpoints() == LAWS["s-curve"].breakpoints()
+
+    @pytest.mark.parametrize("broken", [{"jerk": 0.0}, {"jerk": 1.0, "acceleration": 0.0}, {"jerk": 1.0, "speed": 0.0}])
+    def test_one_that_could_never_arrive_is_refused(self, broken):
+        with pytest.raises(InputError, match="other than 0"):
+            SCurve(start=0.0, end=1.0, **broken)

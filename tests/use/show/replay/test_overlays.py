@@ -1,0 +1,90 @@
+"""Arrows are the forces, torques and reactions of the result; what joins two points reaches from one to the other."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pinarm.errors import InputError
+
+
+def test_arrows_are_the_forces(solved: Callable[..., Any], read: Callable[..., Any]) -> None:
+    """Weight of each body at its centre of mass, torque of each drive, reaction of each joint, to single precision."""
+    result = solved("gen411_arm_vertical")
+    page = read(result.replay(arrows=["all"], plots=[]).html)
+    arrows = {kind: [a for a in page.scene["arrows"] if a["of"] == kind] for kind in ("forces", "torques", "reactions")}
+    [weight] = arrows["forces"]  # the first rod has no mass
+    assert weight["vector"] == pytest.approx([0.0, -1.6 * 9.81, 0.0], rel=1e-12)
+    assert weight["point"] == pytest.approx([(1.0 * 0.125 + 0.1 * 0.25) / 1.6, 0.0, 0.0], abs=1e-12)
+    [torque] = [a for a in arrows["torques"] if a["node"] == 2]
+    assert page.array(torque["values"]) == pytest.approx(result["C_B"].values, rel=1e-6)
+    assert torque["axis"] == [0.0, 0.0, 1.0]
+    [reaction] = [a for a in arrows["reactions"] if a["node"] == 2]
+    wanted = np.stack([result[f"joint.B.force.{axis}"].values for axis in "xyz"], axis=1)
+    assert page.array(reaction["vectors"]).reshape(-1, 3) == pytest.approx(wanted, rel=1e-6, abs=1e-5)
+    assert reaction["largest"] == pytest.approx(np.linalg.norm(wanted, axis=1).max(), rel=0.2)  # of both joints
+
+
+def test_reactions_that_rigid_bodies_do_not_determine_are_not_drawn(
+    solved: Callable[..., Any], read: Callable[..., Any]
+) -> None:
+    """Bricard's loop of six hinges is overconstrained: its self-stress reaches every joint."""
+    page = read(solved("bricard_falling").replay(arrows=["reactions"]).html)
+    assert page.scene["arrows"] == []
+
+
+def test_of_planar_loops_the_forces_in_the_plane_are_drawn(
+    solved: Callable[..., Any], read: Callable[..., Any]
+) -> None:
+    """Across the plane a loop of revolute joints can be stressed freely; in it the forces are what is asked by name."""
+    result = solved("crank_rocker_turning")
+    page = read(result.replay(arrows=["reactions"], plots=[]).html)
+    model, across = result.trajectory.mechanism.model, []
+    for arrow in page.scene["arrows"]:
+        vectors = page.array(arrow["vectors"]).reshape(-1, 3)
+        across.append(np.abs(vectors[:, 2]).max())
+        if np.any(arrow["point"]):
+            continue
+        for k, axis in enumerate("xy"):
+            wanted = result[f"joint.{model.names[arrow['node']]}.force.{axis}"].values
+            assert vectors[:, k] == pytest.approx(wanted, rel=1e-6, abs=1e-5 * arrow["largest"])
+    assert len(across) == 4
+    assert max(across) < 1e-9
+    assert any("that rigid bodies determine" in entry["text"] for entry in page.scene["legend"])
+
+
+def test_kinematics_have_no_forces(solved: Callable[..., Any]) -> None:
+    with pytest.raises(InputError, match="asks for no forces"):
+        solved("magic_arms_kinematics").replay(arrows=["reactions"])
+
+
+def test_springs_and_cylinders_join_their_points(picture: Callable[..., Any], chain: Callable[..., str]) -> None:
+    xml = chain({"name": "a", "axis": "0 1 0"}, {"name": "b", "axis": "0 1 0", "at": "0 0 3", "com": "0 0 1"})
+    scene, _ = picture(xml, forces="{s: {kind: point_spring, between: [base, b_link], stiffness: 1 N/m}, "
+                                   "c: {kind: point_spring, between: [base, b_link], force: -5 N}}")  # fmt: skip
+    assert [(pair["kind"], pair["a"]["node"], pair["b"]["node"]) for pair in scene["pairs"]] == [
+        ("spring", 0, 2), ("cylinder", 0, 2),
+    ]  # fmt: skip
+    assert scene["pairs"][0]["longest"] == pytest.approx(3.0)
+
+
+def test_a_bushing_is_drawn_between_its_frames_with_force_and_moment_on_both(
+    picture: Callable[..., Any], chain: Callable[..., str]
+) -> None:
+    xml = chain({"name": "a", "axis": "0 1 0"}, {"name": "b", "axis": "0 1 0", "at": "0 0 3", "com": "0 0 1"})
+    rates = "{translation: [9 N/m, 9 N/m, 7 N/m], rotation: [0, 3 N*m/rad, 0]}"
+    forces = f"{{p: {{kind: bushing, between: [a_link, b_link], stiffness: {rates}}}}}"
+    scene, _ = picture(xml, arrows=["forces"], at=0.5, forces=forces)
+    [pair] = scene["pairs"]
+    assert (pair["kind"], pair["a"]["node"], pair["b"]["node"]) == ("bushing", 1, 2)
+    found = [(arrow["node"], arrow["moment"]) for arrow in scene["arrows"] if "vectors" in arrow]
+    assert sorted(found) == [(1, False), (1, True), (2, False), (2, True)]
+
+
+def test_loop_joints_are_marked_at_both_links(solved: Callable[..., Any], read: Callable[..., Any]) -> None:
+    result = solved("crank_rocker_turning")
+    scene = read(result.replay().html).scene
+    [pair] = [pair for pair in scene["pairs"] if pair["kind"] == "loop"]
+    assert pair["longest"] < 1e-9  # the loop is closed
+    assert {"loop": True, "text": "loop joint"} in scene["legend"]
