@@ -31,12 +31,11 @@ ELSEWHERE = {
     "engine/motion/test_end_stops.py": ("impacts", "engine/motion/hybrid_motion problems/events"),
     "engine/motion/test_trajectory.py": (
         "rows of a motion", "engine/motion/integrated_motion engine/motion/outcome engine/motion/prescribed_motion "
-        "engine/motion/segments engine/series",
+        "engine/motion/segments",
     ),
     "engine/quantities/test_names.py": (
         "quantities asked by name", "engine/quantities/ball_quantities engine/quantities/row_kinematics",
     ),
-    "engine/quantities/test_pinocchio_states.py": ("conversion there and back", "mechanics/loading/pinocchio_layout"),
     "engine/test_mechanism.py": ("loading", "engine/model_source"),
     "hostile/test_model_attacks.py": ("its bounds", "input/xml_text"),
     "input/formulas/test_expressions.py": ("what formulas mean", "input/formulas/dimensions input/formulas/grammar"),
@@ -46,7 +45,7 @@ ELSEWHERE = {
     "input/xacro/test_templates.py": (
         "expressions as xacro computes them", "input/xacro/arithmetic input/xacro/expression_tape",
     ),
-    "input/yaml/test_document.py": ("what YAML means", "input/yaml/parser input/yaml/values"),
+    "input/yaml/test_document.py": ("what YAML means", "input/yaml/parser"),
     "input/yaml/test_schema.py": ("keys of the file", "mechanics/description"),
     "loops/test_in_time.py": (
         "loops in motion, against multipliers", "engine/dynamics/pinocchio_constraints "
