@@ -5,6 +5,7 @@ import pytest
 from scipy.linalg import null_space, orth
 
 from pinarm.engine.constraints.nullspace import RowDecomposition, RowDecompositions
+from pinarm.engine.dynamics.equation import solve, solve_each
 
 GENERATOR = np.random.default_rng(11)
 NV = 7
@@ -45,7 +46,7 @@ def test_the_motion_is_that_of_the_whole_system_of_equations(rank: int, m: int) 
     scaled = scale[:, None] * rows
     system = np.block([[mass, -scaled.T], [scaled, np.zeros((m, m))]])
     solution = np.linalg.lstsq(system, np.concatenate([force, scale * right]), rcond=1e-12)[0]
-    assert RowDecomposition.of(rows).solve(mass, force, right) == pytest.approx(solution[:NV], abs=1e-9)
+    assert solve(RowDecomposition.of(rows), mass, force, right) == pytest.approx(solution[:NV], abs=1e-9)
 
 
 @pytest.mark.parametrize("m", [3, 5])
@@ -62,6 +63,6 @@ def test_many_configurations_are_each_as_alone_whatever_their_rank() -> None:
     right = np.matvec(rows, GENERATOR.normal(size=(5, NV)))
     together = RowDecompositions.of(rows)
     assert sorted(len(k) for k, _ in together.parts) == [1, 2, 2]
-    found = together.solve(mass, force, right)
+    found = solve_each(together, mass, force, right)
     for k in range(5):
-        assert found[k] == pytest.approx(RowDecomposition.of(rows[k]).solve(mass[k], force[k], right[k]), abs=1e-10)
+        assert found[k] == pytest.approx(solve(RowDecomposition.of(rows[k]), mass[k], force[k], right[k]), abs=1e-10)

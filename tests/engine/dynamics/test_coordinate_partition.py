@@ -224,18 +224,16 @@ class TestQuaternions:
         ball = np.array([0.1, 0.2, 0.3, 0.9])
         assert reduction.configuration(ball, np.array([0.7, -0.4])).tolist() == [0.7, 0.1, 0.2, 0.3, 0.9, -0.4]
 
-    @pytest.mark.parametrize("prescribed", [("turn",), ("wheel",), ("turn", "wheel")])
-    def test_motion_is_that_of_multipliers(self, carousel, prescribed):
+    @pytest.mark.parametrize("names", [("turn",), ("wheel",), ("turn", "wheel")])
+    def test_motion_is_that_of_multipliers(self, carousel, names):
         dynamics, joints = Dynamics.of(carousel, {}), joints_of(carousel)
         laws = {"turn": Harmonic(mean=0.3, amplitude=0.9, pulsation=3.0),
                 "wheel": Harmonic(amplitude=2.0, pulsation=4.0, phase=0.5)}  # fmt: skip
         coordinates = coordinates_of(carousel, joints, {})
-        prescribed = PrescribedCoordinates(
-            prescribed, tuple(coordinates[n] for n in prescribed), tuple(laws[n] for n in prescribed)
-        )
+        prescribed = PrescribedCoordinates(names, tuple(coordinates[n] for n in names), tuple(laws[n] for n in names))
         q, v = pin.neutral(carousel), np.array([0.0, 0.4, -1.2, 0.7, 2.0])
         q[1:5] = np.array([0.1, 0.5, -0.3, 0.8]) / np.linalg.norm([0.1, 0.5, -0.3, 0.8])
-        for name in prescribed:
+        for name in names:
             w, dw, _ = laws[name].on(0.0, 1.0)(np.zeros(1))
             q[joints[name].q], v[joints[name].v] = w[0], dw[0]
         t, initial = np.linspace(0.0, 1.0, 11), Initial(q, v)
@@ -244,10 +242,10 @@ class TestQuaternions:
         solution = integrate([system.interval(dynamics, 0.0, 1.0)], system.manifold,
                              *system.begin(initial, 0.0, 1.0), Adaptive(1e-13))  # fmt: skip
         found = system.complete(dynamics, Grid(t, (0.0, 1.0), (0, 11)), *solution.states(t))
-        rows, data = np.array([coordinates[n].weights for n in prescribed]), carousel.createData()
+        rows, data = np.array([coordinates[n].weights for n in names]), carousel.createData()
 
         def rate(x, y):
-            ddw = np.array([laws[n].on(0.0, 1.0)(np.array([x]))[2][0] for n in prescribed])
+            ddw = np.array([laws[n].on(0.0, 1.0)(np.array([x]))[2][0] for n in names])
             a = multipliers(carousel, data, rows, y[:6], y[6:], ddw, np.zeros(5))
             return np.concatenate([pin.tangentMap(carousel, y[:6]) @ y[6:], a])
 
@@ -255,7 +253,7 @@ class TestQuaternions:
         assert found.q == pytest.approx(exact[:, :6], abs=1e-9)
         assert found.v == pytest.approx(exact[:, 6:], abs=1e-8)
         assert np.linalg.norm(found.q[:, 1:5], axis=1) == pytest.approx(1.0, abs=1e-15)
-        others = np.setdiff1d(np.arange(5), [joints[name].v for name in prescribed])
+        others = np.setdiff1d(np.arange(5), [joints[name].v for name in names])
         assert found.tau[:, others] == pytest.approx(0.0, abs=1e-12)
         assert np.abs(found.tau).max() > 0.01
 
