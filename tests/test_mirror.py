@@ -63,6 +63,7 @@ ELSEWHERE = {
     "loops/test_redundancy.py": (
         "degrees of hyperstatism and singular positions", "engine/checks/singularity engine/kinematics/mobility",
     ),
+    "loops/test_screws.py": ("against the coupling and closed forms", "mechanics/loops/screw"),
     "mechanics/forces/test_bushing.py": ("its measure of deflection", "mechanics/geometry/deflection"),
     "mechanics/laws/test_interpolated.py": ("laws that are tables", "input/motion_tables"),
     "mechanics/laws/test_motion_law.py": ("every law", "mechanics/laws/steady"),

@@ -87,6 +87,20 @@ def slider_crank() -> Linkage:
     })  # fmt: skip
 
 
+def screw_jack() -> Linkage:
+    """A spindle about y whose nut, held from turning by a rod only, lifts a table along z; nothing is held twice."""
+    o, s, a, b = np.array([[0.0, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.15, 0.08], [0.05, 0.45, 0.3]])
+    bodies = {"crank": bar(o, 4.0 * s, 1.0, (0.01, 0.0, 0.02)), "nut": bar(s, a, 0.6, (0.01, 0.0, 0.0)),
+              "rod": bar(a, b, 0.8), "table": Body(3.0, b, 0.004 * np.eye(3))}  # fmt: skip
+    return Linkage(bodies, {
+        "O": Joint("revolute", GROUND, "crank", o, ABOUT_Y),
+        "S": Joint("screw", "crank", "nut", s, ABOUT_Y, lead=0.09),
+        "A": Joint("universal", "nut", "rod", a, axes_along([0.3, 1.0, 0.1])),
+        "B": Joint("universal", "rod", "table", b, axes_along([0.2, 0.1, 1.0])),
+        "C": Joint("prismatic", GROUND, "table", b, axes_along([0.0, 0.0, 1.0])),
+    })  # fmt: skip
+
+
 def parallelogram() -> Linkage:
     """Three equal cranks in the plane x-z and two couplers between their ends, one of which would do."""
     feet = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.1], [0.9, 0.0, 0.0]])
@@ -202,3 +216,26 @@ def _axis(model: pin.Model, index: int) -> np.ndarray:
     v[model.joints[index].idx_v] = 1.0
     pin.forwardKinematics(model, data, pin.neutral(model), v)
     return np.round(data.v[index].vector - data.liMi[index].actInv(data.v[model.parents[index]]).vector, 15)
+
+
+def disc(name, inertia, at="0 0 0", axis="0 0 1") -> str:
+    """The URDF of a disc on the ground, and of its joint of the same name."""
+    return f"""<link name="{name}_link"><inertial><mass value="1.0"/>
+      <inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="{name}" type="continuous"><parent link="base"/><child link="{name}_link"/><origin xyz="{at}"/>
+      <axis xyz="{axis}"/></joint>"""
+
+
+RODS = """<robot name="lift"><link name="base"/>{screw}
+  <link name="nut_link"/>
+  <joint name="nut" type="prismatic"><parent link="base"/><child link="nut_link"/><origin xyz="0 0 0"/>
+    <axis xyz="1 0 0"/><limit lower="-9" upper="9" effort="1e6" velocity="1e6"/></joint>
+  <link name="strut"/>
+  <joint name="foot" type="continuous"><parent link="nut_link"/><child link="strut"/><axis xyz="0 -1 0"/></joint>
+  <link name="strut_end"/><joint name="end" type="fixed"><parent link="strut"/><child link="strut_end"/>
+    <origin xyz="0.5 0 0"/></joint>
+  <link name="table"><inertial><mass value="{mass}"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="height" type="prismatic"><parent link="base"/><child link="table"/><origin xyz="0.6 0 0"/>
+    <axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="1e6" velocity="1e6"/></joint></robot>"""
+"""A screw, a nut along x, a strut on it, and a table that its head lifts: ``(0.6 - x)^2 + h^2 = 0.5^2``."""

@@ -24,6 +24,7 @@ SIMPLE = {
     "revolute": ((TURN, Z),),
     "prismatic": ((SLIDE, Z),),
     "cylindrical": ((SLIDE, Z), (TURN, Z)),
+    "screw": ((SLIDE, Z), (TURN, Z)),
     "spherical": BALL,
     "universal": ((TURN, X), (TURN, Y)),
     "planar": ((SLIDE, X), (SLIDE, Y), (TURN, Z)),
@@ -34,7 +35,7 @@ SIMPLE = {
 }
 """Every kind of joint, and the simple joints that make it: the motion of frame 2 seen from frame 1, in its axes.
 
-The ball joint of a rod stands at its end; a free joint holds nothing.
+The ball joint of a rod stands at its end; a free joint holds nothing. Those of a screw are coupled.
 """
 
 
@@ -51,7 +52,7 @@ class Body:
 class Joint:
     """A joint between two bodies; ``turn`` and ``place`` are those of frame 1 at the reference pose, in the world.
 
-    Frame 2 has the same axes and stands ``length`` further along z, which only a rod uses.
+    Frame 2 has the same axes and stands ``length`` further along z, which only a rod uses. ``lead``: of a screw.
     """
 
     kind: str
@@ -60,6 +61,12 @@ class Joint:
     place: np.ndarray
     turn: np.ndarray = field(default_factory=lambda: np.eye(3))
     length: float = 0.0
+    lead: float = 0.0
+
+    @property
+    def freedom(self) -> int:
+        """Number of its free motions."""
+        return 1 if self.kind == "screw" else len(SIMPLE[self.kind])
 
     def end(self) -> np.ndarray:
         """The place of frame 2."""
@@ -107,20 +114,29 @@ class Linkage:
     def build(self, folder: Path, cut: Iterable[str] = (), **description) -> Mechanism:
         """Write the mechanism whose loop joints are those not in the tree, and load it."""
         tree = self.tree(cut)
-        held = {name for name, _, _ in tree}
+        held = {name: parent for name, parent, _ in tree}
         loops = {name: joint for name, joint in self.joints.items() if name not in held and joint.kind != "free"}
         (folder / "model.urdf").write_text(_Text(self, tree).urdf())
         written = {
             "pinarm": 1, "robot": "model.urdf",
             "gravity": {"direction": "-z", "magnitude": f"{self.gravity!r} m/s^2"} if self.gravity else "none",
-            "loops": {name: self._loop(name, joint) for name, joint in loops.items()}, **description,
+            "loops": {name: self._loop(name, joint) for name, joint in loops.items()},
+            "couplings": {f"{name}_thread": self._coupling(name, parent) for name, parent in held.items()
+                          if self.joints[name].kind == "screw"},
+            **description,
         }  # fmt: skip
         (folder / "mechanism.yaml").write_text(json.dumps(written))
         return Mechanism.load(folder / "mechanism.yaml")
 
     def _loop(self, name: str, joint: Joint) -> dict:
-        length = {"length": f"{joint.length!r} m"} if joint.kind == "rod" else {}
-        return {"kind": joint.kind, "between": [f"{name}_1", f"{name}_2"], **length}
+        further = {"rod": {"length": f"{joint.length!r} m"}, "screw": {"lead": f"{joint.lead!r} m"}}.get(joint.kind, {})
+        return {"kind": joint.kind, "between": [f"{name}_1", f"{name}_2"], **further}
+
+    def _coupling(self, name: str, parent: str) -> dict:
+        """Couple the simple joints of a screw in the tree: seen from its first body, first it slides, then it turns."""
+        joint = self.joints[name]
+        letters = "ba" if parent == joint.first else "ab"
+        return {"kind": "screw", "joints": [f"{name}_{letter}" for letter in letters], "lead": f"{joint.lead!r} m"}
 
     def turned(self, turn: np.ndarray) -> Linkage:
         """The linkage with everything but gravity turned about the origin."""
@@ -266,7 +282,9 @@ def random_body(generator: np.random.Generator, scale: float = 1.0) -> Body:
 def random_joint(generator: np.random.Generator, kind: str, first: str, second: str) -> Joint:
     """A joint anywhere near the origin, in any direction."""
     length = float(generator.uniform(0.4, 0.8)) if kind == "rod" else 0.0
-    return Joint(kind, first, second, generator.uniform(-0.6, 0.6, 3), random_turn(generator), length)
+    place, turn = generator.uniform(-0.6, 0.6, 3), random_turn(generator)
+    lead = float(generator.uniform(-0.5, -0.2)) if kind == "screw" else 0.0
+    return Joint(kind, first, second, place, turn, length, lead)
 
 
 def _unit(x: np.ndarray) -> np.ndarray:

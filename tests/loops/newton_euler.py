@@ -39,6 +39,17 @@ def cross_matrix(x: np.ndarray) -> np.ndarray:
     return np.array([[0, -x[2], x[1]], [x[2], 0, -x[0]], [-x[1], x[0], 0]], LONG)
 
 
+def screwed(lead: float, way: tuple, cosine: tuple, sine: tuple) -> tuple:
+    """``way - lead angle / (2 pi)`` of an angle given by its cosine and its sine, but for whole leads."""
+    (c_row, c_rate, c_bias, c), (s_row, s_rate, s_bias, s) = cosine, sine
+    square, pitch, turn = c * c + s * s, lead / (2 * LONG(np.pi)), 2 * LONG(np.pi)
+    rate = (c * s_rate - s * c_rate) / square
+    bias = (c * s_bias - s * c_bias) / square - 2 * rate * (c * c_rate + s * s_rate) / square
+    missing = way[3] / pitch - np.arctan2(s, c)
+    return (way[0] - pitch * (c * s_row - s * c_row) / square, way[1] - pitch * rate, way[2] - pitch * bias,
+            pitch * (missing - turn * np.round(missing / turn)))  # fmt: skip
+
+
 class Bodies:
     """The bodies of a linkage in one state; six columns for each: velocity of the centre of mass, then omega."""
 
@@ -74,10 +85,12 @@ class Bodies:
     def rows(self, joint: Joint) -> list[tuple]:
         """What a joint holds."""
         x, y, z = (self.vector(joint.first, axis) for axis in joint.turn.T)
-        y2, z2 = (self.vector(joint.second, axis) for axis in joint.turn.T[1:])
+        x2, y2, z2 = (self.vector(joint.second, axis) for axis in joint.turn.T)
         apart = self.point(joint.second, joint.end()) - self.point(joint.first, joint.place)
         ball = [x.dot(apart), y.dot(apart), z.dot(apart)]
         parallel = [x.dot(z2), y.dot(z2)]
+        if joint.kind == "screw":
+            return [*ball[:2], *parallel, screwed(joint.lead, ball[2], x.dot(x2), y.dot(x2))]
         return {
             "fixed": [*ball, *parallel, x.dot(y2)],
             "revolute": [*ball, *parallel],

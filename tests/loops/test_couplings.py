@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from catalogue import RODS, disc
 from motions import anywhere, driven, free, freely
 
 from pinarm.engine.quantities.names import Quantities
@@ -13,13 +14,6 @@ from pinarm.problems.states import Statics
 
 J1, J2, J3, RATIO = 0.3, 0.05, 0.02, -2.5
 M, LEAD, G = 7.0, 0.012, 9.81
-
-
-def disc(name, inertia, at="0 0 0", axis="0 0 1"):
-    return f"""<link name="{name}_link"><inertial><mass value="1.0"/>
-      <inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial></link>
-      <joint name="{name}" type="continuous"><parent link="base"/><child link="{name}_link"/><origin xyz="{at}"/>
-      <axis xyz="{axis}"/></joint>"""
 
 
 WHEELS = disc("one", J1) + disc("two", J2, "1 0 0") + disc("three", J3, "2 0 0")
@@ -151,20 +145,6 @@ class TestScrew:
         left = {"thread": {**self.screw["thread"], "lead": f"-{LEAD} m"}}
         run = Statics(hold={"screw": 0.4}).solve(mechanism(JACK, couplings=left), Accuracy(), anywhere).rows
         assert Quantities(run)["joint.screw.effort"].values == pytest.approx(-M * G * LEAD / (2 * np.pi), rel=1e-14)
-
-
-RODS = """<robot name="lift"><link name="base"/>{screw}
-  <link name="nut_link"/>
-  <joint name="nut" type="prismatic"><parent link="base"/><child link="nut_link"/><origin xyz="0 0 0"/>
-    <axis xyz="1 0 0"/><limit lower="-9" upper="9" effort="1e6" velocity="1e6"/></joint>
-  <link name="strut"/>
-  <joint name="foot" type="continuous"><parent link="nut_link"/><child link="strut"/><axis xyz="0 -1 0"/></joint>
-  <link name="strut_end"/><joint name="end" type="fixed"><parent link="strut"/><child link="strut_end"/>
-    <origin xyz="0.5 0 0"/></joint>
-  <link name="table"><inertial><mass value="{mass}"/>
-    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="height" type="prismatic"><parent link="base"/><child link="table"/><origin xyz="0.6 0 0"/>
-    <axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="1e6" velocity="1e6"/></joint></robot>"""
 
 
 class TestScrewThatDrivesALoop:

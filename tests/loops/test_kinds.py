@@ -9,7 +9,7 @@ from typing import get_args
 import numpy as np
 import pinocchio as pin
 import pytest
-from linkage import GROUND, SIMPLE, Linkage, random_body, random_joint
+from linkage import GROUND, Linkage, random_body, random_joint
 from motions import driven, free, poses, power, states, wrench
 from newton_euler import newton_euler
 
@@ -109,9 +109,11 @@ def independent_tasks(linkage):
     for kind, axis, at in parts:
         turning = np.concatenate([np.cross(axis, com - at), axis])
         columns.append(turning if kind == "continuous" else np.concatenate([axis, np.zeros(3)]))
+    if joint.kind == "screw":
+        columns = [sum(x * (1.0 if x[3:].any() else joint.lead / (2 * np.pi)) for x in columns)]
     left, names = np.array(columns).reshape(-1, 6).T, [f"{k}_{axis}" for k in ("at", "about") for axis in "xyz"]
     chosen = []
-    for _ in parts:
+    for _ in columns:
         size = np.linalg.norm(left, axis=1)
         best = int(size.argmax())
         chosen.append(names[best])
@@ -197,7 +199,7 @@ class TestRows:
         mechanism, q = loop
         state = mechanism.closure.state(q)
         rows = mechanism.closure.rows(state)
-        freedom = len(SIMPLE[linkage.joints["joint"].kind])
+        freedom = linkage.joints["joint"].freedom
         assert rows.shape[0] == 6 - freedom
         assert np.linalg.matrix_rank(rows) == 6 - freedom
 

@@ -24,6 +24,7 @@ from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings import Coupling
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import format_configuration
+from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -84,6 +85,8 @@ class NewtonSolver:
         self.units = [*(one.unit(row) for one, row in owners), *(c.unit for c in prescribed.coordinates)]
         self.measure = closure.length ** np.array([float(one.dimension[0]) for one in self.units])
         self.scale = closure.scale
+        threads = [isinstance(one, LoopJoint) and one.helical(row) for one, row in owners]
+        self.sliding = 1.0 - np.array([*threads, *(False for _ in imposed.coordinates)], dtype=np.float64)
 
     def gap(self, state: Kinematics, w: Array) -> Array:
         """Return ``(-phi(q), w - w(q))`` in SI, shape (m + k,)."""
@@ -102,22 +105,32 @@ class NewtonSolver:
     def assemble(self, q: Array, w: Array, t: float) -> Array:
         """Return the configuration with ``w(q) = w`` that damped least-squares steps reach from q.
 
+        Nuts first slide to their places, then turn to the nearest thread: to turn all the way would take many steps.
+
         Raises:
             AssemblyError: They end where the gap can shrink no more.
         """
-        closest, gap = self._closest(q, w)
+        if not self.sliding.all():
+            q, _ = self._closest(q, w, self.sliding)
+        closest, gap = self._closest(q, w, np.ones(len(self.names)))
         if self._closed(gap, w):
             return self._polish(closest, w)
         raise self._unreachable(closest, gap, t)
 
-    def _closest(self, q: Array, w: Array) -> tuple[Array, Array]:
-        """Return the configuration with the smallest gap that damped steps from q reach, and that gap."""
+    def _closest(self, q: Array, w: Array, weight: Array) -> tuple[Array, Array]:
+        """Return the configuration with the smallest gap that damped steps from q reach, and that gap.
+
+        Args:
+            q: Where they begin, shape (nq,).
+            w: Wanted values of the imposed coordinates, shape (k,).
+            weight: Of every row, 0 where it does not count, shape (m + k,).
+        """
         state = self.closure.state(q)
-        gap, damping = self.gap(state, w), 0.0
+        gap, damping = weight * self.gap(state, w), 0.0
         for _ in range(ITERATIONS):
             if self._closed(gap, w):
                 break
-            rows = self.rows(state)
+            rows = weight[:, None] * self.rows(state)
             still = np.zeros(self.model.nv)
             step = np.linalg.lstsq(
                 np.vstack([rows, damping * np.eye(len(still))]),
@@ -127,7 +140,7 @@ class NewtonSolver:
             turning = rows[self.curved].any(axis=0)  # the turns of a screw are many and need no caution
             step *= min(1.0, 0.5 / np.abs(step[turning]).max(initial=1e-300))
             trial = self.closure.state(self.moved(state.q, step))
-            trial_gap = self.gap(trial, w)
+            trial_gap = weight * self.gap(trial, w)
             if np.linalg.norm(trial_gap / self.measure) < np.linalg.norm(gap / self.measure):
                 state, gap, damping = trial, trial_gap, damping / 10
             else:
@@ -172,7 +185,7 @@ class NewtonSolver:
             if abs(h) > smallest:
                 pending.append(t + part * h)
             else:
-                raise self._unreachable(*self._closest(q, target(to)[0]), to)
+                raise self._unreachable(*self._closest(q, target(to)[0], np.ones(len(self.names))), to)
         return q, v, a
 
     def _on_branch(self, turned: Array, predicted: Array, found: Array) -> bool:

@@ -21,6 +21,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.loops.screw import counted_angle
 
 SAMPLE = 64
 """Largest number of rows at which self-stresses are looked for: they belong to the structure, not to an instant."""
@@ -39,6 +40,7 @@ class Reactions:
     def __init__(self, run: Trajectory) -> None:
         self.run, self.model, self.closure = run, run.mechanism.model, run.closure
         self.loops = {one.name: one for one in self.closure.constraints if isinstance(one, LoopJoint)}
+        self.screws = [name for name, loop in self.loops.items() if loop.kind == "screw"]
 
     @cached_property
     def _links(self) -> LinkPlacements:
@@ -131,6 +133,11 @@ class Reactions:
         """Return the places of a loop joint's second frame [m], world axes, shape (n, 3)."""
         frame = self.loops[name].second
         return np.concatenate([self.links(rows).frame(frame)[1] for rows in _blocks(0, len(self.run))])
+
+    def angle(self, name: str) -> Array:
+        """Return how far a screw has turned, whole turns counted [rad], shape (n,)."""
+        blocks = _blocks(0, len(self.run))
+        return np.concatenate([counted_angle(self.loops[name], self.links(rows)) for rows in blocks])
 
     def _loop(self, name: str, lam: Array) -> Array:
         rows, part = np.zeros((len(lam), 6)), self.closure.slices()[name]

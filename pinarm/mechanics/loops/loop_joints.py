@@ -51,6 +51,10 @@ class LoopJoint:
         """Return the unit of the gap in a row: m or rad."""
         return METRE if self.pair.along[row] else RADIAN
 
+    def helical(self, row: int) -> bool:
+        """Tell whether a row ties a way to an angle, so that its gap is known but for whole leads."""
+        return self.pair.along[row] and self.pair.about[row]
+
     def gap(self, state: Kinematics) -> Array:
         """Return what is not closed [m or rad], shape (m,)."""
         between = state.data.oMf[self.first].actInv(state.data.oMf[self.second])
