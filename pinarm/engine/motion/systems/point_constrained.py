@@ -34,11 +34,12 @@ NEAR = 0.05
 below which every stage is brought back onto the constraints. Four-bars of equal rods end as close to the truth as with
 0.2, in three quarters of the time, at 160 tolerances from 1e-3 to 1e-13, none on another branch."""
 
-AHEAD, COARSE = 1.5, 0.65
+AHEAD, COARSE, CLOSE = 1.5, 0.65, 0.1
 """Every stage is also brought back in a step that may pass a singular position in one go: where the regularity, falling
-1.5 times as much as it fell over the last step, is 0 or less, and that fall was more than 0.65. Errors of stages there
-grow with 1 over the regularity, and the estimate of so long a step does not show it: at tolerance 1e-3 one passage in a
-hundred went on on another branch. Finer steps are shortened by their errors until they are as near as ``NEAR``."""
+1.5 times as much as it fell over the last step, is 0 or less, and either that fall was more than 0.65 or the regularity
+is less than 0.1. Errors of stages there grow with 1 over the regularity, and the estimate of so long a step does not
+show it: at tolerance 1e-3 one motion in a hundred went on on another branch. Finer steps are shortened by their errors
+until they are as near as ``NEAR``."""
 
 BLIND, ASIDE, ACROSS = 5e-4, 1e-3, np.array([-1.0, 4.0, 4.0, -1.0]) / 6.0
 """The same below which a position says little of the acceleration there; it is then interpolated between positions at
@@ -173,7 +174,7 @@ class _PointMotion:
         before, self.regular = self.regular, self.regularity(closed=True)
         self.looked, self.singular = True, self.regular < NEAR
         fall = before - self.regular
-        self.near = self.singular or (fall > COARSE and self.regular < AHEAD * fall)
+        self.near = self.singular or (self.regular < AHEAD * fall and (fall > COARSE or self.regular < CLOSE))
         if not self.near and self.rank < self.points.tied.rank and not self.tolerant:
             self.tolerant = self.points.tolerant(self.dynamics, self.targets, q, self.rank)
 
