@@ -11,7 +11,6 @@ TESTS = Path(__file__).parent
 
 ELSEWHERE = {
     "cli/test_main.py": ("what commands print and write", "cli/options use/scenario/json_schema use/study/run"),
-    "engine/constraints/test_nullspace.py": ("the type of all arrays", "arrays"),
     "engine/dynamics/test_coordinate_partition.py": (
         "reduced coordinates against multipliers", "engine/motion/systems/free engine/motion/systems/partitioned "
         "engine/motion/systems/system",
