@@ -162,8 +162,8 @@ class Mechanism:
         """Return configurations from joint coordinates by name.
 
         Args:
-            positions: Joint -> coordinates [rad or m], arrays of one shape (...) or single numbers; what is not named is
-                0. A ball joint J is given by ``J.roll``, ``J.pitch`` and ``J.yaw``, or by ``J.rotation.x`` and so on.
+            positions: Joint -> coordinates [rad or m], arrays of one shape (...) or single numbers; 0 for all others.
+                A ball joint J is given by ``J.roll``, ``J.pitch`` and ``J.yaw``, or by ``J.rotation.x`` and so on.
 
         Returns:
             q, shape (..., nq).
