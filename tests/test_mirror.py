@@ -73,7 +73,7 @@ ELSEWHERE = {
     "mechanics/loading/test_urdf.py": ("what files make of it", "mechanics/loading/model_tree"),
     "mechanics/test_coordinates.py": ("joints by their coordinates", "mechanics/joints"),
     "mechanics/test_drives.py": ("efforts of drives", "engine/statics/actuation engine/statics/selected_drives"),
-    "problems/simplify/test_simplified.py": (
+    "problems/simplify/test_simplification.py": (
         "answers of the part against the whole", "problems/simplify/model_reduction problems/simplify/removal "
         "problems/simplify/requested_joints use/study/explain",
     ),

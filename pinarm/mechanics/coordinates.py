@@ -73,7 +73,7 @@ class LinearCoordinate:
         return int(weighted[0]) if len(weighted) == 1 and self.weights[weighted[0]] == 1.0 else None
 
     def value(self, state: Kinematics) -> float:
-        """Return the weighted sum."""
+        """Return ``sum_i weight_i q_i``."""
         return float(self.weights @ state.q[self.places])
 
     def row(self, state: Kinematics) -> Array:
@@ -144,14 +144,14 @@ class DistanceCoordinate:
 
     def row(self, state: Kinematics) -> Array:
         """Return u . (J_2 - J_1)."""
-        one, two = (
+        first, second = (
             pin.getFrameJacobian(state.model, state.data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)[:3]
             for frame in (self.first, self.second)
         )
-        return np.asarray(direction(self._apart(state)) @ (two - one))
+        return np.asarray(direction(self._apart(state)) @ (second - first))
 
     def drift(self, state: Kinematics) -> float:
-        """Return the drift."""
+        """Return u . d'' + (|d'|^2 - (u . d')^2) / w with d'' for a = 0."""
         world, frames = pin.LOCAL_WORLD_ALIGNED, (self.first, self.second)
         v1, v2 = (pin.getFrameVelocity(state.model, state.data, frame, world).linear for frame in frames)
         a1, a2 = (pin.getFrameClassicalAcceleration(state.model, state.data, frame, world).linear for frame in frames)

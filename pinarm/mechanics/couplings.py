@@ -44,15 +44,15 @@ class Coupling:
         return self.coordinate.unit
 
     def gap(self, state: Kinematics) -> Array:
-        """Return by how much the sum differs from its constant, shape (1,)."""
+        """Return ``sum_i w_i q_i - c``, shape (1,)."""
         return np.array([self.coordinate.value(state) - self.constant])
 
     def rows(self, state: Kinematics) -> Array:
-        """Return the weights, shape (1, nv)."""
+        """Return the row of G: the weights, shape (1, nv)."""
         return self.coordinate.weights[None]
 
     def drift(self, state: Kinematics) -> Array:
-        """Return 0."""
+        """Return ``G' v = 0``, shape (1,)."""
         return np.zeros(1)
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> dict[int, Array]:

@@ -71,7 +71,7 @@ def _assignments(values: Values) -> Iterator[tuple[str, Any, Location]]:
         name, equals, value = str(text).partition("=")
         option = Location(f"--set {text}")
         if not equals or not name.strip():
-            raise InputError("this is no assignment", expected="path.to.key=value").at(option)
+            raise InputError("this is not an assignment", expected="path.to.key=value").at(option)
         yield name.strip(), Document.parse(value, source=option.source).data, option
 
 

@@ -2,13 +2,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from pinarm.engine.integration.methods.tableaus import DOPRI5
 from scipy.special import ellipj, ellipk
 
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Flat, Interval
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.integration.methods.stiff import radau_of
+from pinarm.engine.integration.tableaus import DOPRI5
 from pinarm.errors import IntegrationError, Interrupted
 
 from .methods.known_motions import ATTITUDE, MOMENTS, PLANE, SPIN, attraction, body, orbit, turned

@@ -170,6 +170,19 @@ def run(mechanism, end, samples=101, accuracy=None, **content):
     return problem.solve(mechanism, accuracy or Accuracy(tolerance=1e-12), place)
 
 
+@pytest.mark.parametrize("bodies", [
+    [{"name": "a", "kind": "prismatic", "axis": "0.6 0 0.8"}, {"name": "b", "kind": "prismatic", "axis": "0 1 0"}],
+    [{"name": "a", "axis": "0.6 0 0.8"}],
+], ids=["sliding only", "turning in place"])  # fmt: skip
+def test_many_states_of_which_much_is_the_same(mechanism, chain, bodies):
+    """Vectors that are the same in all configurations are kept once."""
+    part, link = mechanism(chain(*bodies)), f"{bodies[-1]['name']}_link"
+    element = Bushing(between=("base", link), stiffness=MOUNT, damping=DampingRates(translation=(3.0, 1.0, 2.0)))
+    element, rng = element.bind(part.model, part.joints), np.random.default_rng(2)
+    q, v = rng.uniform(-1.2, 1.2, size=(20, len(bodies))), rng.normal(size=(20, len(bodies)))
+    assert load(element, q, v) == pytest.approx(np.array([load(element, *each) for each in zip(q, v, strict=True)]))
+
+
 @pytest.mark.parametrize("n", [3, 20])
 def test_many_states_are_the_same_as_one_by_one_at_large_rotations(body, n):
     element = Bushing(between=("yaw_link", "base"), stiffness=MOUNT,
@@ -339,9 +352,7 @@ ARM = [{"name": "shoulder", "axis": "0 1 0", "com": "0.2 0 0"}, {"name": "elbow"
 
 
 class TestQuantities:
-    @pytest.fixture
-    def moved(self, mechanism, chain):
-        arm = mechanism(chain(*ARM))
+    def swung(self, arm):
         loads = {
             "pad": Bushing(between=("shoulder_link", "elbow_link"), stiffness=MOUNT,
                            damping=DampingRates(rotation=(1.0, 1.0, 2.0))),
@@ -351,10 +362,20 @@ class TestQuantities:
         motion = {"shoulder": Harmonic(amplitude=0.9, pulsation=2.0), "elbow": Harmonic(amplitude=1.1, pulsation=3.0)}
         return Inverse(time=TimeGrid(end=1.0, samples=21), motion=motion, loads=loads).solve(arm, Accuracy(), place)
 
-    def test_reactions_balance_every_body(self, moved):
-        found = Quantities(moved)
+    @pytest.fixture
+    def moved(self, mechanism, chain):
+        return self.swung(mechanism(chain(*ARM)))
+
+    def test_reactions_balance_every_body(self, mechanism, chain):
+        found = Quantities(self.swung(mechanism(chain(ARM[0], {**ARM[1], "axis": "0.6 0 0.8"}))))
         assert np.ptp(found["joint.shoulder.force.x"].values) > 10.0
         assert found.figures()["bodies"] < 1e-14
+        # what the wrenches leave about the axes of the joints is what the loads leave to the drives
+        elbow = "0.6*joint.elbow.moment.along.shoulder_link.x + 0.8*joint.elbow.moment.along.shoulder_link.z"
+        for name, moment in (("shoulder", "joint.shoulder.moment.y"), ("elbow", elbow)):
+            effort = found[f"joint.{name}.effort"].values
+            assert found[moment].values == pytest.approx(effort, abs=1e-12)
+            assert np.ptp(effort) > 1.0
 
     def test_deflection_and_wrench_by_name(self, moved):
         found, q, v = Quantities(moved), moved.q, moved.v
@@ -397,6 +418,7 @@ class TestInput:
         ({"translation": (1.0, 4.0, 0.0), "coupling": {"x_y": 2.1}}, "x, y"),
         ({"translation": (1.0, 1.0, 1.0), "rotation": (0.0, 1.0, 0.0), "coupling": {"z_rx": 1e-3}}, "rx"),
         ({"translation": (1.0, 1.0, 1.0), "coupling": {"x_y": -0.6, "y_z": -0.6, "x_z": -0.6}}, "x, y, z"),
+        ({"translation": (1e-12, 1e-12, 0.0), "coupling": {"x_y": -2e-12}}, "x, y"),
     ])  # fmt: skip
     def test_matrices_that_give_energy_away_are_refused(self, kind, given, named):
         with pytest.raises(InputError, match=f"{named} together the matrix is negative") as caught:
@@ -438,8 +460,12 @@ class TestInput:
         with pytest.raises(InputError, match="out of bounds"):
             kind(**{field: (1.0, -1.0, 1.0)})
 
-    def test_two_links_of_one_body_are_refused(self, body):
-        for ends in (("yaw_link", "yaw_link"), ("base", "base")):
+    def test_two_links_of_one_body_are_refused(self, mechanism, chain):
+        tip = ('<link name="tip"/><joint name="end" type="fixed"><parent link="yaw_link"/><child link="tip"/>'
+               '<origin xyz="0.8 0 0"/></joint></robot>')  # fmt: skip
+        body = mechanism(chain(*BODY).replace("</robot>", tip))
+        Bushing(between=("base", "tip")).bind(body.model, body.joints)
+        for ends in (("yaw_link", "tip"), ("base", "base")):
             with pytest.raises(InputError, match="are on one body") as caught:
                 Bushing(between=ends).bind(body.model, body.joints)
             assert caught.value.path == ("between",)

@@ -25,5 +25,5 @@ def test_effort_is_its_law_on_each_side_of_a_jump(model, joints):
     assert element.laws() == [law]
     assert load(element.on(1.5, 2.5), 1.0, q, v)[0] == pytest.approx(1.0 - 0.5 * 1.5**2)
     assert load(element.on(0.5, 1.5), 1.0, q, v)[0] == pytest.approx(0.125)
-    with pytest.raises(ValueError, match="on a stretch of time"):
+    with pytest.raises(ValueError, match="on an interval of time"):
         load(element, 1.0, q, v)

@@ -49,7 +49,7 @@ def test_a_wrench_follows_its_factor(model, joints):
         assert load(varied, t, q, v) == pytest.approx(scale * load(plain, t, q, v), abs=1e-14)
         [one], [other] = varied.wrenches(t, q, v).values(), plain.wrenches(t, q, v).values()
         assert one == pytest.approx(scale * other, abs=1e-14)
-    with pytest.raises(ValueError, match="on a stretch of time"):
+    with pytest.raises(ValueError, match="on an interval of time"):
         load(SAMPLES[Wrench][3].bind(model, joints), 0.5, q, v)
 
 

@@ -13,7 +13,7 @@ from pinarm.mechanics.laws import (
     Spline,
     Table,
 )
-from pinarm.mechanics.laws.interpolated import read_once
+from pinarm.mechanics.laws.interpolated import cached_table
 from pinarm.mechanics.laws.motion_law import Grid
 
 from .test_motion_law import LAWS, across, table
@@ -21,7 +21,7 @@ from .test_motion_law import LAWS, across, table
 
 def test_steps_hold_each_value_from_its_instant_on():
     law = LAWS["steps"]
-    assert law.leaps() == law.breakpoints() == [0.9, 1.4]
+    assert law.value_jumps() == law.breakpoints() == [0.9, 1.4]
     t = np.array([-1.0, 0.5, 0.9, 1.2, 1.4, 9.0])
     grid = Grid.cover(t, [law])
     assert grid.t.tolist() == [-1.0, 0.5, 0.9, 0.9, 1.2, 1.4, 1.4, 9.0]
@@ -92,7 +92,7 @@ class TestTable:
 
     @pytest.mark.parametrize("text", ["\ufefft [s],x [m]\r\n0,0\r\n1,1\r\n", '"t [s]","x [m]",\n 0 , 0,\n"1",+1e0,\n'])
     def test_what_spreadsheets_write_is_read(self, tmp_path, text):
-        assert read_once(table(tmp_path, text).file)[1] == (0.0, 1.0)
+        assert cached_table(table(tmp_path, text).file)[1] == (0.0, 1.0)
 
     @pytest.mark.parametrize(
         ("text", "message"),

@@ -80,20 +80,20 @@ class TestSCurve:
             assert np.abs(ds).max() <= limits["speed"] * (1 + 1e-13)
             assert np.abs(dds).max() <= limits["acceleration"] * (1 + 1e-13)
             slope = (dds[-1] - dds[0]) / (t[-1] - t[0])
-            # constant on each stretch, and either full or none
+            # constant on each interval, and either full or none
             assert dds == pytest.approx(dds[0] + slope * (t - t[0]), abs=1e-13)
             assert min(abs(abs(slope) - law.jerk), abs(slope)) < 1e-11
 
     @pytest.mark.parametrize(
-        ("name", "stretches"),
+        ("name", "intervals"),
         [
             ("s-curve", 7), ("s-curve without limits", 4), ("s-curve below its limits", 4),
             ("s-curve below its speed", 6), ("s-curve below its acceleration", 5),
         ],
     )  # fmt: skip
-    def test_as_many_stretches_as_limits_are_reached(self, name, stretches):
-        # without a full acceleration two stretches of equal jerk meet in the middle
-        assert len(LAWS[name].pieces()) - 2 == stretches
+    def test_as_many_stretches_as_limits_are_reached(self, name, intervals):
+        # without a full acceleration two intervals of equal jerk meet in the middle
+        assert len(LAWS[name].pieces()) - 2 == intervals
 
     @pytest.mark.parametrize("distance", [1e-9, 1e-3, 0.37, 1.0, 1e3])
     @pytest.mark.parametrize("limits", [{}, {"speed": 1.0}, {"acceleration": 2.0}, {"speed": 1.0, "acceleration": 2.0}])
