@@ -21,7 +21,7 @@ FLOOR_PLAN = {
     "payloads perturbation description",
     "engine": "series integration constraints dynamics model_source kinematics statics motion checks quantities "
     "mechanism",
-    "problems": "time_grid accuracy imposed_laws joint_values loads declaration events "
+    "problems": "time_grid accuracy prescribed_laws joint_values loads declaration events "
     "equilibria inverse kinematics states forward batch_table simplify",
     "use": "result scenario show store views study",
     "cli": "options main",

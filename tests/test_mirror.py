@@ -84,7 +84,7 @@ ELSEWHERE = {
         "loads in every kind of problem", "problems/accuracy problems/forward problems/inverse problems/loads "
         "problems/states problems/time_grid",
     ),
-    "problems/test_profiles.py": ("laws in problems", "mechanics/forces/breakpoints problems/imposed_laws"),
+    "problems/test_profiles.py": ("laws in problems", "mechanics/forces/breakpoints problems/prescribed_laws"),
     "test_messages.py": (
         "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/scenario",
     ),

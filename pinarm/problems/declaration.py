@@ -23,7 +23,7 @@ class Declaration:
         without: Names -> the problem on a mechanism that lacks these coordinates: all that it says about them is left
             out, and so are its loads, which are forces of that mechanism.
         held: Coordinate -> the value at which it stands still.
-        moved: Coordinates that are imposed and not known before: swept over a range, or with given rates.
+        moved: Coordinates that are prescribed and not known before: swept over a range, or with given rates.
         laws: Coordinate -> the law that it follows.
         span: First and last instant at which the laws are wanted [s].
         watched: Coordinates that the problem looks at, and that have to be there.
@@ -45,7 +45,7 @@ class Declaration:
     massless: bool = False
 
     @property
-    def imposed(self) -> list[str]:
+    def prescribed(self) -> list[str]:
         """Coordinates that the problem imposes."""
         return [*self.held, *self.moved, *self.laws]
 

@@ -18,7 +18,7 @@ from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.engine.series import Series
 from pinarm.engine.statics.actuation import actuation
-from pinarm.engine.statics.equilibrium import Balance, Equilibrium
+from pinarm.engine.statics.equilibrium import Equilibrium, ForceBalance
 from pinarm.errors import AssemblyError, InputError, Key, Place
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Level
@@ -27,9 +27,9 @@ from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.imposed_laws import laws_of
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import bind_constant_loads, schema_row
+from pinarm.problems.prescribed_laws import laws_of
 
 
 class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
@@ -66,7 +66,7 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
     def declaration(self) -> None:
         """Return that the mechanism is not to be simplified: all joints that are free have a part in its modes."""
 
-    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Balance, list[Array]]:
+    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[ForceBalance, list[Array]]:
         """Check all names and units; return the balance of forces, and the configuration of every start."""
         if len(mechanism.joints) < mechanism.model.nv:
             raise InputError("equilibria are found for joints with one coordinate only; this model has others")
@@ -74,7 +74,7 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
         laws_of(mechanism, held, lambda _, name: place("hold", name))
         forces = bind_constant_loads(mechanism, self.loads, place)
         with place("hold"):
-            balance = Balance.of(mechanism, forces, self.hold)
+            balance = ForceBalance.of(mechanism, forces, self.hold)
         for index, start in enumerate(self.starts):
             check_levels(mechanism, start, partial(place, "starts", index))
             for name in start:
@@ -127,7 +127,7 @@ def _units(mechanism: Mechanism, free: int) -> dict[str, Unit | None]:
     }  # fmt: skip
 
 
-def outcome(balance: Balance, found: Sequence[Equilibrium]) -> Outcome:
+def outcome(balance: ForceBalance, found: Sequence[Equilibrium]) -> Outcome:
     """Return the equilibria as rows numbered from 1, and how many there are."""
     weightless = [row for row, equilibrium in enumerate(found, 1) if np.isnan(equilibrium.modes.squares).any()]
     notes = tuple(f"row {row}: a direction has no mass, so its stability is that of the stiffness alone"
@@ -137,7 +137,7 @@ def outcome(balance: Balance, found: Sequence[Equilibrium]) -> Outcome:
     return Outcome(rows_of(balance, found), figures=figures, notes=notes)
 
 
-def rows_of(balance: Balance, found: Sequence[Equilibrium]) -> Trajectory:
+def rows_of(balance: ForceBalance, found: Sequence[Equilibrium]) -> Trajectory:
     """Return the equilibria as a table; each row is a state of its own, at rest."""
     q = np.array([equilibrium.q for equilibrium in found])
     tau, lam = (np.array(x) for x in zip(*(balance.efforts(row) for row in q), strict=True))

@@ -16,7 +16,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.kinematics.newton import start_configuration
-from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.bifurcation import undetermined_rest
 from pinarm.engine.motion.hybrid_motion import FirstSegment, HybridSystem
@@ -35,9 +35,9 @@ from pinarm.mechanics.laws import Motion
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
-from pinarm.problems.imposed_laws import laws_of
 from pinarm.problems.joint_values import check_levels, check_rates
 from pinarm.problems.loads import bind_loads, schema_row
+from pinarm.problems.prescribed_laws import laws_of
 from pinarm.problems.time_grid import TimeGrid
 
 DEFAULT = Accuracy()
@@ -109,9 +109,9 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
                 with place("end_stops", Key(name)):
                     raise InputError(f"'{name}' follows a law", expected="end stops of free joints only")
         with place("motion"):
-            imposed = Imposed.some(mechanism, motion)
+            prescribed = PrescribedCoordinates.some(mechanism, motion)
             hybrid = HybridSystem(
-                mechanism.closure, dynamics, imposed, initial, (self.time.start, self.time.end), bounds, watches,
+                mechanism.closure, dynamics, prescribed, initial, (self.time.start, self.time.end), bounds, watches,
                 accuracy.integrator(), accuracy.max_steps,
             )  # fmt: skip
             hybrid.system()
@@ -162,7 +162,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         Raises:
             DynamicsError: They do not.
         """
-        closure = mechanism.closure.with_guides(hybrid.imposed.names, hybrid.imposed.coordinates)
+        closure = mechanism.closure.with_guides(hybrid.prescribed.names, hybrid.prescribed.coordinates)
         known = q.shape[1] == len(hybrid.initial.q)
         require_masses(closure, q if known else hybrid.initial.q[None], self.time.start)
         return closure

@@ -10,7 +10,7 @@ from msgspec.structs import replace as replace_fields
 
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.newton import start_configuration
-from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.prescribed_motion import Prescription
@@ -24,9 +24,9 @@ from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
-from pinarm.problems.imposed_laws import laws_of
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import bind_loads, schema_row
+from pinarm.problems.prescribed_laws import laws_of
 from pinarm.problems.time_grid import TimeGrid
 
 
@@ -67,23 +67,25 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
             self, motion=others(self.motion, names), start=others(self.start, names), drives=drives, loads={}
         )
 
-    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement]]:
-        """Check all names and units; return the imposed coordinates, the drives and the forces."""
+    def prepare(
+        self, mechanism: Mechanism, place: Place
+    ) -> tuple[PrescribedCoordinates, Actuation, dict[str, ForceElement]]:
+        """Check all names and units; return the prescribed coordinates, the drives and the forces."""
         motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         check_levels(mechanism, self.start, place, "start")
         forces = bind_loads(mechanism, self.loads, place)
         with place("drives"):
             drives = actuation(mechanism, self.drives, list(self.motion))
         with place("motion"):
-            return Imposed.of(mechanism, motion), drives, forces
+            return PrescribedCoordinates.of(mechanism, motion), drives, forces
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the motion of the joints and the efforts of the drives."""
-        imposed, drives, forces = self.prepare(mechanism, place)
-        laws = [*imposed.laws, *(law for force in forces.values() for law in force.laws())]
+        prescribed, drives, forces = self.prepare(mechanism, place)
+        laws = [*prescribed.laws, *(law for force in forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"):
             prescription = Prescription(
-                mechanism, imposed, drives, Dynamics.of(mechanism.model, forces), "t", unit("s")
+                mechanism, prescribed, drives, Dynamics.of(mechanism.model, forces), "t", unit("s")
             )
             return prescription.outcome(grid, start_configuration(mechanism, self.start))

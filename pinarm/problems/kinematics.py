@@ -1,4 +1,4 @@
-"""Kinematics: the motion is imposed, and only the motion is wanted."""
+"""Kinematics: the motion is prescribed, and only the motion is wanted."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import msgspec
 from msgspec.structs import replace as replace_fields
 
 from pinarm.engine.kinematics.newton import start_configuration
-from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.prescribed_motion import KINEMATIC, Prescription
@@ -22,15 +22,15 @@ from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
-from pinarm.problems.imposed_laws import laws_of
 from pinarm.problems.joint_values import check_levels
+from pinarm.problems.prescribed_laws import laws_of
 from pinarm.problems.time_grid import TimeGrid
 
 
 class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematics"):
     """Motion under laws on as many coordinates as the mechanism has degrees of freedom; masses play no part.
 
-    With the imposed coordinates w: ``w(q) = w_d(t)``, ``J v = w_d'`` and ``J a = w_d'' - J' v``. Models without any
+    With the prescribed coordinates w: ``w(q) = w_d(t)``, ``J v = w_d'`` and ``J a = w_d'' - J' v``. Models without any
     mass will do. Singular positions, where J loses rank, are refused.
 
     Attributes:
@@ -55,18 +55,18 @@ class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematic
     def _without(self, names: Collection[str]) -> KinematicMotion:
         return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names))
 
-    def prepare(self, mechanism: Mechanism, place: Place) -> Imposed:
-        """Check all names and units; return the imposed coordinates."""
+    def prepare(self, mechanism: Mechanism, place: Place) -> PrescribedCoordinates:
+        """Check all names and units; return the prescribed coordinates."""
         motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         check_levels(mechanism, self.start, place, "start")
         with place("motion"):
-            return Imposed.of(mechanism, motion)
+            return PrescribedCoordinates.of(mechanism, motion)
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the motion of the joints."""
-        imposed = self.prepare(mechanism, place)
-        laws = [*imposed.laws, *(law for force in mechanism.forces.values() for law in force.laws())]
+        prescribed = self.prepare(mechanism, place)
+        laws = [*prescribed.laws, *(law for force in mechanism.forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"):
-            prescription = Prescription(mechanism, imposed, None, mechanism.dynamics, "t", unit("s"))
+            prescription = Prescription(mechanism, prescribed, None, mechanism.dynamics, "t", unit("s"))
             return prescription.outcome(grid, start_configuration(mechanism, self.start))

@@ -12,7 +12,7 @@ from msgspec.structs import replace as replace_fields
 
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.newton import start_configuration
-from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.prescribed_motion import Prescription, Rates
@@ -26,9 +26,9 @@ from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.mechanics.laws.motion_law import FILE_KEYS, Grid, MotionLaw
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
-from pinarm.problems.imposed_laws import laws_of
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import bind_constant_loads, schema_row
+from pinarm.problems.prescribed_laws import laws_of
 
 
 class Range(InputStruct, frozen=True, rename=FILE_KEYS):
@@ -83,19 +83,21 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
             self, hold=others(self.hold, names), start=others(self.start, names), drives=drives, loads={}
         )
 
-    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement]]:
-        """Check all names and units; return the imposed coordinates, the drives and the forces."""
-        imposed = _imposed(mechanism, self.over, self.hold, place)
+    def prepare(
+        self, mechanism: Mechanism, place: Place
+    ) -> tuple[PrescribedCoordinates, Actuation, dict[str, ForceElement]]:
+        """Check all names and units; return the prescribed coordinates, the drives and the forces."""
+        prescribed = _prescribed(mechanism, self.over, self.hold, place)
         with place("drives"):
-            drives = actuation(mechanism, self.drives, imposed.names)
-        return imposed, drives, _forces(self.start, self.loads, mechanism, place)
+            drives = actuation(mechanism, self.drives, prescribed.names)
+        return prescribed, drives, _forces(self.start, self.loads, mechanism, place)
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the positions, at rest, and the efforts of the drives."""
-        imposed, drives, forces = self.prepare(mechanism, place)
-        rest = np.zeros(len(imposed.names))
+        prescribed, drives, forces = self.prepare(mechanism, place)
+        rest = np.zeros(len(prescribed.names))
         with place():
-            return _prescription(mechanism, imposed, drives, forces, self.over, (rest, rest)).outcome(
+            return _prescription(mechanism, prescribed, drives, forces, self.over, (rest, rest)).outcome(
                 _grid(self.over), start_configuration(mechanism, self.start))  # fmt: skip
 
 
@@ -146,37 +148,39 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
             self, hold=hold, velocity=velocity, acceleration=acceleration, start=start, drives=drives, loads={}
         )
 
-    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Imposed, Actuation, dict[str, ForceElement], Rates]:
-        """Check all names and units; return the imposed coordinates, the drives, the forces, and the given rates."""
-        imposed = _imposed(mechanism, self.over, self.hold, place)
-        rates = np.zeros((2, len(imposed.names)))
+    def prepare(
+        self, mechanism: Mechanism, place: Place
+    ) -> tuple[PrescribedCoordinates, Actuation, dict[str, ForceElement], Rates]:
+        """Check all names and units; return the prescribed coordinates, the drives, the forces, and the given rates."""
+        prescribed = _prescribed(mechanism, self.over, self.hold, place)
+        rates = np.zeros((2, len(prescribed.names)))
         for order, key, given in ((1, "velocity", self.velocity), (2, "acceleration", self.acceleration)):
             for name, value in given.items():
                 with place(key, Key(name)):
-                    if name not in imposed.names:
-                        expected, hint = choices(name, imposed.names)
+                    if name not in prescribed.names:
+                        expected, hint = choices(name, prescribed.names)
                         raise InputError(f"the position does not say '{name}'", expected=expected, hint=hint)
                 with place(key, name):
                     check_unit(value, mechanism.coordinate(name).unit / unit("s") ** order)
-                    rates[order - 1, imposed.names.index(name)] = value
+                    rates[order - 1, prescribed.names.index(name)] = value
         with place("drives"):
-            drives = actuation(mechanism, self.drives, imposed.names)
-        return imposed, drives, _forces(self.start, self.loads, mechanism, place), (rates[0], rates[1])
+            drives = actuation(mechanism, self.drives, prescribed.names)
+        return prescribed, drives, _forces(self.start, self.loads, mechanism, place), (rates[0], rates[1])
 
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the states and the efforts of the drives."""
-        imposed, drives, forces, rates = self.prepare(mechanism, place)
+        prescribed, drives, forces, rates = self.prepare(mechanism, place)
         with place():
-            return _prescription(mechanism, imposed, drives, forces, self.over, rates).outcome(
+            return _prescription(mechanism, prescribed, drives, forces, self.over, rates).outcome(
                 _grid(self.over), start_configuration(mechanism, self.start))  # fmt: skip
 
 
 def _prescription(
-    mechanism: Mechanism, imposed: Imposed, drives: Actuation, forces: Mapping[str, ForceElement],
+    mechanism: Mechanism, prescribed: PrescribedCoordinates, drives: Actuation, forces: Mapping[str, ForceElement],
     over: Mapping[str, Range], rates: Rates,
 ) -> Prescription:  # fmt: skip
     dynamics = Dynamics.of(mechanism.model, forces)
-    return Prescription(mechanism, imposed, drives, dynamics, *_parameter(over, mechanism), rates)
+    return Prescription(mechanism, prescribed, drives, dynamics, *_parameter(over, mechanism), rates)
 
 
 def _parameter(over: Mapping[str, Range], mechanism: Mechanism) -> tuple[str, Unit]:
@@ -191,7 +195,9 @@ def _grid(over: Mapping[str, Range]) -> Grid:
     return Grid.cover(np.zeros(1), [])
 
 
-def _imposed(mechanism: Mechanism, over: Mapping[str, Range], hold: Mapping[str, float], place: Place) -> Imposed:
+def _prescribed(
+    mechanism: Mechanism, over: Mapping[str, Range], hold: Mapping[str, float], place: Place
+) -> PrescribedCoordinates:
     """Return the coordinates that are swept and held, their names and units checked."""
     for swept, values in over.items():
         with place("over", swept):
@@ -207,7 +213,7 @@ def _imposed(mechanism: Mechanism, over: Mapping[str, Range], hold: Mapping[str,
     laws_of(mechanism, held, lambda _, name: place("hold", name))
     motion: dict[str, MotionLaw] = {**{swept: ConstantSpeed(speed=1.0) for swept in over}, **held}
     with place():
-        return Imposed.of(mechanism, motion)
+        return PrescribedCoordinates.of(mechanism, motion)
 
 
 def _forces(

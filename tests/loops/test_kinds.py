@@ -13,7 +13,7 @@ from linkage import GROUND, SIMPLE, Linkage, random_body, random_joint
 from motions import driven, free, poses, power, states, wrench
 from newton_euler import newton_euler
 
-from pinarm.engine.constraints.batch_jacobians import Measures
+from pinarm.engine.constraints.batch_jacobians import BatchJacobians
 from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import moving
@@ -177,7 +177,7 @@ class TestRows:
     def test_many_at_once_are_those_one_by_one(self, loop):
         mechanism, _ = loop
         closure, model, n = mechanism.closure, mechanism.model, 7
-        many, wanted = Measures.of(model, closure.constraints), range(closure.size)
+        many, wanted = BatchJacobians.of(model, closure.constraints), range(closure.size)
         q, v = np.random.default_rng(4).normal(size=(2, n, model.nv))
         measured = many.at(q.T)
         rows, drift = measured.rows(wanted), measured.drift(wanted, v.T)

@@ -6,13 +6,13 @@ import pytest
 from motions import driven, free
 
 from pinarm.engine.constraints import closure
-from pinarm.engine.constraints.batch_jacobians import BLOCK, Measures
+from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.constraints.nullspace import Split
+from pinarm.engine.constraints.nullspace import RowDecomposition
 from pinarm.engine.constraints.nullspace_batch import free_motions
 from pinarm.engine.kinematics.continuation_batch import BatchContinuation
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.systems.batch_rows import Together
+from pinarm.engine.motion.systems.batch_rows import BatchRows
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import Harmonic
 
@@ -33,7 +33,7 @@ def test_a_motion_and_its_efforts_are_those_found_row_by_row(name, tmp_path, mon
     motion = {drive: Harmonic(amplitude=0.3, pulsation=5.0 + k) for k, drive in enumerate(drives)}
     together = driven(mechanism, motion, samples=40, drives=drives)
     monkeypatch.setattr(BatchContinuation, "of", lambda *_: None)
-    monkeypatch.setattr(Measures, "of", lambda *_: None)
+    monkeypatch.setattr(BatchJacobians, "of", lambda *_: None)
     monkeypatch.setattr(closure, "MANY", 1_000)
     alone = driven(mechanism, motion, samples=40, drives=drives)
     for one, other in ((together.q, alone.q), (together.v, alone.v), (together.a, alone.a), (together.tau, alone.tau)):
@@ -64,7 +64,7 @@ class TestFreeMotions:
             seen[places] += 1
             for k in range(0, len(places), 37):
                 state = four_bar.closure.state(q[places[k]])
-                right = Split.of(four_bar.closure.rows(state)).free
+                right = RowDecomposition.of(four_bar.closure.rows(state)).free
                 assert len(motions) == right.shape[1]
                 assert motions[:, k].T @ motions[:, k] == pytest.approx(right @ right.T, abs=1e-8)  # 1e-15 / 1e-7
         assert (seen == 1).all()
@@ -107,7 +107,7 @@ def test_the_rows_of_a_free_motion_are_those_computed_one_by_one(name, tmp_path,
     mechanism = linkage().build(tmp_path, cut)
     motion = {drive: Harmonic(amplitude=0.3, pulsation=5.0)} if name == "five_bar" else {}
     together = free(mechanism, 0.2, 100, tolerance=1e-5, motion=motion)
-    monkeypatch.setattr(Together, "of", lambda *_: None)
+    monkeypatch.setattr(BatchRows, "of", lambda *_: None)
     monkeypatch.setattr(closure, "MANY", 1_000)
     alone = free(mechanism, 0.2, 100, tolerance=1e-5, motion=motion)
     for one, other in ((together.q, alone.q), (together.v, alone.v), (together.a, alone.a), (together.tau, alone.tau)):

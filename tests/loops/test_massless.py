@@ -8,7 +8,7 @@ from catalogue import ABOUT_Y, axes_along, bar, rssr, slider_crank
 from linkage import GROUND, Body, Joint, Linkage
 from motions import driven, free, freely, poses, wrench
 
-from pinarm.engine.checks.residuals import table_figures
+from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.forces.joint_definitions import JointEffort
@@ -129,6 +129,6 @@ def test_a_light_crank_at_the_dead_centre_of_its_slider_gives_no_false_alarm(tmp
     mechanism = replace(linkage, bodies={**linkage.bodies, **light}).build(tmp_path, ["B"])
     raised = np.arctan2(0.08, 0.06)
     run = driven(mechanism, {"O": ConstantSpeed(start=-raised, speed=2.0 * raised)}, samples=3)
-    figures = table_figures(run)
+    figures = residual_figures(run)
     assert figures["closure"] < 1e-14
     assert figures.get("return trip", 0.0) < 1e-9

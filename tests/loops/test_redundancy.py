@@ -11,7 +11,7 @@ from linkage import GROUND, Joint, Linkage
 from motions import anywhere, driven, free, poses, wrench
 from newton_euler import newton_euler, self_stresses
 
-from pinarm.engine.checks.residuals import table_figures
+from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.kinematics.mobility import mobility_of
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import DynamicsError, InputError
@@ -45,7 +45,7 @@ class TestHyperstatic:
 
     def test_the_stamp_and_the_explanation_speak_of_the_same_regularity(self, name, run):
         least = min(mobility_of(run.mechanism, q).regularity for q in run.q)
-        assert table_figures(run)["regularity"] == pytest.approx(least, rel=1e-9)
+        assert residual_figures(run)["regularity"] == pytest.approx(least, rel=1e-9)
 
     def test_what_no_self_stress_reaches_is_determined_and_right(self, name, run):
         linkage, degree, _ = CASES[name]

@@ -79,10 +79,10 @@ def test_what_is_said_of_a_removed_coordinate_is_left_out(kind: str, name: str) 
 
 
 @pytest.mark.parametrize(("kind", "name"), DECLARED)
-def test_a_coordinate_that_is_imposed_or_watched_is_declared(kind: str, name: str) -> None:
+def test_a_coordinate_that_is_prescribed_or_watched_is_declared(kind: str, name: str) -> None:
     """A rough start, and rates of what is held elsewhere, impose nothing."""
     problem = naming(kind, name)
     declared = problem.declaration()
     said = "joint" in str(msgspec.to_builtins(getattr(problem, name), enc_hook=float))
-    known = {*declared.imposed, *declared.watched, *declared.drives, *declared.loads}
+    known = {*declared.prescribed, *declared.watched, *declared.drives, *declared.loads}
     assert ("joint" in known) == (said and name not in ("start", "velocity", "acceleration", "end_stops"))

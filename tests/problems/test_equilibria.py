@@ -10,7 +10,7 @@ import pytest
 import pinarm
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
-from pinarm.engine.statics.equilibrium import Balance
+from pinarm.engine.statics.equilibrium import ForceBalance
 from pinarm.engine.statics.stiffness import slope
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
@@ -55,7 +55,7 @@ def stability(run, row):
 
 def balance_of(mechanism, loads):
     forces = {name: load.bind(mechanism.model, mechanism.joints) for name, load in loads.items()}
-    return Balance.of(mechanism, forces, {})
+    return ForceBalance.of(mechanism, forces, {})
 
 
 @pytest.fixture

@@ -35,7 +35,7 @@ def arm(mechanism, chain):
 
 
 @pytest.mark.parametrize("kind", [Inverse, KinematicMotion])
-def test_an_imposed_motion_is_that_of_the_composed_law(arm, kind):
+def test_an_prescribed_motion_is_that_of_the_composed_law(arm, kind):
     profiled = kind(time=TIME, motion={"arm": Over(of="crank", profile=SWING), "crank": TURN})
     plain = kind(time=TIME, motion={"crank": TURN, "arm": SAME})
     one, other = (problem.solve(arm, Accuracy(), place).rows for problem in (profiled, plain))

@@ -116,7 +116,7 @@ def demands(model: pin.Model, links: LinkPlacements, twists: Array, rates: Array
 
 
 @dataclass(frozen=True, eq=False)
-class Account:
+class EnergyAccount:
     """What the energy of an integrated motion is balanced from.
 
     Attributes:
@@ -179,11 +179,11 @@ def energy_of(motion: SegmentedMotion) -> dict[str, float]:
     accounts = []
     for segment in motion.segments:
         local = [motion.dynamics.on(interval.start, interval.end) for interval in segment.solution.intervals]
-        accounts.append(Account(segment.solution, local, segment.system.whole))
+        accounts.append(EnergyAccount(segment.solution, local, segment.system.whole))
     return energy_balance(*accounts)
 
 
-def energy_balance(*accounts: Account) -> dict[str, float]:
+def energy_balance(*accounts: EnergyAccount) -> dict[str, float]:
     """Return the largest change of energy that nothing accounts for, at the ends of all steps and within some.
 
     ``E(t) - E(0) + integral of the dissipated power``, less the rounding of its terms, relative to the largest energy

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.checks.singularity import least_regular
+from pinarm.engine.checks.singularity import nearest_singularity
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
 from pinarm.engine.motion.outcome import SolvedMotion
@@ -20,7 +20,7 @@ SAMPLE = 64
 """Number of rows that are looked at."""
 
 
-def table_figures(run: Trajectory, motion: SolvedMotion | None = None, most: int = SAMPLE) -> dict[str, float]:
+def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: int = SAMPLE) -> dict[str, float]:
     """Return what the rows of a run are worth.
 
     Args:
@@ -47,7 +47,7 @@ def table_figures(run: Trajectory, motion: SolvedMotion | None = None, most: int
         gaps = found.gaps.max(axis=0).tolist()
         figures.update(zip(("closure", "closure rate", "closure acceleration"), gaps, strict=True))
         values = run.mechanism.closure.values_of(found.own)
-        figures |= zip(("regularity", "least regular at"), least_regular(run, motion, rows, values), strict=True)
+        figures |= zip(("regularity", "least regular at"), nearest_singularity(run, motion, rows, values), strict=True)
     if run.no_efforts:
         return figures
     alike = found.of_one_freedom(run)

@@ -22,7 +22,9 @@ FLAT = 0.05
 """Part of the regularity by which it changes from one instant to the next where it is not looked for any closer."""
 
 
-def least_regular(run: Trajectory, motion: SolvedMotion | None, rows: Indices, values: Array) -> tuple[float, float]:
+def nearest_singularity(
+    run: Trajectory, motion: SolvedMotion | None, rows: Indices, values: Array
+) -> tuple[float, float]:
     """Return the least regularity that was found, and the parameter at which it is.
 
     Args:

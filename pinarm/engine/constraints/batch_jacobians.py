@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.constraint import Constraint, Guide
+from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
 from pinarm.engine.constraints.elimination import Row
 from pinarm.mechanics.coordinates import Coordinate, DistanceCoordinate, FrameCoordinate, LinearCoordinate
 from pinarm.mechanics.couplings import Coupling
@@ -33,7 +33,7 @@ UNIVERSE = 0
 """Index of the world's frame."""
 
 
-class MeasuredRows(Protocol):
+class EvaluatedRows(Protocol):
     """The rows of one constraint or coordinate, at many configurations."""
 
     def gap(self) -> list[Array]:
@@ -50,7 +50,7 @@ class MeasuredRows(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Between:
+class PairMeasure:
     """What a pair measures between two frames.
 
     Attributes:
@@ -66,13 +66,13 @@ class Between:
         """Number of rows."""
         return len(self.pair.along)
 
-    def at(self, q: Array, cosine: Array, sine: Array) -> PairRows:
+    def at(self, q: Array, cosine: Array, sine: Array) -> EvaluatedPair:
         """Return its rows at configurations q; cos(q) and sin(q) serve all measures. Each of shape (nv, n)."""
-        return PairRows(self.pair, self.chain.placed(q, cosine, sine))
+        return EvaluatedPair(self.pair, self.chain.placed(q, cosine, sine))
 
 
 @dataclass(frozen=True, eq=False)
-class PairRows:
+class EvaluatedPair:
     """The rows of a pair at many configurations.
 
     Attributes:
@@ -114,7 +114,7 @@ def _sum(one: Row, two: Row) -> Row:
 
 
 @dataclass(frozen=True, eq=False)
-class Sum:
+class SumMeasure:
     """A weighted sum of joint coordinates less a constant.
 
     Attributes:
@@ -128,17 +128,17 @@ class Sum:
     size: int = 1
 
     @classmethod
-    def of(cls, coordinate: LinearCoordinate, constant: float = 0.0) -> Sum:
+    def of(cls, coordinate: LinearCoordinate, constant: float = 0.0) -> SumMeasure:
         """Return the sum that a coordinate is."""
         return cls({int(i): coordinate.weights[i : i + 1] for i in np.flatnonzero(coordinate.weights)}, constant)
 
-    def at(self, q: Array, cosine: Array, sine: Array) -> SumRow:
+    def at(self, q: Array, cosine: Array, sine: Array) -> EvaluatedSum:
         """Return its row at configurations q, shape (nv, n)."""
-        return SumRow(self, q)
+        return EvaluatedSum(self, q)
 
 
 @dataclass(frozen=True, eq=False)
-class SumRow:
+class EvaluatedSum:
     """The row of a sum at many configurations.
 
     Attributes:
@@ -146,7 +146,7 @@ class SumRow:
         q: Configurations, shape (nv, n).
     """
 
-    measure: Sum
+    measure: SumMeasure
     q: Array
 
     def gap(self) -> list[Array]:
@@ -163,17 +163,17 @@ class SumRow:
         return {}
 
 
-Measure = Between | Sum
+RowMeasure = PairMeasure | SumMeasure
 
 
-def measure_of(model: pin.Model, one: Constraint | Coordinate) -> Measure | None:
+def row_measure(model: pin.Model, one: Constraint | Coordinate) -> RowMeasure | None:
     """Return what a constraint or coordinate measures; ``None`` where it cannot be had at many configurations."""
-    if isinstance(one, Guide):
-        return measure_of(model, one.coordinate)
+    if isinstance(one, GuidedCoordinate):
+        return row_measure(model, one.coordinate)
     if isinstance(one, LinearCoordinate):
-        return Sum.of(one)
+        return SumMeasure.of(one)
     if isinstance(one, Coupling):
-        return Sum.of(one.coordinate, one.constant)
+        return SumMeasure.of(one.coordinate, one.constant)
     if isinstance(one, LoopJoint):
         first, second, pair = one.first, one.second, one.pair
     elif isinstance(one, FrameCoordinate):
@@ -183,11 +183,11 @@ def measure_of(model: pin.Model, one: Constraint | Coordinate) -> Measure | None
     else:
         return None
     chain = Chain.between(model, first, second)
-    return None if chain is None else Between(pair, chain)
+    return None if chain is None else PairMeasure(pair, chain)
 
 
 @dataclass(frozen=True, eq=False)
-class Measures:
+class BatchJacobians:
     """What several constraints and coordinates measure, their rows numbered through.
 
     Attributes:
@@ -195,36 +195,36 @@ class Measures:
         size: Number of rows.
     """
 
-    parts: tuple[tuple[int, Measure], ...]
+    parts: tuple[tuple[int, RowMeasure], ...]
     size: int
 
     @classmethod
-    def of(cls, model: pin.Model, ones: Sequence[Constraint | Coordinate]) -> Measures | None:
+    def of(cls, model: pin.Model, ones: Sequence[Constraint | Coordinate]) -> BatchJacobians | None:
         """Return the measures of a model; ``None`` where one of them cannot be had at many configurations."""
         parts, size = [], 0
         for one in ones:
-            measure = measure_of(model, one) if model.nq == model.nv else None
+            measure = row_measure(model, one) if model.nq == model.nv else None
             if measure is None:
                 return None
             parts.append((size, measure))
             size += measure.size
         return cls(tuple(parts), size)
 
-    def at(self, q: Array) -> MeasuredAll:
+    def at(self, q: Array) -> EvaluatedJacobians:
         """Return the rows at configurations, shape (nv, n)."""
         cosine, sine = np.cos(q), np.sin(q)
-        return MeasuredAll([(start, measure.at(q, cosine, sine)) for start, measure in self.parts])
+        return EvaluatedJacobians([(start, measure.at(q, cosine, sine)) for start, measure in self.parts])
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredAll:
+class EvaluatedJacobians:
     """The rows of several measures at many configurations.
 
     Attributes:
         parts: First row of each measure, and its rows.
     """
 
-    parts: list[tuple[int, MeasuredRows]]
+    parts: list[tuple[int, EvaluatedRows]]
 
     def gap(self) -> list[Array]:
         """Return the value of every row [m or rad], shape (n,) or (1,)."""
@@ -272,7 +272,7 @@ def rows_of(model: pin.Model, coordinates: Sequence[Coordinate], q: Array) -> Ar
     """Return the rows J of coordinates at configurations q, shape (n, nq), as an array of shape (n, d, nv)."""
     found = np.zeros((len(q), len(coordinates), model.nv))
     for d, one in enumerate(coordinates):
-        measures = Measures.of(model, [one])
+        measures = BatchJacobians.of(model, [one])
         if isinstance(one, LinearCoordinate):
             found[:, d] = one.weights
         elif measures is not None:

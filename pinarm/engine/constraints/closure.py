@@ -13,9 +13,9 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.batch_jacobians import Measures
-from pinarm.engine.constraints.constraint import Constraint, Guide
-from pinarm.engine.constraints.nullspace import Splits
+from pinarm.engine.constraints.batch_jacobians import BatchJacobians
+from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
+from pinarm.engine.constraints.nullspace import RowDecompositions
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, supports
@@ -78,7 +78,7 @@ class Closure:
         """Return the closure with the rows of guided coordinates after its own."""
         if not names:
             return self
-        guides = [Guide(name, coordinate) for name, coordinate in zip(names, coordinates, strict=True)]
+        guides = [GuidedCoordinate(name, coordinate) for name, coordinate in zip(names, coordinates, strict=True)]
         return Closure.of(self.model, (*self.constraints, *guides))
 
     @property
@@ -116,16 +116,16 @@ class Closure:
         return np.concatenate([np.zeros(0), *(constraint.drift(state) for constraint in self.constraints)])
 
     @cached_property
-    def measures(self) -> Measures | None:
+    def batch_jacobians(self) -> BatchJacobians | None:
         """What the constraints measure, at many configurations; none where something cannot be had so."""
-        return Measures.of(self.model, self.constraints)
+        return BatchJacobians.of(self.model, self.constraints)
 
     def at(self, q: Array) -> tuple[Array, Array]:
         """Return the gaps, shape (n, m), and G, shape (n, m, nv), at configurations, shape (n, nq).
 
         Those of few configurations are kept, to be read only: all that looks at a table asks for them.
         """
-        if len(q) >= MANY and self.measures:
+        if len(q) >= MANY and self.batch_jacobians:
             return self._kept(q.tobytes(), len(q)) if len(q) <= KEPT else self._together(q)
         gaps, rows = np.empty((len(q), self.size)), np.empty((len(q), self.size, self.model.nv))
         for k, one in enumerate(q if self.size else ()):
@@ -134,8 +134,8 @@ class Closure:
         return gaps, rows
 
     def _together(self, q: Array) -> tuple[Array, Array]:
-        assert self.measures is not None
-        measured = self.measures.at(q.T)
+        assert self.batch_jacobians is not None
+        measured = self.batch_jacobians.at(q.T)
         found = measured.gaps(len(q)), measured.matrices((len(q), self.size, self.model.nv))
         for x in found:
             x.flags.writeable = False
@@ -146,18 +146,18 @@ class Closure:
         return lru_cache(maxsize=4)(lambda content, n: self._together(np.frombuffer(content).reshape(n, -1)))
 
     @cached_property
-    def _split(self) -> Callable[[bytes, int], Splits]:
-        return lru_cache(maxsize=4)(lambda content, n: Splits.of(self._kept(content, n)[1]))
+    def _split(self) -> Callable[[bytes, int], RowDecompositions]:
+        return lru_cache(maxsize=4)(lambda content, n: RowDecompositions.of(self._kept(content, n)[1]))
 
-    def splits(self, q: Array, rows: Array) -> Splits:
+    def splits(self, q: Array, rows: Array) -> RowDecompositions:
         """Return G taken apart at configurations, shape (n, nq); ``rows`` are what ``at`` says of them."""
-        kept = MANY <= len(q) <= KEPT and self.measures
-        return self._split(q.tobytes(), len(q)) if kept else Splits.of(rows)
+        kept = MANY <= len(q) <= KEPT and self.batch_jacobians
+        return self._split(q.tobytes(), len(q)) if kept else RowDecompositions.of(rows)
 
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
-        if len(q) >= MANY and self.measures:
-            return self.measures.at(q.T).drifts(v.T, self.size)
+        if len(q) >= MANY and self.batch_jacobians:
+            return self.batch_jacobians.at(q.T).drifts(v.T, self.size)
         found = np.empty((len(q), self.size))
         for k, one in enumerate(q if self.size else ()):
             found[k] = self.drift(self.state(one, v[k]))

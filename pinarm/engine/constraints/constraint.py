@@ -49,7 +49,7 @@ class Constraint(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Guide:
+class GuidedCoordinate:
     """A coordinate that is held to a value by a force along itself; the multiplier is that force.
 
     Attributes:

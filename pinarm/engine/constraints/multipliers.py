@@ -9,7 +9,7 @@ import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import Splits
+from pinarm.engine.constraints.nullspace import RowDecompositions
 
 BLOCK = 512
 """Number of rows whose G is held at once."""
@@ -58,7 +58,7 @@ class Multipliers:
                 some = rows[start : start + BLOCK]
                 g = closure.at(q[some])[1]
                 force = held[some] - np.vecmat(along[some], g[:, m:])
-                splits = Splits.of(g[:, :m]) if along.size else closure.splits(q[some], g)
+                splits = RowDecompositions.of(g[:, :m]) if along.size else closure.splits(q[some], g)
                 found[start : start + BLOCK] = splits.multipliers(force)
             return found
 

@@ -1,4 +1,4 @@
-"""The rows of G taken apart: what they determine, what they leave free, and which of them are redundant."""
+"""The constraint rows G decomposed by singular values: range, null space, rank and redundant rows."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ those of a second bearing, they are compared with a lever of 1 mm."""
 
 
 @dataclass(frozen=True, eq=False)
-class Split:
+class RowDecomposition:
     """The rows of G taken apart: what they determine, what they leave free, and which of them are redundant.
 
     With D the scaling that gives rows the length 1: ``D G = U S V^T``, cut at the rank r. All arrays, given ones too,
@@ -44,7 +44,7 @@ class Split:
     rows: Array
 
     @classmethod
-    def of(cls, rows: Array, least: float = RANK) -> Split:
+    def of(cls, rows: Array, least: float = RANK) -> RowDecomposition:
         """Return the parts of the rows G, shape (m, nv)."""
         ((_, split),) = _alike(rows[None], least)
         return cls(split.scale[0], split.left[0], split.values[0], split.right[0], split.free[0], rows)
@@ -68,7 +68,7 @@ class Split:
 
 
 @dataclass(frozen=True, eq=False)
-class Splits:
+class RowDecompositions:
     """The rows of G taken apart at n configurations, those with the same rank together.
 
     Attributes:
@@ -76,32 +76,32 @@ class Splits:
         shape: Of G, (n, m, nv).
     """
 
-    parts: list[tuple[Indices, Split]]
+    parts: list[tuple[Indices, RowDecomposition]]
     shape: tuple[int, ...]
 
     @classmethod
-    def of(cls, rows: Array) -> Splits:
+    def of(cls, rows: Array) -> RowDecompositions:
         """Return the parts of the rows G, shape (n, m, nv)."""
         return cls(_alike(rows, RANK), rows.shape)
 
     def multipliers(self, force: Array) -> Array:
-        """Return what ``Split.multipliers`` does, shape (n, m)."""
-        return self.each(self.shape[1], Split.multipliers, force)
+        """Return what ``RowDecomposition.multipliers`` does, shape (n, m)."""
+        return self.each(self.shape[1], RowDecomposition.multipliers, force)
 
     def each(self, width: int, function: Callable[..., Array], *given: Array) -> Array:
-        """Return what a function of a ``Split`` and rows of arrays gives at all configurations, shape (n, width)."""
+        """Return a function of the decomposition and of rows of arrays at all configurations, shape (n, width)."""
         values = np.empty((self.shape[0], width))
         for rows, split in self.parts:
             values[rows] = function(split, *(x[rows] for x in given))
         return values
 
 
-def _alike(rows: Array, least: float) -> list[tuple[Indices, Split]]:
+def _alike(rows: Array, least: float) -> list[tuple[Indices, RowDecomposition]]:
     """Return the parts of G at configurations, shape (n, m, nv), those with the same rank together."""
     n, m, nv = rows.shape
     if not m:
         nothing = np.ones((n, 0)), np.zeros((n, 0, 0)), np.zeros((n, 0)), np.zeros((n, 0, nv))
-        return [(np.arange(n), Split(*nothing, np.broadcast_to(np.eye(nv), (n, nv, nv)), rows))]
+        return [(np.arange(n), RowDecomposition(*nothing, np.broadcast_to(np.eye(nv), (n, nv, nv)), rows))]
     length = np.sqrt((rows * rows).sum(axis=2))
     longest = np.maximum(length.max(axis=1, keepdims=True), SMALL)
     scale = 1.0 / np.where(length > VANISHED * longest, length, 1.0)
@@ -111,7 +111,7 @@ def _alike(rows: Array, least: float) -> list[tuple[Indices, Split]]:
     for r in sorted(set(ranks.tolist())):
         k = np.flatnonzero(ranks == r)
         free = vt[k, r:].swapaxes(1, 2)
-        found.append((k, Split(scale[k], left[k, :, :r], s[k, :r], vt[k, :r], free, rows[k])))
+        found.append((k, RowDecomposition(scale[k], left[k, :, :r], s[k, :r], vt[k, :r], free, rows[k])))
     return found
 
 

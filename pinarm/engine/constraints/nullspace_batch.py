@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.constraints.batch_jacobians import BLOCK, Measures
+from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.elimination import Elimination, Order, Row, dense
-from pinarm.engine.constraints.nullspace import Split
+from pinarm.engine.constraints.nullspace import RowDecomposition
 
 REGULAR = 1e-4
 """Smallest ratio of singular values of G, its rows of length 1, at which other configurations are eliminated alike."""
@@ -34,7 +34,7 @@ def free_motions(closure: Closure, q: Array) -> Iterator[tuple[Indices, Array]]:
     if not closure.size:
         yield np.arange(n), np.broadcast_to(np.eye(nv)[:, None], (nv, n, nv))
         return
-    measures = closure.measures
+    measures = closure.batch_jacobians
     for start in range(0, n, BLOCK):
         left = np.arange(start, min(start + BLOCK, n))
         while len(left):
@@ -43,27 +43,27 @@ def free_motions(closure: Closure, q: Array) -> Iterator[tuple[Indices, Array]]:
                 served, free = freedom.served, freedom.motions[:, freedom.served]
             else:
                 rows = closure.rows(closure.state(q[left[0]]))
-                served, free = np.arange(len(left)) == 0, Split.of(rows).free.T[:, None]
+                served, free = np.arange(len(left)) == 0, RowDecomposition.of(rows).free.T[:, None]
             yield left[served], free
             left = left[~served]
 
 
-def _freedom(measures: Measures, q: Array) -> Freedom | None:
+def _freedom(measures: BatchJacobians, q: Array) -> BatchNullspace | None:
     """Return the freedom of configurations, shape (nv, n), by the order of the first one; ``None`` if there is none."""
     rows = measures.at(q).rows(range(measures.size))
     order = regular_order(dense(rows, (measures.size, len(q))))
-    return Freedom.of(rows, order, q.shape) if order else None
+    return BatchNullspace.of(rows, order, q.shape) if order else None
 
 
 def regular_order(matrix: Array) -> Order | None:
     """Return the order of elimination of G at a configuration, shape (m, nv); ``None`` close to singular ones."""
-    values = Split.of(matrix).values
+    values = RowDecomposition.of(matrix).values
     return Order.of(matrix, len(values)) if len(values) and values[-1] >= REGULAR * values[0] else None
 
 
 @dataclass(frozen=True, eq=False)
-class Freedom:
-    """The rows of G taken apart at n configurations; see ``split.Split`` for a single one.
+class BatchNullspace:
+    """The rows of G taken apart at n configurations; see ``nullspace.RowDecomposition`` for a single one.
 
     Attributes:
         elimination: Of those rows that determine what all of them do.
@@ -76,7 +76,7 @@ class Freedom:
     served: Flags
 
     @classmethod
-    def of(cls, rows: Mapping[int, Row], order: Order, shape: tuple[int, ...]) -> Freedom:
+    def of(cls, rows: Mapping[int, Row], order: Order, shape: tuple[int, ...]) -> BatchNullspace:
         """Return the freedom that rows leave.
 
         Args:

@@ -35,7 +35,7 @@ class _Places(NamedTuple):
 
 
 @dataclass(frozen=True)
-class JointSpace:
+class ConfigurationSpace:
     """Configurations with quaternions or (cos, sin) pairs in them.
 
     Attributes:

@@ -26,7 +26,7 @@ ManyTargets = Callable[[Array], tuple[Array, Array, Array]]
 
 
 @dataclass(frozen=True, eq=False)
-class Reduction:
+class CoordinatePartition:
     """The independent part of the coordinates of one mechanism.
 
     Attributes:
@@ -52,7 +52,7 @@ class Reduction:
     scalar_q: Indices
 
     @classmethod
-    def of(cls, model: pin.Model, rows: Array, names: Sequence[str], given: Sequence[int] = ()) -> Reduction:
+    def of(cls, model: pin.Model, rows: Array, names: Sequence[str], given: Sequence[int] = ()) -> CoordinatePartition:
         """Return the reduction by the rows W, shape (k, nv); the indices ``given`` stay free if they can.
 
         Raises:

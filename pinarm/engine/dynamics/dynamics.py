@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, as_rows, same_rows
-from pinarm.engine.dynamics.configuration_space import JointSpace
+from pinarm.engine.dynamics.configuration_space import ConfigurationSpace
 from pinarm.engine.dynamics.mass_matrix import mass_matrices
 from pinarm.engine.dynamics.parallel import Parallel
 from pinarm.engine.integration.integrator import BATCH_ROUNDING, Acceleration, Accelerations, Energy, Flat, Manifold
@@ -48,7 +48,7 @@ class Dynamics:
     def manifold(self) -> Manifold:
         """Return the space of configurations."""
         nq, nv = self.model.nq, self.model.nv
-        return Flat(nq, nv) if nq == nv else JointSpace(self.model, nq, nv)
+        return Flat(nq, nv) if nq == nv else ConfigurationSpace(self.model, nq, nv)
 
     @cached_property
     def _parallel(self) -> Parallel:

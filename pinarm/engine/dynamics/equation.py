@@ -33,11 +33,11 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import Split, Splits, solved
+from pinarm.engine.constraints.nullspace import RowDecomposition, RowDecompositions, solved
 from pinarm.engine.dynamics.dynamics import Dynamics
 
 
-def solve(rows: Split, mass: Array, force: Array, right: Array) -> Array:
+def solve(rows: RowDecomposition, mass: Array, force: Array, right: Array) -> Array:
     """Return the a of (1) and (2): the one that minimises ``a^T M a / 2 - f . a`` while ``G a = b``, shape (.., nv).
 
     Args:
@@ -54,7 +54,7 @@ def solve(rows: Split, mass: Array, force: Array, right: Array) -> Array:
     return a
 
 
-def solve_each(rows: Splits, mass: Array, force: Array, right: Array) -> Array:
+def solve_each(rows: RowDecompositions, mass: Array, force: Array, right: Array) -> Array:
     """Return what ``solve`` does at n configurations, whose ranks may differ, shape (n, nv)."""
     return rows.each(rows.shape[2], solve, mass, force, right)
 

@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import Split
+from pinarm.engine.constraints.nullspace import RowDecomposition
 from pinarm.engine.dynamics.mass_matrix import mass_matrices
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.ball_joints import coordinate_name
@@ -42,7 +42,7 @@ def require_masses(closure: Closure, q: Array, t: float) -> None:
         return
     for one, matrix in zip(q, mass, strict=True):
         rows = closure.rows(closure.state(one))
-        _require(closure.model, Split.of(rows).free, matrix, one, t)
+        _require(closure.model, RowDecomposition.of(rows).free, matrix, one, t)
 
 
 def _all_definite(mass: Array) -> bool:

@@ -36,7 +36,7 @@ def threads() -> int:
 
 
 @dataclass(eq=False)
-class Pace:
+class ThreadTiming:
     """How fast calls of like size are with one thread and with several.
 
     That depends on who else needs the cores: calls of 256 pandas take 0.20 to 0.28 ms with two threads instead of 0.40,
@@ -97,8 +97,8 @@ class Parallel:
         return found.reshape(nv, len(q)).T
 
     @cached_property
-    def _paces(self) -> defaultdict[tuple[Callable[..., Array], int], Pace]:
-        return defaultdict(Pace)
+    def _paces(self) -> defaultdict[tuple[Callable[..., Array], int], ThreadTiming]:
+        return defaultdict(ThreadTiming)
 
     @cached_property
     def one(self) -> pin.ModelPool:

@@ -36,7 +36,7 @@ PROJECTION = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class CoincidentPoints:
     """Pairs of coinciding points that say the same as the loops of one mechanism.
 
     Attributes:
@@ -57,8 +57,8 @@ class Points:
 
     @staticmethod
     @lru_cache(maxsize=16)  # the same for all runs of a mechanism
-    def of(closure: Closure, driven: tuple[int, ...]) -> Points | None:
-        """Return the points of a closure; see ``PointClosure.of``."""
+    def of(closure: Closure, driven: tuple[int, ...]) -> CoincidentPoints | None:
+        """Return the points of a closure; see ``PointConstraints.of``."""
         model, data, held = pin.Model(closure.model), closure.model.createData(), np.array(driven, dtype=np.intp)
         inertia = np.full(len(held), HEAVY * np.diag(mass_matrix(model, pin.neutral(model))).max())
         model.armature[held] += inertia
@@ -70,11 +70,11 @@ class Points:
             return None
         points = pin.StdVec_RigidConstraintModel()
         points.extend(needed)
-        return Points(model, points, held, inertia, rank, regularity)
+        return CoincidentPoints(model, points, held, inertia, rank, regularity)
 
 
 @dataclass(frozen=True, eq=False)
-class PointClosure:
+class PointConstraints:
     """Loops of one mechanism as pairs of coinciding points, ready for evaluation.
 
     Attributes:
@@ -85,14 +85,14 @@ class PointClosure:
         scale: Smallest Delassus diagonal that is not 0 [1/kg].
     """
 
-    tied: Points
+    tied: CoincidentPoints
     data: pin.Data = field(repr=False)
     states: pin.StdVec_RigidConstraintData = field(repr=False)
     cholesky: pin.ConstraintCholeskyDecomposition = field(repr=False)
     scale: float
 
     @classmethod
-    def of(cls, closure: Closure, q: Array, driven: Sequence[int] = ()) -> PointClosure | None:
+    def of(cls, closure: Closure, q: Array, driven: Sequence[int] = ()) -> PointConstraints | None:
         """Return the loops as points near a configuration; ``None`` where a constraint is not one of points.
 
         Also where the mass matrix of the tree is singular, or where the loops feel some bodies so much less than
@@ -100,7 +100,7 @@ class PointClosure:
         1e12 times the inertia of the tree, so that a load of armature times acceleration prescribes their acceleration
         to 1e-12 of it.
         """
-        tied = Points.of(closure, tuple(driven))
+        tied = CoincidentPoints.of(closure, tuple(driven))
         if tied is None:
             return None
         model, data, states = tied.model, tied.model.createData(), pin.StdVec_RigidConstraintData()

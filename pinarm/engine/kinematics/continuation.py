@@ -11,26 +11,28 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.kinematics.continuation_batch import NOTHING, BatchContinuation
-from pinarm.engine.kinematics.newton import Solver
-from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.kinematics.newton import NewtonSolver
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
 
 
-def follow_branch(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Array) -> tuple[Array, Array, Array]:
+def follow_branch(
+    mechanism: Mechanism, prescribed: PrescribedCoordinates, grid: Grid, start: Array
+) -> tuple[Array, Array, Array]:
     """Continue the branch that begins near a configuration, shape (nq,): in sweeps, row by row where these cannot."""
-    solver, sweep = Solver(mechanism.closure, imposed), BatchContinuation.of(mechanism.closure, imposed)
-    t, w = grid.t, np.zeros((3, len(grid.t), len(imposed.laws)))
-    for k, law in enumerate(imposed.laws):
+    solver, sweep = NewtonSolver(mechanism.closure, prescribed), BatchContinuation.of(mechanism.closure, prescribed)
+    t, w = grid.t, np.zeros((3, len(grid.t), len(prescribed.laws)))
+    for k, law in enumerate(prescribed.laws):
         w[:, :, k] = grid.evaluate(law)
     q, (v, a) = np.empty((len(t), len(start))), np.empty((2, len(t), solver.model.nv))
     q[0] = solver.assemble(start, w[0, 0], t[0])
-    imposed.check_mobility(mechanism, q[0])
+    prescribed.check_mobility(mechanism, q[0])
     v[0], a[0] = solver.rates(q[0], w[1, 0], w[2, 0], t[0])
     for begin, end, part in grid.intervals():
-        target, row = imposed.on(begin, end), max(part.start, 1)
+        target, row = prescribed.on(begin, end), max(part.start, 1)
         while row < part.stop:
             last, ahead = (q[row - 1], v[row - 1], a[row - 1]), slice(row - 1, part.stop)
             found = sweep.ahead(t[ahead], w[:, ahead], *last) if sweep and row > part.start else NOTHING
@@ -41,9 +43,11 @@ def follow_branch(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Arr
     return q, v, a
 
 
-def branch_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
+def branch_rates(
+    mechanism: Mechanism, prescribed: PrescribedCoordinates, q: Array, dw: Array, ddw: Array
+) -> tuple[Array, Array]:
     """Return velocities and accelerations at closed configurations; see ``following.joint_rates``."""
-    solver, sweep = Solver(mechanism.closure, imposed), BatchContinuation.of(mechanism.closure, imposed)
+    solver, sweep = NewtonSolver(mechanism.closure, prescribed), BatchContinuation.of(mechanism.closure, prescribed)
     (v, a), row = np.empty((2, len(q), mechanism.model.nv)), 0
     while row < len(q):
         dq, ddq = sweep.rates(q[row:], dw, ddw) if sweep else NOTHING[1:]

@@ -16,12 +16,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.constraints.batch_jacobians import BLOCK, MeasuredAll, Measures
+from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians, EvaluatedJacobians
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.elimination import Elimination, Order, dense
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch
 from pinarm.engine.kinematics.newton import CLOSED, CONTRACTION
-from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 
 SHORTEST = 4
 """Smallest number of rows that is tried at once."""
@@ -51,24 +51,24 @@ class BatchContinuation:
 
     Args:
         nv: Number of joints.
-        measures: What the constraints measure, then what the imposed coordinates do.
+        measures: What the constraints measure, then what the prescribed coordinates do.
         own: Number m of rows of the constraints.
     """
 
-    def __init__(self, nv: int, measures: Measures, own: int) -> None:
+    def __init__(self, nv: int, measures: BatchJacobians, own: int) -> None:
         self.nv, self.measures, self.own = nv, measures, own
         self._order: Order | None = None
         self._length = BLOCK
 
     @classmethod
-    def of(cls, closure: Closure, imposed: Imposed) -> BatchContinuation | None:
+    def of(cls, closure: Closure, prescribed: PrescribedCoordinates) -> BatchContinuation | None:
         """Return the sweeps of a mechanism; ``None`` where something cannot be had at many configurations.
 
-        Nor for the very small or large, which only ``Solver`` measures in a unit of their own.
+        Nor for the very small or large, which only ``NewtonSolver`` measures in a unit of their own.
         """
         if not SIZES[0] < closure.extent < SIZES[1]:
             return None
-        measures = closure.with_guides(imposed.names, imposed.coordinates).measures
+        measures = closure.with_guides(prescribed.names, prescribed.coordinates).batch_jacobians
         return cls(closure.model.nv, measures, closure.size) if measures else None
 
     def ahead(self, t: Array, w: Array, q: Array, v: Array, a: Array) -> tuple[Array, ...]:
@@ -76,7 +76,7 @@ class BatchContinuation:
 
         Args:
             t: Instants, of which the first is solved, shape (n,).
-            w: Imposed coordinates and their two derivatives, shape (3, n, k).
+            w: Prescribed coordinates and their two derivatives, shape (3, n, k).
             q: Configuration at the first instant, shape (nv,).
             v: Velocity there, shape (nv,).
             a: Acceleration there, shape (nv,).
@@ -101,7 +101,7 @@ class BatchContinuation:
 
         Args:
             q: Closed configurations, shape (n, nv).
-            dw: Velocities of the imposed coordinates, shape (k,).
+            dw: Velocities of the prescribed coordinates, shape (k,).
             ddw: Their accelerations, shape (k,).
         """
         block = np.ascontiguousarray(q[:BLOCK].T)
@@ -130,7 +130,7 @@ class BatchContinuation:
         Args:
             order: Order of the pivots.
             q: Predictions, shape (nv, n); they become the solutions.
-            w: Wanted values of the imposed coordinates, shape (k, n).
+            w: Wanted values of the prescribed coordinates, shape (k, n).
         """
         wanted, n = [0.0] * self.own + list(w), q.shape[1]
         first, last, left, good = np.zeros(n), np.full(n, np.inf), np.full(n, np.inf), np.ones(n, dtype=bool)
@@ -151,7 +151,7 @@ class BatchContinuation:
                 break
         return q, first, good & (left < ROUNDING)
 
-    def _closed(self, measured: MeasuredAll, w: Array) -> Flags:
+    def _closed(self, measured: EvaluatedJacobians, w: Array) -> Flags:
         """Return where all rows are closed, those without pivots too, shape (n,)."""
         gap, closed = measured.gap(), np.ones(w.shape[1], dtype=bool)
         for x in gap[: self.own]:
@@ -160,7 +160,9 @@ class BatchContinuation:
             closed &= np.abs(wanted - x) <= CLOSED * (1.0 + np.abs(wanted))
         return closed
 
-    def _rates(self, order: Order, measured: MeasuredAll, dw: Array, ddw: Array, n: int) -> tuple[Array, Array, Flags]:
+    def _rates(
+        self, order: Order, measured: EvaluatedJacobians, dw: Array, ddw: Array, n: int
+    ) -> tuple[Array, Array, Flags]:
         """Return v and a, each of shape (nv, n), and where the order of the pivots still serves, shape (n,) or (1,)."""
         elimination = Elimination.of(measured.rows(order.rows), order)
         v = self._stacked(elimination.solve(dict(enumerate(dw, self.own))), n)

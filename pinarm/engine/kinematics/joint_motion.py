@@ -1,6 +1,6 @@
 """From the motion of coordinates to that of the joints: positions, velocities and accelerations, exact to rounding.
 
-With coordinates w imposed on a mechanism, the constraints phi of its loops and couplings, and J the rows of both:
+With coordinates w of a mechanism prescribed, the constraints phi of its loops and couplings, and J the rows of both:
 ``phi(q) = 0`` and ``w(q) = w_d(t)``, then ``J v = (0, w_d')`` and ``J a = (0, w_d'') - J' v``. All rows of the table
 are solved at once where the equations are linear; elsewhere a branch is continued (``engine.branch``).
 """
@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.kinematics.newton import check_rank
-from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings import Coupling, independent
 from pinarm.mechanics.laws.motion_law import Grid, Values
@@ -24,12 +24,14 @@ if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
 
 
-def follow(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Array) -> tuple[Array, Array, Array]:
-    """Return the motion of the joints under imposed coordinates.
+def follow(
+    mechanism: Mechanism, prescribed: PrescribedCoordinates, grid: Grid, start: Array
+) -> tuple[Array, Array, Array]:
+    """Return the motion of the joints under prescribed coordinates.
 
     Args:
         mechanism: The mechanism.
-        imposed: As many coordinates as it has degrees of freedom.
+        prescribed: As many coordinates as it has degrees of freedom.
         grid: Instants.
         start: A rough configuration at the first instant, shape (nq,): it chooses the branch.
 
@@ -40,22 +42,24 @@ def follow(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Array) -> 
         AssemblyError: The positions cannot be reached; ``data`` holds the closest configuration and its gap.
     """
     couplings = [one for one in mechanism.constraints if isinstance(one, Coupling)]
-    linear = all(isinstance(coordinate, LinearCoordinate) for coordinate in imposed.coordinates)
+    linear = all(isinstance(coordinate, LinearCoordinate) for coordinate in prescribed.coordinates)
     if linear and len(couplings) == len(mechanism.constraints) and independent(couplings):
-        return _follow_linear(mechanism, couplings, imposed, grid)
+        return _follow_linear(mechanism, couplings, prescribed, grid)
     from pinarm.engine.kinematics.continuation import (
         follow_branch,  # with all that loops need: open chains do not pay for it
     )
 
-    return follow_branch(mechanism, imposed, grid, _imposed_at_start(mechanism, imposed, grid, start))
+    return follow_branch(mechanism, prescribed, grid, _prescribed_at_start(mechanism, prescribed, grid, start))
 
 
-def joint_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
-    """Return the joints' velocities and accelerations at given states of the imposed coordinates.
+def joint_rates(
+    mechanism: Mechanism, prescribed: PrescribedCoordinates, q: Array, dw: Array, ddw: Array
+) -> tuple[Array, Array]:
+    """Return the joints' velocities and accelerations at given states of the prescribed coordinates.
 
     Args:
         mechanism: The mechanism.
-        imposed: As many coordinates as it has degrees of freedom.
+        prescribed: As many coordinates as it has degrees of freedom.
         q: Configurations, shape (n, nq).
         dw: Velocities of the coordinates, the same at every row, shape (k,).
         ddw: Their accelerations, shape (k,).
@@ -70,31 +74,31 @@ def joint_rates(mechanism: Mechanism, imposed: Imposed, q: Array, dw: Array, ddw
         return np.zeros((len(q), mechanism.model.nv)), np.zeros((len(q), mechanism.model.nv))
     from pinarm.engine.kinematics.continuation import branch_rates
 
-    return branch_rates(mechanism, imposed, q, dw, ddw)
+    return branch_rates(mechanism, prescribed, q, dw, ddw)
 
 
-def _imposed_at_start(mechanism: Mechanism, imposed: Imposed, grid: Grid, start: Array) -> Array:
+def _prescribed_at_start(mechanism: Mechanism, prescribed: PrescribedCoordinates, grid: Grid, start: Array) -> Array:
     """Return the start with the first values of laws that joints follow: from elsewhere the branch may be another."""
     begin, end, _ = grid.intervals()[0]
-    q, values = start.copy(), imposed.on(begin, end)(float(grid.t[0]))[0]
-    for name, w in zip(imposed.names, values, strict=True):
+    q, values = start.copy(), prescribed.on(begin, end)(float(grid.t[0]))[0]
+    for name, w in zip(prescribed.names, values, strict=True):
         if name in mechanism.joints:
             q[mechanism.joints[name].q] = w
     return q
 
 
 def _follow_linear(
-    mechanism: Mechanism, couplings: Sequence[Coupling], imposed: Imposed, grid: Grid
+    mechanism: Mechanism, couplings: Sequence[Coupling], prescribed: PrescribedCoordinates, grid: Grid
 ) -> tuple[Array, Array, Array]:
     """Solve for all instants at once: the rows are constant and there is no drift."""
-    linear = [c for c in imposed.coordinates if isinstance(c, LinearCoordinate)]
+    linear = [c for c in prescribed.coordinates if isinstance(c, LinearCoordinate)]
     rows = np.array([one.weights for one in [*(coupling.coordinate for coupling in couplings), *linear]])
     if len(rows) != mechanism.model.nv:
-        imposed.check_mobility(mechanism, pin.neutral(mechanism.model))
-    check_rank(rows, (*(coupling.name for coupling in couplings), *imposed.names), grid.t[0])
+        prescribed.check_mobility(mechanism, pin.neutral(mechanism.model))
+    check_rank(rows, (*(coupling.name for coupling in couplings), *prescribed.names), grid.t[0])
     still, n = np.zeros(len(grid.t)), len(grid.t)
     values: list[Values] = [(np.full(n, one.constant), still, still) for one in couplings]
-    values += [grid.evaluate(law) for law in imposed.laws]
+    values += [grid.evaluate(law) for law in prescribed.laws]
     solved = [np.linalg.solve(rows, np.array([value[k] for value in values])).T for k in range(3)]
     q = np.empty_like(solved[0])
     q[:, linear[0].places] = solved[0]

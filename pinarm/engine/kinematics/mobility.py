@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import Split
+from pinarm.engine.constraints.nullspace import RowDecomposition
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import looser
@@ -74,14 +74,14 @@ def mobility_of(mechanism: Mechanism, q: Array) -> Mobility:
     """Return what the constraints of a mechanism do at a closed configuration, shape (nq,)."""
     closure = mechanism.closure
     matrix = closure.rows(closure.state(q))
-    split, values = Split.of(matrix), closure.values_of(matrix)
+    split, values = RowDecomposition.of(matrix), closure.values_of(matrix)
     rank, rows = len(split.values), closure.size
     regularity = float(values[rank - 1] / values[0]) if rank else 1.0
     loosenings = _loosenings(closure, q, rows - rank, rank) if rows > rank else ()
     return Mobility(mechanism.model.nv, rows, rank, regularity, _undetermined(closure, split, q), loosenings)
 
 
-def _undetermined(closure: Closure, split: Split, q: Array) -> dict[str, list[str]]:
+def _undetermined(closure: Closure, split: RowDecomposition, q: Array) -> dict[str, list[str]]:
     """Return the components that self-stresses act on, of loop joints in frame 1, of tree joints in their own axes."""
     model, found, links = closure.model, dict[str, set[int]](), LinkPlacements.at(closure.model, q[None])
     stresses = (split.scale[:, None] * split.redundant).T
@@ -113,7 +113,7 @@ def _loosenings(closure: Closure, q: Array, degree: int, rank: int) -> tuple[Loo
             others = list(closure.constraints)
             others[index] = replace(joint, kind=kind, pair=pair)
             changed = Closure.of(closure.model, others)
-            left = Split.of(changed.rows(changed.state(q)))
+            left = RowDecomposition.of(changed.rows(changed.state(q)))
             if len(left.values) == rank and changed.size - rank < degree:
                 found.append(Loosening(joint.name, kind, changed.size - rank))
     return tuple(sorted(found, key=lambda one: (one.degree, one.joint, one.kind)))
@@ -126,10 +126,14 @@ def assembled_near(mechanism: Mechanism, start: dict[str, float]) -> Array:
         AssemblyError: The loops cannot be closed from there.
     """
     from pinarm.engine.kinematics.newton import assembled, start_configuration
-    from pinarm.engine.kinematics.prescribed import Imposed
+    from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 
     q = start_configuration(mechanism, start)
-    return assembled(mechanism.closure, Imposed((), (), ()), q, np.zeros(0), 0.0) if mechanism.closure.size else q
+    return (
+        assembled(mechanism.closure, PrescribedCoordinates((), (), ()), q, np.zeros(0), 0.0)
+        if mechanism.closure.size
+        else q
+    )
 
 
 def joint_kind(model: pin.Model, index: int) -> str:

@@ -1,6 +1,6 @@
-"""Newton's method on the constraints of a mechanism and the coordinates imposed on it, one configuration at a time.
+"""Newton's method on the constraints of a mechanism and its prescribed coordinates, one configuration at a time.
 
-With phi the constraints of loops and couplings, w the imposed coordinates and J the rows of both: ``phi(q) = 0`` and
+With phi the constraints of loops and couplings, w the prescribed coordinates and J the rows of both: ``phi(q) = 0`` and
 ``w(q) = w_d``, then ``J v = (0, w_d')`` and ``J a = (0, w_d'') - J' v``, exact to rounding. There may be more rows than
 unknowns where a loop is overconstrained. Nothing is differentiated numerically. Lengths are in the unit that suits the
 mechanism (``Closure.length``), so that it is solved alike at any size.
@@ -17,7 +17,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch, part_of_leap
-from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import AssemblyError
 from pinarm.mechanics.ball_joints import configuration
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -51,13 +51,13 @@ SMALLEST = 1e-9
 """Smallest part of a sample interval that the continuation takes at once: what lies beyond is out of reach."""
 
 
-def assembled(closure: Closure, imposed: Imposed, q: Array, w: Array, t: float) -> Array:
+def assembled(closure: Closure, prescribed: PrescribedCoordinates, q: Array, w: Array, t: float) -> Array:
     """Return the configuration near q in which the loops are closed and the coordinates have the values w, shape (k,).
 
     Raises:
         AssemblyError: There is none that damped steps reach; ``data`` holds the closest configuration and its gap.
     """
-    solver = Solver(closure, imposed)
+    solver = NewtonSolver(closure, prescribed)
     return solver.assemble(q, w, t) if solver.names else q
 
 
@@ -70,18 +70,18 @@ def start_configuration(mechanism: Mechanism, start: Mapping[str, float]) -> Arr
     return configuration(mechanism.model, mechanism.joints, mechanism.balls, start)
 
 
-class Solver:
-    """Newton's method on the constraints and the imposed coordinates of one mechanism."""
+class NewtonSolver:
+    """Newton's method on the constraints and the prescribed coordinates of one mechanism."""
 
-    def __init__(self, closure: Closure, imposed: Imposed) -> None:
+    def __init__(self, closure: Closure, prescribed: PrescribedCoordinates) -> None:
         self.closure, self.model = closure, closure.model
-        self.coordinates = imposed.coordinates
+        self.coordinates = prescribed.coordinates
         owners = self.closure.owners()
-        self.names = (*(constraint.name for constraint, _ in owners), *imposed.names)
+        self.names = (*(constraint.name for constraint, _ in owners), *prescribed.names)
         straight = [isinstance(one, Coupling) for one, _ in owners]
-        straight += [isinstance(one, LinearCoordinate) for one in imposed.coordinates]
+        straight += [isinstance(one, LinearCoordinate) for one in prescribed.coordinates]
         self.curved = ~np.array(straight, dtype=bool)
-        self.units = [*(one.unit(row) for one, row in owners), *(c.unit for c in imposed.coordinates)]
+        self.units = [*(one.unit(row) for one, row in owners), *(c.unit for c in prescribed.coordinates)]
         self.measure = closure.length ** np.array([float(one.dimension[0]) for one in self.units])
         self.scale = closure.scale
 
@@ -279,7 +279,7 @@ def check_rank(rows: Array, names: Sequence[str], t: float) -> None:
         tied = [name for name, weight in zip(names, weak, strict=True) if abs(weight) > 0.1]
         raise AssemblyError(
             f"the position is singular at {t:.9g}: the coordinates {', '.join(tied)} do not move independently there",
-            expected="imposed coordinates that determine the velocity of every joint",
+            expected="prescribed coordinates that determine the velocity of every joint",
             hint="a motion that keeps clear of the straight or folded position, or other coordinates",
             t=t,
         )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.nullspace import Split
+from pinarm.engine.constraints.nullspace import RowDecomposition
 from pinarm.errors import InputError
 from pinarm.mechanics.ball_joints import ball_coordinates
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Imposed:
+class PrescribedCoordinates:
     """Coordinates with the laws that they follow.
 
     Attributes:
@@ -34,20 +34,20 @@ class Imposed:
     laws: tuple[MotionLaw, ...]
 
     @classmethod
-    def of(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> Imposed:
-        """Return the imposed coordinates of a mechanism all of whose joints are to follow.
+    def of(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> PrescribedCoordinates:
+        """Return the prescribed coordinates of a mechanism all of whose joints are to follow.
 
         Raises:
             InputError: A coordinate does not exist, or there are too few or too many.
         """
         coordinates = tuple(mechanism.coordinate(name) for name in motion)
-        imposed = cls(tuple(motion), coordinates, tuple(motion.values()))
-        imposed._check_count(mechanism)
-        return imposed
+        prescribed = cls(tuple(motion), coordinates, tuple(motion.values()))
+        prescribed._check_count(mechanism)
+        return prescribed
 
     @classmethod
-    def some(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> Imposed:
-        """Return imposed coordinates that leave others free.
+    def some(cls, mechanism: Mechanism, motion: Mapping[str, MotionLaw]) -> PrescribedCoordinates:
+        """Return prescribed coordinates that leave others free.
 
         Raises:
             InputError: A coordinate does not exist, or nothing is left free.
@@ -72,7 +72,7 @@ class Imposed:
             InputError: Says which could be added, or how many are too many.
         """
         closure = mechanism.closure
-        mobility = Split.of(closure.rows(closure.state(q))).free.shape[1]
+        mobility = RowDecomposition.of(closure.rows(closure.state(q))).free.shape[1]
         if len(self.names) != mobility:
             raise self._miscounted(mechanism, mobility)
 
@@ -91,11 +91,11 @@ class Imposed:
             expected=f"{mobility} of {', '.join(self.names)}" if mobility else "a mechanism that can move",
         )
 
-    def linear_last(self) -> tuple[Imposed, int]:
+    def linear_last(self) -> tuple[PrescribedCoordinates, int]:
         """Return the same coordinates with those of joints, and sums of them, last; and how many others there are."""
         is_linear = [isinstance(one, LinearCoordinate) for one in self.coordinates]
         places = sorted(range(len(is_linear)), key=is_linear.__getitem__)
-        ordered = Imposed(
+        ordered = PrescribedCoordinates(
             tuple(self.names[k] for k in places),
             tuple(self.coordinates[k] for k in places),
             tuple(self.laws[k] for k in places),

@@ -33,7 +33,7 @@ AHEAD = 0.25
 
 
 @dataclass(frozen=True)
-class Standstill:
+class UndeterminedRest:
     """Where a motion is not determined.
 
     Attributes:
@@ -45,7 +45,7 @@ class Standstill:
     regularity: float
 
 
-def undetermined_rest(closure: Closure, motion: SegmentedMotion) -> Standstill | None:
+def undetermined_rest(closure: Closure, motion: SegmentedMotion) -> UndeterminedRest | None:
     """Return the first instant at which a motion is slow next to a singular position.
 
     It may begin at rest beside one, as long as it is not there to rounding: the start itself tells the branch.
@@ -67,7 +67,7 @@ def undetermined_rest(closure: Closure, motion: SegmentedMotion) -> Standstill |
         usual = usual or _Usual.of(closure, segments)
         regularity = usual.regularity(q)
         if regularity < least:
-            return Standstill(t, regularity)
+            return UndeterminedRest(t, regularity)
         looked = t + AHEAD * regularity / fastest
     return None
 

@@ -15,10 +15,10 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import Split
+from pinarm.engine.constraints.nullspace import RowDecomposition
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
-from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.mechanics.coordinates import LinearCoordinate
 
 RESTING = 1e-6
@@ -68,13 +68,13 @@ class Contacts:
     """The stops of a mechanism.
 
     Attributes:
-        closure: Constraints of the mechanism, without the imposed coordinates.
-        imposed: Coordinates that follow laws.
+        closure: Constraints of the mechanism, without the prescribed coordinates.
+        prescribed: Coordinates that follow laws.
         bounds: The stops.
     """
 
     closure: Closure
-    imposed: Imposed
+    prescribed: PrescribedCoordinates
     bounds: Sequence[Bound]
 
     def near(self, q: Array) -> list[int]:
@@ -95,14 +95,14 @@ class Contacts:
 
     def _nearest(self, t: float, q: Array, v: Array, back: dict[int, float]) -> Array:
         """Return the velocity nearest to v with the given ones at stops, without those that would pull."""
-        rows = self.closure.with_guides(self.imposed.names, self.imposed.coordinates)
+        rows = self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
         model = rows.model
         mass = mass_matrix(model, q)
         own = rows.rows(rows.state(q))
-        target = np.concatenate([np.zeros(self.closure.size), self.imposed.on(t, t)(t)[1]])
+        target = np.concatenate([np.zeros(self.closure.size), self.prescribed.on(t, t)(t)[1]])
         while True:
             normals = np.eye(model.nv)[[self.bounds[k].joint for k in back]]
-            split = Split.of(np.vstack([own, normals]))
+            split = RowDecomposition.of(np.vstack([own, normals]))
             after = solve(split, mass, mass @ v, np.concatenate([target, list(back.values())]))
             impulses = split.multipliers(mass @ (after - v))[len(own) :]
             pushes = {k: self.bounds[k].side * impulse for k, impulse in zip(back, impulses, strict=True)}

@@ -22,7 +22,7 @@ from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import Interval, Method, Solution, StepsOver
 from pinarm.engine.integration.methods.explicit import FixedStep
-from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.end_stops import RESTING, Bound, Contacts
 from pinarm.engine.motion.segments import MotionSegment, SegmentedMotion
 from pinarm.engine.motion.systems import Initial, System, system_of
@@ -52,7 +52,7 @@ class HybridSystem:
     Attributes:
         closure: Constraints of the mechanism.
         dynamics: Its equation of motion with all the forces of the run.
-        imposed: Coordinates with laws.
+        prescribed: Coordinates with laws.
         initial: The initial state.
         time: First and last instant [s].
         bounds: End stops.
@@ -63,7 +63,7 @@ class HybridSystem:
 
     closure: Closure
     dynamics: Dynamics
-    imposed: Imposed
+    prescribed: PrescribedCoordinates
     initial: Initial
     time: tuple[float, float]
     bounds: tuple[Bound, ...]
@@ -76,25 +76,25 @@ class HybridSystem:
         """Return what is integrated while joints rest on the given stops.
 
         Raises:
-            InputError: The imposed coordinates cannot be prescribed independently.
+            InputError: The prescribed coordinates cannot be prescribed independently.
         """
         if held not in self._systems:
             self._systems[held] = self._resting(held) if held else system_of(
-                self.closure, self.dynamics, self.imposed, self.initial)  # fmt: skip
+                self.closure, self.dynamics, self.prescribed, self.initial)  # fmt: skip
         return self._systems[held]
 
     def _resting(self, held: Held) -> System:
         bounds = [self.bounds[k] for k in sorted(held)]
-        imposed = Imposed(
-            (*self.imposed.names, *(one.name for one in bounds)),
-            (*self.imposed.coordinates, *(one.coordinate for one in bounds)),
-            (*self.imposed.laws, *(Constant(value=one.limit) for one in bounds)),
+        prescribed = PrescribedCoordinates(
+            (*self.prescribed.names, *(one.name for one in bounds)),
+            (*self.prescribed.coordinates, *(one.coordinate for one in bounds)),
+            (*self.prescribed.laws, *(Constant(value=one.limit) for one in bounds)),
         )
-        return ConstrainedSystem.of(self.closure, self.dynamics, imposed)
+        return ConstrainedSystem.of(self.closure, self.dynamics, prescribed)
 
     def grid(self, t: Array, seams: Iterable[float] = ()) -> Grid:
         """Return the grid of given instants, cut where a law or the motion jumps."""
-        laws = [*self.imposed.laws, *(law for force in self.dynamics.forces.values() for law in force.laws())]
+        laws = [*self.prescribed.laws, *(law for force in self.dynamics.forces.values() for law in force.laws())]
         return Grid.cover(t, laws, seams)
 
     def grid_of_each(self, t: Array) -> Grid:
@@ -110,7 +110,7 @@ class HybridSystem:
     @cached_property
     def contacts(self) -> Contacts:
         """Return the stops at work."""
-        return Contacts(self.closure, self.imposed, self.bounds)
+        return Contacts(self.closure, self.prescribed, self.bounds)
 
     def begin(self, initial: Initial) -> tuple[Array, Array]:
         """Return an initial state of the mechanism, assembled.

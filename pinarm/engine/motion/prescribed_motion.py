@@ -12,7 +12,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.joint_motion import follow, joint_rates
-from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.outcome import Outcome, positions_by_interval
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
 KINEMATIC = "the problem is kinematic and asks for no forces"
 
 Rates = tuple[Array, Array]
-"""Velocities and accelerations of the imposed coordinates, each of shape (k,)."""
+"""Velocities and accelerations of the prescribed coordinates, each of shape (k,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Prescription:
-    """What is imposed on a mechanism, and what carries the load.
+    """What a mechanism has to follow, and what carries the load.
 
     Attributes:
         mechanism: The mechanism.
-        imposed: Coordinates and their laws over the parameter.
+        prescribed: Coordinates and their laws over the parameter.
         drives: What carries the load; ``None`` where only the motion is wanted.
         dynamics: The equation of motion with all forces of the run.
         parameter: Name of what runs along the rows.
@@ -44,7 +44,7 @@ class Prescription:
     """
 
     mechanism: Mechanism
-    imposed: Imposed
+    prescribed: PrescribedCoordinates
     drives: Actuation | None
     dynamics: Dynamics
     parameter: str
@@ -67,9 +67,9 @@ class Prescription:
     def states(self, grid: Grid, near: Array) -> Trajectory:
         """Return the states at the rows of a grid, on the branch of a configuration near the first one."""
         mechanism, t = self.mechanism, grid.t
-        q, v, a = follow(mechanism, self.imposed, grid, near)
+        q, v, a = follow(mechanism, self.prescribed, grid, near)
         if self.rates is not None:
-            v, a = joint_rates(mechanism, self.imposed, q, *self.rates)
+            v, a = joint_rates(mechanism, self.prescribed, q, *self.rates)
         lam = Multipliers.zero(len(q), mechanism.closure.size)
         closure = self.drives.closure if self.drives else mechanism.closure
         rows = Trajectory(
@@ -85,10 +85,10 @@ class Prescription:
 
 @dataclass(frozen=True, eq=False)
 class PrescribedMotion:
-    """An imposed motion that has been solved at some values of its parameter.
+    """A prescribed motion that has been solved at some values of its parameter.
 
     Attributes:
-        prescription: What is imposed.
+        prescription: What is prescribed.
         cuts: Bounds of the intervals between jumps.
         t: Values of the parameter at which it has been solved, shape (n,).
         q: Configurations there, shape (n, nq): they tell the branch in their neighbourhood.

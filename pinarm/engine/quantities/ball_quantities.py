@@ -20,7 +20,7 @@ PARTS = (*(f"quaternion.{axis}" for axis in "xyzw"), *ANGLES,
 """What can be asked of a ball joint, beside the wrench that every joint transmits."""
 
 
-def turning(run: Trajectory, ball: Ball, name: str, part: str) -> Series | None:
+def ball_quantity(run: Trajectory, ball: Ball, name: str, part: str) -> Series | None:
     """Return a quantity of a ball joint by its name, ``None`` where there is none of this name.
 
     Args:

@@ -12,7 +12,7 @@ from pinarm.errors import InputError
 
 
 @dataclass(frozen=True)
-class Leading:
+class LeadingAxes:
     """The leading axes of the arrays of one call.
 
     Attributes:
@@ -22,7 +22,7 @@ class Leading:
     shape: tuple[int, ...]
 
     @classmethod
-    def fold(cls, **given: tuple[ArrayLike, int]) -> tuple[Leading, list[Array]]:
+    def fold(cls, **given: tuple[ArrayLike, int]) -> tuple[LeadingAxes, list[Array]]:
         """Return the leading axes that arrays share, and the arrays as rows, each of shape (n, width).
 
         Args:

@@ -45,9 +45,9 @@ from pinarm.arrays import Array
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.ball_quantities import PARTS as BALL_PARTS
-from pinarm.engine.quantities.ball_quantities import turning
+from pinarm.engine.quantities.ball_quantities import ball_quantity
 from pinarm.engine.quantities.reactions import Reactions
-from pinarm.engine.quantities.row_kinematics import Passes
+from pinarm.engine.quantities.row_kinematics import RowKinematics
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices
 from pinarm.input.formulas.expressions import Expression
@@ -97,9 +97,9 @@ class Quantities:
         return self.reactions.figures() if "reactions" in vars(self) else {}
 
     @cached_property
-    def passes(self) -> Passes:
+    def passes(self) -> RowKinematics:
         """What is computed row by row, kept once computed."""
-        return Passes(self.trajectory)
+        return RowKinematics(self.trajectory)
 
     def __getitem__(self, name: str) -> Series:
         """Return a quantity by its name, a symbol, or a formula of them.
@@ -245,7 +245,7 @@ class Quantities:
         mechanism, part = self.trajectory.mechanism, ".".join(words[1:2])
         ball = mechanism.balls.get(words[0])
         if ball is not None:
-            series = turning(self.trajectory, ball, name, ".".join(words[1:]))
+            series = ball_quantity(self.trajectory, ball, name, ".".join(words[1:]))
             return self._transmitted(name, words, ball.index) if series is None else series
         joint = mechanism.joints.get(words[0])
         if joint is None or len(words) < 2:

@@ -1,4 +1,4 @@
-"""Passes over the rows of a trajectory: what needs the kinematics or dynamics of every row, computed once."""
+"""Kinematics, energies and momenta at all rows of a trajectory, each computed once when it is first asked for."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import frame_of
 
 
-class Passes:
+class RowKinematics:
     """Arrays over the rows of one trajectory, kept once computed.
 
     Args:

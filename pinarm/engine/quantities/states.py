@@ -11,13 +11,13 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.constraints.batch_jacobians import BLOCK, Measures
+from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.quantities.broadcasting import Leading
+from pinarm.engine.quantities.broadcasting import LeadingAxes
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.engine.statics.actuation import actuation, everywhere
@@ -48,7 +48,7 @@ class States:
     """
 
     rows: Quantities
-    leading: Leading
+    leading: LeadingAxes
 
     def __getitem__(self, name: str) -> Series:
         """Return a quantity by its name, a symbol, or a formula, its values with the leading axes of the states.
@@ -127,7 +127,7 @@ def quantities(
     if a is not None and tau is not None:
         raise InputError("accelerations and efforts are given", expected="one of them: the other one follows")
     rates = {name: (x, nv) for name, x in (("v", v), ("a", a), ("tau", tau)) if x is not None}
-    leading, rows = Leading.fold(q=(q, nq), **rates)
+    leading, rows = LeadingAxes.fold(q=(q, nq), **rates)
     _check_unit(mechanism, leading, rows[0])
     named = dict(zip(("q", *rates), rows, strict=True))
     found = _quantities(mechanism, leading, named, drives, t)
@@ -135,7 +135,7 @@ def quantities(
 
 
 def _quantities(
-    mechanism: Mechanism, leading: Leading, given: Mapping[str, Array], drives: Sequence[str], t: float
+    mechanism: Mechanism, leading: LeadingAxes, given: Mapping[str, Array], drives: Sequence[str], t: float
 ) -> Quantities:
     """Return the quantities of rows of states: q, and what is given of v, a and tau."""
     q, still = given["q"], np.zeros((len(given["q"]), mechanism.model.nv))
@@ -167,7 +167,7 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
         raise InputError(f"the joints of this mechanism are tied by {names}", expected="drives that carry the load",
                          hint="inverse(q, v, a, drives=[...])")  # fmt: skip
     nv = mechanism.model.nv
-    leading, (q, v, a) = Leading.fold(q=(q, mechanism.model.nq), v=(v, nv), a=(a, nv))
+    leading, (q, v, a) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), a=(a, nv))
     _check_unit(mechanism, leading, q)
     demand = mechanism.dynamics.on(t, np.nextafter(t, np.inf)).inverse(t, q, v, a)
     _check_closed(mechanism.closure, leading, q, v, a)
@@ -178,14 +178,14 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
     """Return the accelerations under efforts; see ``Mechanism.forward``."""
     dynamics, nv = mechanism.dynamics.on(t, np.nextafter(t, np.inf)), mechanism.model.nv
     given = {} if tau is None else {"tau": (tau, nv)}
-    leading, (q, v, *efforts) = Leading.fold(q=(q, mechanism.model.nq), v=(v, nv), **given)
+    leading, (q, v, *efforts) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), **given)
     _check_unit(mechanism, leading, q)
     a = _forward(dynamics, mechanism.closure, t, q, v, efforts[0] if efforts else np.zeros_like(v))
     _check_closed(mechanism.closure, leading, q, v, a)
     return leading.unfold(a)
 
 
-def _check_unit(mechanism: Mechanism, leading: Leading, q: Array) -> None:
+def _check_unit(mechanism: Mechanism, leading: LeadingAxes, q: Array) -> None:
     """Raise where a quaternion has not the length 1.
 
     Raises:
@@ -203,7 +203,7 @@ def _forward(dynamics: Dynamics, closure: Closure, t: float, q: Array, v: Array,
     return accelerations(dynamics, closure, t, q, v, tau) if closure.size else dynamics.forward(t, q, v, tau)
 
 
-def _check_closed(closure: Closure, leading: Leading, q: Array, v: Array, a: Array) -> None:
+def _check_closed(closure: Closure, leading: LeadingAxes, q: Array, v: Array, a: Array) -> None:
     """Raise where a state tears a loop or a coupling.
 
     Raises:
@@ -229,7 +229,7 @@ def _check_closed(closure: Closure, leading: Leading, q: Array, v: Array, a: Arr
 
 def _suspects(closure: Closure, q: Array, v: Array, a: Array) -> Iterator[int]:
     """Yield the rows that may tear a loop or a coupling: those beyond half of what typed digits explain."""
-    measures = closure.measures
+    measures = closure.batch_jacobians
     if measures is None:
         yield from range(len(q))
         return
@@ -241,7 +241,7 @@ def _suspects(closure: Closure, q: Array, v: Array, a: Array) -> Iterator[int]:
         )
 
 
-def _torn(measures: Measures, q: Array, v: Array, a: Array) -> Flags:
+def _torn(measures: BatchJacobians, q: Array, v: Array, a: Array) -> Flags:
     """Return which configurations, velocities and accelerations, each of shape (nv, n), are suspect, shape (n,)."""
     measured, torn = measures.at(q), np.zeros(q.shape[1], dtype=bool)
     for x in measured.gap():
@@ -271,9 +271,9 @@ def to_pinocchio(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None) -> tup
     return leading.unfold(positions), leading.unfold(velocities)
 
 
-def _states(q: ArrayLike, v: ArrayLike | None, nq: int, nv: int) -> tuple[Leading, list[Array]]:
+def _states(q: ArrayLike, v: ArrayLike | None, nq: int, nv: int) -> tuple[LeadingAxes, list[Array]]:
     """Return the leading axes of q and v, and both as rows; velocities that are left out are 0."""
     if v is None:
-        leading, (rows,) = Leading.fold(q=(q, nq))
+        leading, (rows,) = LeadingAxes.fold(q=(q, nq))
         return leading, [rows, np.zeros((len(rows), nv))]
-    return Leading.fold(q=(q, nq), v=(v, nv))
+    return LeadingAxes.fold(q=(q, nq), v=(v, nv))

@@ -47,7 +47,7 @@ class Actuation(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class EveryJoint:
+class DriveAtEveryJoint:
     """A drive at every joint of an open chain: each joint's demand is its effort.
 
     Attributes:
@@ -62,7 +62,7 @@ class EveryJoint:
 
 
 @dataclass(frozen=True, eq=False)
-class EveryLeader:
+class DriveAtEveryLeader:
     """A drive at every joint that mimics no other: it carries what those that mimic it demand, too.
 
     With f the followers, l the leaders, and W = (W_f W_l) the rows of the couplings,
@@ -90,21 +90,21 @@ class EveryLeader:
         return tau, Multipliers.known(lam, self.closure.size)
 
 
-def actuation(mechanism: Mechanism, drives: Sequence[str], imposed: Sequence[str]) -> Actuation:
+def actuation(mechanism: Mechanism, drives: Sequence[str], prescribed: Sequence[str]) -> Actuation:
     """Return the drives of a run.
 
     Args:
         mechanism: The mechanism.
         drives: Names of the coordinates that drives act along. Where none is named every joint of an open chain has
-            a drive, but for those that mimic others, and a mechanism with loops one along every imposed coordinate.
-        imposed: Names of the coordinates that follow laws.
+            a drive, but for those that mimic others, and a mechanism with loops one along every prescribed coordinate.
+        prescribed: Names of the coordinates that follow laws.
 
     Raises:
         InputError: A coordinate does not exist, or is named twice.
     """
     if not drives and (every := everywhere(mechanism)) is not None:
         return every
-    names = list(drives) or list(imposed)
+    names = list(drives) or list(prescribed)
     if len(set(names)) < len(names):
         raise InputError(f"a drive is named twice in {', '.join(names)}", expected="one drive along each coordinate")
     found: dict[str, Coordinate] = {name: mechanism.coordinate(name) for name in names}
@@ -112,19 +112,19 @@ def actuation(mechanism: Mechanism, drives: Sequence[str], imposed: Sequence[str
     others = {name: one for name, one in found.items() if name not in linear}
     closure = mechanism.closure.with_guides(list(others), list(others.values()))
     from pinarm.engine.statics.selected_drives import (
-        NamedDrives,  # with all that loops need: open chains do not pay for it
+        SelectedDrives,  # with all that loops need: open chains do not pay for it
     )
 
-    return NamedDrives(linear, others, mechanism.closure, closure)
+    return SelectedDrives(linear, others, mechanism.closure, closure)
 
 
 def everywhere(mechanism: Mechanism) -> Actuation | None:
     """Return drives at every joint that mimics no other; ``None`` where loops or gears leave fewer joints to drive."""
     constraints, closure = mechanism.constraints, mechanism.closure
     if not constraints:
-        return EveryJoint(closure)
+        return DriveAtEveryJoint(closure)
     followers = followers_of(constraints)
-    return None if followers is None else EveryLeader(closure, followers)
+    return None if followers is None else DriveAtEveryLeader(closure, followers)
 
 
 def followers_of(constraints: Sequence[Constraint]) -> Indices | None:

@@ -10,11 +10,11 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import Split
+from pinarm.engine.constraints.nullspace import RowDecomposition
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kinematics.newton import assembled
-from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.statics.stiffness import ZERO, Modes, force, slope, stiffness
 from pinarm.errors import AssemblyError, InputError, Key, within
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -65,7 +65,7 @@ class Equilibrium:
 
 
 @dataclass(frozen=True, eq=False)
-class Balance:
+class ForceBalance:
     """The generalised force of one mechanism at rest, along the motions that loops and held coordinates leave free.
 
     Attributes:
@@ -79,13 +79,13 @@ class Balance:
 
     mechanism: Mechanism
     dynamics: Dynamics
-    held: Imposed
+    held: PrescribedCoordinates
     rows: Closure
     closure: Closure
     turns: Array
 
     @classmethod
-    def of(cls, mechanism: Mechanism, forces: Mapping[str, ForceElement], held: Mapping[str, float]) -> Balance:
+    def of(cls, mechanism: Mechanism, forces: Mapping[str, ForceElement], held: Mapping[str, float]) -> ForceBalance:
         """Return the balance of a mechanism under constant loads, some coordinates held.
 
         Raises:
@@ -98,12 +98,12 @@ class Balance:
         if len(held) + min(mechanism.closure.size, 1) >= model.nv:
             raise InputError("every coordinate is held: nothing is left to balance", hint="kind: statics")
         laws = tuple(Constant(value=float(value)) for value in held.values())
-        imposed, others = Imposed(tuple(held), tuple(coordinates), laws).linear_last()
+        prescribed, others = PrescribedCoordinates(tuple(held), tuple(coordinates), laws).linear_last()
         own = mechanism.closure
         return cls(
-            mechanism, Dynamics.of(model, forces).on(0.0, 1.0), imposed,
-            own.with_guides(imposed.names, imposed.coordinates),
-            own.with_guides(imposed.names[:others], imposed.coordinates[:others]),
+            mechanism, Dynamics.of(model, forces).on(0.0, 1.0), prescribed,
+            own.with_guides(prescribed.names, prescribed.coordinates),
+            own.with_guides(prescribed.names[:others], prescribed.coordinates[:others]),
             np.array([float(joint.unit != METRE) for joint in mechanism.joints.values()]),
         )  # fmt: skip
 
@@ -116,9 +116,9 @@ class Balance:
         values = np.array([float(law.value) for law in self.held.laws if isinstance(law, Constant)])
         return assembled(self.mechanism.closure, self.held, q, values, 0.0)
 
-    def split(self, q: Array) -> Split:
+    def split(self, q: Array) -> RowDecomposition:
         """Return the rows of what is held, taken apart at a configuration."""
-        return Split.of(self.rows.rows(self.rows.state(q)))
+        return RowDecomposition.of(self.rows.rows(self.rows.state(q)))
 
     def basis(self, q: Array, like: Array | None = None) -> Array:
         """Return the free motions at q, shape (nv, nu): orthonormal, and turned to those of another configuration.

@@ -23,7 +23,7 @@ WEAK = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class NamedDrives:
+class SelectedDrives:
     """Drives along some coordinates; the other joints are passive.
 
     Attributes:

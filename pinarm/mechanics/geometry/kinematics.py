@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +12,7 @@ from pinarm.arrays import Array
 from pinarm.mechanics.geometry.buffers import give_back, take
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(eq=False, slots=True)  # frozen would take a microsecond more: integrators evaluate many
 class Kinematics:
     """A state (q, v) of a tree of links, evaluated by forward kinematics; accelerations are those for ``a = 0``.
 
@@ -39,7 +40,7 @@ class Kinematics:
             q: Configuration, shape (nq,).
             v: Velocity, shape (nv,).
         """
-        data, at_rest = take(model), np.zeros(model.nv)
+        data, at_rest = take(model), _zeros(model.nv)
         velocity = at_rest if v is None else v
         pin.computeJointJacobians(model, data, q)
         pin.forwardKinematics(model, data, q, velocity, at_rest)
@@ -49,3 +50,11 @@ class Kinematics:
     def __del__(self) -> None:
         """Let another state have the buffers."""
         give_back(self.model, self.data)
+
+
+@cache
+def _zeros(nv: int) -> Array:
+    """Return a velocity of 0, shape (nv,), to be read only."""
+    zeros = np.zeros(nv)
+    zeros.flags.writeable = False
+    return zeros

@@ -24,7 +24,7 @@ from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.laws import Constant, Over
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.problems.declaration import Declaration
-from pinarm.problems.imposed_laws import laws_of
+from pinarm.problems.prescribed_laws import laws_of
 from pinarm.problems.simplify.model_reduction import Removed
 
 ABSENT = 1e-12
@@ -98,9 +98,9 @@ class KnownMotion:
         return still if len(still) == len(followers & set().union(*still.values())) else {}
 
     @cached_property
-    def imposed(self) -> dict[str, Coordinate]:
+    def prescribed(self) -> dict[str, Coordinate]:
         """Coordinates that the question makes follow laws, or go through a range."""
-        return {name: self.mechanism.coordinates[name] for name in self.declared.imposed}
+        return {name: self.mechanism.coordinates[name] for name in self.declared.prescribed}
 
     @cached_property
     def watched(self) -> dict[str, Coordinate]:
@@ -112,13 +112,15 @@ class KnownMotion:
     @cached_property
     def guided(self) -> set[str]:
         """Coordinates of a task along which drives may act: these load every joint before the link that they move."""
-        drives = self.declared.drives or ([] if followers_of(self.mechanism.constraints) is not None else self.imposed)
+        drives = self.declared.drives or (
+            [] if followers_of(self.mechanism.constraints) is not None else self.prescribed
+        )
         return {name for name in drives if not isinstance(self.mechanism.coordinates[name], LinearCoordinate)}
 
     @cached_property
     def shared_efforts(self) -> set[int]:
         """Joints whose effort is not simply what the motion asks at them: others share in it."""
-        sums = [one for one in self.imposed.values() if isinstance(one, LinearCoordinate) and one.joint is None]
+        sums = [one for one in self.prescribed.values() if isinstance(one, LinearCoordinate) and one.joint is None]
         found = set().union(*(self.joints_of(one.weights) for one in sums))
         found |= set().union(*(self._joints_moving(self.mechanism.coordinates[name]) for name in self.guided))
         for name, rows in self.mechanism.closure.slices().items():
@@ -133,7 +135,7 @@ class KnownMotion:
         stay |= {mechanism.joints[name].v for name in requested if name in mechanism.joints}
         for one in self.watched.values():
             stay |= self._joints_moving(one) - (set() if isinstance(one, LinearCoordinate) else set(self.stationary))
-        for one in self.imposed.values():
+        for one in self.prescribed.values():
             if not isinstance(one, LinearCoordinate):
                 stay |= self._joints_moving(one) - set(self.stationary)
         while torn := [joints for joints in self.stationary_couplings.values() if joints & stay and not joints <= stay]:
@@ -198,7 +200,7 @@ def removable(
     dropped = known.droppable(stay, () if known.declared.massless else stay) if single else {}
     settled = [name for name, joints in known.stationary_couplings.items() if not joints & stay]
     gone = {*locked, *dropped}
-    left = [one for one in known.imposed.values() if not (isinstance(one, LinearCoordinate) and one.joint in gone)]
+    left = [one for one in known.prescribed.values() if not (isinstance(one, LinearCoordinate) and one.joint in gone)]
     if not (stay and gone and (left or known.declared.integrated) and _has_same_drives(known, settled)):
         return None
     geared = set().union(*(joints for name, joints in known.stationary_couplings.items() if name not in settled))
@@ -209,12 +211,12 @@ def removable(
 def _is_reducible(known: KnownMotion) -> bool:
     """Tell whether joints can be removed at all."""
     drives = set(known.declared.drives)
-    if drives and drives != set(known.imposed):
+    if drives and drives != set(known.prescribed):
         return False
     if not known.declared.integrated:
         return True
     # integrated with loops, the error of a step is measured over all coordinates: fewer of them take other steps
-    straight = all(isinstance(one, LinearCoordinate) for one in known.imposed.values())
+    straight = all(isinstance(one, LinearCoordinate) for one in known.prescribed.values())
     couplings = [one for one in known.mechanism.constraints if isinstance(one, Coupling)]
     return straight and len(couplings) == len(known.mechanism.constraints) and independent(couplings)
 
@@ -225,4 +227,4 @@ def _has_same_drives(known: KnownMotion, settled: Collection[str]) -> bool:
     left = [one for one in constraints if one.name not in settled]
     if known.declared.drives or (followers_of(left) is None) == (followers_of(constraints) is None):
         return True
-    return all(isinstance(one, LinearCoordinate) and one.joint is not None for one in known.imposed.values())
+    return all(isinstance(one, LinearCoordinate) and one.joint is not None for one in known.prescribed.values())

@@ -15,7 +15,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import power_balance
-from pinarm.engine.checks.residuals import table_figures
+from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.mechanism import Mechanism, mechanism_document, read_mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
@@ -288,7 +288,7 @@ class Scenario:
         Raises:
             NumericsError: It is not finite.
         """
-        measured = {**solved.figures, **power_balance(solved.rows), **table_figures(solved.rows, solved.motion)}
+        measured = {**solved.figures, **power_balance(solved.rows), **residual_figures(solved.rows, solved.motion)}
         removals = self.simplification.removals if solved is not whole else ()
         result = replace(self.result(whole), figures=measured, removals=removals)
         for index, name in enumerate(self.content.outputs):

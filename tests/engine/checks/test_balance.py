@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pinarm.engine.checks.balance import Account, energy_balance, power_balance
+from pinarm.engine.checks.balance import EnergyAccount, energy_balance, power_balance
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Interval
@@ -149,14 +149,14 @@ class TestEnergyBalance:
         pairs = list(itertools.pairwise(bounds))
         intervals = [Interval(low, high, whole.on(low, high).acceleration()) for low, high in pairs]
         solution = integrate(intervals, whole.manifold, np.array([0.4, 0.0]), np.array([0.0, 3.0]), Adaptive(1e-10))
-        assert energy_balance(Account(solution, [whole.on(*pair) for pair in pairs]))["energy"] < 1e-8
-        assert energy_balance(Account(solution, [less.on(*pair) for pair in pairs]))["energy"] > 1e-4
+        assert energy_balance(EnergyAccount(solution, [whole.on(*pair) for pair in pairs]))["energy"] < 1e-8
+        assert energy_balance(EnergyAccount(solution, [less.on(*pair) for pair in pairs]))["energy"] > 1e-4
 
     def test_a_wrong_law_of_motion_shows(self, arm):
         honest = arm.dynamics.acceleration()
         skewed = Interval(0.0, 2.0, lambda t, q, v: honest(t, q, v) * (1 + 1e-6))
         solution = integrate([skewed], arm.dynamics.manifold, np.array([0.4, 0.0]), np.zeros(2), Adaptive(1e-12))
-        assert energy_balance(Account(solution, [arm.dynamics]))["energy"] > 1e-8
+        assert energy_balance(EnergyAccount(solution, [arm.dynamics]))["energy"] > 1e-8
 
     def test_free_motion_keeps_its_energy(self, arm):
         time = TimeGrid(end=5.0, samples=5)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space, orth
 
-from pinarm.engine.constraints.nullspace import Split, Splits
+from pinarm.engine.constraints.nullspace import RowDecomposition, RowDecompositions
 
 GENERATOR = np.random.default_rng(11)
 NV = 7
@@ -24,7 +24,7 @@ def masses() -> np.ndarray:
 @pytest.mark.parametrize(("rank", "m"), [(3, 3), (3, 5), (7, 9), (0, 0)])
 def test_free_and_redundant_are_the_null_spaces(rank: int, m: int) -> None:
     rows = rows_of(rank, m) if m else np.zeros((0, NV))
-    split = Split.of(rows)
+    split = RowDecomposition.of(rows)
     assert split.free.shape == (NV, NV - rank)
     if m:
         scaled = split.scale[:, None] * rows
@@ -45,7 +45,7 @@ def test_the_motion_is_that_of_the_whole_system_of_equations(rank: int, m: int) 
     scaled = scale[:, None] * rows
     system = np.block([[mass, -scaled.T], [scaled, np.zeros((m, m))]])
     solution = np.linalg.lstsq(system, np.concatenate([force, scale * right]), rcond=1e-12)[0]
-    assert Split.of(rows).solve(mass, force, right) == pytest.approx(solution[:NV], abs=1e-9)
+    assert RowDecomposition.of(rows).solve(mass, force, right) == pytest.approx(solution[:NV], abs=1e-9)
 
 
 @pytest.mark.parametrize("m", [3, 5])
@@ -53,15 +53,15 @@ def test_multipliers_are_the_least_that_hold_a_force(m: int) -> None:
     rows = rows_of(3, m)
     force = rows.T @ (GENERATOR.normal(size=m) / np.linalg.norm(rows, axis=1))
     least = np.linalg.lstsq(rows.T, force, rcond=1e-12)[0]
-    assert Split.of(rows).multipliers(force) == pytest.approx(least, abs=1e-9 * np.abs(least).max())
+    assert RowDecomposition.of(rows).multipliers(force) == pytest.approx(least, abs=1e-9 * np.abs(least).max())
 
 
 def test_many_configurations_are_each_as_alone_whatever_their_rank() -> None:
     rows = np.array([rows_of(rank, 4) for rank in (4, 2, 4, 3, 2)])
     mass, force = np.array([masses() for _ in rows]), GENERATOR.normal(size=(5, NV))
     right = np.matvec(rows, GENERATOR.normal(size=(5, NV)))
-    together = Splits.of(rows)
+    together = RowDecompositions.of(rows)
     assert sorted(len(k) for k, _ in together.parts) == [1, 2, 2]
     found = together.solve(mass, force, right)
     for k in range(5):
-        assert found[k] == pytest.approx(Split.of(rows[k]).solve(mass[k], force[k], right[k]), abs=1e-10)
+        assert found[k] == pytest.approx(RowDecomposition.of(rows[k]).solve(mass[k], force[k], right[k]), abs=1e-10)

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.engine.dynamics.configuration_space import JointSpace
+from pinarm.engine.dynamics.configuration_space import ConfigurationSpace
 
 
 class TestJointSpace:
@@ -13,7 +13,7 @@ class TestJointSpace:
         model = pin.Model()
         ball = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "free")
         model.addJoint(ball, pin.JointModelRUBX(), pin.SE3.Identity(), "wheel")
-        return JointSpace(model, model.nq, model.nv)
+        return ConfigurationSpace(model, model.nq, model.nv)
 
     def test_velocity_is_the_derivative_along_the_manifold(self, space, differentiate):
         rng = np.random.default_rng(1)
@@ -27,7 +27,7 @@ class TestJointSpace:
         ends = [balls.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "shoulder")]
         for joint, name in ((pin.JointModelRX(), "elbow"), (pin.JointModelSpherical(), "wrist")):
             ends.append(balls.addJoint(ends[-1], joint, pin.SE3.Identity(), name))
-        for one in (space, JointSpace(balls, balls.nq, balls.nv)):
+        for one in (space, ConfigurationSpace(balls, balls.nq, balls.nv)):
             raw, v = rng.normal(size=(5, one.nq)), rng.normal(size=(5, one.nv))
             q = one.project(raw)
             assert q == pytest.approx(np.array([pin.normalize(one.model, row) for row in raw]), abs=1e-15)

@@ -9,15 +9,15 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.dynamics.coordinate_partition import Reduction, solved
+from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition, solved
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Flat
 from pinarm.engine.integration.methods.explicit import Adaptive
-from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.systems import Initial, system_of
-from pinarm.engine.motion.systems.partitioned import FreePart
+from pinarm.engine.motion.systems.partitioned import FreeCoordinates
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import coordinates_of
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
@@ -183,7 +183,10 @@ def selections(nv):
 def test_accelerations_are_those_of_multipliers(panda, rows):
     spring = JointSpring(joint=next(iter(panda.joints)), stiffness=50.0, damping=3.0, rest=0.2)
     dynamics = Dynamics.of(panda.model, {"spring": spring.bind(panda.model, panda.joints)})
-    reduction, data = Reduction.of(panda.model, rows, [f"w{k}" for k in range(len(rows))]), panda.model.createData()
+    reduction, data = (
+        CoordinatePartition.of(panda.model, rows, [f"w{k}" for k in range(len(rows))]),
+        panda.model.createData(),
+    )
     rng = np.random.default_rng(3)
     for _ in range(5):
         q, v, ddw = rng.uniform(-2, 2, 9), rng.normal(size=9), 3 * rng.normal(size=len(rows))
@@ -213,7 +216,9 @@ def carousel():
 
 class TestQuaternions:
     def test_indices_keep_q_and_v_apart(self, carousel):
-        reduction = Reduction.of(carousel, np.array([[1.0, 0, 0, 0, 0], [0, 0, 0, 0, 1.0]]), ["turn", "wheel"])
+        reduction = CoordinatePartition.of(
+            carousel, np.array([[1.0, 0, 0, 0, 0], [0, 0, 0, 0, 1.0]]), ["turn", "wheel"]
+        )
         assert reduction.free_v.tolist() == [1, 2, 3]
         assert reduction.free_q.tolist() == [1, 2, 3, 4]
         ball = np.array([0.1, 0.2, 0.3, 0.9])
@@ -225,15 +230,17 @@ class TestQuaternions:
         laws = {"turn": Harmonic(mean=0.3, amplitude=0.9, pulsation=3.0),
                 "wheel": Harmonic(amplitude=2.0, pulsation=4.0, phase=0.5)}  # fmt: skip
         coordinates = coordinates_of(carousel, joints, {})
-        imposed = Imposed(prescribed, tuple(coordinates[n] for n in prescribed), tuple(laws[n] for n in prescribed))
+        prescribed = PrescribedCoordinates(
+            prescribed, tuple(coordinates[n] for n in prescribed), tuple(laws[n] for n in prescribed)
+        )
         q, v = pin.neutral(carousel), np.array([0.0, 0.4, -1.2, 0.7, 2.0])
         q[1:5] = np.array([0.1, 0.5, -0.3, 0.8]) / np.linalg.norm([0.1, 0.5, -0.3, 0.8])
         for name in prescribed:
             w, dw, _ = laws[name].on(0.0, 1.0)(np.zeros(1))
             q[joints[name].q], v[joints[name].v] = w[0], dw[0]
         t, initial = np.linspace(0.0, 1.0, 11), Initial(q, v)
-        system = system_of(Closure.of(carousel), dynamics, imposed, initial)
-        assert isinstance(system.manifold, FreePart)
+        system = system_of(Closure.of(carousel), dynamics, prescribed, initial)
+        assert isinstance(system.manifold, FreeCoordinates)
         solution = integrate([system.interval(dynamics, 0.0, 1.0)], system.manifold,
                              *system.begin(initial, 0.0, 1.0), Adaptive(1e-13))  # fmt: skip
         found = system.complete(dynamics, Grid(t, (0.0, 1.0), (0, 11)), *solution.states(t))
@@ -313,16 +320,16 @@ class TestRefusals:
 
 def test_the_free_space_is_flat_where_it_can_be(arm):
     dynamics = arm.dynamics
-    imposed = Imposed.some(arm, {"B": Constant(value=0.0)})
+    prescribed = PrescribedCoordinates.some(arm, {"B": Constant(value=0.0)})
     initial = Initial(np.zeros(2), np.zeros(2))
-    assert system_of(arm.closure, dynamics, imposed, initial).manifold == Flat(1, 1)
+    assert system_of(arm.closure, dynamics, prescribed, initial).manifold == Flat(1, 1)
 
 
 def test_many_states_have_the_accelerations_of_each(panda):
     law = Trapezoid(start=0.0, end=1.0, speed=1.0, acceleration=4.0)
-    imposed = Imposed.some(panda, {"panda_joint2": law, "panda_finger_joint1": Constant(value=0.02)})
+    prescribed = PrescribedCoordinates.some(panda, {"panda_joint2": law, "panda_finger_joint1": Constant(value=0.02)})
     initial = Initial(np.zeros(panda.model.nq), np.zeros(panda.model.nv))
-    interval = system_of(panda.closure, panda.dynamics, imposed, initial).interval(panda.dynamics, 0.0, 0.25)
+    interval = system_of(panda.closure, panda.dynamics, prescribed, initial).interval(panda.dynamics, 0.0, 0.25)
     t, (q, v) = np.linspace(0.0, 0.25, 30), np.random.default_rng(1).normal(size=(2, 30, 6))
     alone = [interval.acceleration(*state) for state in zip(t, q, v, strict=True)]
     assert interval.batch(t, q, v) == pytest.approx(np.array(alone), rel=1e-10, abs=1e-10)  # M has condition 1e4

@@ -5,7 +5,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.engine.dynamics.configuration_space import JointSpace
+from pinarm.engine.dynamics.configuration_space import ConfigurationSpace
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.integration.integrator import Flat
 from pinarm.engine.mechanism import Mechanism
@@ -272,7 +272,7 @@ def test_the_space_is_flat_where_it_can_be(pendulum):
     ball = pin.Model()
     ball.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
     space = Dynamics.of(ball).manifold
-    assert isinstance(space, JointSpace)
+    assert isinstance(space, ConfigurationSpace)
     assert (space.nq, space.nv) == (4, 3)
 
 

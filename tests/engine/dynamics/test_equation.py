@@ -12,13 +12,13 @@ import pytest
 
 import pinarm
 from pinarm import Mechanism
-from pinarm.engine.constraints.batch_jacobians import Measures
+from pinarm.engine.constraints.batch_jacobians import BatchJacobians
 from pinarm.engine.constraints.elimination import dense
-from pinarm.engine.constraints.nullspace import Split
-from pinarm.engine.constraints.nullspace_batch import Freedom, regular_order
-from pinarm.engine.dynamics.coordinate_partition import Reduction
+from pinarm.engine.constraints.nullspace import RowDecomposition
+from pinarm.engine.constraints.nullspace_batch import BatchNullspace, regular_order
+from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
 from pinarm.engine.dynamics.equation import accelerations, solve
-from pinarm.engine.dynamics.pinocchio_constraints import PointClosure
+from pinarm.engine.dynamics.pinocchio_constraints import PointConstraints
 from pinarm.engine.kinematics.mobility import assembled_near
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
@@ -70,14 +70,14 @@ class TestLoops:
     def test_elimination_in_one_order_gives_the_same(self, name, seed):
         mechanism, q, v, tau = state(name, seed)
         closure, dynamics = mechanism.closure, mechanism.dynamics.on(0.0, 1.0)
-        measures = Measures.of(mechanism.model, closure.constraints)
+        measures = BatchJacobians.of(mechanism.model, closure.constraints)
         assert measures is not None
         rows = measures.at(q[:, None]).rows(range(measures.size))
         order = regular_order(dense(rows, (measures.size, len(q))))
         assert order is not None
         mass, force = dynamics.mass_matrices(q[None]), tau[None] - dynamics.inverse(0.0, q, v, np.zeros_like(v))
         drift = measures.at(q[:, None]).drift(range(measures.size), v[:, None])
-        (a,) = Freedom.of(rows, order, (len(q), 1)).solve(mass, force, {row: -x for row, x in drift.items()})
+        (a,) = BatchNullspace.of(rows, order, (len(q), 1)).solve(mass, force, {row: -x for row, x in drift.items()})
         (right,) = accelerations(dynamics, closure, 0.0, q[None], v[None], tau[None])
         assert a == pytest.approx(right, abs=ACCURATE * np.abs(right).max())
 
@@ -87,14 +87,16 @@ class TestLoops:
         (a,) = accelerations(dynamics, closure, 0.0, q[None], v[None], tau[None])
         rows = closure.rows(closure.state(q))
         held = dynamics.inverse(0.0, q, v, a)[0] - tau
-        assert rows.T @ Split.of(rows).multipliers(held) == pytest.approx(held, abs=1e-9 * np.abs(held).max())
+        assert rows.T @ RowDecomposition.of(rows).multipliers(held) == pytest.approx(
+            held, abs=1e-9 * np.abs(held).max()
+        )
 
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", sorted(CLOSED.keys() - {"manipulator"}))  # a cylinder of it has no mass
 def test_points_in_pinocchio_give_the_same_without_efforts(name, seed):
     mechanism, q, v, _ = state(name, seed)
-    points = PointClosure.of(mechanism.closure, q)
+    points = PointConstraints.of(mechanism.closure, q)
     assert points is not None
     a = points.acceleration(mechanism.dynamics.on(0.0, 1.0), lambda t: (np.empty(0),) * 3)(0.0, q, v)
     (right,) = accelerations(
@@ -126,12 +128,12 @@ def test_linear_rows_give_what_their_elimination_gives():
     generator, nv = np.random.default_rng(3), arm.model.nv
     rows = np.zeros((1, nv))
     rows[0, :2] = 2.0, -1.0
-    partition = Reduction.of(arm.model, rows, ["gear"])
+    partition = CoordinatePartition.of(arm.model, rows, ["gear"])
     u, free = generator.normal(size=(2, nv - 1))
     zeros = np.zeros(1)
     q, v = partition.configuration(free, zeros), partition.velocity(u, zeros)
     rates = partition.acceleration(arm.dynamics, lambda t: (zeros, zeros, zeros))(0.0, free, u)
     force = -arm.dynamics.inverse(0.0, q, v, np.zeros((1, nv)))[0]
-    a = solve(Split.of(rows), arm.dynamics.mass_matrices(q[None])[0], force, zeros)
+    a = solve(RowDecomposition.of(rows), arm.dynamics.mass_matrices(q[None])[0], force, zeros)
     assert a[partition.free_v] == pytest.approx(rates, abs=1e-9 * np.abs(rates).max())
     assert a[1] == pytest.approx(2.0 * a[0], abs=1e-9 * np.abs(a).max())

@@ -32,7 +32,7 @@ class TestThreads:
 
     def test_the_faster_number_of_them_is_taken_and_the_other_tried_again(self):
         """Another program takes the second core for a while: the less the slower way is worth, the rarer it is."""
-        pace = parallel.Pace()
+        pace = parallel.ThreadTiming()
         assert self.chosen(pace, {1: 2.0, 2: 1.0}, 300)[:3] == [2, 1, 2]
         assert self.chosen(pace, {1: 2.0, 2: 1.0}, 640).count(1) == 640 / (2.0 * parallel.RARELY)
         busy = self.chosen(pace, {1: 2.0, 2: 20.0}, 640)
@@ -41,7 +41,7 @@ class TestThreads:
         assert self.chosen(pace, {1: 2.0, 2: 1.0}, 900)[-300:].count(2) >= 290
 
     def test_one_call_that_is_held_up_changes_nothing(self):
-        pace = parallel.Pace()
+        pace = parallel.ThreadTiming()
         self.chosen(pace, {1: 2.0, 2: 1.0}, 10)
         pace.note(2, 100.0)
         assert pace.choice(2) == 2

@@ -5,8 +5,8 @@ import pinocchio as pin
 import pytest
 
 from pinarm.engine.kinematics.joint_motion import follow
-from pinarm.engine.kinematics.newton import Solver, start_configuration
-from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.kinematics.newton import NewtonSolver, start_configuration
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Cycloidal, Harmonic, Polynomial, Trapezoid
@@ -34,8 +34,8 @@ def leg():
 
 
 def moved(leg, motion, t, start):
-    imposed = Imposed.of(leg, motion)
-    return follow(leg, imposed, Grid.cover(np.asarray(t, float), motion.values()), start_configuration(leg, start))
+    prescribed = PrescribedCoordinates.of(leg, motion)
+    return follow(leg, prescribed, Grid.cover(np.asarray(t, float), motion.values()), start_configuration(leg, start))
 
 
 def hip(leg, q):
@@ -109,14 +109,14 @@ class TestBranch:
 @pytest.fixture
 def bounded(monkeypatch):
     """Let a continuation that goes on for ever fail instead."""
-    newton, calls = Solver._newton, []
+    newton, calls = NewtonSolver._newton, []
 
     def counted(solver, q, w):
         calls.append(1)
         assert len(calls) < 5000, "the continuation does not end"
         return newton(solver, q, w)
 
-    monkeypatch.setattr(Solver, "_newton", counted)
+    monkeypatch.setattr(NewtonSolver, "_newton", counted)
 
 
 @pytest.mark.usefixtures("bounded")
@@ -164,18 +164,18 @@ class TestUnreachable:
 class TestCounts:
     def test_too_few_laws(self, leg):
         with pytest.raises(InputError, match="3 coordinates have to follow a law and 1 do") as caught:
-            Imposed.of(leg, {"knee": Constant(value=0.0)})
+            PrescribedCoordinates.of(leg, {"knee": Constant(value=0.0)})
         assert caught.value.expected == "laws for 2 more, such as of the joints ankle, hip"
 
     def test_too_many_laws(self, leg):
         names = ["ankle", "knee", "hip", "hip_height"]
         with pytest.raises(InputError, match="4 coordinates follow a law, but the mechanism has only 3") as caught:
-            Imposed.of(leg, {name: Constant(value=0.0) for name in names})
+            PrescribedCoordinates.of(leg, {name: Constant(value=0.0) for name in names})
         assert caught.value.expected == "3 of ankle, knee, hip, hip_height"
 
     def test_unknown_coordinates(self, leg):
         with pytest.raises(InputError, match="no coordinate 'hip_hight'") as caught:
-            Imposed.of(leg, {"hip_hight": Constant(value=0.0)})
+            PrescribedCoordinates.of(leg, {"hip_hight": Constant(value=0.0)})
         assert caught.value.hint == "hip_height"
 
     def test_unknown_start(self, leg):
@@ -213,7 +213,7 @@ class TestJointMotion:
     def test_a_free_body_needs_laws_for_all_its_coordinates(self, mechanism, chain):
         free = mechanism(chain({"name": "free", "kind": "floating"}, {"name": "wheel"}))
         with pytest.raises(InputError, match="7 coordinates have to follow a law and 1 do") as caught:
-            Imposed.of(free, {"wheel": Constant(value=0.0)})
+            PrescribedCoordinates.of(free, {"wheel": Constant(value=0.0)})
         assert caught.value.expected.endswith(
             "free.x, free.y, free.z, free.rotation.x, free.rotation.y, free.rotation.z"
         )

@@ -6,7 +6,7 @@ from catalogue import TWO_CRANKS, two_cranks
 from motions import free
 from scipy.integrate import solve_ivp
 
-from pinarm.engine.checks.residuals import table_figures
+from pinarm.engine.checks.residuals import residual_figures
 from pinarm.errors import IntegrationError
 
 CUTS = pytest.mark.parametrize("cut", "ABC")
@@ -59,6 +59,6 @@ def test_the_stamp_tells_that_a_motion_passes_a_singular_position(cut, tmp_path)
     mechanism = two_cranks(np.pi / 2).build(tmp_path, [cut])
     speeds = {"O": 5.0, "A": -5.0, "B": 5.0, "C": 5.0}
     run = free(mechanism, 0.1, velocity={name: speeds[name] for name in mechanism.joints})
-    figures = table_figures(run)
+    figures = residual_figures(run)
     assert figures["regularity"] < 1e-12
     assert figures["least regular at"] == 0.0

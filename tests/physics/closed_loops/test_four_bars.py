@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.systems import system_of
 from pinarm.engine.motion.systems.system import Initial
@@ -106,7 +106,9 @@ def test_a_step_may_end_on_a_change_point(speed):
     """A singular position is not taken for one of a mechanism of lower rank: the acceleration stays smooth."""
     mechanism = Mechanism.load(MODELS / "change_point_four_bar" / "mechanism.yaml")
     dynamics, initial = Dynamics.of(mechanism.model), Initial(np.array([0.0, 0.8, 1.8]), np.zeros(3))
-    interval = system_of(mechanism.closure, dynamics, Imposed((), (), ()), initial).interval(dynamics, 0.0, 1.0)
+    interval = system_of(mechanism.closure, dynamics, PrescribedCoordinates((), (), ()), initial).interval(
+        dynamics, 0.0, 1.0
+    )
     found = []
     for t, turned in enumerate([2.0, 3.0, np.pi - 0.01, np.pi, np.pi + 0.01]):
         theta3, theta4, d3, d4 = CHANGE_POINT.slopes(np.array(turned))

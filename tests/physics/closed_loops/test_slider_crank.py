@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pinarm.engine.checks.residuals import table_figures
+from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import NumericsError
 from pinarm.mechanics.forces.point import Wrench
@@ -102,7 +102,7 @@ def test_the_nearest_singular_position_is_found_between_the_rows(outcome, kind):
         solved = outcome(
             "slider_crank", kind, arguments={"r": 0.1, "L": 0.1 * (1.0 + longer)}, end=0.6, samples=13, **asked
         )
-        figures, found = table_figures(solved.rows, solved.motion), Quantities(solved.rows)
+        figures, found = residual_figures(solved.rows, solved.motion), Quantities(solved.rows)
         close.append(figures["regularity"])
         place = np.interp(figures["least regular at"], found["t"].values, found["theta"].values)
         assert place == pytest.approx(np.pi / 2, abs=0.03)  # rows are 0.3 rad apart, and not evenly

@@ -1,4 +1,4 @@
-"""Olive-tree vibrator with its rotor imposed: the exact law of motion of beta, and the published linear one.
+"""Olive-tree vibrator with its rotor prescribed: the exact law of motion of beta, and the published linear one.
 
 Exact closure: ``O3 = (d0, -l5 sin be, l5 cos be)``, ``x2 = (k, 0, u)/rho`` with ``k = d0 - l1``, ``u = l5 cos be``,
 ``rho = hypot(k, u)``, and ``C4 = O3 - d y + e (-sin(phi) x2 + cos(phi) y)``. The law of motion is that of virtual

@@ -6,14 +6,14 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.dynamics.coordinate_partition import Reduction
+from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.pinocchio_constraints import PointClosure
+from pinarm.engine.dynamics.pinocchio_constraints import PointConstraints
 from pinarm.engine.integration.integrator import Flat
-from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
 from pinarm.engine.motion.systems.free import FreeSystem
-from pinarm.engine.motion.systems.partitioned import FreePart, ReducedSystem
+from pinarm.engine.motion.systems.partitioned import FreeCoordinates, PartitionedSystem
 from pinarm.engine.motion.systems.point_constrained import PointSystem
 from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -23,39 +23,39 @@ from pinarm.mechanics.laws import Constant
 __all__ = ["CompletedStates", "Initial", "System", "system_of"]
 
 
-def system_of(closure: Closure, dynamics: Dynamics, imposed: Imposed, initial: Initial) -> System:
-    """Return what has to be integrated while the imposed coordinates follow their laws.
+def system_of(closure: Closure, dynamics: Dynamics, prescribed: PrescribedCoordinates, initial: Initial) -> System:
+    """Return what has to be integrated while the prescribed coordinates follow their laws.
 
     Args:
         closure: Constraints of the mechanism.
         dynamics: Its equation of motion with all the forces of the run.
-        imposed: Coordinates with laws, none for free motion.
+        prescribed: Coordinates with laws, none for free motion.
         initial: The initial state; joints with given values stay free if they can.
 
     Raises:
         InputError: They cannot be prescribed independently.
     """
     couplings = [one for one in closure.constraints if isinstance(one, Coupling)]
-    linear = [one for one in imposed.coordinates if isinstance(one, LinearCoordinate)]
-    bent = len(linear) < len(imposed.coordinates) or len(couplings) < len(closure.constraints)
+    linear = [one for one in prescribed.coordinates if isinstance(one, LinearCoordinate)]
+    bent = len(linear) < len(prescribed.coordinates) or len(couplings) < len(closure.constraints)
     if bent or not independent(couplings):
-        general = ConstrainedSystem.of(closure, dynamics, imposed)
+        general = ConstrainedSystem.of(closure, dynamics, prescribed)
         driven = [one.joint for one in linear if one.joint is not None]
-        points = PointClosure.of(closure, initial.q, driven) if len(driven) == len(imposed.names) else None
+        points = PointConstraints.of(closure, initial.q, driven) if len(driven) == len(prescribed.names) else None
         return PointSystem(general, points) if points else general
     rows = [one.weights for one in [*(coupling.coordinate for coupling in couplings), *linear]]
     if not rows:
         return FreeSystem(dynamics.manifold, closure)
-    held = Imposed(
-        (*(one.name for one in couplings), *imposed.names),
+    held = PrescribedCoordinates(
+        (*(one.name for one in couplings), *prescribed.names),
         (*(one.coordinate for one in couplings), *linear),
-        (*(Constant(value=one.constant) for one in couplings), *imposed.laws),
+        (*(Constant(value=one.constant) for one in couplings), *prescribed.laws),
     )
     given = tuple(sorted({*initial.positions, *initial.velocities}))
-    reduction = Reduction.of(closure.model, np.array(rows), held.names, given)
+    reduction = CoordinatePartition.of(closure.model, np.array(rows), held.names, given)
     nq, nv = len(reduction.free_q), len(reduction.free_v)
     if closure.model.nq == closure.model.nv:
-        return ReducedSystem(held, reduction, Flat(nq, nv), closure)
+        return PartitionedSystem(held, reduction, Flat(nq, nv), closure)
     neutral = np.asarray(pin.neutral(closure.model))
-    space = FreePart(dynamics.manifold, reduction, neutral, nq, nv)
-    return ReducedSystem(held, reduction, space, closure)
+    space = FreeCoordinates(dynamics.manifold, reduction, neutral, nq, nv)
+    return PartitionedSystem(held, reduction, space, closure)

@@ -1,6 +1,6 @@
-"""The rows of a motion under constraints, many at a time, where one order of elimination serves them.
+"""Rows of the table of a constrained motion, solved many at a time where one order of elimination serves them.
 
-The equations are those of ``systems.constrained``. Arrays have the rows of the table first, those of ``Measures`` last.
+The equations are those of ``systems.constrained``. Arrays have the rows of the table first, in ``BatchJacobians`` last.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array, Flags
-from pinarm.engine.constraints.batch_jacobians import MeasuredAll, Measures
+from pinarm.engine.constraints.batch_jacobians import BatchJacobians, EvaluatedJacobians
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.elimination import dense
-from pinarm.engine.constraints.nullspace_batch import Freedom, regular_order
+from pinarm.engine.constraints.nullspace_batch import BatchNullspace, regular_order
 from pinarm.engine.dynamics.dynamics import Dynamics
 
 CLOSED = 1e-13
@@ -36,29 +36,29 @@ Solved = tuple[Flags, Sequence[Array]]
 
 
 @dataclass(frozen=True, eq=False)
-class Together:
+class BatchRows:
     """Rows under the constraints of a mechanism, some of whose coordinates follow laws.
 
     Attributes:
-        measures: What the constraints measure, then what the imposed coordinates do.
+        measures: What the constraints measure, then what the prescribed coordinates do.
         own: Number of rows of the constraints.
     """
 
-    measures: Measures
+    measures: BatchJacobians
     own: int
 
     @classmethod
-    def of(cls, rows: Closure, own: int) -> Together | None:
+    def of(cls, rows: Closure, own: int) -> BatchRows | None:
         """Return the rows of a closure; ``None`` where something cannot be had at many configurations."""
-        return cls(rows.measures, own) if rows.measures else None
+        return cls(rows.batch_jacobians, own) if rows.batch_jacobians else None
 
     def solve(self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array) -> Solved | None:
-        """Return the closed states nearest to given ones, with accelerations and the efforts of imposed coordinates.
+        """Return the closed states nearest to given ones, with accelerations and the efforts of prescribed coordinates.
 
         Args:
             dynamics: The equation of motion.
             t: Instants [s], shape (n,); of few, each alone costs less.
-            w: Imposed coordinates and their two derivatives, shape (3, k, n).
+            w: Prescribed coordinates and their two derivatives, shape (3, k, n).
             q: Configurations, shape (n, nv).
             v: Velocities, shape (n, nv).
 
@@ -72,15 +72,17 @@ class Together:
         order = regular_order(dense(rows, (len(every), q.shape[1])))
         if order is None:
             return None
-        q, solved = self._closed(measured, Freedom.of(rows, order, q.T.shape), dynamics.mass_matrices(q), w[0], q)
+        q, solved = self._closed(
+            measured, BatchNullspace.of(rows, order, q.T.shape), dynamics.mass_matrices(q), w[0], q
+        )
         measured, mass = self.measures.at(q.T), dynamics.mass_matrices(q)
-        freedom = Freedom.of(measured.rows(every), order, q.T.shape)
+        freedom = BatchNullspace.of(measured.rows(every), order, q.T.shape)
         v = freedom.solve(mass, np.einsum("nij,nj->ni", mass, v), dict(enumerate(w[1], self.own)))
         right = {row: -x for row, x in measured.drift(every, v.T).items()}
         right |= {row: x + right.get(row, 0.0) for row, x in enumerate(w[2], self.own)}
         a = freedom.solve(mass, -dynamics.inverse(t, q, v, still), right)
         demand = dynamics.inverse(t, q, v, a)
-        # the virtual power of all efforts in a motion in which one of the imposed coordinates has velocity 1
+        # the virtual power of all efforts in a motion in which one of the prescribed coordinates has velocity 1
         efforts = [
             sum(x * demand[:, j] for j, x in freedom.elimination.solve({row: np.ones(1)}).items())
             for row in range(self.own, len(every))
@@ -89,7 +91,9 @@ class Together:
         found = q, v, a, np.array(efforts).reshape(len(efforts), len(q)).T
         return (solved, [x[solved] for x in found]) if solved[0] else None
 
-    def _closed(self, measured: MeasuredAll, freedom: Freedom, mass: Array, w: Array, q: Array) -> tuple[Array, Flags]:
+    def _closed(
+        self, measured: EvaluatedJacobians, freedom: BatchNullspace, mass: Array, w: Array, q: Array
+    ) -> tuple[Array, Flags]:
         """Return the closed configurations nearest to given ones, and which of them are closed.
 
         The distance is measured by the masses. Newton's method with the rows and the masses of the given
@@ -106,7 +110,7 @@ class Together:
             measured = self.measures.at(q.T)
         return q, closed & freedom.served
 
-    def _gap(self, measured: MeasuredAll, w: Array) -> Array:
+    def _gap(self, measured: EvaluatedJacobians, w: Array) -> Array:
         """Return what is missing in every row [m or rad], shape (m, n)."""
         gap = -np.array([np.broadcast_to(x, w.shape[1]) for x in measured.gap()])
         gap[self.own :] += w

@@ -17,15 +17,15 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.batch_jacobians import BLOCK
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.constraints.nullspace import RANK, Split, Splits
+from pinarm.engine.constraints.nullspace import RANK, RowDecomposition, RowDecompositions
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.dynamics.equation import solve, solve_each
 from pinarm.engine.dynamics.mass_matrix import mass_matrices, mass_matrix
 from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.integration.integrator import Energy, Interval, Manifold
 from pinarm.engine.kinematics.newton import assembled
-from pinarm.engine.kinematics.prescribed import Imposed
-from pinarm.engine.motion.systems.batch_rows import CLOSED, ITERATIONS, ROUNDED, TURNED, Solved, Together
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.motion.systems.batch_rows import CLOSED, ITERATIONS, ROUNDED, TURNED, BatchRows, Solved
 from pinarm.engine.motion.systems.row_motion import RowMotion
 from pinarm.engine.motion.systems.system import CompletedStates, Initial
 from pinarm.errors import AssemblyError, InputError
@@ -47,26 +47,26 @@ class ConstrainedSystem:
     """The whole state of a mechanism under its constraints.
 
     Attributes:
-        imposed: Coordinates that follow laws.
+        prescribed: Coordinates that follow laws.
         manifold: Space of its configurations.
         own: Constraints of the mechanism.
-        rows: The same, then one row for each imposed coordinate.
+        rows: The same, then one row for each prescribed coordinate.
         closure: The same without joint coordinates that follow laws, whose multipliers are efforts at joints.
     """
 
-    imposed: Imposed
+    prescribed: PrescribedCoordinates
     manifold: Manifold
     own: Closure
     rows: Closure
     closure: Closure
 
     @classmethod
-    def of(cls, own: Closure, dynamics: Dynamics, imposed: Imposed) -> ConstrainedSystem:
+    def of(cls, own: Closure, dynamics: Dynamics, prescribed: PrescribedCoordinates) -> ConstrainedSystem:
         """Return the system of a mechanism with its own constraints, some of whose coordinates follow laws."""
-        imposed, others = imposed.linear_last()
+        prescribed, others = prescribed.linear_last()
         return cls(
-            imposed, dynamics.manifold, own, own.with_guides(imposed.names, imposed.coordinates),
-            own.with_guides(imposed.names[:others], imposed.coordinates[:others]),
+            prescribed, dynamics.manifold, own, own.with_guides(prescribed.names, prescribed.coordinates),
+            own.with_guides(prescribed.names[:others], prescribed.coordinates[:others]),
         )  # fmt: skip
 
     def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
@@ -77,14 +77,14 @@ class ConstrainedSystem:
             InputError: A law contradicts the loops, or velocities do an instant later.
             DynamicsError: Something without mass is left free.
         """
-        w, dw, ddw = self.imposed.on(start, end)(start)
+        w, dw, ddw = self.prescribed.on(start, end)(start)
         given = [coordinate_at(self.rows.model, index) for index in initial.positions]
         here = self.rows.state(initial.q)
         values = [one.value(here) for one in given]
-        everything = Imposed(
-            (*self.imposed.names, *(coordinate_name(self.rows.model, index) for index in initial.positions)),
-            (*self.imposed.coordinates, *given),
-            (*self.imposed.laws, *(Constant(value=value) for value in values)),
+        everything = PrescribedCoordinates(
+            (*self.prescribed.names, *(coordinate_name(self.rows.model, index) for index in initial.positions)),
+            (*self.prescribed.coordinates, *given),
+            (*self.prescribed.laws, *(Constant(value=value) for value in values)),
         )
         q = assembled(self.own, everything, initial.q, np.array([*w, *values]), start)
         self._check_independent(self.rows.rows(self.rows.state(q)))
@@ -97,7 +97,7 @@ class ConstrainedSystem:
         """Raise where the loops allow velocities for an instant only, as of two bars in one line between fixed ends."""
         state = self.rows.state(q, v)
         rows, right = self.rows.rows(state), self.rates(ddw) - self.rows.drift(state)
-        left = np.abs(rows @ Split.of(rows).particular(right) - right)
+        left = np.abs(rows @ RowDecomposition.of(rows).particular(right) - right)
         rounding = ROUNDING * float(np.abs(v).max(initial=0.0)) ** 2
         if left.max(initial=0.0) > LASTING * np.abs(right).max(initial=0.0) + rounding:
             worst = left.max()
@@ -111,10 +111,10 @@ class ConstrainedSystem:
             )
 
     def _check_independent(self, rows: Array) -> None:
-        k = len(self.imposed.names)
-        if k and len(Split.of(rows).values) < len(Split.of(rows[: self.own.size]).values) + k:
+        k = len(self.prescribed.names)
+        if k and len(RowDecomposition.of(rows).values) < len(RowDecomposition.of(rows[: self.own.size]).values) + k:
             raise InputError(
-                f"the laws of {', '.join(self.imposed.names)} and the loops determine the same motion twice",
+                f"the laws of {', '.join(self.prescribed.names)} and the loops determine the same motion twice",
                 expected="laws that leave the loops their freedom",
             )
 
@@ -127,12 +127,12 @@ class ConstrainedSystem:
         nv, mass = model.nv, mass_matrix(model, q)
         rows, right = self.rows.rows(self.rows.state(q)), self.rates(dw)
         given = np.eye(nv)[list(initial.velocities)]
-        split = Split.of(rows)
+        split = RowDecomposition.of(rows)
         x, scale = split.particular(right), 1.0 / self.rows.scale[list(initial.velocities)]
         left = initial.v[list(initial.velocities)] - given @ x
         ways = np.linalg.lstsq(scale[:, None] * (given @ split.free), scale * left, rcond=RANK)[0]
         values = given @ (x + split.free @ ways)
-        return solve(Split.of(np.vstack([rows, given])), mass, np.zeros(nv), np.concatenate([right, values]))
+        return solve(RowDecomposition.of(np.vstack([rows, given])), mass, np.zeros(nv), np.concatenate([right, values]))
 
     def rates(self, targets: Array) -> Array:
         """Return the right-hand side of the rows: 0 for the constraints, then what the laws ask for, shape (.., k)."""
@@ -141,20 +141,20 @@ class ConstrainedSystem:
 
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion on an interval without jumps."""
-        motion = RowMotion(self.rows, self.settled, dynamics.on(start, end), self.imposed.on(start, end))
+        motion = RowMotion(self.rows, self.settled, dynamics.on(start, end), self.prescribed.on(start, end))
         return Interval(start, end, motion.acceleration, motion.settle, energy=self.energy(dynamics))
 
     def energy(self, dynamics: Dynamics) -> Energy | None:
         """Return the energy of a state, as far as it is conserved."""
-        return dynamics.conserved if all(isinstance(law, Constant) for law in self.imposed.laws) else None
+        return dynamics.conserved if all(isinstance(law, Constant) for law in self.prescribed.laws) else None
 
-    def settled(self, q: Array, v: Array, w: Array, dw: Array, t: Array) -> tuple[Array, Array, Splits]:
+    def settled(self, q: Array, v: Array, w: Array, dw: Array, t: Array) -> tuple[Array, Array, RowDecompositions]:
         """Return the closed states nearest to given ones, the distance measured by the masses, and their rows apart.
 
         Args:
             q: Configurations, shape (n, nq).
             v: Velocities, shape (n, nv).
-            w: Imposed coordinates, shape (n, k).
+            w: Prescribed coordinates, shape (n, k).
             dw: Their rates, shape (n, k).
             t: Instants [s], shape (n,).
 
@@ -194,13 +194,13 @@ class ConstrainedSystem:
         return q, v
 
     @cached_property
-    def _together(self) -> Together | None:
-        return Together.of(self.rows, self.own.size)
+    def _together(self) -> BatchRows | None:
+        return BatchRows.of(self.rows, self.own.size)
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         """Return the motion, closed at every row, with accelerations, efforts and multipliers."""
-        k, together = len(self.imposed.names), self._together
-        w = np.array([grid.evaluate(law) for law in self.imposed.laws]).reshape(k, 3, len(q)).swapaxes(0, 1)
+        k, together = len(self.prescribed.names), self._together
+        w = np.array([grid.evaluate(law) for law in self.prescribed.laws]).reshape(k, 3, len(q)).swapaxes(0, 1)
         found = q.copy(), v.copy(), np.empty_like(v), np.empty((len(q), k))
         for part, local in parts(dynamics, grid):
             for begin in range(part.start, part.stop, BLOCK):
@@ -226,11 +226,11 @@ class ConstrainedSystem:
     def _with_efforts(
         self, dynamics: Dynamics, grid: Grid, q: Array, v: Array, a: Array, efforts: Array
     ) -> CompletedStates:
-        """Return a motion with the efforts of the imposed coordinates, shape (n, k): at joints and along others."""
+        """Return a motion with the efforts of the prescribed coordinates, shape (n, k): at joints and along others."""
         demand = np.concatenate([local.inverse(grid.t[rows], q[rows], v[rows], a[rows])
                                  for rows, local in parts(dynamics, grid)])  # fmt: skip
         others = self.closure.size - self.own.size
-        weights = [one.weights for one in self.imposed.coordinates if isinstance(one, LinearCoordinate)]
+        weights = [one.weights for one in self.prescribed.coordinates if isinstance(one, LinearCoordinate)]
         tau = efforts[:, others:] @ np.reshape(weights, (-1, v.shape[1]))
         return CompletedStates(q, v, a, tau, Multipliers.least(self.closure, q, demand - tau, efforts[:, :others]))
 

@@ -9,10 +9,10 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.dynamics.coordinate_partition import Reduction
+from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.integration.integrator import Acceleration, Accelerations, Energy, Interval, Manifold
-from pinarm.engine.kinematics.prescribed import Imposed
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.system import CompletedStates, Initial
 from pinarm.errors import InputError
 from pinarm.mechanics.laws import Constant
@@ -23,18 +23,18 @@ CONTRADICTION = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class ReducedSystem:
+class PartitionedSystem:
     """Linear couplings hold and some coordinates follow laws; what is left is integrated.
 
     Attributes:
-        imposed: The sums that couplings keep constant, then the prescribed coordinates, with their laws.
+        prescribed: The sums that couplings keep constant, then the prescribed coordinates, with their laws.
         reduction: What they leave free.
         manifold: Space of the free coordinates.
         closure: The couplings.
     """
 
-    imposed: Imposed
-    reduction: Reduction
+    prescribed: PrescribedCoordinates
+    reduction: CoordinatePartition
     manifold: Manifold
     closure: Closure
 
@@ -44,14 +44,14 @@ class ReducedSystem:
         Raises:
             InputError: The laws contradict an initial value that was given.
         """
-        reduction, (w, dw, _) = self.reduction, self.imposed.on(start, end)(start)
+        reduction, (w, dw, _) = self.reduction, self.prescribed.on(start, end)(start)
         free_q, free_v = initial.q[reduction.free_q], initial.v[reduction.free_v]
         q, v = reduction.configuration(free_q, w), reduction.velocity(free_v, dw)
         for index in {*initial.positions, *initial.velocities}:
             place = reduction.scalar_q[index]
             if abs(q[place] - initial.q[place]) + abs(v[index] - initial.v[index]) > CONTRADICTION:
                 raise InputError(
-                    f"the initial values contradict the laws of {', '.join(self.imposed.names)}",
+                    f"the initial values contradict the laws of {', '.join(self.prescribed.names)}",
                     expected="initial values of what the laws leave free",
                 )
         return free_q, free_v
@@ -63,10 +63,10 @@ class ReducedSystem:
 
     def _energy(self, dynamics: Dynamics) -> Energy | None:
         """Return the energy of the free coordinates, as far as it is conserved."""
-        whole, constant = dynamics.conserved, all(isinstance(law, Constant) for law in self.imposed.laws)
+        whole, constant = dynamics.conserved, all(isinstance(law, Constant) for law in self.prescribed.laws)
         if whole is None or not constant:
             return None
-        reduction, (w, dw, _) = self.reduction, self.imposed.on(0.0, 0.0)(0.0)
+        reduction, (w, dw, _) = self.reduction, self.prescribed.on(0.0, 0.0)(0.0)
 
         def energy(q: Array, v: Array) -> tuple[float, float]:
             return whole(reduction.configuration(q, w), reduction.velocity(v, dw))
@@ -74,10 +74,10 @@ class ReducedSystem:
         return energy
 
     def _acceleration(self, dynamics: Dynamics, start: float, end: float) -> Acceleration:
-        return self.reduction.acceleration(dynamics.on(start, end), self.imposed.on(start, end))
+        return self.reduction.acceleration(dynamics.on(start, end), self.prescribed.on(start, end))
 
     def _accelerations(self, dynamics: Dynamics, start: float, end: float) -> Accelerations:
-        return self.reduction.accelerations(dynamics.on(start, end), self.imposed.along(start, end))
+        return self.reduction.accelerations(dynamics.on(start, end), self.prescribed.along(start, end))
 
     def part(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the free part of states."""
@@ -85,13 +85,13 @@ class ReducedSystem:
 
     def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the states with the coupled and the prescribed coordinates in them."""
-        targets = [self.imposed.on(instant, instant)(instant) for instant in t]
+        targets = [self.prescribed.on(instant, instant)(instant) for instant in t]
         w, dw = np.array([w for w, _, _ in targets]), np.array([dw for _, dw, _ in targets])
         return self.reduction.configuration(q, w), self.reduction.velocity(v, dw)
 
     def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
         """Return the whole motion, and the efforts by inverse dynamics."""
-        reduction, targets = self.reduction, np.array([grid.evaluate(law) for law in self.imposed.laws])  # (k, 3, n)
+        reduction, targets = self.reduction, np.array([grid.evaluate(law) for law in self.prescribed.laws])  # (k, 3, n)
         whole_q, whole_v = reduction.configuration(q, targets[:, 0].T), reduction.velocity(v, targets[:, 1].T)
         rates = np.empty_like(v)
         for start, end, rows in grid.intervals():
@@ -108,7 +108,7 @@ class ReducedSystem:
 
 
 @dataclass(frozen=True)
-class FreePart:
+class FreeCoordinates:
     """The free coordinates of a mechanism that has quaternions among them.
 
     Attributes:
@@ -120,7 +120,7 @@ class FreePart:
     """
 
     whole: Manifold
-    reduction: Reduction
+    reduction: CoordinatePartition
     neutral: Array
     nq: int
     nv: int

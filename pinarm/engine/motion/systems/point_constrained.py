@@ -11,10 +11,10 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.pinocchio_constraints import PointClosure
+from pinarm.engine.dynamics.pinocchio_constraints import PointConstraints
 from pinarm.engine.integration.integrator import Acceleration, Interval, Manifold
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
-from pinarm.engine.motion.systems.row_motion import require_met
+from pinarm.engine.motion.systems.row_motion import require_closed_accelerations
 from pinarm.engine.motion.systems.system import CompletedStates, Initial
 from pinarm.mechanics.laws.motion_law import Grid
 
@@ -58,7 +58,7 @@ class PointSystem:
     """
 
     general: ConstrainedSystem
-    points: PointClosure
+    points: PointConstraints
 
     @property
     def manifold(self) -> Manifold:
@@ -77,7 +77,7 @@ class PointSystem:
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion on an interval without jumps."""
         general = self.general
-        motion = _PointMotion(self.points, general.rows, dynamics.on(start, end), general.imposed.on(start, end))
+        motion = _PointMotion(self.points, general.rows, dynamics.on(start, end), general.prescribed.on(start, end))
         return Interval(
             start, end, motion.acceleration, motion.settle, motion.floor, general.energy(dynamics), motion.since
         )
@@ -98,7 +98,7 @@ class PointSystem:
 class _PointMotion:
     """The motion on one interval; it looks at every accepted state how close a singular position is."""
 
-    def __init__(self, points: PointClosure, rows: Closure, dynamics: Dynamics, targets: Targets) -> None:
+    def __init__(self, points: PointConstraints, rows: Closure, dynamics: Dynamics, targets: Targets) -> None:
         self.points, self.extent, self.scale, self.targets = points, rows.extent, rows.scale, targets
         self.places = [points.tied.model.joints[int(points.joint_at(v))].idx_q for v in points.tied.driven]
         self.dynamics, self.free = dynamics, points.acceleration(dynamics, targets)
@@ -120,7 +120,7 @@ class _PointMotion:
         tolerant = self.tolerant if not self.near and self.rank < self.points.tied.rank else None
         a = (tolerant or self.free)(t, q, v)
         if t == self.t:
-            require_met(self.rows, a, self.points.right(), t, q)
+            require_closed_accelerations(self.rows, a, self.points.right(), t, q)
         return a
 
     def blind(self) -> bool:

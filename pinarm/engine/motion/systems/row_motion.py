@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import Split, Splits
+from pinarm.engine.constraints.nullspace import RowDecomposition, RowDecompositions
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
@@ -17,7 +17,7 @@ from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.joints import format_configuration
 
-Settled = Callable[[Array, Array, Array, Array, Array], tuple[Array, Array, Splits]]
+Settled = Callable[[Array, Array, Array, Array, Array], tuple[Array, Array, RowDecompositions]]
 """``(q, v, w, dw, t) -> q, v`` closed, of many states, and the rows there; see ``ConstrainedSystem.settled``."""
 
 MET, LEAST = 1e-6, 1.0
@@ -33,10 +33,10 @@ class RowMotion:
     """The motion on one interval; it looks at accepted states whether rounding would choose the way on.
 
     Args:
-        rows: The constraints, then the imposed coordinates.
+        rows: The constraints, then the prescribed coordinates.
         settled: Closes states.
         dynamics: The equation of motion.
-        targets: What the imposed coordinates are to be.
+        targets: What the prescribed coordinates are to be.
     """
 
     def __init__(self, rows: Closure, settled: Settled, dynamics: Dynamics, targets: Targets) -> None:
@@ -50,9 +50,9 @@ class RowMotion:
         rows, right = closure.rows(state), -closure.drift(state)
         right[len(right) - len(ddw) :] += ddw
         force = dynamics.loads(t, q, v) - pin.nonLinearEffects(dynamics.model, dynamics.data, q, v)
-        a = solve(Split.of(rows), mass_matrix(dynamics.model, q), force, right)
+        a = solve(RowDecomposition.of(rows), mass_matrix(dynamics.model, q), force, right)
         if t == self.t:
-            require_met(rows, a, right, t, q)
+            require_closed_accelerations(rows, a, right, t, q)
         return a
 
     def settle(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
@@ -82,7 +82,7 @@ class RowMotion:
         self.begun, self.close = self.begun or regular, self.begun and not regular
 
 
-def require_met(rows: Array, a: Array, right: Array, t: float, q: Array) -> None:
+def require_closed_accelerations(rows: Array, a: Array, right: Array, t: float, q: Array) -> None:
     """Raise where the acceleration at an accepted state leaves the constraints: ``G a + G' v`` is not 0.
 
     Args:

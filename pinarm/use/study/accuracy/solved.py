@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pinarm.engine.checks.balance import power_balance
-from pinarm.engine.checks.residuals import table_figures
+from pinarm.engine.checks.residuals import residual_figures
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -40,7 +40,7 @@ def verified(scenario: Scenario) -> Result:
 
     result = solved(scenario)
     run, rows = result.trajectory, len(result)
-    checked = {**power_balance(run, rows), **table_figures(run, result.outcome.motion, rows)}
+    checked = {**power_balance(run, rows), **residual_figures(run, result.outcome.motion, rows)}
     result = replace(result, figures={**result.figures, **checked})
     if result.errors:
         return result

@@ -46,8 +46,8 @@ class Starts:
             InputError: A joint has not one coordinate or follows a law, or the numbers of values differ.
         """
         for name in (*position, *velocity):
-            if name not in mechanism.joints or name in hybrid.imposed.names:
-                free = [joint for joint in mechanism.joints if joint not in hybrid.imposed.names]
+            if name not in mechanism.joints or name in hybrid.prescribed.names:
+                free = [joint for joint in mechanism.joints if joint not in hybrid.prescribed.names]
                 expected, hint = choices(name, free)
                 raise InputError(
                     f"no free joint '{name}' with one coordinate can begin elsewhere", expected=expected, hint=hint

@@ -8,7 +8,7 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 import pinarm
-from pinarm.engine.checks.balance import Account, energy_balance
+from pinarm.engine.checks.balance import EnergyAccount, energy_balance
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.integrator import Count, Flat, Interval
 from pinarm.engine.integration.methods.collocation import Collocation
@@ -120,11 +120,11 @@ class TestArm:
     def test_an_error_within_windows_shows_in_the_balance_of_energy(self, arm):
         """One that vanishes at the ends of windows, and of their quarters."""
         solution = motion(arm.dynamics, 3.0, np.array([1.2, 0.7]), np.zeros(2), 1e-12)
-        assert energy_balance(Account(solution, [arm.dynamics]))["energy"] < 1e-11
+        assert energy_balance(EnergyAccount(solution, [arm.dynamics]))["energy"] < 1e-11
         ripple = 1e-5 * np.sin(8.0 * np.pi * gauss(16).c)[:, None]
         solution.steps[:] = [step._replace(slopes=step.slopes + ripple) for step in solution.steps]
         solution._interpolants.clear()
-        assert energy_balance(Account(solution, [arm.dynamics]))["energy"] > 1e-9
+        assert energy_balance(EnergyAccount(solution, [arm.dynamics]))["energy"] > 1e-9
 
     def test_loads_that_depend_on_state_and_time_are_those_of_each_node(self, arm):
         loads = {"spring": JointSpring(joint="A", stiffness=30.0, damping=0.4, rest=0.2),

@@ -115,8 +115,8 @@ def test_all_rows_are_checked_when_asked_to(chaos):
     sampled, all_of_them = balance.power_balance(run), balance.power_balance(run, len(run))
     assert sampled["equilibrium"] < 1e-12
     assert all_of_them["equilibrium"] > 1e-3
-    assert stamp.table_figures(run)["return trip"] < 1e-12
-    assert stamp.table_figures(run, len(run))["return trip"] > 1e-3
+    assert stamp.residual_figures(run)["return trip"] < 1e-12
+    assert stamp.residual_figures(run, len(run))["return trip"] > 1e-3
 
 
 def test_energy_that_nothing_accounts_for_is_noted(chaos):
