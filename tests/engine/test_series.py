@@ -67,7 +67,7 @@ def test_what_is_computed_has_its_values_and_unit(found, expected, said):
         (lambda: np.maximum(TORQUE, FORCE), "do not go together"), (lambda: TORQUE == FORCE, "do not go together"),
         (lambda: np.arctan2(TORQUE, FORCE), "do not go together"),
         (lambda: np.sin(TORQUE), r"sin\(M\): a quantity in \[N\*m\] where a number is expected"),
-        (lambda: np.floor(TORQUE), "where a number is expected"), (lambda: 2.0**TORQUE, "where a number is wanted"),
+        (lambda: np.floor(TORQUE), "where a number is expected"), (lambda: 2.0**TORQUE, "where a number is expected"),
         (lambda: TORQUE**NUMBER, "to a power that varies"),
         (lambda: np.multiply.reduce(TORQUE), "where a number is expected"),
         (lambda: np.radians(ANGLE), "does not tell a unit"), (lambda: divmod(TORQUE, TORQUE), "does not tell a unit"),
