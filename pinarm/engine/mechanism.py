@@ -159,13 +159,36 @@ class Mechanism:
         return states.forward(self, q, v, tau, t)
 
     def configurations(self, positions: Mapping[str, ArrayLike]) -> Array:
-        """Return q, shape (..., nq), from joint coordinates by name; see ``states.configurations``."""
+        """Return configurations from joint coordinates by name.
+
+        Args:
+            positions: Joint -> coordinates [rad or m], arrays of one shape (...) or single numbers; 0 for all others.
+                A ball joint J is given by ``J.roll``, ``J.pitch`` and ``J.yaw``, or by ``J.rotation.x`` and so on.
+
+        Returns:
+            q, shape (..., nq).
+
+        Raises:
+            InputError: A joint does not exist, or the shapes differ.
+        """
         from pinarm.engine.quantities import states
 
         return states.configurations(self, positions)
 
     def rates(self, values: Mapping[str, ArrayLike]) -> Array:
-        """Return v, a or tau, shape (..., nv), from those of joints by name; see ``states.rates``."""
+        """Return velocities, accelerations or efforts from those of joints by name.
+
+        Args:
+            values: Joint -> velocities [rad/s or m/s], accelerations or efforts, arrays of one shape (...) or single
+                numbers; what is not named is 0. Of a ball joint J they are ``J.angular_velocity.x`` and so on, in the
+                axes of the link, whatever is given.
+
+        Returns:
+            v, a or tau, shape (..., nv).
+
+        Raises:
+            InputError: A joint does not exist, or the shapes differ.
+        """
         from pinarm.engine.quantities import states
 
         return states.rates(self, values)

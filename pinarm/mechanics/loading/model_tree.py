@@ -94,7 +94,7 @@ class Mimic:
 
 @dataclass(frozen=True)
 class Tree:
-    """LinkPlacements and joints of a model file.
+    """Links and joints of a model file.
 
     Attributes:
         name: Name of the model.

@@ -135,7 +135,7 @@ class Result:
 
         Args:
             path: Where to write it; nowhere where it is left out.
-            traces: LinkPlacements whose origins leave a path; ``com`` for the centre of mass.
+            traces: Links whose origins leave a path; ``com`` for the centre of mass.
             arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
             plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
 

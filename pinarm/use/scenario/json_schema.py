@@ -16,6 +16,9 @@ from pinarm.use.scenario.scenario import ScenarioFile
 def schema(of: Literal["scenario", "mechanism"] = "scenario") -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of scenario files or of mechanism files, as plain data.
 
+    Args:
+        of: ``scenario`` or ``mechanism``.
+
     Raises:
         InputError: There are no files of that kind.
     """

@@ -76,7 +76,7 @@ def replay(
 
     Args:
         result: The result, or the folder that it was written to.
-        traces: LinkPlacements whose origins leave a path; ``com`` for the centre of mass.
+        traces: Links whose origins leave a path; ``com`` for the centre of mass.
         arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
         plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
 

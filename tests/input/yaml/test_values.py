@@ -67,8 +67,8 @@ class TestBareNumbers:
         ("title=a", "other values are given as 'title=a'"), (3, "other values are given as '3'"),
         ({"": 1}, "is no path"), ({3: 1}, "the key 3 is no path"),
         ({"title": object()}, "a value of type object is nothing"),
-        ({"title": {"a": {1, 2}}}, "of type set is nothing"), ({"title.a": 3}, "a plain value stands there"),
-        ({"list.2": 3}, "no index"), (["title"], "no assignment"), ({"list.²": 3}, "no index"),
+        ({"title": {"a": {1, 2}}}, "of type set is nothing"), ({"title.a": 3}, "leads through a plain value"),
+        ({"list.2": 3}, "is not an index"), (["title"], "is not an assignment"), ({"list.²": 3}, "is not an index"),
     ],
 )  # fmt: skip
 def test_what_is_no_value(values: Any, says: str) -> None:

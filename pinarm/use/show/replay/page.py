@@ -83,7 +83,7 @@ def replay_page(
 
     Args:
         result: The result.
-        traces: LinkPlacements whose origins leave a path; ``com`` for the centre of mass.
+        traces: Links whose origins leave a path; ``com`` for the centre of mass.
         arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
         plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
 
