@@ -86,7 +86,7 @@ class NewtonSolver:
         self.measure = closure.length ** np.array([float(one.dimension[0]) for one in self.units])
         self.scale = closure.scale
         threads = [isinstance(one, LoopJoint) and one.helical(row) for one, row in owners]
-        self.sliding = 1.0 - np.array([*threads, *(False for _ in imposed.coordinates)], dtype=np.float64)
+        self.sliding = 1.0 - np.array([*threads, *(False for _ in prescribed.coordinates)], dtype=np.float64)
 
     def gap(self, state: Kinematics, w: Array) -> Array:
         """Return ``(-phi(q), w - w(q))`` in SI, shape (m + k,)."""
@@ -122,7 +122,7 @@ class NewtonSolver:
 
         Args:
             q: Where they begin, shape (nq,).
-            w: Wanted values of the imposed coordinates, shape (k,).
+            w: Wanted values of the prescribed coordinates, shape (k,).
             weight: Of every row, 0 where it does not count, shape (m + k,).
         """
         state = self.closure.state(q)

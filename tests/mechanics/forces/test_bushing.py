@@ -167,7 +167,7 @@ def body(mechanism, chain):
 
 def run(mechanism, end, samples=101, accuracy=None, **content):
     problem = Forward(time=TimeGrid(end=end, samples=samples), **content)
-    return problem.solve(mechanism, accuracy or Accuracy(tolerance=1e-12), place)
+    return problem.solve(mechanism, accuracy or Accuracy(tolerance=1e-12), place).rows
 
 
 @pytest.mark.parametrize("bodies", [
@@ -202,7 +202,7 @@ class TestSmallMotions:
     def test_frequencies_of_a_body_at_rest(self, body):
         """k / m along each axis, and k / I about it."""
         rest = Equilibria(starts=[{}, {"x": 0.2, "yaw": 0.3, "roll": -0.3}], loads=held())
-        found = rest.solve(body, Accuracy(), place)
+        found = rest.solve(body, Accuracy(), place).rows
         assert len(found) == 1
         squares = [found.further[f"equilibrium.frequency2_{k}"].values[0] for k in range(1, 7)]
         assert squares == pytest.approx(self.squares, rel=1e-11)
@@ -223,7 +223,7 @@ class TestSmallMotions:
         )
         for axis, turn, sign in ((1, "yaw", 1.0), (2, "pitch", -1.0)):
             push = Wrench(point="yaw_link", force=force * np.eye(3)[axis])
-            bent = Equilibria(starts=[{}], loads={**held(beam), "push": push}).solve(body, Accuracy(), place)
+            bent = Equilibria(starts=[{}], loads={**held(beam), "push": push}).solve(body, Accuracy(), place).rows
             deflection, slope = bent.q[0, axis], bent.q[0, body.joints[turn].q]
             # at a slope of 5e-6 rad what is not linear is of that order
             assert deflection == pytest.approx(force * length**3 / (3 * rigidity), rel=2e-5)
@@ -243,7 +243,7 @@ class TestLargeMotions:
         wheel = mechanism(chain({"name": "turn", "inertia": (0.2, 0.3, 0.4)}))
         rod = Bushing(between=("turn_link", "base"), stiffness=SpringRates(rotation=(5.0, 7.0, 10.0)))
         for angle in (-2.9, 0.3, 2.0):
-            rest = Statics(hold={"turn": angle}, loads={"rod": rod}).solve(wheel, Accuracy(), place)
+            rest = Statics(hold={"turn": angle}, loads={"rod": rod}).solve(wheel, Accuracy(), place).rows
             assert rest.tau[0] == pytest.approx([10.0 * angle], rel=1e-13)
 
     def soft(self, ends):
@@ -308,7 +308,7 @@ class TestHalfATurn:
         says = r"force 'rod': its frames base and turn_link are turned by 1[67]"
         with pytest.raises(IntegrationError, match=says) as caught:
             run(wheel, 4.0, initial={"velocity": {"turn": 6.0}}, loads={"rod": WEAK}, accuracy=Accuracy(**accuracy))
-        kept = caught.value.partial
+        kept = caught.value.partial.rows
         # w = sqrt(k / I): the angle is 6 / w sin(w t) up to there
         w = math.sqrt(1.0 / 0.4)
         assert kept.q[-1, 0] == pytest.approx(6.0 / w * math.sin(w * kept.grid.t[-1]), abs=1e-5)
@@ -360,7 +360,9 @@ class TestQuantities:
             "line": PointSpring(between=("base", "elbow_link"), stiffness=30.0, damping=2.0, free_length=0.4),
         }  # fmt: skip
         motion = {"shoulder": Harmonic(amplitude=0.9, pulsation=2.0), "elbow": Harmonic(amplitude=1.1, pulsation=3.0)}
-        return Inverse(time=TimeGrid(end=1.0, samples=21), motion=motion, loads=loads).solve(arm, Accuracy(), place)
+        return (
+            Inverse(time=TimeGrid(end=1.0, samples=21), motion=motion, loads=loads).solve(arm, Accuracy(), place).rows
+        )
 
     @pytest.fixture
     def moved(self, mechanism, chain):

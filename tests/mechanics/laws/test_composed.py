@@ -47,11 +47,11 @@ class TestSuccession:
     @pytest.mark.parametrize(
         ("start", "parts", "message"),
         [
-            (None, [(1.0, Constant(value=4.0)), (1.0, Constant(value=-7.0))], "begins at -7, .* come to 4"),
-            (None, [(1.0, Constant(value=4.0)), (1.0, Constant(value=0.0))], "begins at 0, .* come to 4"),
-            (1.0, [(1.0, Cycloidal(start=2.0, end=3.0, duration=1.0))], "begins at 2, .* come to 1"),
+            (None, [(1.0, Constant(value=4.0)), (1.0, Constant(value=-7.0))], "begins at -7, .* end at 4"),
+            (None, [(1.0, Constant(value=4.0)), (1.0, Constant(value=0.0))], "begins at 0, .* end at 4"),
+            (1.0, [(1.0, Cycloidal(start=2.0, end=3.0, duration=1.0))], "begins at 2, .* end at 1"),
             (None, [(1.0, Cycloidal(start=0.0, end=1.0, duration=1.0)),
-                    (1.0, Cycloidal(start=3.0, end=1.0, duration=1.0))], "begins at 3, .* come to 1"),
+                    (1.0, Cycloidal(start=3.0, end=1.0, duration=1.0))], "begins at 3, .* end at 1"),
         ],
     )  # fmt: skip
     def test_a_value_that_would_not_be_had_is_refused(self, start, parts, message):

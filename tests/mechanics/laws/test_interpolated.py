@@ -97,8 +97,8 @@ class TestTable:
     @pytest.mark.parametrize(
         ("text", "message"),
         [
-            ("t [s],x [m]\n0,0\n2,1\n1,2\n", r"table\.csv:4:1: the first column does not ascend"),
-            ("t [s],x [m]\n0,0\n0,1\n", r"table\.csv:3:1: the first column does not ascend"),
+            ("t [s],x [m]\n0,0\n2,1\n1,2\n", r"table\.csv:4:1: the first column does not increase"),
+            ("t [s],x [m]\n0,0\n0,1\n", r"table\.csv:3:1: the first column does not increase"),
             ("t [s],x [m]\n0,0\nnan,1\n", r"table\.csv:3:1: a finite number is missing"),
             ("t [s],x [m]\n0,0\n1,nan\n", r"table\.csv:3:1: a finite number is missing"),
             ("t [s],x [m]\n0,0\n1,-inf\n", r"table\.csv:3:1: a finite number is missing"),
