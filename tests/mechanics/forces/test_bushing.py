@@ -204,7 +204,7 @@ class TestSmallMotions:
         rest = Equilibria(starts=[{}, {"x": 0.2, "yaw": 0.3, "roll": -0.3}], loads=held())
         found = rest.solve(body, Accuracy(), place).rows
         assert len(found) == 1
-        squares = [found.further[f"equilibrium.frequency2_{k}"].values[0] for k in range(1, 7)]
+        squares = [found.columns[f"equilibrium.frequency2_{k}"].values[0] for k in range(1, 7)]
         assert squares == pytest.approx(self.squares, rel=1e-11)
 
     @pytest.mark.parametrize("name, square", [("y", 400.0 / MASS), ("roll", 30.0 / 0.3), ("yaw", 20.0 / 0.7)])
