@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration.integrator import Solution
-from pinarm.engine.motion.segments import SegmentedMotion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving, supports
 from pinarm.mechanics.geometry.vectors import crossed
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.integrator import Solution
+    from pinarm.engine.motion.segments import SegmentedMotion
 
 Whole = Callable[[Array, Array, Array], tuple[Array, Array]]
 """Rows of integrated states to rows of those of the mechanism: ``t, q, v -> q, v``."""

@@ -8,17 +8,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.batch_jacobians import BatchJacobians
 from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
 from pinarm.engine.constraints.nullspace import RowDecompositions
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, supports
+
+if TYPE_CHECKING:
+    from pinarm.engine.constraints.batch_jacobians import BatchJacobians
 
 MANY, KEPT = 8, 64
 """Number of configurations from which on it pays to look at them together, and up to which this is kept."""
@@ -118,6 +121,8 @@ class Closure:
     @cached_property
     def batch_jacobians(self) -> BatchJacobians | None:
         """What the constraints measure, at many configurations; none where something cannot be had so."""
+        from pinarm.engine.constraints.batch_jacobians import BatchJacobians
+
         return BatchJacobians.of(self.model, self.constraints)
 
     def at(self, q: Array) -> tuple[Array, Array]:

@@ -10,17 +10,19 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, as_rows, same_rows
-from pinarm.engine.dynamics.configuration_space import ConfigurationSpace
 from pinarm.engine.dynamics.mass_matrix import mass_matrices
 from pinarm.engine.dynamics.parallel import Parallel
-from pinarm.engine.integration.integrator import BATCH_ROUNDING, Acceleration, Accelerations, Energy, Flat, Manifold
 from pinarm.mechanics.forces import ForceElement, summed
 from pinarm.mechanics.laws.motion_law import Grid
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.integrator import Acceleration, Accelerations, Energy, Manifold
 
 NO_FORCES: Mapping[str, ForceElement] = MappingProxyType({})
 
@@ -47,6 +49,9 @@ class Dynamics:
     @cached_property
     def manifold(self) -> Manifold:
         """Return the space of configurations."""
+        from pinarm.engine.dynamics.configuration_space import ConfigurationSpace
+        from pinarm.engine.integration.integrator import Flat
+
         nq, nv = self.model.nq, self.model.nv
         return Flat(nq, nv) if nq == nv else ConfigurationSpace(self.model, nq, nv)
 
@@ -125,6 +130,8 @@ class Dynamics:
 
     def _accelerated(self, q: Array, v: Array, tau: Array, checked: Iterable[int]) -> Array:
         """Return ``aba(q, v, tau)``, row by row where the recursion for many states at once errs in a checked row."""
+        from pinarm.engine.integration.integrator import BATCH_ROUNDING
+
         a = self._parallel.aba(q, v, tau)
         for row in checked:
             exact = pin.aba(self.model, self.data, q[row], v[row], tau[row])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -23,8 +23,9 @@ from pinarm.mechanics.loading.model_tree import listed
 from pinarm.problems import Problem
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.loads import bind_loads
-from pinarm.problems.simplify.model_reduction import ReducedMechanism
-from pinarm.problems.simplify.removal import KnownMotion, known_laws, removable
+
+if TYPE_CHECKING:
+    from pinarm.problems.simplify.model_reduction import ReducedMechanism
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,9 @@ class Simplification:
         declared = problem.declaration()
         if declared is None:
             return cls.whole(problem, mechanism)
+        from pinarm.problems.simplify.model_reduction import ReducedMechanism
+        from pinarm.problems.simplify.removal import KnownMotion, known_laws, removable
+
         known = KnownMotion(declared, mechanism, known_laws(declared, mechanism, place))
         stay = {mechanism.joints[name].v for name in requested if name in mechanism.joints}
         if known.own_laws.keys() | known.stationary.keys() <= stay:
