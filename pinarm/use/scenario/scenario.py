@@ -36,6 +36,8 @@ from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.result import Result
+from pinarm.use.result.row_lookup import Lookup
+from pinarm.use.result.run_number import RunNumber
 from pinarm.use.scenario.find import Find, find
 
 
@@ -72,6 +74,7 @@ class ScenarioFile(InputStruct, frozen=True):
         problem: The question.
         symbols: Names for quantities or formulas, beside those of the mechanism.
         outputs: Quantities of the table and the plots.
+        numbers: Numbers of the run to tell, such as ``C_B @ rms``: see ``RunNumber.read``.
         modelled: ``required``, what the question requires: joints that it holds still are locked, and dropped those
             that it moves and nothing depends on; or the ``whole`` mechanism. The answer is the same.
         undetermined: What to do with reactions that rigid bodies do not determine: ``refuse`` them, or give those of
@@ -92,6 +95,7 @@ class ScenarioFile(InputStruct, frozen=True):
     payloads: dict[str, Payload] = {}
     changes: dict[str, Any] = {}
     symbols: dict[str, str] = {}
+    numbers: list[str] = []
     modelled: Literal["required", "whole"] = "required"
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"
     accuracy: Accuracy = msgspec.field(default_factory=Accuracy)
@@ -194,7 +198,9 @@ class Scenario:
         if self.content.modelled == "whole":
             return Simplification.whole(self.problem, self.mechanism)
         expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
-        requested = requested_joints([*self.content.outputs, *expected], self.symbols, self.mechanism)
+        wanted = self.content.find.wanted if self.content.find else ()
+        texts = [*self.content.outputs, *self.content.numbers, *wanted, *expected]
+        requested = requested_joints(texts, self.symbols, self.mechanism)
         return Simplification.required(self.problem, self.mechanism, requested, self._place)
 
     def run(self) -> Result:
@@ -259,15 +265,17 @@ class Scenario:
         return replace(result, figures={**result.figures, **figures, **left})
 
     def _residuals(self, search: Find) -> dict[str, Array]:
-        """Return the wanted quantities less their targets, at all rows."""
+        """Return the wanted quantities less their targets, at all rows, and wanted numbers of the run less theirs."""
         _, outcome = self.simplification.solve(self.content.accuracy, self._place)
-        quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
+        run = Lookup(Quantities(outcome.rows, self.symbols, self.content.undetermined), outcome.motion)
         left = {}
         for name, target in search.wanted.items():
-            series = quantities[name]
-            if isinstance(target, Measured) and series.unit:
-                target.check(series.unit)
-            left[name] = series.values - float(target)
+            number = RunNumber.read(name) if "@" in name else None
+            unit = number.described(run.quantities).unit if number else run.quantities[name].unit
+            if isinstance(target, Measured) and unit:
+                target.check(unit)
+            values = np.array([number.value(run)[0]]) if number else run.quantities[name].values
+            left[name] = values - float(target)
         return left
 
     def _solve_once(self) -> Result:
@@ -318,6 +326,9 @@ class Scenario:
             for index, name in enumerate(self.content.outputs):
                 with self.document.locating("outputs", index):
                     quantities[name]
+            for index, text in enumerate(self.content.numbers):
+                with self.document.locating("numbers", index):
+                    RunNumber.read(text).described(quantities)
             for index, expectation in enumerate(self.content.expect):
                 with self.document.locating("expect", index):
                     expectation.check_names(quantities)

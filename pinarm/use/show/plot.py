@@ -19,8 +19,8 @@ from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import ROW
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit
-from pinarm.use.result.expectation import in_si
-from pinarm.use.result.row_lookup import at
+from pinarm.input.yaml.schema import in_si
+from pinarm.use.result.curve_figures import is_figure
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -130,11 +130,16 @@ def answer_key(result: Result, along: str) -> list[Printed]:
         if entry.published_formula is not None and entry.at == "all":
             figures = np.broadcast_to(result.quantities.figure(entry.published_formula), len(result))
             found.append(Printed(entry.quantity, result[along].values, figures, entry.verdict == "misprint"))
-        elif entry.published is not None and entry.at != "all":
-            row = at(result, entry.at, entry.quantity)
+        elif entry.published is not None and not _over_run(entry.at):
+            row = result.lookup.at(entry.at, entry.quantity)
             printed = in_si(entry.published, row[entry.quantity].unit)
             found.append(Printed(entry.quantity, float(row[along].values[0]), printed, entry.verdict == "misprint"))
     return found
+
+
+def _over_run(at: str | dict[str, str | int | float]) -> bool:
+    """Tell whether an entry is about the whole run, and not about one row."""
+    return isinstance(at, str) and (at == "all" or is_figure(at))
 
 
 def _mark(axis: Axes, series: Series, printed: list[Printed], scale: float) -> None:

@@ -50,7 +50,8 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 def remarks(result: Result) -> list[str]:
     """Return what is to be said beside the numbers, a line each: accuracy, cost, what was found, limits, notes."""
     run = result.trajectory
-    lines = _error_lines(result) + _accuracy_lines(result.figures, run.parameter)
+    lines = [_number_line(series, error) for series, error in result.numbers().values()]
+    lines += _error_lines(result) + _accuracy_lines(result.figures, run.parameter)
     cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name in COSTS]
     lines.append(f"rows: {len(run)}" + (f"; {', '.join(cost)}" if cost else ""))
     lines += [f"{name}: {value:.9g}" for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
@@ -60,6 +61,13 @@ def remarks(result: Result) -> list[str]:
     lines += [f"limit: {excess.words(run)}" for excess in result.excesses()]
     lines += [f"note: {note}" for note in result.notes()]
     return [printable(line) for line in lines]
+
+
+def _number_line(series: Series, error: float) -> str:
+    """Return a number of the run, with what its quadrature leaves open."""
+    value, unit = float(series.values[0]), str(series.unit or "?")
+    quadrature = f" (quadrature {error:.1e})" if error else ""
+    return f"{series.name}: {value:.7g} {'' if unit == '1' else unit}".rstrip() + quadrature
 
 
 def _error_lines(result: Result) -> list[str]:
