@@ -89,6 +89,7 @@ ELSEWHERE = {
         "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/scenario",
     ),
     "test_readme.py": ("what is printed", "use/show/terminal"),
+    "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),
     "use/result/test_result.py": ("methods of a result", "use/result/measures use/views"),
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),
     "use/study/accuracy/test_error_estimate.py": (

@@ -99,23 +99,39 @@ def _length(run: Lookup) -> float:
     return sum(abs(end - start) for start, end, _ in run.intervals)
 
 
-def _moments(run: Lookup, quantity: str) -> tuple[Array, Array, float]:
-    """Return the integrals of x/c and (x/c)², their errors, both of shape (2,), and c, the largest |x| of the rows."""
+def integrals(run: Lookup, integrand: Callable[[Quantities], Array]) -> tuple[Array, Array]:
+    """Return the integrals of several functions over a run, and their errors, both of shape (k,).
+
+    Args:
+        run: The run; its rows are states of one motion.
+        integrand: Quantities of n rows -> values of the functions there, of the size of 1 or less, shape (n, k).
+    """
     from scipy.integrate import cubature
 
-    scale = float(np.abs(run.quantities[quantity].values).max()) or 1.0
-    total, error = np.zeros(2), np.zeros(2)
+    parts = []
     for interval, (start, end, _) in enumerate(run.intervals):
 
-        def powers(t: Array, interval: int = interval) -> Array:
-            x = run.quantities_at(interval, t[:, 0])[quantity].values / scale
-            return np.stack([x, x * x], axis=1)
+        def at(t: Array, interval: int = interval) -> Array:
+            return integrand(run.quantities_at(interval, t[:, 0]))
 
         low, high = sorted((start, end))
         if low < high:
-            part = cubature(powers, [low], [high], rtol=RELATIVE, atol=ABSOLUTE * (high - low), max_subdivisions=MOST)
-            total, error = total + part.estimate, error + part.error
-    return total, error + ROUNDING * np.abs(total), scale
+            allowed = ABSOLUTE * (high - low)
+            parts.append(cubature(at, [low], [high], rtol=RELATIVE, atol=allowed, max_subdivisions=MOST))
+    total, error = (np.sum([getattr(part, of) for part in parts], axis=0) for of in ("estimate", "error"))
+    return total, error + ROUNDING * np.abs(total)
+
+
+def _moments(run: Lookup, quantity: str) -> tuple[Array, Array, float]:
+    """Return the integrals of x/c and (x/c)², their errors, both of shape (2,), and c, the largest |x| of the rows."""
+    scale = float(np.abs(run.quantities[quantity].values).max()) or 1.0
+
+    def powers(rows: Quantities) -> Array:
+        x = rows[quantity].values / scale
+        return np.stack([x, x * x], axis=1)
+
+    total, error = integrals(run, powers) if _length(run) else np.zeros((2, 2))
+    return total, error, scale
 
 
 def _mean(run: Lookup, quantity: str) -> tuple[float, float]:

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,8 @@ from pinarm.use.result.run_number import RunNumber
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+    from pinarm.use.assessments import Assessment
+    from pinarm.use.result.section import Section
     from pinarm.use.scenario.scenario import ScenarioFile
     from pinarm.use.show.plot import Picture
     from pinarm.use.show.replay.page import Replay
@@ -51,6 +54,7 @@ class Result:
             none was asked for.
         setting: How the motion was integrated, and what the estimate rests on, in words.
         removals: Joints of the mechanism that were not solved for.
+        assessments: What the scenario asks to conclude from it, by key.
     """
 
     name: str
@@ -64,6 +68,7 @@ class Result:
     errors: Mapping[str, float] = field(default_factory=dict)
     setting: str = ""
     removals: Sequence[Removal] = ()
+    assessments: Mapping[str, Assessment] = field(default_factory=dict, repr=False)
 
     @property
     def error(self) -> float | None:
@@ -122,6 +127,11 @@ class Result:
             text: (replace(number.described(self.quantities), values=np.array([values[text][0]])), values[text][1])
             for text, number in found.items()
         }
+
+    @cached_property
+    def sections(self) -> Mapping[str, Section]:
+        """What the assessments of the scenario find, by key, evaluated when they are first asked for."""
+        return {key: assessment.evaluate(self) for key, assessment in self.assessments.items()}
 
     def columns(self) -> list[Series]:
         """Return the parameter and the outputs of the scenario."""
@@ -243,6 +253,13 @@ class Result:
             "numbers": {
                 text: {"value": float(series.values[0]), "unit": str(series.unit or "?"), "quadrature error": error}
                 for text, (series, error) in self.numbers().items()
+            },
+            **{
+                key: {
+                    name: {"value": float(series.values[0]), "unit": str(series.unit or "?")}
+                    for name, series in section.numbers.items()
+                }
+                for key, section in self.sections.items()
             },
             "accuracy": self._accuracy(),
             "cost": {name: int(value) for name, value in self.figures.items() if name in COSTS},

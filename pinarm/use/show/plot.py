@@ -90,6 +90,29 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
     return figure
 
 
+def curve(across: Series, up: Series, *, title: str, equal: bool = False) -> Picture:
+    """Return a figure of one quantity over another.
+
+    Args:
+        across: What runs along the horizontal axis.
+        up: What runs along the vertical axis.
+        title: Its heading.
+        equal: Whether a unit is as long on both axes, as for paths in a plane.
+    """
+    (scale, along), (own, measured) = shown(across), shown(up)
+    with matplotlib.rc_context(STYLE):
+        figure = Picture(figsize=(WIDTH, WIDTH * 0.7))
+        FigureCanvasAgg(figure)
+        axis = figure.subplots()
+        axis.plot(across.values / scale, up.values / own, color=COLOURS[0])
+        axis.set_xlabel(axis_label(across.name, along))
+        axis.set_ylabel(axis_label(up.name, measured))
+        axis.set_title(plain(title))
+        if equal:
+            axis.set_aspect("equal", adjustable="datalim")
+    return figure
+
+
 def _draw(axis: Axes, series: Series, x: Array, look: dict[str, Any]) -> None:
     scale, measured = shown(series)
     values = series.values / scale
@@ -227,6 +250,10 @@ def save_plots(result: Result, folder: Path) -> list[Path]:
         name = re.sub(r"[^A-Za-z0-9_.-]+", "_", group[0])[:40] if len(group) == 1 else f"outputs_{number + 1}"
         files.append(folder / f"{name}.png")
         result.plot(*group).savefig(files[-1], metadata={"Software": None})
+    for section in result.sections.values():
+        for name, draw in section.pictures.items():
+            files.append(folder / f"{section.key}_{name}.png")
+            draw().savefig(files[-1], metadata={"Software": None})
     files.append(folder / "positions.png")
     result.sketch().savefig(files[-1], metadata={"Software": None})
     return files

@@ -12,6 +12,10 @@ from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, RESIDUALS
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
+    from pinarm.use.result.section import Section
+
+MOST_ROWS = 12
+"""Rows of a section's table that a terminal shows."""
 
 FEW = 6
 """Rows that are shown beside each other."""
@@ -19,7 +23,9 @@ FEW = 6
 
 def report(result: Result) -> str:
     """Return the summary of a run as text: ranges of the outputs with units, accuracy, cost."""
-    return "\n".join([printable(result.content.title or result.name), *aligned(ranges(result)), *remarks(result)])
+    sections = [line for section in result.sections.values() for line in section_lines(section)]
+    head = printable(result.content.title or result.name)
+    return "\n".join([head, *aligned(ranges(result)), *sections, *remarks(result)])
 
 
 def ranges(result: Result) -> list[list[str]]:
@@ -36,6 +42,17 @@ def ranges(result: Result) -> list[list[str]]:
         numbers = (entry["min"], entry["at_min"], entry["max"], entry["at_max"])
         rows.append([*_heading(series), *(f"{number:.7g}" for number in numbers)])
     return rows
+
+
+def section_lines(section: Section) -> list[str]:
+    """Return a section as text: its first table, and its remarks."""
+    lines = [printable(section.title)]
+    for table in section.tables[:1]:
+        cells = [[cell if isinstance(cell, str) else f"{cell:.7g}" for cell in row] for row in table.rows[:MOST_ROWS]]
+        lines += aligned([table.headings(), *cells]) if len(table.columns) > 1 else [row[0] for row in cells]
+        more = len(table.rows) - MOST_ROWS
+        lines += [f"and {more} more rows in {section.key}_{table.name}.csv"] if more > 0 else []
+    return [*lines, *(printable(f"{section.key}: {remark}") for remark in section.remarks)]
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:

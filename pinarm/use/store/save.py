@@ -21,6 +21,7 @@ from pinarm.use.store.files import cell, json_text, write, write_arrays, write_p
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
+    from pinarm.use.result.section import Table
 
 
 def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, float] | None = None) -> Path:
@@ -45,6 +46,9 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
         write(folder / model, _model(mechanism, folder))
         write_parts(folder / "trajectory.csv", csv(columns))
         write_arrays(folder / "trajectory.npz", arrays(result, columns))
+        for section in result.sections.values():
+            for table in section.tables:
+                write(folder / f"{section.key}_{table.name}.csv", table_csv(table))
         if timing:
             write(folder / "timing.json", json_text(timing) + "\n")
     except OSError as error:
@@ -75,6 +79,13 @@ def _clear(result: Result, folder: Path) -> None:
         import shutil
 
         shutil.rmtree(folder / "partial")
+
+
+def table_csv(table: Table) -> str:
+    """Return a table of a section as CSV, numbers in SI with the digits that it takes to read them back."""
+    lines = [",".join(cell(heading) for heading in table.headings())]
+    lines += [",".join(cell(each) if isinstance(each, str) else repr(each) for each in row) for row in table.rows]
+    return "\n".join(lines) + "\n"
 
 
 OWN = ("scenario.yaml", "mechanism.yaml", "model.urdf", "model.xml", "trajectory.csv", "trajectory.npz")
