@@ -13,6 +13,7 @@ of the amplitude (a_k² + b_k²)^(1/2): see Norton, Design of Machinery, chapter
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import msgspec
@@ -26,11 +27,10 @@ from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import InputStruct
 from pinarm.use.result.curve_figures import figure, integrals
 from pinarm.use.result.row_lookup import Lookup
-from pinarm.use.result.section import Section, Table
+from pinarm.use.result.section import Curve, Graph, Section, SectionTable
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
-    from pinarm.use.show.plot import Picture
 
 PERIODIC = 1e-6
 """Difference between start and end, relative to the largest size, below which a run is a whole number of periods."""
@@ -83,17 +83,17 @@ class Shaking(InputStruct, frozen=True):
             remarks.append(f"harmonics: quadrature error at most {error:.1e} of the largest component")
         return Section(
             "shaking", "Shaking force and moment on the frame", tables, numbers, remarks,
-            {"hodograph": lambda: _hodograph(result, [self.quantity(part) for part in PARTS[:3]])},
+            [_hodograph(result, [self.quantity(part) for part in PARTS[:3]])],
         )  # fmt: skip
 
 
-def _figures_table(numbers: dict[str, Series], units: Sequence[Unit | None]) -> Table:
+def _figures_table(numbers: dict[str, Series], units: Sequence[Unit | None]) -> SectionTable:
     rows: list[tuple[str | float, ...]] = []
     for part, measured in zip(("force.norm", *PARTS[:3], "moment.norm", *PARTS[3:]),
                               (units[0], *units[:3], units[3], *units[3:]), strict=True):  # fmt: skip
         peak, rms = (float(numbers[f"{part}.{name}"].values[0]) for name in ("peak", "rms"))
         rows.append((part, str(measured), peak, rms))
-    return Table("figures", "Peak and rms value", ("", "unit", "peak", "rms"), (None, None, None, None), rows)
+    return SectionTable("figures", "Peak and rms value", ("", "unit", "peak", "rms"), (None, None, None, None), rows)
 
 
 def _length(run: Lookup) -> float:
@@ -128,24 +128,17 @@ def _harmonics(run: Lookup, quantities: Sequence[str], count: int) -> tuple[Arra
     return size.max() * np.linalg.norm(parts, axis=2), float(2.0 / length * error.max())
 
 
-def _harmonics_table(amplitudes: Array, units: Sequence[Unit | None], pulsation: float) -> Table:
+def _harmonics_table(amplitudes: Array, units: Sequence[Unit | None], pulsation: float) -> SectionTable:
     rows = [(float(k), k * pulsation, *row) for k, row in enumerate(amplitudes.tolist(), start=1)]
-    return Table(
+    return SectionTable(
         "harmonics", "Amplitudes of the harmonics of the run's length", ("order", "pulsation", *PARTS),
         (DIMENSIONLESS, PULSATION, *units), rows,
     )  # fmt: skip
 
 
-def _hodograph(result: Result, forces: Sequence[str]) -> Picture:
+def _hodograph(result: Result, forces: Sequence[str]) -> Graph:
     """Return the path of the force's tip in the plane of its two largest components."""
-    from pinarm.use.show.plot import curve
-
     sizes = [float(np.abs(result[name].values).max()) for name in forces]
-    first, second = sorted(np.argsort(sizes)[-2:].tolist())
-    across, up = (replace_name(result[forces[k]], PARTS[k]) for k in (first, second))
-    return curve(across, up, title="Shaking force, path of its tip", equal=True)
-
-
-def replace_name(series: Series, name: str) -> Series:
-    """Return a series under another name."""
-    return Series(name, series.unit, series.values)
+    plane = sorted(np.argsort(sizes)[-2:].tolist())
+    across, up = (replace(result[forces[k]], name=PARTS[k]) for k in plane)
+    return Graph("hodograph", "Shaking force, path of its tip", [Curve(across, up)], equal=True)

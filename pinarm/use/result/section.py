@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -12,13 +12,11 @@ from pinarm.input.units import Unit
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from pinarm.use.show.plot import Picture
-
 Cell = str | float
 
 
 @dataclass(frozen=True)
-class Table:
+class SectionTable:
     """A table of texts and numbers.
 
     Attributes:
@@ -48,6 +46,40 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Curve:
+    """A curve of a graph: one series over another.
+
+    Attributes:
+        across: What runs along the horizontal axis.
+        up: What runs along the vertical axis.
+        label: Its name in the legend; none where it is empty.
+        points: Whether its points stand for themselves, and are not joined.
+    """
+
+    across: Series
+    up: Series
+    label: str = ""
+    points: bool = False
+
+
+@dataclass(frozen=True)
+class Graph:
+    """A graph of a section.
+
+    Attributes:
+        name: Of its file, in lower case with underscores.
+        title: Its heading, in words.
+        curves: Its curves; names and units on the axes are those of the first.
+        equal: Whether a unit is as long on both axes, as for paths in a plane.
+    """
+
+    name: str
+    title: str
+    curves: Sequence[Curve] = field(repr=False)
+    equal: bool = False
+
+
+@dataclass(frozen=True)
 class Section:
     """What an assessment found.
 
@@ -57,12 +89,12 @@ class Section:
         tables: Its tables, the most important one first.
         numbers: Its numbers by name, each a series of one value; ``KEY.NAME`` asks for them elsewhere.
         remarks: What to know, a sentence each.
-        pictures: Name -> function that draws the picture.
+        graphs: Its graphs.
     """
 
     key: str
     title: str
-    tables: Sequence[Table] = ()
+    tables: Sequence[SectionTable] = ()
     numbers: Mapping[str, Series] = field(default_factory=dict)
     remarks: Sequence[str] = ()
-    pictures: Mapping[str, Callable[[], Picture]] = field(default_factory=dict)
+    graphs: Sequence[Graph] = ()

@@ -6,6 +6,7 @@ import io
 import re
 from dataclasses import dataclass
 from functools import cache
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,7 @@ from pinarm.use.result.curve_figures import is_figure
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
+    from pinarm.use.result.section import Graph
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's palette."""
@@ -90,25 +92,24 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
     return figure
 
 
-def curve(across: Series, up: Series, *, title: str, equal: bool = False) -> Picture:
-    """Return a figure of one quantity over another.
-
-    Args:
-        across: What runs along the horizontal axis.
-        up: What runs along the vertical axis.
-        title: Its heading.
-        equal: Whether a unit is as long on both axes, as for paths in a plane.
-    """
-    (scale, along), (own, measured) = shown(across), shown(up)
+def graph(drawn: Graph) -> Picture:
+    """Return a graph of a section."""
+    (scale, along), (own, measured) = shown(drawn.curves[0].across), shown(drawn.curves[0].up)
     with matplotlib.rc_context(STYLE):
         figure = Picture(figsize=(WIDTH, WIDTH * 0.7))
         FigureCanvasAgg(figure)
         axis = figure.subplots()
-        axis.plot(across.values / scale, up.values / own, color=COLOURS[0])
-        axis.set_xlabel(axis_label(across.name, along))
-        axis.set_ylabel(axis_label(up.name, measured))
-        axis.set_title(plain(title))
-        if equal:
+        for curve, colour in zip(drawn.curves, cycle(COLOURS)):
+            look = POINTS if curve.points else {}
+            axis.plot(
+                curve.across.values / scale, curve.up.values / own, color=colour, label=plain(curve.label), **look
+            )
+        axis.set_xlabel(axis_label(drawn.curves[0].across.name, along))
+        axis.set_ylabel(axis_label(drawn.curves[0].up.name, measured))
+        axis.set_title(plain(drawn.title))
+        if any(curve.label for curve in drawn.curves):
+            axis.legend(fontsize=8, frameon=False, loc="best")
+        if drawn.equal:
             axis.set_aspect("equal", adjustable="datalim")
     return figure
 
@@ -251,9 +252,9 @@ def save_plots(result: Result, folder: Path) -> list[Path]:
         files.append(folder / f"{name}.png")
         result.plot(*group).savefig(files[-1], metadata={"Software": None})
     for section in result.sections.values():
-        for name, draw in section.pictures.items():
-            files.append(folder / f"{section.key}_{name}.png")
-            draw().savefig(files[-1], metadata={"Software": None})
+        for drawn in section.graphs:
+            files.append(folder / f"{section.key}_{drawn.name}.png")
+            graph(drawn).savefig(files[-1], metadata={"Software": None})
     files.append(folder / "positions.png")
     result.sketch().savefig(files[-1], metadata={"Software": None})
     return files

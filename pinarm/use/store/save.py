@@ -21,7 +21,7 @@ from pinarm.use.store.files import cell, json_text, write, write_arrays, write_p
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
-    from pinarm.use.result.section import Table
+    from pinarm.use.result.section import SectionTable
 
 
 def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, float] | None = None) -> Path:
@@ -81,7 +81,7 @@ def _clear(result: Result, folder: Path) -> None:
         shutil.rmtree(folder / "partial")
 
 
-def table_csv(table: Table) -> str:
+def table_csv(table: SectionTable) -> str:
     """Return a table of a section as CSV, numbers in SI with the digits that it takes to read them back."""
     lines = [",".join(cell(heading) for heading in table.headings())]
     lines += [",".join(cell(each) if isinstance(each, str) else repr(each) for each in row) for row in table.rows]
