@@ -43,7 +43,7 @@ WIDTH, HEIGHT, HEAD = 7.0, 1.7, 0.9
 SCREEN = 100
 """Pixels per inch of an ordinary screen."""
 
-POINTS = {"linestyle": "none", "marker": "o", "markersize": 4}
+POINTS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 4}
 """Look of rows that stand for themselves."""
 
 FEW = 12
