@@ -63,6 +63,9 @@ ELSEWHERE = {
         "degrees of hyperstatism and singular positions", "engine/checks/singularity engine/kinematics/mobility",
     ),
     "loops/test_screws.py": ("against the coupling and closed forms", "mechanics/loops/screw"),
+    "mechanics/couplings/test_gear.py": (
+        "wheels in mesh", "mechanics/couplings/members mechanics/couplings/teeth",
+    ),
     "mechanics/forces/test_bushing.py": ("its measure of deflection", "mechanics/geometry/deflection"),
     "mechanics/laws/test_interpolated.py": ("laws that are tables", "input/motion_tables"),
     "mechanics/laws/test_motion_law.py": ("every law", "mechanics/laws/steady"),

@@ -28,7 +28,7 @@ from pinarm.input.yaml.schema import Measured, quantity
 from pinarm.input.yaml.values import Values, varied
 from pinarm.mechanics.ball_joints import Ball, ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, coordinates_of
-from pinarm.mechanics.couplings import mimic_coupling
+from pinarm.mechanics.couplings.coupling import mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import ForceElement

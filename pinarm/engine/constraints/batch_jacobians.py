@@ -17,7 +17,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
 from pinarm.engine.constraints.elimination import Row
 from pinarm.mechanics.coordinates import Coordinate, DistanceCoordinate, FrameCoordinate, LinearCoordinate
-from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.geometry.chains import Chain, Placed
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.vectors import dot

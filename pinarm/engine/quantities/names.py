@@ -10,6 +10,10 @@
 ``joint.J.angular_velocity.x``                 of a ball joint, in the link's own axes; likewise ``effort.x``
 ``loop.L.force.x``, ``loop.L.moment.x``        action of the first link on the second, at the second one's frame
 ``loop.L.angle``                               of a screw: how far frame 2 has turned, whole turns counted
+``coupling.C.effort``                          multiplier of a coupling: effort at its second joint
+``coupling.C.force.x``, ``.moment.x``          action of its first member on the second, where they touch
+``coupling.C.tangential .radial .axial``       of the force of teeth; ``.separating`` along the normal of bevel wheels
+``coupling.C.axial .torque``, ``.tight .slack``  of a thread; tensions of the strands of a belt
 ``coordinate.C.position`` (and so on)          of any coordinate
 ``coordinate.C.effort``                        of a drive along a task coordinate
 ``point.P.position.x`` (and so on)             of the origin of link P
@@ -54,6 +58,7 @@ from pinarm.errors import InputError, choices
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS
 from pinarm.input.units import Unit, unit
+from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.forces.force_element import power
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import METRE, RADIAN
@@ -126,6 +131,8 @@ class Quantities:
               for part in (*BALL_PARTS, *(f"{kind}.{axis}" for kind in WRENCH for axis in AXES))),
             *(f"loop.{name}.{kind}.{axis}" for name in self.reactions.loops for kind in WRENCH for axis in AXES),
             *(f"loop.{name}.angle" for name in self.reactions.screws),
+            *(f"coupling.{name}.{part}" for name, one in self.reactions.couplings.items()
+              for part in coupling_parts(one)),
             *(f"coordinate.{name}.{rate}" for name in mechanism.coordinates for rate in RATES),
             *(f"point.{name}.{rate}.{axis}" for name in links for rate in RATES for axis in AXES),
             *(f"body.{name}.{rate}.{axis}" for name in links for rate in TURNS for axis in AXES),
@@ -188,11 +195,11 @@ class Quantities:
 
     @cached_property
     def _dotted(self) -> set[str]:
-        """Names of joints, links, drives, loop joints and force elements that have dots in them."""
+        """Names of joints, links, drives, loop joints, couplings and force elements that have dots in them."""
         mechanism = self.trajectory.mechanism
         links = (frame.name for frame in mechanism.model.frames if frame.type == pin.FrameType.BODY)
         names = (*mechanism.joints, *mechanism.balls, *links, *mechanism.drives, *self.reactions.loops,
-                 *self.trajectory.dynamics.forces)  # fmt: skip
+                 *self.reactions.couplings, *self.trajectory.dynamics.forces)  # fmt: skip
         return {name for name in names if "." in name}
 
     def _words(self, text: str) -> list[str]:
@@ -268,7 +275,11 @@ class Quantities:
         if len(words) < 3 or words[1] not in WRENCH:
             raise self._unknown(name)
         found = self.reactions
-        added = [stressed[:, index] for stressed in found.stressed_joints]
+        added, opened = [stressed[:, index] for stressed in found.stressed_joints], found.open_wrenches(index)
+        for wrench in opened:
+            if self._acts(self._wrench_component(name, words, found.origins[:, index], wrench)):
+                raise InputError(f"'{name}': {found.left_open[index]}", expected="a joint before or beyond them",
+                                 hint=SAY_HOW)  # fmt: skip
         return self._wrench(name, words, found.origins[:, index], found.joints[:, index], added)
 
     def _of_loop(self, name: str, words: list[str]) -> Series:
@@ -281,26 +292,56 @@ class Quantities:
         origins, wrench = found.loop_origins(words[0]), found.loop(words[0])
         return self._wrench(name, words, origins, wrench, found.stressed_loop(words[0]))
 
+    def _of_coupling(self, name: str, words: list[str]) -> Series:
+        found, part = self.reactions, ".".join(words[1:2])
+        coupling = found.couplings.get(words[0])
+        if coupling is None or (len(words) > 2) != (part in WRENCH):
+            raise self._unknown(name)
+        self._require_efforts(name)
+        known, (lam, added) = coupling.transmission, found.multiplier(words[0])
+        if part == "effort":
+            measured = NEWTON if coupling.coordinate.unit == METRE else NEWTON_METRE
+            return Series(name, measured, lam, self._doubt(name, added))
+        if known is None:
+            raise InputError(f"'{name}' is not known: {coupling.missing}", expected=f"coupling.{words[0]}.effort",
+                             hint=SAY_HOW)  # fmt: skip
+        if part in WRENCH:
+            points, wrench, stressed = found.transmitted(words[0])
+            return self._wrench(name, words, points, wrench, stressed)
+        if part not in known.parts():
+            raise self._unknown(name)
+        return Series(name, known.parts()[part], known.part(part, lam), self._doubt(name, added))
+
     def _wrench(self, name: str, words: list[str], origins: Array, wrench: Array, added: list[Array]) -> Series:
-        """Return a component of a wrench, unless self-stresses can add anything to it.
+        """Return a component of a wrench, unless self-stresses can add anything to it."""
+        values, *stressed = (self._wrench_component(name, words, origins, one) for one in (wrench, *added))
+        return Series(name, NEWTON if words[1] == "force" else NEWTON_METRE, values, self._doubt(name, stressed))
+
+    def _wrench_component(self, name: str, words: list[str], origins: Array, wrench: Array) -> Array:
+        """Return the component of wrenches at origins that a name asks for, shape (n,)."""
+        if words[1] == "force":
+            return self._component(name, words, wrench[:, :3])
+        arm = origins - self._about(name, words, origins)
+        return self._component(name, words, wrench[:, 3:] + np.cross(arm, wrench[:, :3]))
+
+    @staticmethod
+    def _acts(component: Array) -> bool:
+        """Tell whether wrenches of length 1 act on a component, given what they add to it, shape (n,)."""
+        return bool(np.abs(component).max(initial=0.0) > UNDETERMINED)
+
+    def _doubt(self, name: str, added: list[Array]) -> str:
+        """Return what is in doubt about a component: nothing where self-stresses add nothing to it.
 
         Raises:
-            InputError: They can, and the scenario does not ask for the least values.
+            InputError: They do, and the scenario does not ask for the least values.
         """
-
-        def component(wrench: Array) -> Array:
-            if words[1] == "force":
-                return self._component(name, words, wrench[:, :3])
-            arm = origins - self._about(name, words, origins)
-            return self._component(name, words, wrench[:, 3:] + np.cross(arm, wrench[:, :3]))
-
         doubt = ""
-        if any(np.abs(component(part)).max(initial=0.0) > UNDETERMINED for part in added):
+        if any(self._acts(part) for part in added):
             doubt = f"hyperstatic of degree {len(added)}: rigid bodies do not determine it"
             if self.undetermined != "minimum_norm":
                 raise InputError(f"'{name}': {doubt}", expected="a component that is determined, or a joint loosened",
                                  hint="undetermined: minimum_norm, for the least multipliers")  # fmt: skip
-        return Series(name, NEWTON if words[1] == "force" else NEWTON_METRE, component(wrench), doubt)
+        return doubt
 
     def _require_efforts(self, name: str) -> None:
         if self.trajectory.no_efforts:
@@ -452,6 +493,7 @@ class Quantities:
 _KINDS: dict[str, Callable[[Quantities, str, list[str]], Series]] = {
     "joint": Quantities._of_joint,
     "loop": Quantities._of_loop,
+    "coupling": Quantities._of_coupling,
     "coordinate": Quantities._of_coordinate,
     "point": Quantities._of_point,
     "body": Quantities._of_body,
@@ -462,6 +504,17 @@ _KINDS: dict[str, Callable[[Quantities, str, list[str]], Series]] = {
     "power": Quantities._of_power,
     "force": Quantities._of_force,
 }
+
+
+SAY_HOW = "in couplings: a gear or rack with its pressure_angle, a belt with its pretension, gears with planets"
+"""What makes the forces of a coupling known."""
+
+
+def coupling_parts(coupling: Coupling) -> list[str]:
+    """Return what is known of a coupling, such as ``effort``, ``force.x``, ``tangential``."""
+    if coupling.transmission is None:
+        return ["effort"]
+    return ["effort", *coupling.transmission.parts(), *(f"{kind}.{axis}" for kind in WRENCH for axis in AXES)]
 
 
 def _turning(measured: Unit, base: Unit, order: int) -> Unit:

@@ -2,7 +2,8 @@
 
 The multipliers act on the tree as outside wrenches; one recursion then gives what every joint of the tree transmits.
 Where constraints are redundant some multipliers do nothing: these self-stresses are added freely to any solution, so
-that a component on which one of them acts is not determined by rigid bodies at all.
+that a component on which one of them acts is not determined by rigid bodies at all. Couplings whose forces are not
+known leave components open likewise.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from pinarm.engine.checks.balance import demands
 from pinarm.engine.constraints.nullspace import RowDecomposition
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.left_open import OpenReaction, left_open
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.loops.loop_joints import LoopJoint
@@ -40,6 +43,7 @@ class Reactions:
     def __init__(self, run: Trajectory) -> None:
         self.run, self.model, self.closure = run, run.mechanism.model, run.closure
         self.loops = {one.name: one for one in self.closure.constraints if isinstance(one, LoopJoint)}
+        self.couplings = {one.name: one for one in self.closure.constraints if isinstance(one, Coupling)}
         self.screws = [name for name, loop in self.loops.items() if loop.kind == "screw"]
 
     @cached_property
@@ -148,6 +152,36 @@ class Reactions:
         return rows
 
     @cached_property
+    def left_open(self) -> dict[int, OpenReaction]:
+        """Joint index -> what couplings leave open of the joint's reaction, whose forces are not known."""
+        return left_open(self.model, list(self.couplings.values()))
+
+    def open_wrenches(self, joint: int) -> list[Array]:
+        """Return wrenches that span what is left open of a joint's reaction, world axes, each of shape (n, 6)."""
+        if joint not in self.left_open:
+            return []
+        turns = np.concatenate([self.links(rows).turns[:, joint] for rows in _blocks(0, len(self.run))])
+        parts = ((turns @ one[:3], turns @ one[3:]) for one in self.left_open[joint].wrenches)
+        return [np.concatenate(both, axis=1) for both in parts]
+
+    def multiplier(self, name: str) -> tuple[Array, list[Array]]:
+        """Return the multiplier of a coupling [N or N*m], and what each self-stress adds to it, shape (n,)."""
+        row = self.closure.slices()[name].start
+        return self.multipliers[:, row], [stress[:, row] for stress in self.stresses]
+
+    def transmitted(self, name: str) -> tuple[Array, Array, list[Array]]:
+        """Return where a coupling acts on its second member [m], (n, 3), and [f; m] on it there, world axes, (n, 6).
+
+        And what each self-stress adds to the latter.
+        """
+        coupling, (lam, stresses) = self.couplings[name], self.multiplier(name)
+        found = [[coupling.transmitted(self.links(rows), one[rows, None]) for rows in _blocks(0, len(lam))]
+                 for one in (lam, np.zeros_like(lam), *stresses)]  # fmt: skip
+        points = np.concatenate([point for point, _ in found[0]])
+        wrench, idle, *stressed = (np.concatenate([one for _, one in blocks]) for blocks in found)
+        return points, wrench, [one - idle for one in stressed]
+
+    @cached_property
     def stresses(self) -> list[Array]:
         """Multipliers of length 1 that do nothing, each of shape (n, m), at a sample of the rows; 0 at the others."""
         run, closure, m = self.run, self.closure, self.run.mechanism.closure.size
@@ -174,7 +208,7 @@ class Reactions:
 
     def _stressed(self, stress: Array) -> Array:
         rows, some = np.zeros((len(stress), self.model.njoints, 6)), np.flatnonzero(stress.any(axis=1))
-        acting = self.closure.wrenches(self.links(some), stress[some])
+        acting = self.closure.added_wrenches(self.links(some), stress[some])
         for joint in range(1, self.model.njoints):
             rows[some, joint] = _moved(
                 -acting[:, list(self.model.subtrees[joint])].sum(axis=1), -self.origins[some, joint]

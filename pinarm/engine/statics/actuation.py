@@ -21,7 +21,7 @@ from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
-from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.couplings.coupling import Coupling
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism

@@ -23,7 +23,7 @@ from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_int
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.mechanics.ball_joints import ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
-from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.forces import ForceElement
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
@@ -153,8 +153,9 @@ class ReducedMechanism:
         return {**found, **ball_coordinates(model, balls_of(model))}
 
     def _coupling(self, model: pin.Model, one: Coupling) -> Coupling:
+        """Return a coupling of the part, its forces as efforts: reactions are asked of the whole."""
         follower = None if one.follower is None else int(np.searchsorted(self.kept_v, one.follower))
-        return replace(one, coordinate=self._sum(model, one.coordinate), follower=follower)
+        return replace(one, coordinate=self._sum(model, one.coordinate), follower=follower, transmission=None)
 
     def _sum(self, model: pin.Model, one: LinearCoordinate) -> LinearCoordinate:
         places = np.zeros(model.nv, dtype=np.intp)
