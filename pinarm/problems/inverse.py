@@ -51,9 +51,7 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        return schema_row(
-            mechanism, self.loads, "t", unit("s"), actuation(mechanism, self.drives, [*self.motion]).closure
-        )
+        return schema_row(mechanism, self.loads, "t", unit("s"), actuation(mechanism, self.drives, [*self.motion]))
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""

@@ -70,8 +70,8 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        closure = actuation(mechanism, self.drives, [*self.over, *self.hold]).closure
-        return replace(schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), closure), separate=True)
+        drives = actuation(mechanism, self.drives, [*self.over, *self.hold])
+        return replace(schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), drives), separate=True)
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""
@@ -127,8 +127,8 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        closure = actuation(mechanism, self.drives, [*self.over, *self.hold]).closure
-        return replace(schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), closure), separate=True)
+        drives = actuation(mechanism, self.drives, [*self.over, *self.hold])
+        return replace(schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), drives), separate=True)
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""

@@ -3,7 +3,8 @@
 =============================================  ==================================================================
 ``t``                                          the parameter that runs along the rows
 ``joint.J.position .velocity .acceleration``   of a joint with one coordinate
-``joint.J.effort .power``                      of its drive, without the rotor's own share
+``joint.J.effort .power``                      of its drive, without the rotor's own share; of the couplings that move a
+                                               joint without one
 ``joint.J.force.x``, ``joint.J.moment.x``      action of the parent on the child, at the joint's origin
 ``joint.J.moment.about.P.x``                   the same moment about the origin of link P
 ``joint.J.quaternion.x``, ``joint.J.roll``     of a ball joint; likewise ``pitch``, ``yaw``
@@ -263,10 +264,10 @@ class Quantities:
             return self._rate_of(name, words[0], part)
         self._require_efforts(name)
         if part in ("effort", "power") and len(words) == 2:
-            effort = self._effort(joint.v)
+            effort, doubt = self._effort(joint.v), self._effort_doubt(name, joint.v)
             if part == "effort":
-                return Series(name, effort_unit(joint), effort)
-            return Series(name, WATT, effort * self.trajectory.v[:, joint.v])
+                return Series(name, effort_unit(joint), effort, doubt)
+            return Series(name, WATT, effort * self.trajectory.v[:, joint.v], doubt)
         return self._transmitted(name, words, joint.index)
 
     def _transmitted(self, name: str, words: list[str], index: int) -> Series:
@@ -350,7 +351,13 @@ class Quantities:
     def _effort(self, v: int) -> Array:
         """Return the effort between the links, without what accelerates the drive's own rotor."""
         armature = float(self.trajectory.mechanism.model.armature[v])
-        return self.trajectory.tau[:, v] - armature * self.trajectory.a[:, v]
+        return self.trajectory.effort(v) - armature * self.trajectory.a[:, v]
+
+    def _effort_doubt(self, name: str, v: int) -> str:
+        """Return what is in doubt about the effort of a joint that couplings move; nothing where it has a drive."""
+        acting = self.trajectory.couplings_at(v).items()
+        shares = [[weight * added for added in self.reactions.multiplier(one)[1]] for one, weight in acting]
+        return self._doubt(name, [np.sum(parts, axis=0) for parts in zip(*shares, strict=True)])
 
     def _rate_of(self, name: str, coordinate_name: str, rate: str) -> Series:
         coordinate = self.trajectory.mechanism.coordinates.get(coordinate_name)

@@ -154,7 +154,7 @@ def _quantities(
     if acting is None:
         return Quantities(replace(run, no_efforts=NO_DRIVES))
     tau, lam = acting.efforts(grid.t, q, demand)
-    return Quantities(replace(run, tau=tau, lam=lam, closure=acting.closure))
+    return Quantities(replace(run, tau=tau, lam=lam, closure=acting.closure, driven=acting.driven))
 
 
 def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence[str], t: float) -> Array:

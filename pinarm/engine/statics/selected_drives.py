@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.batch_jacobians import rows_of
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspace_batch import free_motions
 from pinarm.errors import DynamicsError, InputError
-from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, driven_along
 
 CARRIED = 1e-9
 """Largest part of a load that no drive carries, relative to the load: rounding leaves 1e-13."""
@@ -42,6 +42,11 @@ class SelectedDrives:
     def coordinates(self) -> dict[str, Coordinate]:
         """What drives act along, by name: joints and sums of them first."""
         return {**self.joints, **self.tasks}
+
+    @property
+    def driven(self) -> Flags:
+        """Joints that drives act on, alone or with others, shape (nv,)."""
+        return driven_along(self.joints.values(), self.own.model.nv)
 
     def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
         """Return the efforts of the drives and the multipliers.

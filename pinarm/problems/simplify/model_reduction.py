@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
@@ -187,13 +187,21 @@ class ReducedMechanism:
             a[:, i] = grid.evaluate(law)[2]
         names = [one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]]
         closure = self.whole.closure.with_guides(names, [self.whole.coordinate(name) for name in names])
+        driven = None if run.driven is None else self._driven(run.driven)
         back = replace(
             run, mechanism=self.whole, q=q, v=v, a=a, tau=tau, closure=closure,
-            dynamics=Dynamics.of(self.whole.model, self.forces),
+            dynamics=Dynamics.of(self.whole.model, self.forces), driven=driven,
         )  # fmt: skip
         if run.no_efforts:
             return replace(back, lam=self._multipliers(run.lam, np.zeros((n, len(self.removed.couplings)))))
         return self._with_efforts(back)
+
+    def _driven(self, part: Flags) -> Flags:
+        """Return the joints of the whole that drives act on, from those of the part."""
+        found = np.zeros(self.whole.model.nv, dtype=bool)
+        found[self.kept_v] = part
+        found[self.answered] = True
+        return found
 
     def _with_efforts(self, run: Trajectory) -> Trajectory:
         """Return a run of the whole with the efforts of the joints that are removed, or that carry what is.

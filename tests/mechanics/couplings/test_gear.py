@@ -201,8 +201,8 @@ class TestPlanetary:
     PLACE = "0.084 0 0"
 
     def built(self, mechanism, **more):
-        parts = [disc("sun", 0.01), disc("arm", 0.02), disc("ring", 0.2),
-                 disc("planet", 0.004, self.PLACE).replace('<parent link="base"/>', '<parent link="arm_link"/>')]  # fmt: skip
+        planet = disc("planet", 0.004, self.PLACE).replace('<parent link="base"/>', '<parent link="arm_link"/>')
+        parts = [disc("sun", 0.01), disc("arm", 0.02), disc("ring", 0.2), planet]
         couplings = {
             "inside": gear("sun", "planet", -self.SUN / self.PLANET, carrier="arm"),
             "outside": gear("planet", "ring", self.PLANET / self.RING, carrier="arm"),
@@ -283,7 +283,7 @@ REFUSED = {
     "flat": (gear("sun", "wheel", -2.0) | {"pressure_angle": "90 deg"}, "no pressure_angle of 90 deg"),
     "steep": (gear("sun", "wheel", -2.0, helix_angle="-90 deg"), "no helix_angle of -90 deg"),
     "both": (gear("sun", "ring", -2.0, planets=3), "one pair of wheels in mesh, or planets"),
-    "angle missing": ({"kind": "gear", "joints": ["sun", "wheel"], "ratio": 2.0, "plane": "middle"}, "no pressure_angle"),
+    "silent": ({"kind": "gear", "joints": ["sun", "wheel"], "ratio": 2.0, "plane": "middle"}, "no pressure_angle"),
     "apart": ({"kind": "gear", "joints": ["sun", "wheel"], "ratio": 2.0, "planets": 3}, "turn about different axes"),
     "in the way": (gear("bar", "wheel", 2.0), "a gear couples joints of one kind"),
     "self": (gear("sun", "sun", 2.0), "cannot be coupled to itself"),
