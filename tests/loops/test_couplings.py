@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from catalogue import RODS, disc
-from motions import anywhere, driven, free, freely
+from catalogue import RODS, disc, five_bar
+from motions import anywhere, driven, free, freely, poses, wrench
+from newton_euler import Mesh, newton_euler
 
 from pinarm.engine.checks.limits import excesses
 from pinarm.engine.quantities.names import Quantities
@@ -240,3 +241,29 @@ class TestScrewThatDrivesALoop:
             slope, bend = pitch * u / h, -(pitch**2) * 0.25 / h**3  # dh/dangle, its derivative
             right = (-M * G * slope - M * slope * bend * speed**2) / (J1 + M * slope**2)
             assert found == pytest.approx(right, rel=1e-11)
+
+
+class TestGearedFiveBar:
+    """The cranks of a five-bar, on the ground, in mesh with each other: loops and teeth together, one freedom."""
+
+    R1, R2, ALPHA = 0.2, 0.4, np.deg2rad(20.0)
+
+    @pytest.mark.parametrize("cut", ["M", "A", "B"])
+    def test_every_body_obeys_newton_and_euler_with_a_push_along_the_line_of_action(self, tmp_path, cut):
+        linkage = five_bar()
+        mesh = gear("O", "C", -self.R1 / self.R2, pressure_angle="20 deg")
+        run = free(linkage.build(tmp_path, [cut], couplings={"mesh": mesh}), 0.4, 4)
+        found = Quantities(run)
+        # both cranks turn about y; where the first one turns forwards it goes against z at the pitch point
+        ways = [np.array([np.sin(self.ALPHA), 0.0, sign * np.cos(self.ALPHA)]) for sign in (1.0, -1.0)]
+        for i, pose in enumerate(poses(linkage, run)):
+            answers = [newton_euler(linkage, pose, meshes=(Mesh("crank", "last", np.array([self.R1, 0.0, 0.0]), n),))
+                       for n in ways]  # fmt: skip
+            (right,) = [one for one in answers if one.pushes[0] > 0.0]  # teeth do not pull
+            assert found["coupling.mesh.force.norm"].values[i] == pytest.approx(right.pushes[0], rel=1e-10)
+            for joint in "OAMBC":
+                told = wrench(linkage, run, joint)
+                assert set(told) >= {"force.x", "force.z"}  # a plane linkage is hyperstatic across it
+                for part, values in told.items():
+                    k = ["force.x", "force.y", "force.z", "moment.x", "moment.y", "moment.z"].index(part)
+                    assert values[i] == pytest.approx(right.wrench[joint][k], rel=1e-9, abs=1e-9)
