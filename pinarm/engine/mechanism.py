@@ -19,6 +19,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.masses import massive
 from pinarm.engine.model_source import Source, read_robot
 from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.formulas.expressions import Expression
@@ -153,6 +154,7 @@ class Mechanism:
 
         Raises:
             InputError: The shapes do not fit, or a state tears a loop or a coupling.
+            DynamicsError: Something without mass is free to move: its acceleration is undetermined.
         """
         from pinarm.engine.quantities import states
 
@@ -269,6 +271,11 @@ class Mechanism:
     def closure(self) -> Closure:
         """Return the rows of the constraints."""
         return Closure.of(self.model, self.constraints)
+
+    @cached_property
+    def massive(self) -> bool:
+        """Whether every body has a mass and moments of inertia."""
+        return massive(self.model)
 
     @property
     def gravity(self) -> float:

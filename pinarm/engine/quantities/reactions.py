@@ -55,6 +55,16 @@ class Reactions:
         """Places of the joints' origins [m], world axes, shape (n, njoints, 3)."""
         return np.concatenate([self.links(rows).places for rows in _blocks(0, len(self.run))])
 
+    def markers(self, joint: int) -> Array:
+        """Return the places of a joint on its parent [m], world axes, shape (n, 3): its origin where it does not slide.
+
+        Args:
+            joint: Pinocchio's joint index.
+        """
+        parent, place = self.model.parents[joint], self.model.jointPlacements[joint].translation
+        blocks = (self.links(rows) for rows in _blocks(0, len(self.run)))
+        return np.concatenate([links.places[:, parent] + links.turns[:, parent] @ place for links in blocks])
+
     @cached_property
     def multipliers(self) -> Array:
         """Multipliers of the constraints, and efforts of drives along task coordinates [N or N*m], shape (n, m)."""
