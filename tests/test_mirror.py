@@ -62,6 +62,9 @@ ELSEWHERE = {
     "loops/test_redundancy.py": (
         "degrees of hyperstatism and singular positions", "engine/checks/singularity engine/kinematics/mobility",
     ),
+    "loops/test_loop_coordinates.py": (
+        "as of joints of the tree", "mechanics/forces/along_coordinate mechanics/loops/relative",
+    ),
     "loops/test_screws.py": ("against the coupling and closed forms", "mechanics/loops/screw"),
     "mechanics/forces/test_bushing.py": ("its measure of deflection", "mechanics/geometry/deflection"),
     "mechanics/laws/test_interpolated.py": ("laws that are tables", "input/motion_tables"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -32,9 +32,10 @@ from pinarm.mechanics.coordinates import Coordinate, coordinates_of
 from pinarm.mechanics.couplings import mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector
 from pinarm.mechanics.drives import Drive
-from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.forces import ForceElement, bound
 from pinarm.mechanics.forces.force_element import check_new
 from pinarm.mechanics.joints import Joint, joint_of, joints_of
+from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.payloads import Payload, with_payloads
 from pinarm.mechanics.perturbation import perturbed
 
@@ -110,8 +111,9 @@ class Mechanism:
     def perturbed(self, seed: int) -> Mechanism:
         """Return the mechanism with its numbers changed in the last digits; see ``mechanics.rounding``."""
         model = perturbed(self.model, seed)
-        bound = {name: force.bind(model, self.joints) for name, force in self.description.forces.items()}
-        return replace(self, model=model, forces={**self.forces, **bound})
+        definitions = self.description.forces
+        forces = {name: bound(one, model, self.joints, self.coordinates) for name, one in definitions.items()}
+        return replace(self, model=model, forces={**self.forces, **forces})
 
     @cached_property
     def dynamics(self) -> Dynamics:
@@ -355,12 +357,14 @@ def _build(
     joints, balls = joints_of(model), balls_of(model)
     model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
     turns = ball_coordinates(model, balls)
-    with here("coordinates"):
-        coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
-    constraints: list[Constraint] = [mimic_coupling(mimic, joints, model) for mimic in robot.mimics]
+    loops = []
     for name, loop in description.loops.items():
         with here("loops", name):
-            constraints.append(loop.bind(model, name))
+            loops.append(loop.bind(model, name))
+    turns |= _of_loops(model, loops, {*joints, *turns}, here)
+    with here("coordinates"):
+        coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
+    constraints: list[Constraint] = [*(mimic_coupling(mimic, joints, model) for mimic in robot.mimics), *loops]
     for name, coupling in description.couplings.items():
         with here("couplings", name):
             if name in description.loops:
@@ -370,7 +374,7 @@ def _build(
     for name, force in description.forces.items():
         with here("forces", name):
             check_new(name, forces)
-            forces[name] = force.bind(model, joints)
+            forces[name] = bound(force, model, joints, coordinates)
     symbols = {}
     for name, text in description.symbols.items():
         with here("symbols", name):
@@ -384,6 +388,26 @@ def _build(
         dict(description.drives), forces, symbols, resolved,
         {name: units[name].si for name in resolved if name in units}, description, source, carried, robot.notes,
     )  # fmt: skip
+
+
+def _of_loops(
+    model: pin.Model, loops: Sequence[LoopJoint], known: Container[str], here: Locate
+) -> dict[str, Coordinate]:
+    """Return the coordinates of loop joints.
+
+    Raises:
+        InputError: One has the name of a joint's.
+    """
+    if not loops:
+        return {}
+    from pinarm.mechanics.loops.relative import loop_coordinates
+
+    found = loop_coordinates(model, loops)
+    for name in found:
+        if name in known:
+            with here("loops", name.rpartition(".")[0]):
+                raise InputError(f"its coordinate '{name}' has the name of a joint", expected="a name of its own")
+    return found
 
 
 def _arguments(

@@ -10,7 +10,7 @@
 ``joint.J.quaternion.x``, ``joint.J.roll``     of a ball joint; likewise ``pitch``, ``yaw``
 ``joint.J.angular_velocity.x``                 of a ball joint, in the link's own axes; likewise ``effort.x``
 ``loop.L.force.x``, ``loop.L.moment.x``        action of the first link on the second, at the second one's frame
-``loop.L.angle``                               of a screw: how far frame 2 has turned, whole turns counted
+``loop.L.angle``, ``loop.L.position``          of a loop joint with an axis: how far frame 2 has turned, or slid
 ``coordinate.C.position`` (and so on)          of any coordinate
 ``coordinate.C.effort``                        of a drive along a task coordinate
 ``point.P.position.x`` (and so on)             of the origin of link P
@@ -57,7 +57,7 @@ from pinarm.input.formulas.grammar import CONSTANTS
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.forces.force_element import power
 from pinarm.mechanics.forces.joint_definitions import effort_unit
-from pinarm.mechanics.joints import METRE, RADIAN
+from pinarm.mechanics.joints import METRE
 
 UNDETERMINED = 1e-9
 """What a self-stress of length 1 may add to a component that it does not act on: rounding leaves 1e-13."""
@@ -134,7 +134,8 @@ class Quantities:
             *(f"joint.{name}.{part}" for name in mechanism.balls
               for part in (*BALL_PARTS, *TRANSMITTED)),
             *(f"loop.{name}.{kind}.{axis}" for name in self.reactions.loops for kind in WRENCH for axis in AXES),
-            *(f"loop.{name}.angle" for name in self.reactions.screws),
+            *(f"loop.{name}.{part}" for name in self.reactions.loops for part in ("angle", "position")
+              if f"{name}.{part}" in mechanism.coordinates),
             *(f"coordinate.{name}.{rate}" for name in mechanism.coordinates for rate in RATES),
             *(f"point.{name}.{rate}.{axis}" for name in links for rate in RATES for axis in AXES),
             *(f"body.{name}.{rate}.{axis}" for name in links for rate in TURNS for axis in AXES),
@@ -298,8 +299,8 @@ class Quantities:
 
     def _of_loop(self, name: str, words: list[str]) -> Series:
         found = self.reactions
-        if words[1:] == ["angle"] and words[0] in found.screws:
-            return Series(name, RADIAN, found.angle(words[0]))
+        if words[0] in found.loops and words[1:] in (["angle"], ["position"]):
+            return self._rate_of(name, ".".join(words), "position")
         if words[0] not in found.loops or len(words) < 3 or words[1] not in WRENCH:
             raise self._unknown(name)
         self._require_efforts(name)
