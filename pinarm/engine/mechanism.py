@@ -27,7 +27,7 @@ from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.schema import Measured, quantity
 from pinarm.input.yaml.values import Values, varied
-from pinarm.mechanics.ball_joints import Ball, ball_coordinates, balls_of
+from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, coordinates_of
 from pinarm.mechanics.couplings import mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector
@@ -356,7 +356,7 @@ def _build(
     model, carried = _loaded(robot.model, description.payloads, payloads, here, caller)
     joints, balls = joints_of(model), balls_of(model)
     model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
-    turns = ball_coordinates(model, balls)
+    turns = {**ball_coordinates(model, balls), **ball_angles(balls)}
     loops = []
     for name, loop in description.loops.items():
         with here("loops", name):

@@ -21,7 +21,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_interval
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
-from pinarm.mechanics.ball_joints import ball_coordinates, balls_of
+from pinarm.mechanics.ball_joints import ball_angles, ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings import Coupling
 from pinarm.mechanics.forces import ForceElement
@@ -150,7 +150,8 @@ class ReducedMechanism:
             for name, one in self.whole.coordinates.items()
             if not (isinstance(one, LinearCoordinate) and one.weights[gone].any())
         }  # fmt: skip
-        return {**found, **ball_coordinates(model, balls_of(model))}
+        balls = balls_of(model)
+        return {**found, **ball_coordinates(model, balls), **ball_angles(balls)}
 
     def _coupling(self, model: pin.Model, one: Coupling) -> Coupling:
         follower = None if one.follower is None else int(np.searchsorted(self.kept_v, one.follower))
