@@ -62,6 +62,9 @@ ELSEWHERE = {
     "loops/test_redundancy.py": (
         "degrees of hyperstatism and singular positions", "engine/checks/singularity engine/kinematics/mobility",
     ),
+    "loops/test_loop_coordinates.py": (
+        "as of joints of the tree", "mechanics/forces/along_coordinate mechanics/loops/relative",
+    ),
     "loops/test_screws.py": ("against the coupling and closed forms", "mechanics/loops/screw"),
     "mechanics/couplings/test_gear.py": (
         "wheels in mesh", "mechanics/couplings/members mechanics/couplings/teeth",
@@ -70,7 +73,8 @@ ELSEWHERE = {
     "mechanics/laws/test_interpolated.py": ("laws that are tables", "input/motion_tables"),
     "mechanics/laws/test_motion_law.py": ("every law", "mechanics/laws/steady"),
     "mechanics/loading/test_mjcf.py": (
-        "files as MuJoCo reads them", "input/mjcf_includes mechanics/loading/mjcf_geoms mechanics/loading/mjcf_joints "
+        "files as MuJoCo reads them", "input/mjcf_includes mechanics/loading/mjcf_actuators "
+        "mechanics/loading/mjcf_geoms mechanics/loading/mjcf_joints mechanics/loading/mjcf_names "
         "mechanics/loading/mjcf_settings",
     ),
     "mechanics/loading/test_urdf.py": ("what files make of it", "mechanics/loading/model_tree"),

@@ -12,7 +12,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation
 from pinarm.errors import InputError, Place
 from pinarm.input.units import Unit
-from pinarm.mechanics.forces import Force, ForceElement
+from pinarm.mechanics.forces import Force, ForceElement, bound
 from pinarm.mechanics.forces.force_element import check_new
 from pinarm.mechanics.laws import Constant
 
@@ -42,7 +42,7 @@ def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -
     for name, load in loads.items():
         with place("loads", name):
             check_new(name, forces)
-            forces[name] = load.bind(mechanism.model, mechanism.joints)
+            forces[name] = bound(load, mechanism.model, mechanism.joints, mechanism.coordinates)
     return forces
 
 

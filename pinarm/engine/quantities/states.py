@@ -16,6 +16,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
+from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.broadcasting import LeadingAxes
 from pinarm.engine.quantities.names import Quantities
@@ -139,7 +140,7 @@ def _quantities(
     q, still = given["q"], np.zeros((len(given["q"]), mechanism.model.nv))
     v, tau, after = given.get("v", still), given.get("tau"), float(np.nextafter(t, np.inf))
     dynamics, closure = mechanism.dynamics.on(t, after), mechanism.closure
-    a = given.get("a", still) if tau is None else _forward(dynamics, closure, t, q, v, tau)
+    a = given.get("a", still) if tau is None else _forward(mechanism, dynamics, t, q, v, tau)
     _check_closed(closure, leading, q, v, a)
     grid = Grid(np.full(len(q), float(t)), (float(t), after), (0, len(q)))
     run = Trajectory(
@@ -178,7 +179,7 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
     given = {} if tau is None else {"tau": (tau, nv)}
     leading, (q, v, *efforts) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), **given)
     _check_unit(mechanism, leading, q)
-    a = _forward(dynamics, mechanism.closure, t, q, v, efforts[0] if efforts else np.zeros_like(v))
+    a = _forward(mechanism, dynamics, t, q, v, efforts[0] if efforts else np.zeros_like(v))
     _check_closed(mechanism.closure, leading, q, v, a)
     return leading.unfold(a)
 
@@ -196,8 +197,15 @@ def _check_unit(mechanism: Mechanism, leading: LeadingAxes, q: Array) -> None:
             raise InputError(said, expected="(x, y, z, w) of length 1", hint="configurations({...}) makes them")
 
 
-def _forward(dynamics: Dynamics, closure: Closure, t: float, q: Array, v: Array, tau: Array) -> Array:
-    """Return the accelerations under efforts, shape (n, nv): of open chains by ``aba``."""
+def _forward(mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Array, tau: Array) -> Array:
+    """Return the accelerations under efforts, shape (n, nv): of open chains by ``aba``.
+
+    Raises:
+        DynamicsError: Something without mass is free to move.
+    """
+    if not mechanism.massive:
+        require_masses(mechanism.closure, q, t)
+    closure = mechanism.closure
     return accelerations(dynamics, closure, t, q, v, tau) if closure.size else dynamics.forward(t, q, v, tau)
 
 

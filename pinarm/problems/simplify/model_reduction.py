@@ -21,7 +21,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_interval
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
-from pinarm.mechanics.ball_joints import ball_coordinates, balls_of
+from pinarm.mechanics.ball_joints import ball_angles, ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.forces import ForceElement
@@ -146,16 +146,28 @@ class ReducedMechanism:
         """Return the coordinates that no removed joint has a part in, but for those of frames, which all stay."""
         gone = list(self.removed.laws)
         found = {
-            name: self._sum(model, one) if isinstance(one, LinearCoordinate) else one
+            name: self._sum(model, one) if isinstance(one, LinearCoordinate) else self._counting(model, one)
             for name, one in self.whole.coordinates.items()
             if not (isinstance(one, LinearCoordinate) and one.weights[gone].any())
         }  # fmt: skip
-        return {**found, **ball_coordinates(model, balls_of(model))}
+        balls = balls_of(model)
+        return {**found, **ball_coordinates(model, balls), **ball_angles(balls)}
 
     def _coupling(self, model: pin.Model, one: Coupling) -> Coupling:
         """Return a coupling of the part, its forces as efforts: reactions are asked of the whole."""
         follower = None if one.follower is None else int(np.searchsorted(self.kept_v, one.follower))
         return replace(one, coordinate=self._sum(model, one.coordinate), follower=follower, transmission=None)
+
+    def _counting(self, model: pin.Model, one: Coordinate) -> Coordinate:
+        """Return a coordinate of frames; of an angle at a loop joint, joints that are removed count as they stand."""
+        from pinarm.mechanics.loops.relative import TurnedAbout  # most have none
+
+        turns = one.turns if isinstance(one, TurnedAbout) else None
+        if not isinstance(one, TurnedAbout) or turns is None:
+            return one
+        gone = list(self.removed.laws)
+        held = float(turns.weights[gone] @ self.configuration[turns.places[gone]])
+        return replace(one, turns=self._sum(model, turns), offset=one.offset + held)
 
     def _sum(self, model: pin.Model, one: LinearCoordinate) -> LinearCoordinate:
         places = np.zeros(model.nv, dtype=np.intp)

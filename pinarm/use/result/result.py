@@ -99,6 +99,11 @@ class Result:
         """
         return self.quantities[name]
 
+    @property
+    def parameter(self) -> Series:
+        """What runs along the rows, such as the time ``t``."""
+        return self.quantities.parameter
+
     def __len__(self) -> int:
         return len(self.trajectory)
 
@@ -135,8 +140,9 @@ class Result:
 
     def columns(self) -> list[Series]:
         """Return the parameter and the outputs of the scenario."""
-        names = dict.fromkeys([self.trajectory.parameter, *self.content.outputs])
-        return [self[name] for name in names]
+        outputs = dict.fromkeys(self.content.outputs)
+        own = self.parameter
+        return [own, *(series for series in map(self.quantities.__getitem__, outputs) if series.name != own.name)]
 
     def to_dataframe(self) -> DataFrame:
         """Return the outputs as a pandas table, one row per instant, units in the headings."""

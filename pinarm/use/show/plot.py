@@ -73,7 +73,7 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
         against: The quantity along the horizontal axis; the run's parameter where it is left out.
     """
     run = result.trajectory
-    along = result[against or run.parameter]
+    along = result[against] if against else result.parameter
     scale, measured = shown(along)
     keys = answer_key(result, along.name)
     with matplotlib.rc_context(STYLE):
