@@ -91,6 +91,7 @@ ELSEWHERE = {
     "test_readme.py": ("what is printed", "use/show/terminal"),
     "use/result/test_result.py": ("methods of a result", "use/result/measures use/views"),
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),
+    "use/output/test_folder.py": ("which files are ours", "use/output/manifest"),
     "use/study/accuracy/test_error_estimate.py": (
         "errors that are found", "engine/checks/residuals use/study/accuracy/integration_settings "
         "use/study/accuracy/solved",

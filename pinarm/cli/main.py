@@ -64,6 +64,7 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from pinarm.use.output.folder import check_replaceable
     from pinarm.use.scenario.scenario import load
     from pinarm.use.show.terminal import report
     from pinarm.use.store.save import save
@@ -72,6 +73,7 @@ def _run(options: argparse.Namespace) -> int:
     scenario = load(options.scenario, options.values)
     folder = options.output or Path("results") / scenario.name
     options.output = folder
+    check_replaceable(folder, "result")  # before the work
     result = scenario.verified() if options.verify else scenario.run()
     solved = time.perf_counter()
     save(result, folder, plots=not options.no_plots, timing={"solve [s]": solved - begin})
@@ -170,12 +172,14 @@ def _sweep(options: argparse.Namespace) -> int:
 
 
 def _tradeoff(options: argparse.Namespace) -> int:
+    from pinarm.use.output.folder import check_replaceable
     from pinarm.use.scenario.scenario import load
     from pinarm.use.study.accuracy.tradeoff import tradeoff
     from pinarm.use.study.accuracy.tradeoff_text import report
 
     scenario = load(options.scenario, options.values)
     folder = options.output or Path("results") / f"{scenario.name}-tradeoff"
+    check_replaceable(folder, "trade-off")
     trade = tradeoff(scenario)
     trade.save(folder, plots=not options.no_plots)
     if options.json:

@@ -1,4 +1,4 @@
-"""Files of results: written whole or not at all, and the same bytes for the same content."""
+"""Contents of files of results: the same bytes for the same content."""
 
 from __future__ import annotations
 
@@ -15,26 +15,22 @@ import numpy as np
 
 
 def write(path: Path, text: str) -> None:
-    """Write through a file beside it, so that an interruption leaves the old file whole."""
+    """Write a new file; what appears whole is the folder that it is written in (``whole_folder``)."""
     write_parts(path, [text.encode()])
 
 
 def write_parts(path: Path, parts: Iterable[bytes]) -> None:
-    """Write pieces one after the other; see ``write``."""
-    draft = path.with_name(f".{path.name}.part")
-    with open(draft, "wb") as stream:
+    """Write a new file of pieces one after the other."""
+    with open(path, "xb") as stream:
         stream.writelines(parts)
-    draft.replace(path)
 
 
 def write_arrays(path: Path, arrays: dict[str, Any]) -> None:
-    """Write an npz file whose bytes depend on the arrays only; any name will do."""
-    draft = path.with_name(f".{path.name}.part")
-    with zipfile.ZipFile(draft, "w") as archive:
+    """Write a new npz file whose bytes depend on the arrays only; any name will do."""
+    with zipfile.ZipFile(path, "x") as archive:
         for name, array in arrays.items():
             with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as stream:
                 np.lib.format.write_array(stream, array, allow_pickle=False)
-    draft.replace(path)
 
 
 def yaml_text(data: Any) -> str:

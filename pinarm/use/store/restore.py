@@ -24,6 +24,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.simplify.simplification import Removal
+from pinarm.use.output.folder import complete_folder
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
@@ -31,7 +32,7 @@ from pinarm.use.scenario.scenario import Scenario
 if TYPE_CHECKING:
     from pinarm.use.show.replay.page import Replay
 
-NEEDED = ("scenario.yaml", "mechanism.yaml", "trajectory.npz", "summary.json")
+NEEDED = ("scenario.yaml", "mechanism.yaml", "trajectory.npz", "summary.json", "manifest.json")
 """Files without which a folder is no result."""
 
 AGAIN = "run the scenario again: python -m pinarm run SCENARIO -o DIR"
@@ -52,10 +53,11 @@ def restore(folder: str | Path) -> Result:
         if not (folder / name).is_file():
             problem = f"{folder} is no result: it has no {name}" if folder.is_dir() else f"there is no folder {folder}"
             raise InputError(problem, expected="a folder that 'pinarm run' wrote", hint=AGAIN)
-    summary, arrays = _summary(folder / "summary.json"), _arrays(folder / "trajectory.npz")
-    scenario = Scenario.load(folder / "scenario.yaml")
+    with complete_folder(folder):
+        summary, arrays = _summary(folder / "summary.json"), _arrays(folder / "trajectory.npz")
+        scenario = Scenario.load(folder / "scenario.yaml")
+        mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
     content = scenario.content
-    mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
     rows, figures = _rows(scenario, mechanism, arrays), summary["figures"]
     outcome = Outcome(rows, None if rows.numbered else SolvedAnew(scenario, mechanism, rows.grid.cuts))
     quantities = Quantities(rows, scenario.symbols, content.undetermined)

@@ -1,4 +1,7 @@
-"""A result as a folder of files. The same input gives the same bytes; only ``timing.json`` differs from run to run."""
+"""A result as a folder of files. The same input gives the same bytes.
+
+Only ``timing.json``, and so its digest in ``manifest.json``, differs from run to run.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +20,7 @@ from pinarm.engine.model_source import Source
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.mechanics.loading.pinocchio_model import file_suffix
+from pinarm.use.output.folder import whole_folder
 from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
 
 if TYPE_CHECKING:
@@ -28,57 +32,31 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
 
     The folder gets ``scenario.yaml`` (as resolved: it can be run again), ``mechanism.yaml`` and the model (the
     mechanism with its arguments filled in), ``summary.json``, ``trajectory.csv``, ``trajectory.npz``, and with
-    ``plots`` a picture per output. With the tables that its laws name, it is all that ``restore`` needs.
+    ``plots`` a picture per output; ``manifest.json`` has the digests of all. With the tables that its laws name, it is
+    all that ``restore`` needs. An earlier result is replaced; of anything else see ``whole_folder``.
 
     Raises:
-        InputError: The folder cannot be written.
-    """
-    summary, columns = json_text(result.summary()) + "\n", result.columns()  # before anything is overwritten
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        _clear(result, folder)
-        mechanism = result.trajectory.mechanism
-        model = f"model{file_suffix(mechanism.xml)}"
-        write(folder / "summary.json", summary)  # first: by it the next run knows a folder that was left half written
-        write(folder / "scenario.yaml", _resolved(result, folder))
-        write(folder / "mechanism.yaml", _mechanism(mechanism.source, folder, model))
-        write(folder / model, _model(mechanism, folder))
-        write_parts(folder / "trajectory.csv", csv(columns))
-        write_arrays(folder / "trajectory.npz", arrays(result, columns))
-        if timing:
-            write(folder / "timing.json", json_text(timing) + "\n")
-    except OSError as error:
-        raise InputError(f"the result cannot be written to {folder}: {error.strerror}") from None
-    if plots:
-        from pinarm.use.show.plot import save_plots
-
-        save_plots(result, folder)
-    return folder
-
-
-def _clear(result: Result, folder: Path) -> None:
-    """Remove what an earlier run left in the folder, and nothing else.
-
-    Raises:
-        InputError: The folder holds a scenario or a model that is not a result's, such as the input itself.
+        InputError: The folder cannot be written, or holds files that are not an earlier result's.
     """
     scenario = folder / "scenario.yaml"
-    if any((folder / name).exists() for name in OWN) and not (folder / "summary.json").exists():
-        raise InputError(f"{folder} holds files of the same names that are no result", hint="another folder: -o DIR")
     if scenario.exists() and scenario.resolve() == (result.folder / f"{result.name}.yaml").resolve():
         raise InputError(f"the result would overwrite its own input {scenario}", hint="another folder: -o DIR")
-    for name in (*OWN, "summary.json", "timing.json", "replay.html", "replay.png"):
-        (folder / name).unlink(missing_ok=True)
-    for plot in (folder / "plots").glob("*.png"):
-        plot.unlink()
-    if (folder / "partial").is_dir():
-        import shutil
+    with whole_folder(folder, "result") as draft:
+        columns, mechanism = result.columns(), result.trajectory.mechanism
+        model = f"model{file_suffix(mechanism.xml)}"
+        write(draft / "summary.json", json_text(result.summary()) + "\n")
+        write(draft / "scenario.yaml", _resolved(result, folder))
+        write(draft / "mechanism.yaml", _mechanism(mechanism.source, folder, model))
+        write(draft / model, _model(mechanism, folder))
+        write_parts(draft / "trajectory.csv", csv(columns))
+        write_arrays(draft / "trajectory.npz", arrays(result, columns))
+        if timing:
+            write(draft / "timing.json", json_text(timing) + "\n")
+        if plots:
+            from pinarm.use.show.plot import save_plots
 
-        shutil.rmtree(folder / "partial")
-
-
-OWN = ("scenario.yaml", "mechanism.yaml", "model.urdf", "model.xml", "trajectory.csv", "trajectory.npz")
-"""Files of a result, beside the summary that marks the folder as one."""
+            save_plots(result, draft)
+    return folder
 
 
 CHUNK = 50_000

@@ -13,13 +13,13 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
+from pinarm.use.output.folder import check_replaceable
 from pinarm.use.study.sweep.axes import Cases, Value
 from pinarm.use.study.sweep.cases import WORTH, Row, Task, solve_case
-from pinarm.use.study.sweep.journal import Journal, Sources, task_digest
+from pinarm.use.study.sweep.journal import JOURNAL, Journal, Sources, task_digest
 from pinarm.use.study.sweep.process_pool import WorkerDeath, distribute
 
 UNSOLVED = "not solved"
-JOURNAL = "journal.jsonl"
 
 Progress = Callable[[int, int, int], None]
 """Called with how many cases are done, how many of them failed, and how many there are."""
@@ -121,15 +121,9 @@ def open_journal(folder: Path, task: Task) -> Journal:
     Raises:
         InputError: The folder cannot be made, or holds something else.
     """
+    check_replaceable(folder, "sweep", beside=(JOURNAL,))
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        entries = {entry.name for entry in folder.iterdir()}
     except OSError as error:
         raise InputError(f"the sweep cannot be written to {folder}: {error.strerror}") from None
-    if JOURNAL not in entries and entries & OWN:
-        raise InputError(f"{folder} holds files of the same names that are no sweep", hint="another folder: -o DIR")
     return Journal(folder / JOURNAL, task_digest(task))
-
-
-OWN = {"sweep.yaml", "cases.csv", "cases.npz", "cases.parquet", "summary.json", "plots"}
-"""What is written beside the journal, whose presence marks the folder as a sweep's."""

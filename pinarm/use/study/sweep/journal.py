@@ -22,6 +22,9 @@ from pinarm.errors import InputError
 from pinarm.use.study.sweep.axes import Value
 from pinarm.use.study.sweep.cases import Row, Task
 
+JOURNAL = "journal.jsonl"
+"""Its name in the folder of a sweep."""
+
 SYNC = 1.0
 """Seconds after which lines are forced to the disk: what a power failure may cost."""
 

@@ -67,6 +67,7 @@ def test_one_worker_or_many_a_pause_or_none_give_the_same_bytes(scenario: pinarm
         "cases.csv",
         "cases.npz",
         "summary.json",
+        "manifest.json",
         "01_min_M.png",
         "02_max_M.png",
     }
@@ -241,7 +242,7 @@ def test_the_task_of_a_case_is_one_function_of_what_can_be_pickled(scenario: pin
 
 def test_a_folder_of_something_else_is_left_alone(scenario: pinarm.Scenario, tmp_path: Path) -> None:
     scenario.run().save(tmp_path / "run", plots=False)
-    with pytest.raises(PinarmError, match="that are no sweep"):
+    with pytest.raises(PinarmError, match="holds a result, no sweep"):
         pinarm.sweep(scenario, MASSES, folder=tmp_path / "run")
     (tmp_path / "file").touch()
     with pytest.raises(PinarmError, match="cannot be written"):
