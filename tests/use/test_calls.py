@@ -96,3 +96,13 @@ def test_schema_is_what_the_command_prints(of: Any, capsys: pytest.CaptureFixtur
 def test_there_is_no_other_schema() -> None:
     with pytest.raises(InputError, match="no schema of 'result'"):
         pinarm.schema("result")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("file", "name"), [("...yaml", "scenario"), ("a.b.yaml", "a.b"), ("..a.yaml", "a")])
+def test_a_scenario_is_never_named_like_another_folder(
+    scenario: Callable[..., Any], folder: Path, file: str, name: str
+) -> None:
+    """``results/..`` would be the folder that the command runs in."""
+    scenario("statics")
+    (folder / "statics.yaml").rename(folder / file)
+    assert pinarm.load(folder / file).name == name

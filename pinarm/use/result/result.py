@@ -155,6 +155,12 @@ class Result:
 
         return views.save(self, Path(folder), plots=plots)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how another process makes the same result; see ``store.transfer``."""
+        from pinarm.use import views
+
+        return views.result_again, (views.transferred(self),)
+
     def _repr_html_(self) -> str:
         """Return numbers, plots and the replay, for notebooks; saved ones keep them."""
         from pinarm.use import views

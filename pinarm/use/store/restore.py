@@ -58,7 +58,7 @@ def restore(folder: str | Path) -> Result:
         scenario = Scenario.load(folder / "scenario.yaml")
         mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
     content = scenario.content
-    rows, figures = _rows(scenario, mechanism, arrays), summary["figures"]
+    rows, figures = trajectory_of(scenario, mechanism, arrays), summary["figures"]
     outcome = Outcome(rows, None if rows.numbered else SolvedAnew(scenario, mechanism, rows.grid.cuts))
     quantities = Quantities(rows, scenario.symbols, content.undetermined)
     name, kind = str(summary["scenario"]), scenario.problem.kind
@@ -169,8 +169,8 @@ class SolvedAnew:
         return self._motion.positions(t)
 
 
-def _rows(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
-    """Return the states of a result.
+def trajectory_of(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
+    """Return the states of a result; see ``states``.
 
     Raises:
         InputError: The arrays are not those of this mechanism.

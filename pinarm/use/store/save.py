@@ -17,6 +17,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import Source
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.mechanics.loading.pinocchio_model import file_suffix
@@ -82,15 +83,19 @@ def _lines(table: Array) -> bytes:
 
 def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
     """Return the outputs by name, their units, and what is behind them as ``state.q`` and so on."""
-    run = result.trajectory
     units = np.array([[series.name, str(series.unit or "?")] for series in columns])
-    state = {
-        "state.q": run.q, "state.v": run.v, "state.a": run.a, "state.tau": run.tau, "state.units": units,
-        "state.t": run.grid.t, "state.cuts": np.array(run.grid.cuts), "state.rows": np.array(run.grid.rows),
-        "state.lam": np.asarray(run.lam), "state.further": np.array([series.values for series in run.columns.values()]),
-        "state.guides": np.array([one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]], str),
+    behind = {f"state.{name}": array for name, array in {**states(result.trajectory), "units": units}.items()}
+    return {**behind, **{series.name: np.asarray(series.values) for series in columns}}
+
+
+def states(run: Trajectory) -> dict[str, Any]:
+    """Return the arrays from which ``restore`` makes the states of a run again, for the same scenario."""
+    guides = [one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]]
+    return {
+        "q": run.q, "v": run.v, "a": run.a, "tau": run.tau, "t": run.grid.t, "cuts": np.array(run.grid.cuts),
+        "rows": np.array(run.grid.rows), "lam": np.asarray(run.lam), "guides": np.array(guides, str),
+        "further": np.array([series.values for series in run.columns.values()]),
     }  # fmt: skip
-    return {**state, **{series.name: np.asarray(series.values) for series in columns}}
 
 
 def _resolved(result: Result, folder: Path) -> str:
