@@ -108,7 +108,6 @@ ELSEWHERE = {
     ),
     "use/study/sweep/test_axes.py": ("values as they are written", "use/study/sweep/value_syntax"),
     "use/study/sweep/test_cases.py": ("one case", "use/study/sweep/case_solver"),
-    "use/study/sweep/test_sweep.py": ("sweeps that were interrupted", "use/study/sweep/journal"),
 }  # fmt: skip
 """Test file -> why it is the one, and the modules without a test file of their name that it tests."""
 

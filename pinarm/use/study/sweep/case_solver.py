@@ -66,7 +66,7 @@ class Solving:
         if folder is None:
             self._solve(workers, None)
             return
-        with closing(open_journal(folder, self.task)) as journal:
+        with closing(open_journal(folder, self.task, self.numbers.shape[1])) as journal:
             self._solve(workers, journal)
 
     def _solve(self, workers: int, journal: Journal | None) -> None:
@@ -115,7 +115,7 @@ def _solve_job(task: Task, job: Job) -> Row:
     return solve_case(task, job[2])
 
 
-def open_journal(folder: Path, task: Task) -> Journal:
+def open_journal(folder: Path, task: Task, width: int) -> Journal:
     """Open the journal of a sweep's folder.
 
     Raises:
@@ -126,4 +126,4 @@ def open_journal(folder: Path, task: Task) -> Journal:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"the sweep cannot be written to {folder}: {error.strerror}") from None
-    return Journal(folder / JOURNAL, task_digest(task))
+    return Journal(folder / JOURNAL, task_digest(task), width)
