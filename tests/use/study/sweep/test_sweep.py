@@ -150,9 +150,7 @@ def test_a_journal_that_was_cut_short_loses_its_last_line_only(scenario: pinarm.
     assert len(solved) == 10
     assert not again.errors
     lines = journal.read_bytes().splitlines()
-    assert (
-        len(lines) == 1 + 1 + 10 + 1 + 1
-    )  # head, files, nine cases and a torn one, files of this run, one case
+    assert len(lines) == 1 + 1 + 10 + 1 + 1  # head, files, nine cases and a torn one, files of this run, one case
     assert sum(b'"case"' in line and line.endswith(b"}") for line in lines) == 10
 
 
