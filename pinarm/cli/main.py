@@ -249,6 +249,17 @@ def _examples(options: argparse.Namespace) -> int:
     return OK
 
 
+def _selftest(options: argparse.Namespace) -> int:
+    from pinarm.use.study.answers.selftest import selftest
+
+    found = selftest()
+    if options.json:
+        _print_json(found.summary())
+    else:
+        print(printable(str(found)))
+    return OK if found.passed else MISSED
+
+
 def _keep_partial(error: PinarmError, options: argparse.Namespace) -> int:
     """Write what was computed before the numerics failed; return the exit code."""
     from pinarm.use.result.result import Result
@@ -295,5 +306,6 @@ COMMANDS = {
     "replay": (_replay, "show the motion of a result in a web page"),
     "schema": (_schema, "print the JSON Schema for editors"),
     "examples": (_examples, "copy the models, scenarios and examples of pinarm to a folder"),
+    "selftest": (_selftest, "test this installation: versions, and every kind of problem"),
 }
 """Name -> what does it, and what it does."""

@@ -20,7 +20,18 @@ def commands() -> set[str]:
 
 
 def test_every_command_is_a_call() -> None:
-    assert commands() == {"run", "check", "validate", "explain", "sweep", "tradeoff", "replay", "schema", "examples"}
+    assert commands() == {
+        "run",
+        "check",
+        "validate",
+        "explain",
+        "sweep",
+        "tradeoff",
+        "replay",
+        "schema",
+        "examples",
+        "selftest",
+    }
     assert commands() <= set(pinarm.__all__)
 
 
