@@ -54,8 +54,8 @@ _HOMES = {
 
 __all__ = [
     "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "SelfTest", "Series", "Sweep", "Tradeoff", "Trajectory",
-    "batch", "check", "examples", "explain", "file_root", "load", "replay", "run", "schema", "selftest", "sweep", "tradeoff",
-    "validate",
+    "batch", "check", "examples", "explain", "file_root", "load", "replay", "run", "schema", "selftest", "sweep",
+    "tradeoff", "validate",
 ]  # fmt: skip
 
 

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from pinarm.use.result.result import Result
     from pinarm.use.show.plot import Picture
     from pinarm.use.show.replay.page import Replay
-    from pinarm.use.store.transfer import TransferredResult
 
 MOST_PLOTS = 8
 """Outputs that a notebook draws without being asked; ``plot`` draws any."""
@@ -50,18 +49,6 @@ def save(result: Result, folder: Path, *, plots: bool) -> Path:
     from pinarm.use.store import save
 
     return save.save(result, folder, plots=plots)
-
-
-def transferred(result: Result) -> TransferredResult:
-    """Return what another process makes the result of; see ``store.transfer``."""
-    from pinarm.use.store.transfer import TransferredResult
-
-    return TransferredResult.of(result)
-
-
-def result_again(parts: TransferredResult) -> Result:
-    """Return the result that was transferred."""
-    return parts.result()
 
 
 def html(result: Result) -> str:

@@ -20,18 +20,8 @@ def commands() -> set[str]:
 
 
 def test_every_command_is_a_call() -> None:
-    assert commands() == {
-        "run",
-        "check",
-        "validate",
-        "explain",
-        "sweep",
-        "tradeoff",
-        "replay",
-        "schema",
-        "examples",
-        "selftest",
-    }
+    known = "run check validate explain sweep tradeoff replay schema examples selftest"
+    assert commands() == set(known.split())
     assert commands() <= set(pinarm.__all__)
 
 

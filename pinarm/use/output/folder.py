@@ -257,5 +257,5 @@ def _signals_waiting() -> Iterator[None]:
     finally:
         for number, handler in changed.items():
             signal.signal(number, handler)
-        for number in arrived:
-            signal.raise_signal(number)
+        for one in arrived:
+            signal.raise_signal(one)

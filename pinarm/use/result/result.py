@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import ScenarioFile
     from pinarm.use.show.plot import Picture
     from pinarm.use.show.replay.page import Replay
+    from pinarm.use.store.transfer import TransferredResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,9 +159,8 @@ class Result:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Say how another process makes the same result; see ``store.transfer``."""
-        from pinarm.use import views
-
-        return views.result_again, (views.transferred(self),)
+        transfer = import_module("pinarm.use.store.transfer")  # which needs scenarios, and these need results
+        return _result_again, (transfer.TransferredResult.of(self),)
 
     def _repr_html_(self) -> str:
         """Return numbers, plots and the replay, for notebooks; saved ones keep them."""
@@ -269,6 +270,10 @@ class Result:
         described = msgspec.to_builtins(mechanism.description, enc_hook=float)
         text = json.dumps([relevant, described, mechanism.xml], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _result_again(parts: TransferredResult) -> Result:
+    return parts.result()
 
 
 PLATEAU = 1e-12

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -52,7 +53,7 @@ def _root(raw: bytes) -> Element:
         ValueError: They are too many.
         ElementTree.ParseError: It is no XML.
     """
-    parser = ElementTree.XMLPullParser(["start"])
+    parser: Any = ElementTree.XMLPullParser(["start"])  # whose types are those of all kinds of events
     first: Element | None = None
     count = 0
     for begin in range(0, len(raw), CHUNK):

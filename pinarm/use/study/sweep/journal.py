@@ -109,7 +109,7 @@ def _file_digest(file: str) -> str:
         return ""
 
 
-class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
+class JournalEntry(msgspec.Struct, frozen=True, omit_defaults=True):
     """A line.
 
     Attributes:
@@ -128,7 +128,7 @@ class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
     error: str = ""
     seal: str = ""
 
-    def sealed(self) -> Entry:
+    def sealed(self) -> JournalEntry:
         """Return the entry with its seal."""
         return msgspec.structs.replace(self, seal=digest(msgspec.to_builtins(msgspec.structs.replace(self, seal=""))))
 
@@ -226,9 +226,9 @@ class Journal:
         if row.files not in self.sets:
             content = sources.content(row.files)
             self.sets[row.files] = digest(content)
-            self._append(_line(Entry(self.sets[row.files], content)))
+            self._append(_line(JournalEntry(self.sets[row.files], content)))
         numbers = tuple(float(number) if np.isfinite(number) else None for number in row.numbers)
-        self._append(_line(Entry(self.sets[row.files], case=key, numbers=numbers, error=row.error)))
+        self._append(_line(JournalEntry(self.sets[row.files], case=key, numbers=numbers, error=row.error)))
         if time.monotonic() - self.synced > SYNC:
             os.fsync(self.file.fileno())
             self.synced = time.monotonic()
@@ -248,14 +248,14 @@ class Journal:
         self.file.close()
 
 
-def _line(entry: Entry) -> bytes:
+def _line(entry: JournalEntry) -> bytes:
     return msgspec.json.encode(entry.sealed()) + b"\n"
 
 
-def _entry(line: bytes) -> Entry | None:
+def _entry(line: bytes) -> JournalEntry | None:
     """Return what a line says; nothing where it was cut short or changed."""
     try:
-        entry = msgspec.json.decode(line, type=Entry)
+        entry = msgspec.json.decode(line, type=JournalEntry)
         return entry if entry.seal == entry.sealed().seal else None
     except (ValueError, RecursionError):
         return None

@@ -10,7 +10,7 @@ import pytest
 
 from pinarm.errors import InputError
 from pinarm.use.study.sweep.cases import Row
-from pinarm.use.study.sweep.journal import HEAD, Entry, Journal, Sources, _line, digest
+from pinarm.use.study.sweep.journal import HEAD, Journal, JournalEntry, Sources, _line, digest
 
 ROW = Row((1.5, float("nan")), "", ("/dev/null",))
 
@@ -67,7 +67,7 @@ def test_a_row_of_another_length_is_passed_over(path: Path, numbers: tuple[float
     """It carries the right seal, as whoever has read the program can give it."""
     given = json.loads(path.read_text().splitlines()[1])["set"]
     with open(path, "ab") as stream:
-        stream.write(_line(Entry(given, case="case 0", numbers=numbers)))
+        stream.write(_line(JournalEntry(given, case="case 0", numbers=numbers)))
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join(lines[:2] + lines[3:]))
     assert [*known(path)] == ["case 1", "case 2", "failed"]
@@ -79,8 +79,8 @@ def test_devices_and_pipes_that_it_names_are_not_read(path: Path) -> None:
     with open(path, "ab") as stream:
         for name in names:
             files = {name: digest(name)}
-            stream.write(_line(Entry(digest(files), files)))
-            stream.write(_line(Entry(digest(files), case="case 0", numbers=(9.0, 9.0))))
+            stream.write(_line(JournalEntry(digest(files), files)))
+            stream.write(_line(JournalEntry(digest(files), case="case 0", numbers=(9.0, 9.0))))
     assert [*known(path)] == ["case 0", "case 1", "case 2", "failed"]
 
 
