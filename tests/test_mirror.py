@@ -89,6 +89,7 @@ ELSEWHERE = {
         "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/scenario",
     ),
     "test_readme.py": ("what is printed", "use/show/terminal"),
+    "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),
     "use/result/test_result.py": ("methods of a result", "use/result/measures use/views"),
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),
     "use/output/test_folder.py": ("which files are ours", "use/output/manifest"),
@@ -107,7 +108,7 @@ ELSEWHERE = {
         "use/study/batch/reduced_table use/study/batch/worker_blocks",
     ),
     "use/study/sweep/test_axes.py": ("values as they are written", "use/study/sweep/value_syntax"),
-    "use/study/sweep/test_cases.py": ("one case", "use/study/sweep/case_solver"),
+    "use/study/sweep/test_cases.py": ("one case", "use/result/run_number use/study/sweep/case_solver"),
 }  # fmt: skip
 """Test file -> why it is the one, and the modules without a test file of their name that it tests."""
 

@@ -25,15 +25,13 @@ from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.ball_joints import configuration, places_of, unit_of, velocities_of
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.mechanics.loading.pinocchio_layout import UNIT
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
 
 CLOSED = 1e-8
 """How far a given state may tear a loop, relative to ``1 +`` the terms of the row: typed digits explain as much."""
-
-UNIT = 1e-8
-"""How far the length of a given quaternion may be from 1: typed digits explain as much."""
 
 NO_DRIVES = "the mechanism has loops, and no drives are named that carry the load: drives=[...]"
 

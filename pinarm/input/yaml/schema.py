@@ -227,3 +227,24 @@ def json_schema(kind: type) -> dict[str, object]:
         raise NotImplementedError(kind)
     description = f"a quantity in {kind.expected}" if kind.expected else "a number with its unit"
     return {"anyOf": [{"type": "number"}, {"type": "string"}], "description": description}
+
+
+def in_si(text: str | float | None, measured: Unit | None) -> float:
+    """Return a written value in SI.
+
+    Args:
+        text: The value with its unit; 0 goes without.
+        measured: Unit of its dimension; ``None`` where that is unknown.
+
+    Raises:
+        UnitError: It has another dimension.
+        InputError: It has no unit, or is no quantity.
+    """
+    number, written = read_quantity(str(text))
+    value = Measured(number)
+    value.unit = written
+    if measured is not None:
+        if written is None and number and measured.dimension != (0, 0, 0):
+            raise InputError(f"'{text}' has no unit", expected=f"a value such as {text} {measured}")
+        value.check(measured)
+    return number

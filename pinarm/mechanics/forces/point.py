@@ -17,7 +17,7 @@ from pinarm.input.units import DIMENSIONLESS, unit
 from pinarm.input.yaml.schema import Damping, Force, InputStruct, Length, Moment, Stiffness
 from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
 from pinarm.mechanics.geometry.vectors import combined, cross, dot
-from pinarm.mechanics.joints import METRE, Joint, format_configuration, frame_of, frames_of
+from pinarm.mechanics.joints import METRE, UNIVERSE, Joint, format_configuration, frame_of, frames_of
 from pinarm.mechanics.laws import Constant, Law
 from pinarm.mechanics.laws.motion_law import MotionLaw, Values
 
@@ -25,9 +25,6 @@ if TYPE_CHECKING:
     from pinarm.mechanics.geometry.chains import Chain
 
 Number = TypeVar("Number", float, Array)
-
-UNIVERSE = 0
-"""Index of the world's frame."""
 
 MANY = 8
 """Number of configurations from which on it pays to place them together."""

@@ -26,6 +26,7 @@ from pinarm.use.store.files import cell, json_text, write, write_arrays, write_p
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
+    from pinarm.use.result.section import SectionTable
 
 
 def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, float] | None = None) -> Path:
@@ -51,6 +52,9 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
         write(draft / model, _model(mechanism, folder))
         write_parts(draft / "trajectory.csv", csv(columns))
         write_arrays(draft / "trajectory.npz", arrays(result, columns))
+        for section in result.sections.values():
+            for each in section.tables:
+                write(draft / f"{section.key}_{each.name}.csv", table_csv(each))
         if timing:
             write(draft / "timing.json", json_text(timing) + "\n")
         if plots:
@@ -58,6 +62,13 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
 
             save_plots(result, draft)
     return folder
+
+
+def table_csv(table: SectionTable) -> str:
+    """Return a table of a section as CSV, numbers in SI with the digits that it takes to read them back."""
+    lines = [",".join(cell(heading) for heading in table.headings())]
+    lines += [",".join(cell(each) if isinstance(each, str) else repr(each) for each in row) for row in table.rows]
+    return "\n".join(lines) + "\n"
 
 
 CHUNK = 50_000

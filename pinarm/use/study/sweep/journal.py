@@ -58,7 +58,7 @@ def task_digest(task: Task) -> str:
     relevant = {key: value for key, value in task.document.data.items() if key not in ("expect", "title")}
     package = Path(pinarm.__file__).parent
     code = [hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(package.rglob("*.py"))]
-    wanted = [(entry.quantity, entry.at, entry.of) for entry in task.wanted]
+    wanted = [(entry.quantity, entry.labels()) for entry in task.wanted]
     versions = [pinocchio.__version__, np.__version__]
     return digest([relevant, str(task.folder.resolve()), wanted, code, versions])
 
