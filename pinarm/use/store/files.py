@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from pinarm.errors import InputError
+
 
 def write(path: Path, text: str) -> None:
     """Write a new file; what appears whole is the folder that it is written in (``whole_folder``)."""
@@ -34,10 +36,19 @@ def write_arrays(path: Path, arrays: dict[str, Any]) -> None:
 
 
 def yaml_text(data: Any) -> str:
-    """Return plain data as YAML, its keys in the order they have; every reader takes its texts for text."""
+    """Return plain data as YAML, its keys in the order they have; every reader takes its texts for text.
+
+    Raises:
+        InputError: A text is none in Unicode, such as the name of a folder that is not UTF-8.
+    """
     import yaml
 
-    return str(yaml.dump(data, Dumper=_dumper(), sort_keys=False, allow_unicode=True, width=WIDTH))
+    try:
+        return str(yaml.dump(data, Dumper=_dumper(), sort_keys=False, allow_unicode=True, width=WIDTH))
+    except UnicodeEncodeError as error:
+        name = str(error.object).encode(errors="surrogateescape").decode(errors="replace")
+        hint = "another name for it, or results in a folder below: -o DIR"
+        raise InputError(f"the name {name} is no text that a file of results can hold", hint=hint) from None
 
 
 @cache

@@ -17,6 +17,7 @@ import time
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from urllib.parse import quote, unquote_to_bytes
 
 import msgspec
 import numpy as np
@@ -193,7 +194,8 @@ class Journal:
             while line := lines.readline(MOST_LINE):
                 entry = _entry(line)
                 if entry and entry.files is not None:
-                    sets[entry.set] = sources.content(tuple(entry.files)) == entry.files
+                    names = tuple(os.fsdecode(unquote_to_bytes(name)) for name in entry.files)
+                    sets[entry.set] = _quoted(sources.content(names)) == entry.files
                 elif entry and sets.get(entry.set) and len(entry.numbers) == (0 if entry.error else self.width):
                     offsets[entry.case] = position
                 position += len(line)
@@ -224,7 +226,7 @@ class Journal:
             InputError: There is no room for it.
         """
         if row.files not in self.sets:
-            content = sources.content(row.files)
+            content = _quoted(sources.content(row.files))
             self.sets[row.files] = digest(content)
             self._append(_line(JournalEntry(self.sets[row.files], content)))
         numbers = tuple(float(number) if np.isfinite(number) else None for number in row.numbers)
@@ -246,6 +248,11 @@ class Journal:
         with suppress(OSError):
             os.fsync(self.file.fileno())
         self.file.close()
+
+
+def _quoted(content: Mapping[str, str]) -> dict[str, str]:
+    """Return digests by names that JSON can hold, which the system's need not be."""
+    return {quote(os.fsencode(name), safe="/: "): found for name, found in content.items()}
 
 
 def _line(entry: JournalEntry) -> bytes:

@@ -92,6 +92,17 @@ def test_a_file_that_is_no_journal_is_left_as_it_is(tmp_path: Path, content: byt
     assert (tmp_path / "journal.jsonl").read_bytes() == content
 
 
+def test_names_of_files_need_not_be_unicode(tmp_path: Path) -> None:
+    file = os.fsdecode(os.fsencode(tmp_path) + b"/a b%20\xff\xfe")
+    Path(file).write_text("content")
+    journal = Journal(tmp_path / "journal.jsonl", "task", 1)
+    journal.add("case", Row((1.0,), "", (file,)), Sources())
+    journal.close()
+    journal = Journal(tmp_path / "journal.jsonl", "task", 1)
+    assert journal.row("case") == Row((1.0,))
+    journal.close()
+
+
 @pytest.mark.parametrize("begun", [b"", HEAD[:10], HEAD[:-1]])
 def test_a_first_line_that_was_cut_short_is_written_again(tmp_path: Path, begun: bytes) -> None:
     (tmp_path / "journal.jsonl").write_bytes(begun)
