@@ -23,8 +23,8 @@ FLOOR_PLAN = {
     "mechanism",
     "problems": "time_grid accuracy prescribed_laws joint_values loads declaration events "
     "equilibria inverse kinematics states forward batch_table simplify",
-    "use": "result assessments scenario show store views study",
-    "cli": "options main",
+    "use": "result assessments scenario output show store views study",
+    "cli": "options streams main",
 }
 """Layers from low to high -> their rooms, folders or modules, from low to high: each may import those before it."""
 

@@ -99,6 +99,7 @@ ELSEWHERE = {
     "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),
     "use/result/test_result.py": ("methods of a result", "use/result/measures use/views"),
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),
+    "use/output/test_folder.py": ("which files are ours", "use/output/manifest"),
     "use/study/accuracy/test_error_estimate.py": (
         "errors that are found", "engine/checks/residuals use/study/accuracy/integration_settings "
         "use/study/accuracy/solved",
@@ -115,7 +116,6 @@ ELSEWHERE = {
     ),
     "use/study/sweep/test_axes.py": ("values as they are written", "use/study/sweep/value_syntax"),
     "use/study/sweep/test_cases.py": ("one case", "use/result/run_number use/study/sweep/case_solver"),
-    "use/study/sweep/test_sweep.py": ("sweeps that were interrupted", "use/study/sweep/journal"),
 }  # fmt: skip
 """Test file -> why it is the one, and the modules without a test file of their name that it tests."""
 

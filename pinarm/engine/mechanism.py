@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -108,12 +108,25 @@ class Mechanism:
         document = mechanism_document(Path(path))
         return _described(varied(document, values) if values else document, Path(path).parent, arguments or {})
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how another process makes the same mechanism: from its fields, with the forces bound anew (functions).
+
+        What was computed of the fields stays behind.
+        """
+        own = {each.name: getattr(self, each.name) for each in fields(self)}
+        own["forces"] = {name: force for name, force in self.forces.items() if name not in self.description.forces}
+        return _bound_again, (own,)
+
     def perturbed(self, seed: int) -> Mechanism:
         """Return the mechanism with its numbers changed in the last digits; see ``mechanics.rounding``."""
         model = perturbed(self.model, seed)
-        definitions = self.description.forces
-        forces = {name: bound(one, model, self.joints, self.coordinates) for name, one in definitions.items()}
-        return replace(self, model=model, forces={**self.forces, **forces})
+        return replace(self, model=model)._bound()
+
+    def _bound(self) -> Mechanism:
+        """Return the mechanism with the forces of its description bound to its model."""
+        forces = {name: bound(force, self.model, self.joints, self.coordinates)
+                  for name, force in self.description.forces.items()}  # fmt: skip
+        return replace(self, forces={**self.forces, **forces})
 
     @cached_property
     def dynamics(self) -> Dynamics:
@@ -294,6 +307,10 @@ class Mechanism:
             expected, hint = choices(name, self.coordinates)
             raise InputError(f"the mechanism has no coordinate '{name}'", expected=expected, hint=hint)
         return self.coordinates[name]
+
+
+def _bound_again(own: Mapping[str, Any]) -> Mechanism:
+    return Mechanism(**own)._bound()
 
 
 def mechanism_document(file: Path) -> Document:

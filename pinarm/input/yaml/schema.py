@@ -92,6 +92,10 @@ class Measured(float):
             raise InputError(f"{number:g} is out of bounds", expected=bound)
         return measured
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how another process makes the same number: the class with its bounds has no name there."""
+        return _plain, (float(self), self.unit)
+
     def check(self, expected: Unit) -> None:
         """Raise where the written unit has another dimension than the expected one.
 
@@ -100,6 +104,13 @@ class Measured(float):
         """
         if self.unit is not None and self.unit.dimension != expected.dimension:
             raise UnitError(f"'{self.unit}' is not a unit of this quantity", expected=f"a unit such as {expected}")
+
+
+def _plain(number: float, written: Unit | None) -> Measured:
+    """Return a number with its unit; a struct that it is a field of gives it the class of the field."""
+    measured = Measured(number)
+    measured.unit = written
+    return measured
 
 
 def _unit_of(value: object) -> Unit | None:

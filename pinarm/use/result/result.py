@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import ScenarioFile
     from pinarm.use.show.plot import Picture
     from pinarm.use.show.replay.page import Replay
+    from pinarm.use.store.transfer import TransferredResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,6 +201,11 @@ class Result:
 
         return views.save(self, Path(folder), plots=plots)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how another process makes the same result; see ``store.transfer``."""
+        transfer = import_module("pinarm.use.store.transfer")  # which needs scenarios, and these need results
+        return _result_again, (transfer.TransferredResult.of(self),)
+
     def _repr_html_(self) -> str:
         """Return numbers, plots and the replay, for notebooks; saved ones keep them."""
         from pinarm.use import views
@@ -318,6 +325,10 @@ class Result:
         described = msgspec.to_builtins(mechanism.description, enc_hook=float)
         text = json.dumps([relevant, described, mechanism.xml], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _result_again(parts: TransferredResult) -> Result:
+    return parts.result()
 
 
 PLATEAU = 1e-12

@@ -148,6 +148,19 @@ class Scenario:
         content = document.validate(ScenarioFile)
         return cls(document, content, _problem(document, content.problem), _assessments(document, content), folder)
 
+    @classmethod
+    def of_data(cls, data: Mapping[str, Any], path: Path) -> Scenario:
+        """Return the scenario of plain data, as if it had been read from a file.
+
+        Raises:
+            InputError: It has a mistake.
+        """
+        return cls.of(Document(str(path), path, dict(data), {}, {}), path.parent)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how another process makes the same scenario: from its text, since what is built from it has functions."""
+        return _read_again, (self.document, self.folder.absolute(), self.seed)
+
     def varied(self, values: Values) -> Scenario:
         """Return the scenario with other values.
 
@@ -172,7 +185,8 @@ class Scenario:
     @property
     def name(self) -> str:
         """Name of the file without its ending."""
-        return self.document.path.stem if self.document.path else "scenario"
+        stem = self.document.path.stem if self.document.path else ""
+        return stem.strip(". ") or "scenario"  # ``...yaml`` has the stem ``..``, which is another folder
 
     @cached_property
     def mechanism(self) -> Mechanism:
@@ -364,6 +378,10 @@ class Scenario:
 
     def _place(self, *path: str | int) -> AbstractContextManager[None]:
         return self.document.locating("problem", *path)
+
+
+def _read_again(document: Document, folder: Path, seed: int | None) -> Scenario:
+    return replace(Scenario.of(document, folder), seed=seed)
 
 
 def _varied(document: Document, folder: Path, values: Values) -> Document:
