@@ -97,7 +97,7 @@ except subprocess.TimeoutExpired:
     status = None
 used = resource.getrusage(resource.RUSAGE_CHILDREN)
 unit = 1 if sys.platform == "darwin" else 1024
-print(json.dumps([status, used.ru_utime + used.ru_stime, used.ru_maxrss * unit]))
+print(json.dumps([status, used.ru_maxrss * unit]))
 """
 
 
@@ -106,13 +106,11 @@ class Spent(NamedTuple):
 
     Attributes:
         status: its exit code; ``None`` where it had to be killed.
-        seconds: of computing.
         peak: bytes of memory.
         text: its output and its errors.
     """
 
     status: int | None
-    seconds: float
     peak: int
     text: str
 

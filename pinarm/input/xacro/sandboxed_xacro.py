@@ -20,7 +20,7 @@ _DISARMED = ("open", "eval", "compile", "os", "glob", "load_yaml", "safe_eval", 
 """Names of xacro that are set to ``None``: the replacements do not need them, and any other use fails."""
 OURS = (
     "check_attrs", "eval_all", "eval_text", "get_include_files", "handle_macro_call", "is_valid_name", "parse",
-    "print_location", "replace_node", "reqd_attrs", "warning",
+    "print_location", "remove_previous_comments", "replace_node", "reqd_attrs", "warning",
 )  # fmt: skip
 _NEEDED = (
     *OURS, "LEXER", "NameSpace", "Table", "XacroException", "_global_symbols", "all_includes", "filestack",
