@@ -5,9 +5,10 @@ from __future__ import annotations
 import itertools
 import json
 import os
+import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from typing import NamedTuple
@@ -84,6 +85,20 @@ def swing() -> Callable[[Mechanism], Trajectory]:
         return problem.solve(mechanism, Accuracy(), lambda *path: nullcontext()).rows
 
     return run
+
+
+@pytest.fixture
+def no_hang() -> Iterator[None]:
+    """Fail a test that hangs: a last resort, ten times what a test takes on a loaded machine."""
+
+    def ring(*_: object) -> None:
+        raise AssertionError("no answer after a minute")
+
+    previous = signal.signal(signal.SIGALRM, ring)
+    signal.alarm(60)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, previous)
 
 
 # The peak of a process counts the pages of whoever started it: a small process must stand between it and pytest.

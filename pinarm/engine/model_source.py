@@ -11,6 +11,7 @@ from typing import Any
 
 from pinarm.errors import Location, ModelError
 from pinarm.input.mjcf_includes import resolve_includes
+from pinarm.input.numbers import decimal
 from pinarm.input.robots import is_floating
 from pinarm.input.robots import robot as robot_file
 from pinarm.input.roots import contained_file, root_of
@@ -94,4 +95,4 @@ def _numbers(arguments: Mapping[str, str]) -> Iterator[tuple[str, float]]:
     """Yield the arguments of a model that are numbers; those that are words choose parts of it."""
     for name, text in arguments.items():
         with suppress(ValueError):
-            yield name, float(text)
+            yield name, decimal(text)

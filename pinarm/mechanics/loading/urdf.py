@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.errors import ModelError, choices
+from pinarm.input.numbers import decimal, is_decimal
 from pinarm.mechanics.loading.model_tree import (
     Bounds,
     Kind,
@@ -51,7 +52,7 @@ def urdf_tree(robot: Element) -> Tree:
     root, order = _ordered(links, joints)
     mimics, orphans = checked_mimics([*_mimics(elements)], {name: joint.kind for name, joint in joints.items()})
     notes += _limit_notes(elements, joints)
-    if any(float(spring.text or 0) for spring in robot.iter("springStiffness") if _is_number(spring.text)):
+    if any(float(spring.text or 0) for spring in robot.iter("springStiffness") if is_decimal(spring.text)):
         notes.append("springs that the model gives to its joints for Gazebo are not modelled")
     if geared := [*_geared(robot)]:
         notes.append(f"gears and rotors of transmissions are modelled as 'drives' only: {several(geared)}")
@@ -63,7 +64,7 @@ def _geared(robot: Element) -> Iterator[str]:
     """Yield the names of the transmissions with a gear ratio or a rotor inertia."""
     idle = {"mechanicalReduction": 1.0, "motorInertia": 0.0}
     for transmission in robot.findall("transmission"):
-        if any(element.tag in idle and _is_number(element.text) and abs(float(element.text or 0)) != idle[element.tag]
+        if any(element.tag in idle and is_decimal(element.text) and abs(float(element.text or 0)) != idle[element.tag]
                for element in transmission.iter()):  # fmt: skip
             yield transmission.get("name", "without name")
 
@@ -224,7 +225,7 @@ def _vector(element: Element | None, key: str, where: str, default: Vector | Non
     if text is None and default is not None:
         return default
     try:
-        x, y, z = (float(part) for part in (text or "").split())
+        x, y, z = (decimal(part) for part in (text or "").split())
     except ValueError:
         x = y = z = math.nan
     if not math.isfinite(x) or not math.isfinite(y) or not math.isfinite(z):
@@ -245,17 +246,9 @@ def _number(element: Element | None, key: str, where: str, default: float | None
         if default is None:
             raise ModelError(f"{where} is missing")
         return default
-    if not _is_number(text):
-        raise ModelError(f"{where}: '{text}' is not a number")
-    number = float(text)
+    if not is_decimal(text):
+        raise ModelError(f"{where}: '{text}' is not a number", expected="a decimal number such as -1.5e-3")
+    number = decimal(text)
     if not math.isfinite(number):
         raise ModelError(f"{where}: '{text}' is not a finite number")
     return number
-
-
-def _is_number(text: str | None) -> bool:
-    try:
-        float(text or "")
-    except ValueError:
-        return False
-    return "_" not in (text or "")

@@ -110,7 +110,7 @@ def test_a_mistake_in_a_table_of_cases_is_told_with_its_line(tmp_path: Path, tex
     (tmp_path / "cases.csv").write_text(text)
     with pytest.raises(PinarmError, match=place):
         read_cases(tmp_path / "cases.csv", bare)
-    with pytest.raises(PinarmError, match="cannot be read"):
+    with pytest.raises(PinarmError, match="there is no file"):
         read_cases(tmp_path / "none.csv", bare)
 
 
