@@ -67,7 +67,8 @@ ELSEWHERE = {
     "mechanics/laws/test_interpolated.py": ("laws that are tables", "input/motion_tables"),
     "mechanics/laws/test_motion_law.py": ("every law", "mechanics/laws/steady"),
     "mechanics/loading/test_mjcf.py": (
-        "files as MuJoCo reads them", "input/mjcf_includes mechanics/loading/mjcf_geoms mechanics/loading/mjcf_joints "
+        "files as MuJoCo reads them", "input/mjcf_includes mechanics/loading/mjcf_actuators "
+        "mechanics/loading/mjcf_geoms mechanics/loading/mjcf_joints mechanics/loading/mjcf_names "
         "mechanics/loading/mjcf_settings",
     ),
     "mechanics/loading/test_urdf.py": ("what files make of it", "mechanics/loading/model_tree"),
