@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from pinarm.errors import ModelError, choices
 from pinarm.input.numbers import decimal, is_decimal
+from pinarm.input.xml_names import check_names, counted
 from pinarm.mechanics.loading.model_tree import (
     Bounds,
     Kind,
@@ -25,6 +26,7 @@ from pinarm.mechanics.loading.model_tree import (
     listed,
     several,
 )
+from pinarm.mechanics.loading.urdf_names import check_once, urdf_names
 
 KINDS: Mapping[str, Kind] = {
     "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "planar": "planar",
@@ -42,8 +44,11 @@ def urdf_tree(robot: Element) -> Tree:
     Joints are ordered depth-first, those of one link by name, as in Pinocchio's own reader.
 
     Raises:
-        ModelError: The links and joints form no tree, or a mass, axis or other number is invalid.
+        ModelError: A name is none of URDF, an element stands twice, the links and joints form no tree, or a mass, axis
+            or other number is invalid.
     """
+    unread = check_names(robot, urdf_names(robot))
+    check_once(robot)
     defects: list[str] = []
     notes: list[str] = []
     links = {name: _inertia(link, name, defects, notes) for name, link in _named(robot, "link").items()}
@@ -56,6 +61,8 @@ def urdf_tree(robot: Element) -> Tree:
         notes.append("springs that the model gives to its joints for Gazebo are not modelled")
     if geared := [*_geared(robot)]:
         notes.append(f"gears and rotors of transmissions are modelled as 'drives' only: {several(geared)}")
+    if unread:
+        notes.append(f"not read: {counted(unread)}")
     bodies = {root: links[root], **{joint.child: links[joint.child] for joint in order}}
     return Tree(robot.get("name", ""), bodies, order, mimics, None, (*defects, *orphans), tuple(notes))
 
@@ -82,12 +89,9 @@ def _named(robot: Element, tag: str) -> dict[str, Element]:
 
 
 def _inertia(link: Element, name: str, defects: list[str], notes: list[str]) -> pin.Inertia:
-    where, inertials = f"link '{name}'", link.findall("inertial")
-    if not inertials:
+    where, inertial = f"link '{name}'", link.find("inertial")
+    if inertial is None:
         return pin.Inertia.Zero()
-    if len(inertials) > 1:
-        raise ModelError(f"{where}: it has {len(inertials)} <inertial>", expected="one, of all its mass")
-    inertial = inertials[0]
     mass = _number(inertial.find("mass"), "value", f"{where}: mass")
     if mass < 0.0:
         raise ModelError(f"{where}: the mass is negative ({mass:g} kg)")
