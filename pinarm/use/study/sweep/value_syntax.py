@@ -14,6 +14,7 @@ or in that which the mechanism declares for the argument; where neither has one 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -107,6 +108,8 @@ def _column(path: str, items: Sequence[str], unit_of: UnitOf, *, last: bool = Fa
         if parts is None:
             raise InputError(f"'{item[:SHOWN]}' is no number, as others are", expected="all numbers, or all words")
         number, written = parts
+        if not math.isfinite(float(number)):
+            raise InputError(f"'{item[:SHOWN]}' is beyond all numbers", expected="numbers below 1e308")
         units.append(written)
         numbers.append(int(number) if is_whole(number) and not written else float(number))
     if last and not any(units[:-1]):
