@@ -310,7 +310,7 @@ class _Copies:
 
     spend: Callable[[int], None]
 
-    def handle(self, operation: int, key: str, data: Any, src: Element, dst: Node) -> None:
+    def handle(self, operation: int, key: str, data: Any, src: Any, dst: Node) -> None:
         """Be called by the DOM for each copy."""
         self.spend(1 + len(src.attributes))
         dst.setUserData(key, data, self)
