@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -20,10 +20,11 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import massive
-from pinarm.engine.model_source import Source, read_robot
+from pinarm.engine.model_source import Source, numeric, read_robot
 from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.units import Unit, unit
+from pinarm.input.xacro.expansion import UnknownArgument, check_declared
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.schema import Measured, quantity
 from pinarm.input.yaml.values import Values, varied
@@ -368,8 +369,11 @@ def _build(
 ) -> Mechanism:  # fmt: skip
     """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's."""
     units, given = _arguments(description, arguments, here, caller)
-    with here("robot"):
-        robot, resolved, source = read_robot(description, data, folder, given)
+    with here("robot"), _naming_arguments(caller):
+        robot, texts, source = read_robot(description, data, folder, given)
+    resolved = dict(numeric(texts))
+    with _naming_arguments(here):
+        check_declared(units, texts)
     model, carried = _loaded(robot.model, description.payloads, payloads, here, caller)
     joints, balls = joints_of(model), balls_of(model)
     model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
@@ -436,13 +440,19 @@ def _arguments(
         with here("arguments", name):
             units[name] = unit(text)
     for name, value in arguments.items():
-        with caller("arguments", Key(name)):
-            if units and name not in units:
-                expected, hint = choices(name, units, most=40)
-                raise InputError(f"the model has no argument '{name}'", expected=expected, hint=hint)
         with caller("arguments", name):
             given[name] = _argument(name, value, units.get(name))
     return units, given
+
+
+@contextmanager
+def _naming_arguments(place: Locate) -> Iterator[None]:
+    """Locate arguments that the model does not have at their keys."""
+    try:
+        yield
+    except UnknownArgument as error:
+        with place("arguments", Key(error.name)):
+            raise
 
 
 def _argument(name: str, value: float | str, expected: Unit | None) -> float:

@@ -18,7 +18,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch, part_of_leap
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.errors import AssemblyError
+from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.ball_joints import configuration
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
@@ -50,6 +50,9 @@ ITERATIONS = 60
 
 SMALLEST = 1e-9
 """Smallest part of a sample interval that the continuation takes at once: what lies beyond is out of reach."""
+
+CUTS, CUTS_A_ROW = 10_000, 20
+"""Cuts of the intervals between the rows of a table, in all and more for each row; a turn of a crank takes about 30."""
 
 
 def assembled(closure: Closure, prescribed: PrescribedCoordinates, q: Array, w: Array, t: float) -> Array:
@@ -84,7 +87,7 @@ class NewtonSolver:
         self.curved = ~np.array(straight, dtype=bool)
         self.units = [*(one.unit(row) for one, row in owners), *(c.unit for c in prescribed.coordinates)]
         self.measure = closure.length ** np.array([float(one.dimension[0]) for one in self.units])
-        self.scale = closure.scale
+        self.scale, self.cuts = closure.scale, CUTS
         threads = [isinstance(one, LoopJoint) and one.helical(row) for one, row in owners]
         self.sliding = 1.0 - np.array([*threads, *(False for _ in prescribed.coordinates)], dtype=np.float64)
 
@@ -166,8 +169,10 @@ class NewtonSolver:
 
         Raises:
             AssemblyError: The branch cannot be continued.
+            InputError: The rows are too far apart.
         """
         pending, smallest = [to], SMALLEST * abs(to - t)
+        self.cuts += CUTS_A_ROW
         rows = self.rows(self.closure.state(q))
         while pending:
             h = pending[-1] - t
@@ -183,6 +188,9 @@ class NewtonSolver:
                     q, (v, a), t, rows = found, rates, pending.pop(), there
                     continue
             if abs(h) > smallest:
+                self.cuts -= 1
+                if self.cuts < 0:
+                    raise _too_fast(t, to)
                 pending.append(t + part * h)
             else:
                 raise self._unreachable(*self._closest(q, target(to)[0], np.ones(len(self.names))), to)
@@ -265,6 +273,15 @@ class NewtonSolver:
             hint="other values of the law, or another start that chooses the branch",
             t=t, q=q, gap=gap,
         )  # fmt: skip
+
+
+def _too_fast(t: float, to: float) -> InputError:
+    return InputError(
+        "the rows of the table are too far apart to follow the motion between them: after some "
+        f"{CUTS} steps it has come to {t:.9g} on the way to {to:.9g}",
+        expected="a few turns between two rows",
+        hint="more samples, a shorter range, or a slower law",
+    )
 
 
 def _solve(rows: Array, right: Array) -> Array:

@@ -25,7 +25,7 @@ from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.use.result.measures import COSTS, MEASURES
-from pinarm.use.result.row_lookup import Lookup
+from pinarm.use.result.row_lookup import Lookup, unreached
 from pinarm.use.result.run_number import RunNumber
 
 if TYPE_CHECKING:
@@ -307,11 +307,14 @@ class Result:
     def notes(self) -> list[str]:
         """Return what is not modelled as the files have it, which outputs are one choice of many, and what to doubt.
 
-        The last of these are a method of integration that does not suit the motion, and angles of very many turns.
+        Places of the answer key that the run does not come to are among them. The last are a method of integration that
+        does not suit the motion, and angles of very many turns.
         """
-        doubts = [f"{series.name}: least multipliers; {series.doubt}" for series in self.columns() if series.doubt]
         run = self.trajectory
-        said = [*run.mechanism.notes, *doubts, *self.outcome.notes, *coarse_angles(run.mechanism.joints, run.q)]
+        doubts = [f"{series.name}: least multipliers; {series.doubt}" for series in self.columns() if series.doubt]
+        coarse = coarse_angles(run.mechanism.joints, run.q)
+        missed = unreached(self.quantities, self.content.expect)
+        said = [*run.mechanism.notes, *doubts, *self.outcome.notes, *missed, *coarse]
         return list(dict.fromkeys(said))  # a result that is read from a folder brings its own along
 
     def excesses(self) -> list[Excess]:

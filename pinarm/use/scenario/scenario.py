@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -253,13 +253,8 @@ class Scenario:
         if self.content.find:
             return self._solve_found(self.content.find)
         try:
-            with np.errstate(all="ignore"):  # what is not finite is found in the results, and said in words
+            with _failures_in_words():
                 return self._solve_once()
-        except np.linalg.LinAlgError as error:
-            raise DynamicsError(
-                f"the equations of this mechanism have no solution ({error})",
-                hint="numbers of ordinary size, and a mass for whatever is free to move",
-            ) from error
         except NumericsError as error:
             if isinstance(error.partial, Outcome):
                 error.partial = self.result(error.partial)
@@ -342,9 +337,9 @@ class Scenario:
         Raises:
             PinarmError: Something is wrong; the message says where.
         """
-        self.problem.prepare(self.mechanism, self._place)
-        quantities = self.quantities()
-        with np.errstate(all="ignore"):
+        with _failures_in_words():
+            self.problem.prepare(self.mechanism, self._place)
+            quantities = self.quantities()
             for index, name in enumerate(self.content.outputs):
                 with self.document.locating("outputs", index):
                     quantities[name]
@@ -428,6 +423,28 @@ def _assessments(document: Document, content: ScenarioFile) -> dict[str, Assessm
     """Validate the parts of the document that ask for assessments, each by its class."""
     asked = (key for key in KINDS_OF_ASSESSMENT if getattr(content, key) is not None)
     return {key: document.validate(assessment_class(key), key) for key in asked}
+
+
+@contextmanager
+def _failures_in_words() -> Iterator[None]:
+    """Raise in words what linear algebra and Python's numbers raise; what is not finite is found in the results.
+
+    Raises:
+        DynamicsError: A matrix is singular, or a number is beyond 1e308.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except np.linalg.LinAlgError as error:
+        raise DynamicsError(
+            f"the equations of this mechanism have no solution ({error})",
+            hint="numbers of ordinary size, and a mass for whatever is free to move",
+        ) from error
+    except ArithmeticError as error:
+        raise DynamicsError(
+            f"a number of this run is too large or too small to be computed with ({error})",
+            hint="numbers of ordinary size: their squares, too, lie between 1e-308 and 1e308",
+        ) from error
 
 
 CHECKABLE = 1e150

@@ -17,6 +17,7 @@ from pinarm.engine.integration.first_step import first_step
 from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution, Step
 from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, TINY, growth, shrinkage
 from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4, Tableau
+from pinarm.errors import MethodError
 
 NOISE = 1e-6
 """Error of a step, relative to ``1 + |y|``, up to which amplified rounding near a singular position explains it."""
@@ -32,6 +33,9 @@ HALVES = np.array([0.0, 0.5, 1.0])
 
 SAMPLE = 40
 """Number of fixed steps that are repeated as two half steps to estimate their error."""
+
+MOST_STEPS = 1e8
+"""Largest number of fixed steps of an interval; that many take half a day."""
 
 COARSE = 1e-3
 """Error of a fixed step, relative to ``1 + |y|``, from which it is reported as too large."""
@@ -369,8 +373,17 @@ class FixedStepper:
         self.count.evaluations += 1
 
     def first(self, h: float) -> float:
-        """Return the step that divides the interval evenly."""
+        """Return the step that divides the interval evenly.
+
+        Raises:
+            MethodError: The interval takes more steps than anybody can wait for.
+        """
         length = self.stages.interval.end - self.stages.interval.start
+        if length > MOST_STEPS * self.longest:
+            raise MethodError(
+                f"steps of {self.longest:g} s are too short for {length:g} s", expected=f"at most {MOST_STEPS:g} steps",
+                hint=f"step: {length / 1000.0:.1g} s, or an adaptive method",
+            )  # fmt: skip
         self.h = length / math.ceil(length / self.longest * (1.0 - 1e-12))
         return self.h
 
