@@ -32,8 +32,8 @@ class Accuracy(InputStruct, frozen=True):
             hundred times larger; ``run --verify`` estimates it.
         step: Longest step of a method with steps of one length.
         target: Largest global error wanted in every output, relative to its largest absolute value over the run. The
-            cheapest setting that reaches it is looked for, of the method if one is given; tolerance and step are then
-            not used.
+            cheapest setting is looked for whose bound of the error is below it (see ``run --verify``), of the method if
+            one is given; tolerance and step are then not used.
         max_steps: Number of steps after which the time integration gives up, rejected ones included.
     """
 

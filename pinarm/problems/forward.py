@@ -11,7 +11,7 @@ import numpy as np
 from msgspec.structs import replace as replace_fields
 
 from pinarm.arrays import Array
-from pinarm.engine.checks.balance import energy_of
+from pinarm.engine.checks.balance import LOST, energy_of
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import require_masses
@@ -42,9 +42,6 @@ from pinarm.problems.prescribed_laws import laws_of
 from pinarm.problems.time_grid import TimeGrid
 
 DEFAULT = Accuracy()
-
-LOST = 1e-3
-"""Energy that nothing accounts for, relative to the energy exchanged, from which on this is noted."""
 
 
 class InitialState(InputStruct, frozen=True):

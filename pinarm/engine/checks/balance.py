@@ -29,6 +29,10 @@ SAMPLE = 64
 ROUNDING = 1e-15
 """Of an energy, relative to it: a motion so short that it exchanges no more has not lost any."""
 
+LOST = 1e-3
+"""Energy that nothing accounts for, relative to the energy exchanged, from which on it is noted, and contradicts bounds
+of the error that are far below it."""
+
 STEPS, GAUSS_NODES = 8, 4
 """Steps within which the energy is looked at, evenly, besides those that have been looked into, as for rows of the
 table: there the dense output errs more than at their ends. Nodes of the quadrature of dissipated power over a part of a
