@@ -101,7 +101,8 @@ ELSEWHERE = {
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),
     "use/output/test_folder.py": ("which files are ours", "use/output/manifest"),
     "use/study/accuracy/test_error_estimate.py": (
-        "errors that are found", "engine/checks/residuals use/study/accuracy/integration_settings "
+        "errors that are found", "engine/checks/residuals use/study/accuracy/common_rows "
+        "use/study/accuracy/integration_settings "
         "use/study/accuracy/solved",
     ),
     "use/study/accuracy/test_tradeoff.py": (
