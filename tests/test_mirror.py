@@ -65,6 +65,7 @@ ELSEWHERE = {
     "loops/test_loop_coordinates.py": (
         "as of joints of the tree", "mechanics/forces/along_coordinate mechanics/loops/relative",
     ),
+    "loops/test_rounded_files.py": ("loops that close as far as their file is rounded", "engine/checks/unclosed"),
     "loops/test_screws.py": ("against the coupling and closed forms", "mechanics/loops/screw"),
     "mechanics/couplings/test_gear.py": (
         "wheels in mesh", "mechanics/couplings/members mechanics/couplings/teeth",

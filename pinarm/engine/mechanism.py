@@ -26,9 +26,9 @@ from pinarm.input.formulas.expressions import Expression
 from pinarm.input.units import Unit, unit
 from pinarm.input.xacro.expansion import UnknownArgument, check_declared
 from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.schema import Measured, quantity
+from pinarm.input.yaml.schema import Measured, check_unit, quantity
 from pinarm.input.yaml.values import Values, varied
-from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, balls_of
+from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, balls_of, positions_of, unit_of
 from pinarm.mechanics.coordinates import Coordinate, coordinates_of
 from pinarm.mechanics.couplings.coupling import mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector
@@ -293,6 +293,12 @@ class Mechanism:
         """Whether every body has a mass and moments of inertia."""
         return massive(self.model)
 
+    @cached_property
+    def start(self) -> Mapping[str, float]:
+        """Return rough joint coordinates near which the loops close [rad or m], as far as the mechanism file says."""
+        known = positions_of(self.joints, self.balls)  # of a part of the mechanism there may be fewer
+        return {name: float(value) for name, value in self.description.start.items() if name in known}
+
     @property
     def gravity(self) -> float:
         """Magnitude of gravity [m/s^2]."""
@@ -377,6 +383,7 @@ def _build(
     model, carried = _loaded(robot.model, description.payloads, payloads, here, caller)
     joints, balls = joints_of(model), balls_of(model)
     model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
+    _check_start(description, joints, balls, here)
     turns = {**ball_coordinates(model, balls), **ball_angles(balls)}
     loops = []
     for name, loop in description.loops.items():
@@ -429,6 +436,18 @@ def _of_loops(
             with here("loops", name.rpartition(".")[0]):
                 raise InputError(f"its coordinate '{name}' has the name of a joint", expected="a name of its own")
     return found
+
+
+def _check_start(
+    description: MechanismDescription, joints: Mapping[str, Joint], balls: Mapping[str, Ball], here: Locate
+) -> None:
+    """Check names and units of the joint coordinates near which the loops close."""
+    known = positions_of(joints, balls)
+    for name, value in description.start.items():
+        with here("start", Key(name)):
+            measured = unit_of(name, known)
+        with here("start", name):
+            check_unit(value, measured)
 
 
 def _arguments(

@@ -81,8 +81,9 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
     end_stops: dict[str, EndStop] = {}
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row at the neutral configuration: enough to see which quantities there are."""
-        row = schema_row(mechanism, self.loads, "t", unit("s"), along(mechanism, self.motion))
+        """Return one row near the start: enough to see which quantities there are, and which are determined."""
+        start = {**self.start, **self.initial.position}
+        row = schema_row(mechanism, start, self.loads, "t", unit("s"), along(mechanism, self.motion))
         return replace(row, columns=event_columns(self.events, [()], np.zeros(1, dtype=np.intp)))
 
     def declaration(self) -> Declaration:

@@ -16,6 +16,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import residual_figures
+from pinarm.engine.checks.unclosed import unclosed
 from pinarm.engine.mechanism import Mechanism, mechanism_document, read_mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
@@ -314,7 +315,8 @@ class Scenario:
         """
         measured = {**solved.figures, **power_balance(solved.rows), **residual_figures(solved.rows, solved.motion)}
         removals = self.simplification.removals if solved is not whole else ()
-        result = replace(self.result(whole), figures=measured, removals=removals)
+        noted = replace(whole, notes=(*whole.notes, *unclosed(whole.rows)))
+        result = replace(self.result(noted), figures=measured, removals=removals)
         for index, name in enumerate(self.content.outputs):
             with self.document.locating("outputs", index):
                 result.require_finite(name)
