@@ -90,13 +90,20 @@ class Quantities:
         trajectory: The motion.
         symbols: Formulas by name, beside those of the mechanism.
         undetermined: ``refuse``, or ``minimum_norm`` for reactions that rigid bodies do not determine.
+        whole: Those of the whole run where these are of some of its states: it tells what is determined, which a single
+            state may seem to.
     """
 
     trajectory: Trajectory
     symbols: Mapping[str, Expression] = field(default_factory=dict)
     undetermined: str = "refuse"
+    whole: Quantities | None = field(default=None, repr=False)
     _known: dict[str, Series] = field(default_factory=dict, repr=False)
     _open: list[str] = field(default_factory=list, repr=False)
+
+    def of(self, rows: Trajectory) -> Quantities:
+        """Return the quantities of other states of the same motion."""
+        return Quantities(rows, self.symbols, self.undetermined, self.whole or self)
 
     @cached_property
     def reactions(self) -> Reactions:
@@ -303,7 +310,7 @@ class Quantities:
         added, about = [stressed[:, index] for stressed in found.stressed_joints], found.origins[:, index]
         if words[1:3] == ["moment", AT_PARENT]:
             about, words = found.markers(index), [*words[:2], *words[3:]]
-        for wrench in found.open_wrenches(index):
+        for wrench in [] if self.whole else found.open_wrenches(index):
             if self._acts(self._wrench_component(name, words, found.origins[:, index], wrench, about)):
                 raise InputError(f"'{name}': {found.left_open[index]}", expected="a joint before or beyond them",
                                  hint=SAY_HOW)  # fmt: skip
@@ -367,6 +374,8 @@ class Quantities:
         Raises:
             InputError: They do, and the scenario does not ask for the least values.
         """
+        if self.whole:
+            return self.whole[name].doubt
         doubt = ""
         if any(self._acts(part) for part in added):
             doubt = f"hyperstatic of degree {len(added)}: rigid bodies do not determine it"
