@@ -54,7 +54,7 @@ class Trajectory:
         q: Configurations, shape (n, nq).
         v: Velocities, shape (n, nv).
         a: Accelerations, shape (n, nv).
-        tau: Efforts of the drives at joints, rotors included [N*m or N], shape (n, nv).
+        tau: Efforts of the drives at joints, what accelerates rotors included [N*m or N], shape (n, nv).
         lam: Multipliers of the constraints, and efforts of drives along task coordinates [N or N*m].
         closure: The constraints that they belong to: those of the mechanism, then guided task coordinates.
         dynamics: The equation of motion with all the forces of the run.

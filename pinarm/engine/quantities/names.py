@@ -3,8 +3,9 @@
 =============================================  ==================================================================
 ``t``                                          the parameter that runs along the rows
 ``joint.J.position .velocity .acceleration``   of a joint with one coordinate
-``joint.J.effort .power``                      of its drive, without the rotor's own share; of the couplings that move a
-                                               joint without one
+``joint.J.effort .power``                      of its drive, its rotor's share included: ``Mechanism.inverse``; of the
+                                               couplings that move a joint without one
+``joint.J.link_effort``                        what of it reaches the links: without ``armature * acceleration``
 ``joint.J.force.x``, ``joint.J.moment.x``      action of the parent on the child, at the child's origin, which slides
 ``joint.J.moment.at_parent.x``                 the same moment about the joint's place on the parent (its marker)
 ``joint.J.moment.about.P.x``                   the same moment about the origin of link P
@@ -79,6 +80,7 @@ AT_PARENT = "at_parent"
 """Asks for the moment of a joint about its place on the parent: where a joint slides, the child's origin moves."""
 TRANSMITTED = tuple(f"{kind}.{axis}" for kind in (*WRENCH, f"moment.{AT_PARENT}") for axis in AXES)
 RATES = ("position", "velocity", "acceleration")
+EFFORTS = ("effort", "link_effort")
 ENERGIES = ("kinetic", "potential", "total")
 
 
@@ -143,7 +145,7 @@ class Quantities:
             self.trajectory.parameter, "g", *self.symbols, *mechanism.symbols,
             *mechanism.arguments, *mechanism.coordinates, *self.trajectory.columns,
             *(f"joint.{name}.{part}" for name in mechanism.joints
-              for part in (*RATES, "effort", "power", *TRANSMITTED)),
+              for part in (*RATES, *EFFORTS, "power", *TRANSMITTED)),
             *(f"joint.{name}.{part}" for name in mechanism.balls
               for part in (*BALL_PARTS, *TRANSMITTED)),
             *(f"loop.{name}.{kind}.{axis}" for name in self.reactions.loops for kind in WRENCH for axis in AXES),
@@ -294,11 +296,13 @@ class Quantities:
         if part in RATES and len(words) == 2:
             return self._rate_of(name, words[0], part)
         self._require_efforts(name)
-        if part in ("effort", "power") and len(words) == 2:
-            effort, doubt = self._effort(joint.v), self._effort_doubt(name, joint.v)
-            if part == "effort":
-                return Series(name, effort_unit(joint), effort, doubt)
-            return Series(name, WATT, effort * self.trajectory.v[:, joint.v], doubt)
+        if part in EFFORTS and len(words) == 2:
+            armature = float(mechanism.model.armature[joint.v]) if part == "link_effort" else 0.0
+            effort = self.trajectory.effort(joint.v) - armature * self.trajectory.a[:, joint.v]
+            return Series(name, effort_unit(joint), effort, self._effort_doubt(name, joint.v))
+        if part == "power" and len(words) == 2:
+            values = self.trajectory.effort(joint.v) * self.trajectory.v[:, joint.v]
+            return Series(name, WATT, values, self._effort_doubt(name, joint.v))
         return self._transmitted(name, words, joint.index)
 
     def _transmitted(self, name: str, words: list[str], index: int) -> Series:
@@ -388,11 +392,6 @@ class Quantities:
         if self.trajectory.no_efforts:
             raise InputError(f"'{name}': {self.trajectory.no_efforts}", hint="kind: inverse")
 
-    def _effort(self, v: int) -> Array:
-        """Return the effort between the links, without what accelerates the drive's own rotor."""
-        armature = float(self.trajectory.mechanism.model.armature[v])
-        return self.trajectory.effort(v) - armature * self.trajectory.a[:, v]
-
     def _effort_doubt(self, name: str, v: int) -> str:
         """Return what is in doubt about the effort of a joint that couplings move; nothing where it has a drive."""
         acting = self.trajectory.couplings_at(v).items()
@@ -449,9 +448,9 @@ class Quantities:
         if words[1] == "speed":
             return Series(name, unit("rad/s"), speed)
         self._require_efforts(name)
-        a = self.trajectory.a[:, index]
-        torque = drive.torque(self._effort(index), self.trajectory.direction(index), a)
-        torque = np.where(self.trajectory.tau[:, index] == 0.0, 0.0, torque)  # off: what moves its rotor loses nothing
+        a, effort = self.trajectory.a[:, index], self.trajectory.tau[:, index]
+        torque = drive.torque(effort - drive.armature * a, self.trajectory.direction(index), a)
+        torque = np.where(effort == 0.0, 0.0, torque)  # off: what moves its rotor loses nothing
         return Series(name, NEWTON_METRE, torque) if words[1] == "torque" else Series(name, WATT, torque * speed)
 
     def _of_energy(self, name: str, words: list[str]) -> Series:

@@ -125,8 +125,8 @@ def _arrays(path: Path) -> dict[str, Array]:
     """
     try:
         with zipfile.ZipFile(path) as archive:
-            directed = ["directions"] if "state.directions.npy" in archive.namelist() else []  # where drives have losses
-            found = {name: _array(archive, f"state.{name}") for name in (*STATE, "further", "guides", *directed)}
+            lossy_drives = ["directions"] if "state.directions.npy" in archive.namelist() else []
+            found = {name: _array(archive, f"state.{name}") for name in (*STATE, "further", "guides", *lossy_drives)}
         found = {name: array.astype(str if name == "guides" else float) for name, array in found.items()}
     except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, SyntaxError) as error:
         raise InputError(f"{path} does not hold the states of a run ({error})", hint=AGAIN) from None
