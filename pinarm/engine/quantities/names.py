@@ -37,7 +37,8 @@
 
 Vectors are in world axes; ``.along.B`` before the component gives them in the axes of link B:
 ``point.P.velocity.along.arm_2.x``. The component ``norm`` is the length. Formulas combine quantities with the published
-symbols, the model's arguments and ``g``, the magnitude of gravity. A name with several meanings is refused.
+symbols, the model's arguments, ``g``, the magnitude of gravity, and numbers with units, ``(2e4 N/m)*Y``. A name with
+several meanings is refused.
 """
 
 from __future__ import annotations
@@ -273,9 +274,24 @@ class Quantities:
         return np.asarray(expression.evaluate({inner: series.values for inner, series in found.items()}), float)
 
     def _operands(self, expression: Expression) -> dict[str, Series]:
+        self._require_units(expression)
         for inner in expression.names:
             self._require_one_meaning(inner)
         return {inner: self[inner] for inner in expression.names if not _is_constant(inner, self)}
+
+    def _require_units(self, expression: Expression) -> None:
+        """Raise where what reads as a number with a unit may be a product of names whose ``*`` was forgotten.
+
+        Raises:
+            InputError: All the words of the unit are names here.
+        """
+        mechanism = self.trajectory.mechanism
+        names = {"g", *self.symbols, *mechanism.symbols, *mechanism.arguments, *mechanism.coordinates}
+        for number in expression.measured:
+            if number.words <= names:
+                said = " and ".join(f"'{word}'" for word in sorted(number.words))
+                raise InputError(f"'{number.text}' is a number with a unit, and {said} a name here too",
+                                 expected="a * before the name, or a unit that is none, such as mm for m")  # fmt: skip
 
     def _unknown(self, name: str) -> InputError:
         available = self.names()
