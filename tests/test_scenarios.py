@@ -99,6 +99,24 @@ def test_something_independent_decides(file: Path) -> None:
     assert all(entry.source.strip() for entry in expect)
 
 
+COMPUTABLE = {
+    "two-rod arm": ("(2.9)", "(2.23)", "(4.6)", "(4.14)", "(4.22)", "(4.28)"),
+    "exoskeleton": ("(3)", "0.829 for 0.826", "1.8 for 51.8"),
+    "Magic Arms": ("line of V_z2", "brace", "question 4"),
+}
+"""Misprints that evaluate to something, by publication and equation, or line."""
+
+
+def test_computable_misprints_have_an_entry_each() -> None:
+    """That they are confirmed is part of the answer keys."""
+    entries = [entry for file in FILES for entry in pinarm.load(file).content.expect if entry.erratum]
+    named = {entry.erratum for entry in entries if entry.verdict == "misprint"}
+    for publication, places in COMPUTABLE.items():
+        for place in places:
+            assert len([one for one in named if one.startswith(publication) and place in one]) == 1, place
+    assert {entry.erratum for entry in entries if entry.verdict == "model_error"} == {"two-rod arm, all mass at l2/2"}
+
+
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_its_keys_are_those_of_the_json_schema(file: Path) -> None:
     fields, data = msgspec.structs.fields(ScenarioFile), Document.read(file).data
