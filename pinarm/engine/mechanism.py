@@ -135,7 +135,7 @@ class Mechanism:
         return Dynamics.of(self.model, self.forces)
 
     def inverse(self, q: Array, v: Array, a: Array, *, drives: Sequence[str] = (), t: float = 0.0) -> Array:
-        """Return the efforts that the drives must give; the constraints carry the rest.
+        """Return the efforts that the drives must give, rotors included; the constraints carry the rest.
 
         Args:
             q: Configurations, shape (..., nq): any leading axes, or none for one state.

@@ -73,7 +73,7 @@ class MechanismDescription(InputStruct, frozen=True):
         drives: Motors and gears.
         forces: Springs, dampers and loads that belong to the mechanism.
         payloads: What links carry beside the model's own masses.
-        symbols: Published symbols and what they stand for: a quantity, or a formula of quantities.
+        symbols: Published symbols and what they stand for: a quantity, a number with its unit, or a formula of them.
     """
 
     pinarm: Literal[1]

@@ -3,8 +3,9 @@
 =============================================  ==================================================================
 ``t``                                          the parameter that runs along the rows
 ``joint.J.position .velocity .acceleration``   of a joint with one coordinate
-``joint.J.effort .power``                      of its drive, without the rotor's own share; of the couplings that move a
-                                               joint without one
+``joint.J.effort .power``                      of its drive, its rotor's share included: ``Mechanism.inverse``; of the
+                                               couplings that move a joint without one
+``joint.J.link_effort``                        what of it reaches the links: without ``armature * acceleration``
 ``joint.J.force.x``, ``joint.J.moment.x``      action of the parent on the child, at the child's origin, which slides
 ``joint.J.moment.at_parent.x``                 the same moment about the joint's place on the parent (its marker)
 ``joint.J.moment.about.P.x``                   the same moment about the origin of link P
@@ -36,7 +37,8 @@
 
 Vectors are in world axes; ``.along.B`` before the component gives them in the axes of link B:
 ``point.P.velocity.along.arm_2.x``. The component ``norm`` is the length. Formulas combine quantities with the published
-symbols, the model's arguments and ``g``, the magnitude of gravity. A name with several meanings is refused.
+symbols, the model's arguments, ``g``, the magnitude of gravity, and numbers with units, ``(2e4 N/m)*Y``. A name with
+several meanings is refused.
 """
 
 from __future__ import annotations
@@ -77,6 +79,7 @@ AT_PARENT = "at_parent"
 """Asks for the moment of a joint about its place on the parent: where a joint slides, the child's origin moves."""
 TRANSMITTED = tuple(f"{kind}.{axis}" for kind in (*WRENCH, f"moment.{AT_PARENT}") for axis in AXES)
 RATES = ("position", "velocity", "acceleration")
+EFFORTS = ("effort", "link_effort")
 ENERGIES = ("kinetic", "potential", "total")
 
 
@@ -88,13 +91,20 @@ class Quantities:
         trajectory: The motion.
         symbols: Formulas by name, beside those of the mechanism.
         undetermined: ``refuse``, or ``minimum_norm`` for reactions that rigid bodies do not determine.
+        whole: Those of the whole run where these are of some of its states: it tells what is determined, which a single
+            state may seem to.
     """
 
     trajectory: Trajectory
     symbols: Mapping[str, Expression] = field(default_factory=dict)
     undetermined: str = "refuse"
+    whole: Quantities | None = field(default=None, repr=False)
     _known: dict[str, Series] = field(default_factory=dict, repr=False)
     _open: list[str] = field(default_factory=list, repr=False)
+
+    def of(self, rows: Trajectory) -> Quantities:
+        """Return the quantities of other states of the same motion."""
+        return Quantities(rows, self.symbols, self.undetermined, self.whole or self)
 
     @cached_property
     def reactions(self) -> Reactions:
@@ -134,7 +144,7 @@ class Quantities:
             self.trajectory.parameter, "g", *self.symbols, *mechanism.symbols,
             *mechanism.arguments, *mechanism.coordinates, *self.trajectory.columns,
             *(f"joint.{name}.{part}" for name in mechanism.joints
-              for part in (*RATES, "effort", "power", *TRANSMITTED)),
+              for part in (*RATES, *EFFORTS, "power", *TRANSMITTED)),
             *(f"joint.{name}.{part}" for name in mechanism.balls
               for part in (*BALL_PARTS, *TRANSMITTED)),
             *(f"loop.{name}.{kind}.{axis}" for name in self.reactions.loops for kind in WRENCH for axis in AXES),
@@ -262,9 +272,24 @@ class Quantities:
         return np.asarray(expression.evaluate({inner: series.values for inner, series in found.items()}), float)
 
     def _operands(self, expression: Expression) -> dict[str, Series]:
+        self._require_units(expression)
         for inner in expression.names:
             self._require_one_meaning(inner)
         return {inner: self[inner] for inner in expression.names if not _is_constant(inner, self)}
+
+    def _require_units(self, expression: Expression) -> None:
+        """Raise where what reads as a number with a unit may be a product of names whose ``*`` was forgotten.
+
+        Raises:
+            InputError: All the words of the unit are names here.
+        """
+        mechanism = self.trajectory.mechanism
+        names = {"g", *self.symbols, *mechanism.symbols, *mechanism.arguments, *mechanism.coordinates}
+        for number in expression.measured:
+            if number.words <= names:
+                said = " and ".join(f"'{word}'" for word in sorted(number.words))
+                raise InputError(f"'{number.text}' is a number with a unit, and {said} a name here too",
+                                 expected="a * before the name, or a unit that is none, such as mm for m")  # fmt: skip
 
     def _unknown(self, name: str) -> InputError:
         available = self.names()
@@ -285,11 +310,13 @@ class Quantities:
         if part in RATES and len(words) == 2:
             return self._rate_of(name, words[0], part)
         self._require_efforts(name)
-        if part in ("effort", "power") and len(words) == 2:
-            effort, doubt = self._effort(joint.v), self._effort_doubt(name, joint.v)
-            if part == "effort":
-                return Series(name, effort_unit(joint), effort, doubt)
-            return Series(name, WATT, effort * self.trajectory.v[:, joint.v], doubt)
+        if part in EFFORTS and len(words) == 2:
+            armature = float(mechanism.model.armature[joint.v]) if part == "link_effort" else 0.0
+            effort = self.trajectory.effort(joint.v) - armature * self.trajectory.a[:, joint.v]
+            return Series(name, effort_unit(joint), effort, self._effort_doubt(name, joint.v))
+        if part == "power" and len(words) == 2:
+            values = self.trajectory.effort(joint.v) * self.trajectory.v[:, joint.v]
+            return Series(name, WATT, values, self._effort_doubt(name, joint.v))
         return self._transmitted(name, words, joint.index)
 
     def _transmitted(self, name: str, words: list[str], index: int) -> Series:
@@ -301,7 +328,7 @@ class Quantities:
         added, about = [stressed[:, index] for stressed in found.stressed_joints], found.origins[:, index]
         if words[1:3] == ["moment", AT_PARENT]:
             about, words = found.markers(index), [*words[:2], *words[3:]]
-        for wrench in found.open_wrenches(index):
+        for wrench in [] if self.whole else found.open_wrenches(index):
             if self._acts(self._wrench_component(name, words, found.origins[:, index], wrench, about)):
                 raise InputError(f"'{name}': {found.left_open[index]}", expected="a joint before or beyond them",
                                  hint=SAY_HOW)  # fmt: skip
@@ -365,6 +392,8 @@ class Quantities:
         Raises:
             InputError: They do, and the scenario does not ask for the least values.
         """
+        if self.whole:
+            return self.whole[name].doubt
         doubt = ""
         if any(self._acts(part) for part in added):
             doubt = f"hyperstatic of degree {len(added)}: rigid bodies do not determine it"
@@ -387,11 +416,6 @@ class Quantities:
     def _require_efforts(self, name: str) -> None:
         if self.trajectory.no_efforts:
             raise InputError(f"'{name}': {self.trajectory.no_efforts}", hint="kind: inverse")
-
-    def _effort(self, v: int) -> Array:
-        """Return the effort between the links, without what accelerates the drive's own rotor."""
-        armature = float(self.trajectory.mechanism.model.armature[v])
-        return self.trajectory.effort(v) - armature * self.trajectory.a[:, v]
 
     def _effort_doubt(self, name: str, v: int) -> str:
         """Return what is in doubt about the effort of a joint that couplings move; nothing where it has a drive."""
@@ -449,9 +473,9 @@ class Quantities:
         if words[1] == "speed":
             return Series(name, unit("rad/s"), speed)
         self._require_efforts(name)
-        a = self.trajectory.a[:, index]
-        torque = drive.torque(self._effort(index), self.trajectory.direction(index), a)
-        torque = np.where(self.trajectory.tau[:, index] == 0.0, 0.0, torque)  # off: what moves its rotor loses nothing
+        a, effort = self.trajectory.a[:, index], self.trajectory.tau[:, index]
+        torque = drive.torque(effort - drive.armature * a, self.trajectory.direction(index), a)
+        torque = np.where(effort == 0.0, 0.0, torque)  # off: what moves its rotor loses nothing
         return Series(name, NEWTON_METRE, torque) if words[1] == "torque" else Series(name, WATT, torque * speed)
 
     def _of_energy(self, name: str, words: list[str]) -> Series:

@@ -17,6 +17,7 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
 from pinarm.engine.dynamics.masses import require_masses
+from pinarm.engine.motion.standstill import directions, lossy, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.broadcasting import LeadingAxes
 from pinarm.engine.quantities.names import Quantities
@@ -148,6 +149,10 @@ def _quantities(
         mechanism.dynamics, separate=True,
     )  # fmt: skip
     demand = dynamics.inverse(t, q, v, a)
+    if lossy(mechanism):
+        terms = a if tau is None else np.maximum(np.abs(a), np.abs(_forward(mechanism, dynamics, t, q, v, still)))
+        paces = row_paces(mechanism, v, terms)  # efforts that hold leave accelerations of their rounding
+        run = replace(run, directions=directions(v, a, paces, np.ones(len(q)), still))
     if tau is not None:
         lam = Multipliers.least(closure, q, demand - tau, np.zeros((len(q), 0)))
         return Quantities(replace(run, tau=tau, lam=lam))

@@ -20,6 +20,7 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_interval
+from pinarm.engine.motion.standstill import law_directions, lossy
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.mechanics.ball_joints import ball_angles, ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
@@ -202,7 +203,7 @@ class ReducedMechanism:
         driven = None if run.driven is None else self._driven(run.driven)
         back = replace(
             run, mechanism=self.whole, q=q, v=v, a=a, tau=tau, closure=closure,
-            dynamics=Dynamics.of(self.whole.model, self.forces), driven=driven,
+            dynamics=Dynamics.of(self.whole.model, self.forces), driven=driven, directions=self._directions(run),
         )  # fmt: skip
         if run.no_efforts:
             return replace(back, lam=self._multipliers(run.lam, np.zeros((n, len(self.removed.couplings)))))
@@ -213,6 +214,17 @@ class ReducedMechanism:
         found = np.zeros(self.whole.model.nv, dtype=bool)
         found[self.kept_v] = part
         found[self.answered] = True
+        return found
+
+    def _directions(self, run: Trajectory) -> Array | None:
+        """Return the directions of the joints of the whole, those that are removed by their laws, shape (n, nv)."""
+        if not lossy(self.whole):
+            return None
+        found = np.zeros((len(run), self.whole.model.nv))
+        if run.directions is not None:
+            found[:, self.kept_v] = run.directions
+        for i, law in self.removed.laws.items():
+            found[:, i] = law_directions(law, run.grid)
         return found
 
     def _with_efforts(self, run: Trajectory) -> Trajectory:

@@ -87,7 +87,7 @@ class Lookup:
             rows = self.run.some(np.full(len(t), interval))
         else:
             rows = on_interval(self.motion, self.run.grid.cuts, interval, t)
-        return Quantities(rows, self.quantities.symbols)
+        return self.quantities.of(rows)
 
     def at(self, where: str | dict[str, str | int | float], name: str) -> Quantities:
         """Return the quantities of one row: the place that ``where`` names.

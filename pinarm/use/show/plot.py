@@ -22,6 +22,7 @@ from pinarm.engine.series import Series
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import in_si
 from pinarm.use.result.curve_figures import is_figure
+from pinarm.use.result.expectation import ERRATA
 from pinarm.use.result.row_lookup import NotReached
 
 if TYPE_CHECKING:
@@ -139,13 +140,13 @@ class Printed:
         quantity: What it was published of.
         x: Where along the plot, in SI; an array over the rows for a published formula.
         y: The figure, in SI, likewise.
-        misprint: Whether it is confirmed to be one.
+        verdict: What is claimed of it.
     """
 
     quantity: str
     x: float | Array
     y: float | Array
-    misprint: bool
+    verdict: str
 
 
 def answer_key(result: Result, along: str) -> list[Printed]:
@@ -157,14 +158,14 @@ def answer_key(result: Result, along: str) -> list[Printed]:
     for entry in result.content.expect:
         if entry.published_formula is not None and entry.at == "all":
             figures = np.broadcast_to(result.quantities.figure(entry.published_formula), len(result))
-            found.append(Printed(entry.quantity, result[along].values, figures, entry.verdict == "misprint"))
+            found.append(Printed(entry.quantity, result[along].values, figures, entry.verdict))
         elif entry.published is not None and not _over_run(entry.at):
             try:
                 row = result.lookup.at(entry.at, entry.quantity)
             except NotReached:  # as the notes say
                 continue
             printed = in_si(entry.published, row[entry.quantity].unit)
-            found.append(Printed(entry.quantity, float(row[along].values[0]), printed, entry.verdict == "misprint"))
+            found.append(Printed(entry.quantity, float(row[along].values[0]), printed, entry.verdict))
     return found
 
 
@@ -174,15 +175,16 @@ def _over_run(at: str | dict[str, str | int | float]) -> bool:
 
 
 def _mark(axis: Axes, series: Series, printed: list[Printed], scale: float) -> None:
-    """Draw published figures over a curve: circles where they hold, crosses and dashes where they are misprints."""
+    """Draw published figures over a curve: circles where they hold, crosses and dashes where they are wrong."""
     own, _ = shown(series)
     labelled: set[str] = set()
     for one in printed:
-        curve = isinstance(one.y, np.ndarray)
-        label = ("printed formula" if curve else "published") + (", a misprint" if one.misprint else "")
+        curve, wrong = isinstance(one.y, np.ndarray), one.verdict in ERRATA
+        label = "printed formula" if curve else "published"
+        label += f", a {one.verdict.replace('_', ' ')}" if wrong else ""
         axis.plot(
-            one.x / scale, one.y / own, color=WRONG if one.misprint else "black", linewidth=1.0, fillstyle="none",
-            linestyle="--" if curve else "none", marker="" if curve else "x" if one.misprint else "o",
+            one.x / scale, one.y / own, color=WRONG if wrong else "black", linewidth=1.0, fillstyle="none",
+            linestyle="--" if curve else "none", marker="" if curve else "x" if wrong else "o",
             label=None if label in labelled else label,
         )  # fmt: skip
         labelled.add(label)
@@ -191,7 +193,7 @@ def _mark(axis: Axes, series: Series, printed: list[Printed], scale: float) -> N
 
 
 WRONG = "#D00000"
-"""Colour of misprints; the shape of their marks tells them apart too."""
+"""Colour of what is wrong in print; the shape of their marks tells them apart too."""
 
 
 def shown(series: Series) -> tuple[float, Unit | None]:

@@ -23,6 +23,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.mechanism import Mechanism, read_mechanism
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion
+from pinarm.engine.motion.standstill import lossy
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
@@ -124,11 +125,12 @@ def _arrays(path: Path) -> dict[str, Array]:
     """
     try:
         with zipfile.ZipFile(path) as archive:
-            found = {name: _array(archive, f"state.{name}") for name in (*STATE, "further", "guides")}
+            lossy_drives = ["directions"] if "state.directions.npy" in archive.namelist() else []
+            found = {name: _array(archive, f"state.{name}") for name in (*STATE, "further", "guides", *lossy_drives)}
         found = {name: array.astype(str if name == "guides" else float) for name, array in found.items()}
     except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, SyntaxError) as error:
         raise InputError(f"{path} does not hold the states of a run ({error})", hint=AGAIN) from None
-    if not all(np.isfinite(found[name]).all() for name in STATE):
+    if not all(np.isfinite(found[name]).all() for name in (*STATE, "directions") if name in found):
         raise InputError(f"the states in {path} are not finite")
     return found
 
@@ -221,15 +223,18 @@ def trajectory_of(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str,
     first, (nq, nv) = problem.schema_row(mechanism), (mechanism.model.nq, mechanism.model.nv)
     wanted = {"q": (n, nq), "v": (n, nv), "a": (n, nv), "tau": (n, nv), "lam": (n, closure.size), "t": (n,)}
     wanted |= {"further": (len(first.columns), n)} if first.columns else {}
+    if "directions" in arrays or (lossy(mechanism) and not first.separate):
+        wanted["directions"] = (n, nv)
     grid = Grid(arrays["t"], tuple(arrays["cuts"].tolist()), tuple(int(row) for row in arrays["rows"]))
-    if n == 0 or any(arrays[name].shape != shape for name, shape in wanted.items()) or not _fits(grid):
+    shapes = {name: arrays[name].shape for name in wanted if name in arrays}
+    if n == 0 or shapes != wanted or not _fits(grid):
         raise InputError("the states of this result are not those of its model", hint=AGAIN)
     columns = {name: replace(series, values=row)
                for (name, series), row in zip(first.columns.items(), arrays["further"], strict=False)}  # fmt: skip
     lam = Multipliers.known(arrays["lam"], mechanism.closure.size)
     return replace(
         first, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], tau=arrays["tau"], lam=lam,
-        closure=closure, columns=columns,
+        closure=closure, columns=columns, directions=arrays.get("directions"),
     )  # fmt: skip
 
 

@@ -106,6 +106,7 @@ def states(run: Trajectory) -> dict[str, Any]:
         "q": run.q, "v": run.v, "a": run.a, "tau": run.tau, "t": run.grid.t, "cuts": np.array(run.grid.cuts),
         "rows": np.array(run.grid.rows), "lam": np.asarray(run.lam), "guides": np.array(guides, str),
         "further": np.array([series.values for series in run.columns.values()]),
+        **({} if run.directions is None else {"directions": run.directions}),
     }  # fmt: skip
 
 

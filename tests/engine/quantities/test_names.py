@@ -188,6 +188,14 @@ def test_a_symbol_for_a_coordinate_is_refused_and_one_for_a_constant_taken(run):
     assert (Quantities(run, {"pi": Expression.parse("3")})["2*pi"].values == 6.0).all()
 
 
+def test_a_stiffness_among_the_symbols_does_not_hang_on_the_speed():
+    mechanism = Mechanism.load(MODELS / "olive_vibrator_small_angle" / "mechanism.yaml")
+    rates = np.random.default_rng(3).normal(scale=100.0, size=(5, mechanism.model.nv))
+    found = mechanism.at(np.zeros((5, mechanism.model.nq)), rates)["k1"]
+    assert found.values.tolist() == [2e4] * 5
+    assert str(found.unit) == "N/m"
+
+
 def test_a_misspelt_name_comes_with_the_right_one(found):
     with pytest.raises(InputError) as caught:
         found["joint.O.efort"]

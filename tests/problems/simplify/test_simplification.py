@@ -31,6 +31,7 @@ ROUNDING = 1e-12
 LOCKABLE = {
     "brick_thrown": {"root.x", "root.y", "root.z"},
     "gen411_arm_horizontal": {"O"},
+    "gen411_arm_horizontal_general": {"O"},
     "gen411_arm_swing": {"O", "B"},
     "gen411_arm_vertical": {"O"},
     "gyroscope_free": {"psi", "theta", "phi"},

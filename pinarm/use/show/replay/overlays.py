@@ -221,11 +221,10 @@ def _positions(run: Trajectory, frame: int) -> Array:
 
 
 def _torques(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
-    """Yield the efforts of the drives between the links, about or along the axes of their joints."""
+    """Yield the efforts of the drives, about or along the axes of their joints."""
     for joint in run.mechanism.joints.values():
         node = nodes[joint.index]
-        effort = run.tau[:, joint.v] - float(run.mechanism.model.armature[joint.v]) * run.a[:, joint.v]
-        yield Arrow("torques", BodyPoint(joint.index, np.zeros(3)), node.kind == "turn", effort, node.axis)
+        yield Arrow("torques", BodyPoint(joint.index, np.zeros(3)), node.kind == "turn", run.tau[:, joint.v], node.axis)
 
 
 def _reactions(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
