@@ -129,7 +129,7 @@ def quantity(text: str = "", **expected: float | None) -> Any:
 
 AnyQuantity, NotNegative, Positive = quantity(), quantity(least=0.0), quantity(above=0.0)
 Level, Rate, SecondRate, ThirdRate = quantity(order=0), quantity(order=1), quantity(order=2), quantity(order=3)
-Time, Duration = quantity("s"), quantity("s", above=0.0)
+Time, Duration, Pause = quantity("s"), quantity("s", above=0.0), quantity("s", least=0.0)
 Abscissa, Extent, Pulsation = quantity(along=1), quantity(along=1, above=0.0), quantity(along=-1)
 Angle, Length = quantity("rad"), quantity("m", least=0.0)
 Force, Moment, Acceleration = quantity("N"), quantity("N*m"), quantity("m/s^2", least=0.0)

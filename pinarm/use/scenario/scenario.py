@@ -79,6 +79,7 @@ class ScenarioFile(InputStruct, frozen=True):
         outputs: Quantities of the table and the plots.
         numbers: Numbers of the run to tell, such as ``C_B @ rms``: see ``RunNumber.read``.
         shaking: Shaking force and moment on the frame; see ``assessments.shaking``.
+        sizing: Motor and gear of a drive, out of a catalogue; see ``assessments.sizing``.
         modelled: ``required``, what the question requires: joints that it holds still are locked, and dropped those
             that it moves and nothing depends on; or the ``whole`` mechanism. The answer is the same.
         undetermined: What to do with reactions that rigid bodies do not determine: ``refuse`` them, or give those of
@@ -101,6 +102,7 @@ class ScenarioFile(InputStruct, frozen=True):
     symbols: dict[str, str] = {}
     numbers: list[str] = []
     shaking: Any = None
+    sizing: Any = None
     modelled: Literal["required", "whole"] = "required"
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"
     accuracy: Accuracy = msgspec.field(default_factory=Accuracy)

@@ -155,4 +155,6 @@ def _moved(data: Any, source: Path, target: Path) -> Any:
     moved = {key: _moved(value, source, target) for key, value in data.items()}
     if data.get("law") == "table":
         moved["file"] = os.path.relpath(source / data["file"], target)
+    if isinstance(data.get("catalogue"), str):
+        moved["catalogue"] = os.path.relpath(source / data["catalogue"], target)
     return moved
