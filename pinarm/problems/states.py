@@ -14,6 +14,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.known_friction import with_friction_columns
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.prescribed_motion import Prescription, Rates
 from pinarm.engine.motion.trajectory import ROW, Trajectory
@@ -70,8 +71,9 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        closure = actuation(mechanism, self.drives, [*self.over, *self.hold]).closure
-        return replace(schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), closure), separate=True)
+        drives = actuation(mechanism, self.drives, [*self.over, *self.hold])
+        row = schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), drives.closure)
+        return with_friction_columns(replace(row, separate=True), drives)
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""
@@ -127,8 +129,9 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        closure = actuation(mechanism, self.drives, [*self.over, *self.hold]).closure
-        return replace(schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), closure), separate=True)
+        drives = actuation(mechanism, self.drives, [*self.over, *self.hold])
+        row = schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), drives.closure)
+        return with_friction_columns(replace(row, separate=True), drives)
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""

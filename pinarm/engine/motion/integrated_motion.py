@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, Indices
+from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.segments import SegmentedMotion
@@ -44,7 +45,9 @@ class IntegratedMotion:
         """Return the states at the rows of a grid; accelerations are those of the equation of motion there."""
         rows = states(self.mechanism, self.hybrid, grid, self.motion.complete(grid))
         alike = np.zeros(len(grid.t), dtype=np.intp)
-        return replace(rows, columns=event_columns(self.hybrid.watches, [self.motion.events], alike))
+        return replace(
+            rows, columns={**rows.columns, **event_columns(self.hybrid.watches, [self.motion.events], alike)}
+        )
 
     def positions(self, t: Array) -> Array:
         """Return the configurations at instants, shape (n,), as they were integrated, shape (n, nq)."""
@@ -55,7 +58,7 @@ def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: Compl
     """Return completed states as a table."""
     return Trajectory(
         mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau, motion.lam,
-        hybrid.system().closure, hybrid.dynamics,
+        hybrid.system().closure, hybrid.dynamics, columns=friction_columns(mechanism.frictions, motion.friction),
     )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ from pinarm.engine.checks.balance import demands
 from pinarm.engine.constraints.nullspace import RowDecomposition
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.mechanics.friction.contact import LoopContact
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.loops.loop_joints import LoopJoint
@@ -94,6 +95,9 @@ class Reactions:
                     found[k, joint] += wrench
         if self.closure.size:
             found += self.closure.wrenches(self.links(rows), self.multipliers[rows])
+        for contact, f in zip(run.mechanism.frictions, run.friction.T, strict=True):
+            for joint, wrench in contact.wrenches(self.links(rows), f[rows]).items():
+                found[:, joint] += wrench
         return found
 
     def figures(self) -> dict[str, float]:
@@ -127,7 +131,11 @@ class Reactions:
 
     def loop(self, name: str) -> Array:
         """Return the wrench of a loop joint's first link on its second, at frame 2, world axes, shape (n, 6)."""
-        return self._loop(name, self.multipliers)
+        wrench, every = self._loop(name, self.multipliers), np.arange(len(self.run))
+        for contact, f in zip(self.run.mechanism.frictions, self.run.friction.T, strict=True):
+            if isinstance(contact, LoopContact) and contact.joint.name == name:
+                wrench += contact.slip.wrench(self.links(every), f[:, None])
+        return wrench
 
     def loop_origins(self, name: str) -> Array:
         """Return the places of a loop joint's second frame [m], world axes, shape (n, 3)."""

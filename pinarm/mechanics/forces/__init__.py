@@ -6,10 +6,10 @@ from collections.abc import Iterable
 
 from pinarm.mechanics.forces.bushing import Bushing
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.forces.joint_definitions import JointEffort, JointFriction, JointSpring, TorqueSpeed
+from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 
-Force = JointSpring | JointEffort | JointFriction | TorqueSpeed | PointSpring | Bushing | Wrench
+Force = JointSpring | JointEffort | RegularisedFriction | TorqueSpeed | PointSpring | Bushing | Wrench
 """Any force element. A new one is a module or class beside these and one entry here."""
 
 __all__ = ["Force", "ForceElement", "summed"]

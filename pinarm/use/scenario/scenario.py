@@ -289,6 +289,10 @@ class Scenario:
             NumericsError: It is not finite.
         """
         measured = {**solved.figures, **power_balance(solved.rows), **residual_figures(solved.rows, solved.motion)}
+        if solved.rows.mechanism.frictions:
+            from pinarm.engine.quantities.friction_law import friction_figures
+
+            measured |= friction_figures(solved.rows)
         removals = self.simplification.removals if solved is not whole else ()
         result = replace(self.result(whole), figures=measured, removals=removals)
         for index, name in enumerate(self.content.outputs):

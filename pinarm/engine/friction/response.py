@@ -1,0 +1,224 @@
+"""What friction does to the motion of a mechanism in one state: linear, as forces are in Newton's equations.
+
+With the rows J of the slips, the friction f adds ``J^T f`` to the loads; the slips' accelerations are
+``alpha = J a + J' v = alpha0 + A f``, and the wrenches that bearings carry ``w0 + W f``. With T a basis of the motions
+that the constraints and laws allow, ``A = J T (T^T M T)^-1 T^T J^T``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.nullspace import RowDecomposition
+from pinarm.engine.dynamics.coordinate_partition import Targets
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.equation import solve
+from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.friction.slipping import CarriedLoads
+from pinarm.errors import DynamicsError
+from pinarm.mechanics.friction.contact import FrictionContact
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
+
+DRIVEN = 1e-9
+"""Part of a slip that constraints and laws leave free, below which they determine it."""
+
+OPEN = 1e-9
+"""What a self-stress of length 1 may add to a load: rounding leaves 1e-13."""
+
+
+@dataclass(frozen=True, eq=False)
+class SlipResponse:
+    """Accelerations of k slips, and loads of their bearings, as functions of the friction.
+
+    Attributes:
+        acceleration: alpha0 [rad/s^2 or m/s^2], shape (k,).
+        mobility: A, shape (k, k).
+        loads: ``w0 + W f``.
+        driven: Which slips the constraints and laws determine, shape (k,).
+        slips: J T, what is free of the slips, shape (k, m).
+        free: T, shape (nv, m).
+    """
+
+    acceleration: Array
+    mobility: Array
+    loads: CarriedLoads
+    driven: Flags
+    slips: Array
+    free: Array
+
+    def at(self, f: Array) -> Array:
+        """Return alpha under friction f, shape (k,)."""
+        return np.asarray(self.acceleration + self.mobility @ f)
+
+
+@dataclass(frozen=True, eq=False)
+class SlipEquation:
+    """The equation of motion on one interval without jumps, and the slips in it.
+
+    Attributes:
+        contacts: The k joints with friction.
+        closure: Constraints, then coordinates that follow laws.
+        dynamics: The equation of motion without this friction.
+        targets: ``t -> w, w', w''`` of the coordinates that follow laws.
+        efforts: Of drives [N*m or N], shape (nv,); none where it is 0.
+    """
+
+    contacts: Sequence[FrictionContact]
+    closure: Closure
+    dynamics: Dynamics
+    targets: Targets
+    efforts: Array | float = 0.0
+
+    @cached_property
+    def loaded(self) -> bool:
+        """Whether any friction depends on what its joint carries."""
+        return any(one.law.loaded for one in self.contacts)
+
+    def at(self, t: float, q: Array, v: Array) -> SlipResponse:
+        """Return how slips and loads respond to friction in a state, shapes (nq,) and (nv,)."""
+        solved = _Solved.of(self, t, q, v)
+        k = len(self.contacts)
+        loads = CarriedLoads(np.zeros((k, 6)), np.zeros((k, k, 6)))
+        if self.loaded:
+            loads = solved.loads()
+        return SlipResponse(solved.alpha, solved.mobility, loads, solved.driven, solved.slips @ solved.split.free,
+                            solved.split.free)  # fmt: skip
+
+    @property
+    def transmission(self) -> Transmission:
+        """What the bearings carry."""
+        return Transmission(self.contacts, self.closure, self.dynamics)
+
+    def require_determined(self, q: Array) -> None:
+        """Raise where the load of a bearing is not determined by rigid bodies; see ``Transmission``."""
+        if self.loaded and self.closure.size:
+            self.transmission.require_determined(RowDecomposition.of(self.closure.rows(self.closure.state(q))), q)
+
+
+@dataclass(frozen=True, eq=False)
+class Transmission:
+    """What the bearings of joints with friction carry, by Newton's and Euler's equations of the bodies.
+
+    Attributes:
+        contacts: The k joints.
+        closure: Constraints, then coordinates that follow laws.
+        dynamics: The equation of motion without this friction.
+    """
+
+    contacts: Sequence[FrictionContact]
+    closure: Closure
+    dynamics: Dynamics
+
+    def wrenches(self, t: float, q: Array, v: Array, a: Array, lam: Array, f: Array) -> Array:
+        """Return the wrenches under accelerations, multipliers and friction, shape (k, 6).
+
+        Args:
+            t: Instant [s].
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            a: Acceleration, shape (nv,).
+            lam: Multipliers, shape (m,).
+            f: Friction [N*m or N], shape (k,).
+        """
+        model, data, links = self.closure.model, self.dynamics.data, LinkPlacements.at(self.closure.model, q[None])
+        acting = self.closure.wrenches(links, lam[None])
+        for force in self.dynamics.forces.values():
+            for joint, wrench in force.wrenches(t, q, v).items():
+                acting[0, joint] += wrench
+        for contact, size in zip(self.contacts, f, strict=True):
+            for joint, wrench in contact.wrenches(links, np.array([size])).items():
+                acting[:, joint] += wrench
+        if acting.any():
+            outside = pin.StdVec_Force()
+            outside.extend([pin.Force(wrench) for wrench in links.inwards(acting)[0]])
+            pin.rnea(model, data, q, v, a, outside)
+        else:
+            pin.rnea(model, data, q, v, a)
+        joints = links.outwards(np.array([wrench.vector for wrench in data.f.tolist()])[None])
+        named = {name: lam[None, rows] for name, rows in self.closure.slices().items()}
+        return np.array([one.transmitted(links, joints, named)[0] for one in self.contacts])
+
+    def require_determined(self, rows: RowDecomposition, q: Array) -> None:
+        """Raise where multipliers that do nothing load a bearing.
+
+        Args:
+            rows: Of the constraints, taken apart.
+            q: Configuration, shape (nq,).
+
+        Raises:
+            DynamicsError: Says which joint's friction rigid bodies do not determine.
+        """
+        still, none = np.zeros(self.closure.model.nv), np.zeros(len(self.contacts))
+        free = rows.scale[:, None] * rows.redundant
+        for stress in (free / np.linalg.norm(free, axis=0)).T:
+            loaded, idle = (self.wrenches(0.0, q, still, still, lam, none) for lam in (stress, 0.0 * stress))
+            for one, wrench in zip(self.contacts, loaded - idle, strict=True):
+                if one.law.loaded and one.bearing.most(wrench) > OPEN:
+                    raise DynamicsError(
+                        f"the friction of {one.name} depends on a reaction that rigid bodies do not determine: the "
+                        "mechanism is hyperstatic",
+                        expected="a joint that is loosened until its reaction is determined, or friction without a "
+                        "load: constant",
+                        hint="leave out thrust_radius or span: what is not determined has no friction then",
+                    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """The equation of motion solved in one state, without friction and for each friction of size 1."""
+
+    equation: SlipEquation
+    t: float
+    q: Array
+    v: Array
+    split: RowDecomposition
+    slips: Array
+    a: Array
+    lam: Array
+    ways: Array
+    multipliers: Array
+    alpha: Array
+    driven: Flags
+
+    @classmethod
+    def of(cls, equation: SlipEquation, t: float, q: Array, v: Array) -> _Solved:
+        """Return it in a state."""
+        closure, dynamics, model = equation.closure, equation.dynamics, equation.closure.model
+        state, ddw = closure.state(q, v), equation.targets(t)[2]
+        right = -closure.drift(state)
+        right[len(right) - len(ddw) :] += ddw
+        split = RowDecomposition.of(closure.rows(state))
+        mass = mass_matrix(model, q)
+        force = equation.efforts + dynamics.loads(t, q, v) - pin.nonLinearEffects(model, dynamics.data, q, v)
+        a = solve(split, mass, force, right)
+        slips = np.array([one.row(state) for one in equation.contacts])
+        drift = np.array([one.drift(state) for one in equation.contacts])
+        free = slips @ split.free
+        ways = split.free @ np.linalg.solve(split.free.T @ mass @ split.free, free.T)  # (nv, k)
+        driven = np.linalg.norm(free, axis=1) <= DRIVEN * np.linalg.norm(slips, axis=1)
+        lam = split.multipliers(mass @ a - force)
+        multipliers = np.array([split.multipliers(mass @ way - slip) for way, slip in zip(ways.T, slips, strict=True)])
+        return cls(equation, t, q, v, split, slips, a, lam, ways, multipliers, slips @ a + drift, driven)
+
+    @property
+    def mobility(self) -> Array:
+        """A, shape (k, k)."""
+        return np.asarray(self.slips @ self.ways)
+
+    def loads(self) -> CarriedLoads:
+        """Return the wrenches that bearings carry."""
+        k = len(self.slips)
+        none = self._carried(self.a, self.lam, np.zeros(k))
+        each = [self._carried(self.a + self.ways[:, j], self.lam + self.multipliers[j], np.eye(k)[j]) - none
+                for j in range(k)]  # fmt: skip
+        return CarriedLoads(none, np.array(each).swapaxes(0, 1))
+
+    def _carried(self, a: Array, lam: Array, f: Array) -> Array:
+        return self.equation.transmission.wrenches(self.t, self.q, self.v, a, lam, f)
