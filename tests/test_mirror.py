@@ -96,7 +96,8 @@ ELSEWHERE = {
     "test_readme.py": ("what is printed", "use/show/terminal"),
     "physics/test_friction.py": (
         "friction in every kind of problem", "engine/friction/columns engine/friction/given_efforts "
-        "engine/friction/sliding engine/motion/known_friction engine/motion/stick_slip engine/quantities/friction_law",
+        "engine/friction/sliding engine/motion/known_friction engine/motion/stick_slip engine/quantities/friction_law "
+        "mechanics/friction/thread",
     ),
     "use/result/test_result.py": ("methods of a result", "use/result/measures use/views"),
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),

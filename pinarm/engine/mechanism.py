@@ -36,7 +36,6 @@ from pinarm.mechanics.forces.force_element import check_new
 from pinarm.mechanics.friction.contact import FrictionContact
 from pinarm.mechanics.joints import Joint, joint_of, joints_of
 from pinarm.mechanics.loading.pinocchio_model import RobotModel
-from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.payloads import Payload, with_payloads
 from pinarm.mechanics.perturbation import perturbed
 
@@ -392,13 +391,15 @@ def _frictions(
     """Return the joints with friction that sticks: those of the mechanism file, and others of the model."""
     if not robot.friction and not description.friction:
         return ()
+    from pinarm.mechanics.couplings import Coupling
     from pinarm.mechanics.friction.definition import Friction
+    from pinarm.mechanics.loops.loop_joints import LoopJoint
 
-    loops = [one for one in constraints if isinstance(one, LoopJoint)]
+    rubbing = [one for one in constraints if isinstance(one, LoopJoint | Coupling)]
     found = []
     for name, definition in description.friction.items():
         with here("friction", name):
-            found.append(definition.bind(name, model, joints, loops))
+            found.append(definition.bind(name, model, joints, rubbing))
     left = {name: friction for name, friction in robot.friction.items() if name not in description.friction}
     return (*found, *(Friction(constant=friction).bind(name, model, joints, ()) for name, friction in left.items()))
 

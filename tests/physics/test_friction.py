@@ -157,3 +157,210 @@ def test_states_of_their_own_have_the_same_friction(write):
     at = mechanism.at(q, v, tau=np.zeros((3, 1)))
     assert at["joint.pivot.friction"].values == pytest.approx(slips[:, 0], rel=1e-13)
     assert at["joint.pivot.effort"].values == pytest.approx(0.0, abs=1e-14)
+
+
+SCREW = f"""
+<link name="spindle">{BODY.format(mass=1)}</link><link name="nut">{BODY.format(mass=1)}</link>
+<joint name="turn" type="continuous"><parent link="base"/><child link="spindle"/><axis xyz="0 0 1"/></joint>
+<joint name="lift" type="prismatic"><parent link="base"/><child link="nut"/><axis xyz="0 0 1"/>{SIZES}</joint>"""
+LOAD = """gravity: none
+forces: {load: {kind: joint_effort, joint: lift, effort: {law: constant, value: -6.4 kN}}}
+"""
+COUPLED = "couplings: {thread: {kind: screw, joints: [turn, lift], lead: 8 mm}}\n"
+LOOPED = "loops: {thread: {kind: screw, between: [spindle, nut], axis: z, lead: -8 mm}}\n"  # the nut does not turn
+TORQUE = "joint.turn.effort, joint.turn.effort.lower, joint.turn.effort.upper"
+
+
+def torque(thrust, lead, diameter, mu, flank=0.0):
+    """Torque that raises a load on a thread."""
+    angle = np.arctan(lead / (np.pi * diameter))
+    normal = np.arctan(np.tan(flank) * np.cos(angle))
+    return thrust * 0.5 * diameter * np.tan(angle + np.arctan(mu / np.cos(normal)))
+
+
+@pytest.mark.parametrize("joint", [COUPLED, LOOPED])
+@pytest.mark.parametrize("flank", [0.0, 14.5])
+def test_the_power_screw_of_the_textbook(write, joint, flank):
+    """Shigley's Mechanical Engineering Design, example 8-1: square thread, two starts of 4 mm, 32 mm, 6.4 kN, mu 0.08.
+
+    On the thread alone 15.94 N*m raise the load, and it would come down by itself, but for 0.466 N*m.
+    """
+    mechanism = f"{LOAD}{joint}friction: {{thread: {{mu: 0.08, radius: 15 mm, flank: {flank} deg}}}}\n"
+    statics = "{kind: statics, hold: {turn: 0 rad}, drives: [turn]}"
+    held = pinarm.run(write(SCREW, mechanism, statics, TORQUE))
+    lower, upper = (float(held[f"joint.turn.effort.{side}"].values[0]) for side in ("lower", "upper"))
+    wanted = torque(6400.0, 0.008, 0.03, np.array([-0.08, 0.08]), np.radians(flank))
+    assert [lower, upper] == pytest.approx(wanted, rel=1e-12)
+    if not flank:
+        assert (round(upper, 2), round(lower, 3)) == (15.94, 0.466)
+    assert not any("self-locking" in note for note in held.notes())
+    rougher = pinarm.run(write(SCREW, mechanism.replace("0.08", "0.09"), statics, TORQUE))
+    assert any("joint.turn is self-locking" in note for note in rougher.notes())
+    problem = "{kind: inverse, time: {end: 1 s, samples: 2}, motion: {turn: {law: constant_speed, speed: 3 rad/s}}}"
+    turning = pinarm.run(write(SCREW, mechanism, problem, "joint.turn.effort, -power.load/joint.turn.power"))
+    efficiency = 6400.0 * 0.008 / (2.0 * np.pi * wanted[1])
+    assert turning["-power.load/joint.turn.power"].values == pytest.approx(efficiency, rel=1e-12)
+    assert turning.figures["friction"] < 1e-13
+
+
+@pytest.mark.parametrize(("angle", "locks"), [(4.0, True), (20.0, False)])
+def test_the_efficiency_of_a_worm_comes_out(write, angle, locks):
+    """Shigley, section 13-17: ``(cos phi - mu tan L) / (cos phi + mu cot L)``, phi normal to the thread."""
+    mu, lead, axial = 0.08, np.radians(angle), np.radians(20.0)
+    normal = np.cos(np.arctan(np.tan(axial) * np.cos(lead)))
+    expected = (normal - mu * np.tan(lead)) / (normal + mu / np.tan(lead))
+    wheel = SCREW.replace("prismatic", "revolute").replace('<child link="nut"/><axis xyz="0 0 1"/>',
+                                                           '<child link="nut"/><axis xyz="0 1 0"/>')  # fmt: skip
+    mechanism = f"""gravity: none
+forces: {{load: {{kind: joint_effort, joint: lift, effort: {{law: constant, value: -50 N*m}}}}}}
+couplings: {{worm: {{kind: gear, joints: [turn, lift], ratio: 0.05}}}}
+friction: {{worm: {{mu: {mu}, radius: 20 mm, lead_angle: {angle} deg, flank: 20 deg}}}}
+"""
+    problem = "{kind: inverse, time: {end: 1 s, samples: 2}, motion: {turn: {law: constant_speed, speed: 3 rad/s}}}"
+    turning = pinarm.run(write(wheel, mechanism, problem, "-power.load/joint.turn.power"))
+    assert turning["-power.load/joint.turn.power"].values == pytest.approx(expected, rel=1e-12)
+    free = "{kind: forward, time: {end: 1 s, samples: 3}}"
+    left_alone = pinarm.run(write(wheel, mechanism, free, "lift"))
+    assert (np.ptp(left_alone["lift"].values) == 0.0) == locks
+
+
+def test_an_arm_at_rest_breaks_loose_when_a_fast_load_says_so(write):
+    """At rest nothing sets the steps: 6 N*m sin(200 t), growing at last beyond what friction and weight hold."""
+    law = "{law: harmonic, amplitude: 6 N*m, pulsation: 200 rad/s}"
+    mechanism = f"forces: {{shaker: {{kind: joint_effort, joint: pivot, effort: {law}}}}}\n"
+    problem = "{kind: forward, time: {end: 0.1 s, samples: 3}, initial: {position: {pivot: 10 deg}}}"
+    weight = 2.0 * 9.81 * np.sin(np.radians(10.0))
+    held = pinarm.run(write(ARM.format(friction=weight + 6.001), mechanism, problem, "pivot"))
+    assert np.ptp(held["pivot"].values) == 0.0
+    shaken = pinarm.run(write(ARM.format(friction=weight + 5.999), mechanism, problem, "pivot"))
+    first = shaken.outcome.motion.motion.segments[0].solution.end
+    load = abs(weight - 6.0 * np.sin(200.0 * first))
+    assert load == pytest.approx(weight + 5.999, rel=1e-9)
+    assert first < 2.0 * np.pi / 200.0
+    assert shaken["pivot"].values[-1] < held["pivot"].values[-1]
+
+
+PULLEY = f"""
+<link name="pulley">{BODY.format(mass=1e-3)}</link><link name="left"/><link name="right"/>
+<joint name="shaft" type="continuous"><parent link="base"/><child link="pulley"/><axis xyz="0 1 0"/></joint>
+<joint name="a" type="fixed"><parent link="pulley"/><child link="left"/><origin xyz="-0.2 0 0"/></joint>
+<joint name="b" type="fixed"><parent link="pulley"/><child link="right"/><origin xyz="0.2 0 0"/></joint>"""
+
+
+@pytest.mark.parametrize(("along", "axis"), [("z", "vertical"), ("x", "horizontal")])
+def test_a_pulley_on_a_rough_shaft(write, along, axis):
+    """500 N at 0.2 m, raised by a pull P at the same radius, on a shaft of 0.1 m radius with mu = 0.2.
+
+    ``(P - 500) R = mu r F`` with the force F on the shaft: 611.1 N straight down, with ``F = P + 500``.
+    """
+    at, pull = ("right", "z") if along == "z" else ("top", "x")
+    urdf = PULLEY + ('<link name="top"/><joint name="c" type="fixed"><parent link="pulley"/><child link="top"/>'
+                     '<origin xyz="0 0 0.2"/></joint>')  # fmt: skip
+    mechanism = f"""gravity: none
+coordinates: {{pull: {{kind: point, point: {at}, along: {pull}}}}}
+forces: {{load: {{kind: wrench, point: left, force: [0 N, 0 N, -500 N]}}}}
+friction: {{shaft: {{mu: 0.2, radius: 100 mm}}}}
+"""
+    held = pinarm.run(write(urdf, mechanism, "{kind: statics, hold: {shaft: 0 rad}, drives: [pull]}",
+                            "coordinate.pull.effort.lower, coordinate.pull.effort.upper"))  # fmt: skip
+    sides = sorted(abs(float(held[f"coordinate.pull.effort.{side}"].values[0])) for side in ("lower", "upper"))
+    if axis == "vertical":
+        assert sides == pytest.approx([500.0 * 1.8 / 2.2, 500.0 * 2.2 / 1.8], rel=1e-12)
+    else:
+        for p, sign in zip(sides, (-1.0, 1.0), strict=True):
+            assert (p - 500.0) * 0.2 == pytest.approx(sign * 0.2 * 0.1 * np.hypot(p, 500.0), rel=1e-11)
+
+
+DRAWER = f"""
+<link name="drawer">{BODY.format(mass=1)}</link><link name="knob"/>
+<joint name="slide" type="prismatic"><parent link="base"/><child link="drawer"/><axis xyz="1 0 0"/>{SIZES}</joint>
+<joint name="k" type="fixed"><parent link="drawer"/><child link="knob"/><origin xyz="0 0.3 0"/></joint>"""
+
+
+@pytest.mark.parametrize(("mu", "jams"), [(0.1, False), (0.3, False), (0.4, True)])
+def test_a_drawer_pulled_at_its_side_jams(write, mu, jams):
+    """Pulled with P at 0.3 m off its middle, guided over 0.2 m: ``N1 = N2 = P 0.3 / 0.2``, so that it jams from
+    ``2 mu 1.5 >= 1`` on; below, the friction against 10 N at its middle is ``P - 10 = 3 mu P``.
+    """
+    mechanism = f"""gravity: none
+coordinates: {{pull: {{kind: point, point: knob, along: x}}}}
+forces: {{load: {{kind: joint_effort, joint: slide, effort: {{law: constant, value: -10 N}}}}}}
+friction: {{slide: {{mu: {mu}, span: 200 mm}}}}
+"""
+    path = write(DRAWER, mechanism, "{kind: state, hold: {slide: 0 m}, velocity: {slide: 1 m/s}, drives: [pull]}",
+                 "coordinate.pull.effort")  # fmt: skip
+    if jams:
+        with pytest.raises(PinarmError, match="jams"):
+            pinarm.run(path)
+    else:
+        assert pinarm.run(path)["coordinate.pull.effort"].values == pytest.approx(10.0 / (1.0 - 3.0 * mu), rel=1e-12)
+
+
+CRANK = """
+<link name="crank"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>
+</inertial></link>
+<link name="rod"><inertial><origin xyz="0.15 0 0"/><mass value="0.5"/>
+<inertia ixx="0.004" iyy="0.004" izz="0.004" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="piston"><inertial><mass value="0.4"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+</link>
+<joint name="turn" type="continuous"><parent link="base"/><child link="crank"/><axis xyz="0 0 1"/></joint>
+<joint name="swing" type="continuous"><parent link="crank"/><child link="rod"/><origin xyz="0.1 0 0"/>
+<axis xyz="0 0 1"/></joint>
+<link name="end"/><joint name="e" type="fixed"><parent link="rod"/><child link="end"/><origin xyz="0.3 0 0"/></joint>
+<joint name="way" type="prismatic"><parent link="base"/><child link="piston"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="1" effort="1e6" velocity="1e3"/></joint>"""
+CLOSED = "gravity: none\nloops: {pin: {kind: revolute, between: [end, piston], axis: z}}\n"
+RUBBING = """friction:
+  turn: {mu: 0.1, static_mu: 0.15, radius: 30 mm}
+  swing: {mu: 0.1, static_mu: 0.15, radius: 20 mm, constant: 0.05 N*m}
+  pin: {mu: 0.1, static_mu: 0.15, radius: 20 mm}
+  way: {mu: 0.1, static_mu: 0.15, constant: 3 N, undetermined: minimum_norm}
+"""
+
+
+def test_a_slider_crank_runs_out_and_stands_still(write):
+    """Energy and the law of friction, with the reactions of the rows, hold through all reversals until it stops."""
+    problem = """{kind: forward, time: {end: 1 s, samples: 11},
+  initial: {position: {turn: 40 deg}, velocity: {turn: 10 rad/s}}}"""
+    result = pinarm.run(write(CRANK, CLOSED + RUBBING, problem, "turn, loop.pin.friction, power.friction"))
+    assert result.figures["energy"] < 1e-7
+    assert result.figures["friction"] < 1e-11
+    ways = [one.system.slip.direction for one in result.outcome.motion.motion.segments]
+    assert len(ways) >= 3
+    assert ways[-1] == (0, 0, 0, 0)
+    assert all(0 not in way for way in ways[:-1])
+    assert np.ptp(result["turn"].values[-4:]) == 0.0
+    assert (result["power.friction"].values <= 0.0).all()
+
+
+def test_friction_of_a_hyperstatic_joint_is_refused_without_a_rule(write):
+    problem = "{kind: statics, hold: {turn: 40 deg}}"
+    bare = RUBBING.replace(", undetermined: minimum_norm", "")
+    with pytest.raises(PinarmError, match=r"the friction of joint\.way depends on a reaction that rigid"):
+        pinarm.run(write(CRANK, CLOSED + bare, problem, "joint.turn.effort.upper"))
+    forward = "{kind: forward, time: {end: 1 s, samples: 3}, initial: {position: {turn: 40 deg}}}"
+    with pytest.raises(PinarmError, match="hyperstatic"):
+        pinarm.run(write(CRANK, CLOSED + bare, forward, "turn"))
+
+
+def test_the_crank_of_a_loaded_slider_crank(write):
+    """Without masses the rod is in line with its pins but for friction: ``T`` follows from the friction circles.
+
+    The rod carries S between its ends at the angle b - g, ``sin g = 2 mu r / l``, as the journals' moments turn it.
+    """
+    loads = "forces: {gas: {kind: joint_effort, joint: way, effort: {law: constant, value: -1000 N}}}\n"
+    mechanism = CLOSED + loads + "friction: {swing: {mu: 0.1, radius: 20 mm}, pin: {mu: 0.1, radius: 20 mm}}\n"
+    angle = np.radians(60.0)
+    held = pinarm.run(write(CRANK, mechanism, "{kind: statics, hold: {turn: 60 deg}}",
+                            "joint.turn.effort.lower, joint.turn.effort.upper"))  # fmt: skip
+    b = np.arcsin(0.1 / 0.3 * np.sin(angle))
+    found = sorted(float(held[f"joint.turn.effort.{side}"].values[0]) for side in ("lower", "upper"))
+    expected = []
+    for sign in (1.0, -1.0):
+        line = -b + sign * np.arcsin(2.0 * 0.1 * 0.02 / 0.3)  # of the force in the rod, from x
+        force = 1000.0 / np.cos(line)
+        pin = 0.1 * np.array([np.cos(angle), np.sin(angle)])
+        push = -force * np.array([np.cos(line), np.sin(line)])  # of the rod on the crank
+        moment = pin[0] * push[1] - pin[1] * push[0]
+        expected.append(-(moment - sign * 0.1 * 0.02 * force))
+    assert found == pytest.approx(sorted(expected), rel=1e-9)

@@ -50,6 +50,13 @@ class SlipGroup:
         return found
 
 
+def companions(response: SlipResponse, first: int) -> list[int]:
+    """Return the slips that can only take place together with one, itself included; none of one that is driven."""
+    mobility = response.mobility
+    alike = mobility[first] ** 2 >= (1.0 - PARALLEL) * np.diag(mobility) * mobility[first, first]
+    return [int(i) for i in np.flatnonzero(alike & ~response.driven & ~response.driven[first])]
+
+
 def groups_of(response: SlipResponse, some: Sequence[int]) -> list[SlipGroup]:
     """Return the groups that some slips form, none of them driven.
 
@@ -59,10 +66,9 @@ def groups_of(response: SlipResponse, some: Sequence[int]) -> list[SlipGroup]:
     mobility, found = response.mobility, list[SlipGroup]()
     left = list(some)
     while left:
-        first = left[0]
-        members = [i for i in left if mobility[i, first] ** 2
-                   >= (1.0 - PARALLEL) * mobility[i, i] * mobility[first, first]]  # fmt: skip
-        left = [i for i in left if i not in members]
+        first, together = left[0], companions(response, left[0])
+        members = [i for i in left if i in together]
+        left = [i for i in left if i not in together]
         found.append(SlipGroup(tuple(members), mobility[members, first] / mobility[first, first]))
     firsts = [group.first for group in found]
     size = np.sqrt(np.diag(mobility)[firsts])

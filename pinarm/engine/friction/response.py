@@ -117,33 +117,41 @@ class Transmission:
     dynamics: Dynamics
 
     def wrenches(self, t: float, q: Array, v: Array, a: Array, lam: Array, f: Array) -> Array:
-        """Return the wrenches under accelerations, multipliers and friction, shape (k, 6).
+        """Return the wrenches in one state under n accelerations, multipliers and frictions, shape (n, k, 6).
 
         Args:
             t: Instant [s].
             q: Configuration, shape (nq,).
             v: Velocity, shape (nv,).
-            a: Acceleration, shape (nv,).
-            lam: Multipliers, shape (m,).
-            f: Friction [N*m or N], shape (k,).
+            a: Accelerations, shape (n, nv).
+            lam: Multipliers, shape (n, m).
+            f: Friction [N*m or N], shape (n, k).
         """
-        model, data, links = self.closure.model, self.dynamics.data, LinkPlacements.at(self.closure.model, q[None])
-        acting = self.closure.wrenches(links, lam[None])
+        model, data = self.closure.model, self.dynamics.data
+        links = LinkPlacements.at(model, q[None]).some(np.zeros(len(a), dtype=np.intp))
+        acting, inner = links.inwards(self._acting(links, t, q, v, lam, f)), np.empty((len(a), model.njoints, 6))
+        outside = pin.StdVec_Force()
+        outside.extend([pin.Force.Zero() for _ in range(model.njoints)])
+        loaded = np.flatnonzero(acting.any(axis=(0, 2))).tolist()
+        for k in range(len(a)):
+            for joint in loaded:
+                outside[joint] = pin.Force(acting[k, joint])
+            pin.rnea(model, data, q, v, a[k], outside)
+            inner[k] = [wrench.vector for wrench in data.f.tolist()]
+        joints, slices = links.outwards(inner), self.closure.slices()
+        named = {name: lam[:, rows] for name, rows in slices.items()}
+        return np.array([one.transmitted(links, joints, named) for one in self.contacts]).swapaxes(0, 1)
+
+    def _acting(self, links: LinkPlacements, t: float, q: Array, v: Array, lam: Array, f: Array) -> Array:
+        """Return what loads, constraints and friction do to links, [f; m] at the world's origin, (n, njoints, 6)."""
+        acting = self.closure.wrenches(links, lam)
         for force in self.dynamics.forces.values():
             for joint, wrench in force.wrenches(t, q, v).items():
-                acting[0, joint] += wrench
-        for contact, size in zip(self.contacts, f, strict=True):
-            for joint, wrench in contact.wrenches(links, np.array([size])).items():
                 acting[:, joint] += wrench
-        if acting.any():
-            outside = pin.StdVec_Force()
-            outside.extend([pin.Force(wrench) for wrench in links.inwards(acting)[0]])
-            pin.rnea(model, data, q, v, a, outside)
-        else:
-            pin.rnea(model, data, q, v, a)
-        joints = links.outwards(np.array([wrench.vector for wrench in data.f.tolist()])[None])
-        named = {name: lam[None, rows] for name, rows in self.closure.slices().items()}
-        return np.array([one.transmitted(links, joints, named)[0] for one in self.contacts])
+        for contact, size in zip(self.contacts, f.T, strict=True):
+            for joint, wrench in contact.wrenches(links, size).items():
+                acting[:, joint] += wrench
+        return acting
 
     def require_determined(self, rows: RowDecomposition, q: Array) -> None:
         """Raise where multipliers that do nothing load a bearing.
@@ -155,18 +163,19 @@ class Transmission:
         Raises:
             DynamicsError: Says which joint's friction rigid bodies do not determine.
         """
-        still, none = np.zeros(self.closure.model.nv), np.zeros(len(self.contacts))
         free = rows.scale[:, None] * rows.redundant
-        for stress in (free / np.linalg.norm(free, axis=0)).T:
-            loaded, idle = (self.wrenches(0.0, q, still, still, lam, none) for lam in (stress, 0.0 * stress))
-            for one, wrench in zip(self.contacts, loaded - idle, strict=True):
-                if one.law.loaded and one.bearing.most(wrench) > OPEN:
+        stresses = np.vstack([np.zeros(len(free)), (free / np.linalg.norm(free, axis=0)).T])
+        still, none = np.zeros((len(stresses), self.closure.model.nv)), np.zeros((len(stresses), len(self.contacts)))
+        found = self.wrenches(0.0, q, still[0], still, stresses, none)
+        for added in found[1:] - found[0]:
+            for one, wrench in zip(self.contacts, added, strict=True):
+                if one.law.loaded and not one.shared and one.bearing.most(wrench) > OPEN:
                     raise DynamicsError(
                         f"the friction of {one.name} depends on a reaction that rigid bodies do not determine: the "
                         "mechanism is hyperstatic",
                         expected="a joint that is loosened until its reaction is determined, or friction without a "
                         "load: constant",
-                        hint="leave out thrust_radius or span: what is not determined has no friction then",
+                        hint="no thrust_radius or span, or undetermined: minimum_norm, for the least multipliers",
                     )
 
 
@@ -214,11 +223,9 @@ class _Solved:
 
     def loads(self) -> CarriedLoads:
         """Return the wrenches that bearings carry."""
-        k = len(self.slips)
-        none = self._carried(self.a, self.lam, np.zeros(k))
-        each = [self._carried(self.a + self.ways[:, j], self.lam + self.multipliers[j], np.eye(k)[j]) - none
-                for j in range(k)]  # fmt: skip
-        return CarriedLoads(none, np.array(each).swapaxes(0, 1))
-
-    def _carried(self, a: Array, lam: Array, f: Array) -> Array:
-        return self.equation.transmission.wrenches(self.t, self.q, self.v, a, lam, f)
+        none = np.zeros(len(self.slips))
+        found = self.equation.transmission.wrenches(
+            self.t, self.q, self.v, np.vstack([self.a, self.a + self.ways.T]),
+            np.vstack([self.lam, self.lam + self.multipliers]), np.vstack([none, np.eye(len(none))]),
+        )  # fmt: skip
+        return CarriedLoads(found[0], (found[1:] - found[0]).swapaxes(0, 1))

@@ -20,7 +20,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.switching import Slip
 from pinarm.engine.integration.driver import integrate
-from pinarm.engine.integration.events import Watch
+from pinarm.engine.integration.events import Watch, resolving_parts
 from pinarm.engine.integration.integrator import Interval, Method, Solution, StepsOver
 from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
@@ -271,7 +271,7 @@ class HybridSystem:
         intervals = [system.interval(self.dynamics, *span) for span in spans]
         watches = [_of_mechanism(one, system) for _, one in watched]
         steps = self.max_steps - int(sum(motion.cost()[name] for name in ("steps", "rejected steps")))
-        method = self.method if system.manifold.nv else FixedStep(self.time[1] - self.time[0])
+        method = self.method if system.manifold.nv else self._standing(watches, spans)
         given, steps_over = (intervals, system.manifold, *system.part(q, v), method), self._steps_over(system)
         try:
             solution = first() if first else integrate(*given, max_steps=steps, watches=watches, steps_over=steps_over)
@@ -287,6 +287,13 @@ class HybridSystem:
             q, v = (x[0] for x in system.whole(np.array([solution.end]), *solution.states(np.array([solution.end]))))
             return SegmentEnd(solution.end, q, v)
         return end
+
+    def _standing(self, watches: Sequence[Watch], spans: Sequence[tuple[float, float]]) -> FixedStep:
+        """Return the method where nothing is left to integrate: as few steps as show all crossings."""
+        if not self.frictions:
+            return FixedStep(self.time[1] - self.time[0])
+        ((start, end),) = spans
+        return FixedStep((end - start) / resolving_parts(watches, start, end, FixedStep.subdivisions))
 
     def _acting(self, system: System) -> Dynamics:
         """Return the equation of motion of a segment, with the friction of what slips."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -33,8 +34,8 @@ MOVES = 1e-9
 LOADED = 1e-9
 """Effort without friction, relative to the width of the band, below which there is nothing to hold."""
 
-FEW = 1e-9
-"""Part of a friction's bound by which the friction of joints at rest may change a load without being told."""
+FEW, MANY = 1e-9, 6
+"""Load per friction of a joint at rest that is rounding; and most such joints whose 2^n directions are tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +100,7 @@ class KnownFriction:
             transmission = Transmission(run.mechanism.frictions, run.closure, dynamics)
             for i in range(part.start, part.stop):
                 state = float(run.grid.t[i]), run.q[i], run.v[i]
-                found[i] = transmission.wrenches(*state, run.a[i], lam[i], run.friction[i])
+                found[i] = transmission.wrenches(*state, *(x[None, i] for x in (run.a, lam, run.friction)))[0]
         return found
 
     def _require_determined(self) -> None:
@@ -123,18 +124,20 @@ class KnownFriction:
         Raises:
             DynamicsError: There is none, or more than one.
         """
-        contacts, found = self.run.mechanism.frictions, np.zeros_like(directions)
-        for i, (direction, loads) in enumerate(zip(directions, self.loads, strict=True)):
-            rest = at_rest & (self.directions[i] == 0.0)
-            laws = [one.law.resting if still else one.law.slipping(speed)
-                    for one, still, speed in zip(contacts, rest, np.abs(self.slips[i]), strict=True)]  # fmt: skip
-            mu, constant = np.array(laws).reshape(-1, 2).T
-            slips = np.abs(direction)
-            equation = Slipping(contacts, direction, mu * slips, constant * slips, loads)
-            if not equation.require_one_root():
-                raise self._jammed(i, direction)
-            found[i] = equation.friction()
-        return found
+        rows = [self._friction(i, direction, at_rest=at_rest) for i, direction in enumerate(directions)]
+        return np.array(rows).reshape(directions.shape)
+
+    def _friction(self, row: int, direction: Array, *, at_rest: bool) -> Array:
+        """Return the friction in one row, shape (k,)."""
+        contacts = self.run.mechanism.frictions
+        rest = at_rest & (self.directions[row] == 0.0)
+        laws = [one.law.resting if still else one.law.slipping(speed)
+                for one, still, speed in zip(contacts, rest, np.abs(self.slips[row]), strict=True)]  # fmt: skip
+        mu, constant = np.array(laws).reshape(-1, 2).T * np.abs(direction)
+        equation = Slipping(contacts, direction, mu, constant, self.loads[row])
+        if not equation.require_one_root():
+            raise self._jammed(row, direction)
+        return equation.friction()
 
     def _jammed(self, row: int, direction: Array) -> DynamicsError:
         run = self.run
@@ -161,7 +164,7 @@ class KnownFriction:
         for d, (name, coordinate) in enumerate(coordinates.items()):
             rotor = run.mechanism.model.armature[joints[name].v] * run.a[:, joints[name].v] if name in joints else 0.0
             for part, sign in zip(BANDS, (-1.0, 1.0), strict=True):
-                effort = self._effort(ways[:, :, d], sign, name) - rotor
+                effort = self._effort(ways[:, :, d], sign) - rotor
                 side = band_column(joints, name, coordinate, part, effort)
                 columns[side.name] = side
         return columns
@@ -177,32 +180,37 @@ class KnownFriction:
             found[i] = free @ np.linalg.lstsq(along[i] @ free, np.eye(len(coordinates)))[0]
         return found
 
-    def _effort(self, way: Array, sign: float, name: str) -> Array:
-        """Return the effort that begins to move a drive's coordinate up or down, shape (n,)."""
+    def _effort(self, way: Array, sign: float) -> Array:
+        """Return the effort that begins to move a drive's coordinate up or down, shape (n,).
+
+        Joints that do not move with it, as a piston at its dead centre, may rub either way: that counts which holds
+        best.
+        """
         slips = np.matvec(self.rows, way)
         largest = np.abs(slips).max(axis=1, keepdims=True, initial=0.0)
         begun = np.where(np.abs(slips) > MOVES * largest, sign * np.sign(slips), 0.0)
         directions = np.where(self.directions == 0.0, begun, self.directions)
-        friction = self.friction(directions, at_rest=True)
-        self._require_told(directions, friction, name)
-        return np.asarray((way * self.demand).sum(axis=1) - (slips * friction).sum(axis=1))
+        bare, found = (way * self.demand).sum(axis=1), np.empty(len(way))
+        for i, direction in enumerate(directions):
+            each = [bare[i] - slips[i] @ self._friction(i, one, at_rest=True) for one in self._possible(i, direction)]
+            found[i] = sign * max(sign * np.array(each))
+        return found
 
-    def _require_told(self, directions: Array, friction: Array, name: str) -> None:
-        """Raise where joints that stay at rest, whose friction is not known, carry what others rub under."""
-        contacts = self.run.mechanism.frictions
-        idle = directions == 0.0
-        for i in np.flatnonzero(idle.any(axis=1)):
-            wrench = self.loads[i].at(friction[i])
-            still = idle[i] * [one.law.static_mu * one.bearing.load(w) + one.law.static_constant
-                               for one, w in zip(contacts, wrench, strict=True)]  # fmt: skip
-            for j in np.flatnonzero(~idle[i]):
-                changed = contacts[j].bearing.most(self.loads[i].response[j] * still[:, None]).max()
-                if contacts[j].law.loaded and changed > FEW * contacts[j].bearing.load(wrench[j]):
-                    raise DynamicsError(
-                        f"the effort that begins to move '{name}' depends on the friction of joints that stay at rest, "
-                        f"which is not determined: {contacts[j].name} carries it",
-                        expected="friction that does not depend on loads, or a mechanism with one motion",
-                    )
+    def _possible(self, row: int, direction: Array) -> list[Array]:
+        """Return directions of friction: given ones, and both of joints that do not move but load those that do."""
+        contacts, response = self.run.mechanism.frictions, self.loads[row].response
+        moving = [j for j in np.flatnonzero(direction).tolist() if contacts[j].law.loaded]
+        idle = [i for i in np.flatnonzero(direction == 0.0).tolist()
+                if any(contacts[j].bearing.most(response[j, i]) > FEW for j in moving)]  # fmt: skip
+        if len(idle) > MANY:
+            raise DynamicsError(f"{len(idle)} joints that stand still load those that begin to move",
+                                expected=f"friction in at most {MANY} of them")  # fmt: skip
+        found = []
+        for signs in product([1.0, -1.0], repeat=len(idle)):
+            one = direction.copy()
+            one[idle] = signs
+            found.append(one)
+        return found
 
 
 def notes_of(run: Trajectory) -> list[str]:

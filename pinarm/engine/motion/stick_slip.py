@@ -21,7 +21,7 @@ from pinarm.engine.constraints.nullspace import RowDecomposition
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
-from pinarm.engine.friction.balance import SlipGroup
+from pinarm.engine.friction.balance import FrictionSolution, SlipGroup, companions
 from pinarm.engine.friction.response import SlipResponse
 from pinarm.engine.friction.sliding import SlidingFriction
 from pinarm.engine.friction.switching import Slip, decided
@@ -29,7 +29,7 @@ from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
-from pinarm.errors import DynamicsError
+from pinarm.errors import DynamicsError, IntegrationError
 from pinarm.mechanics.ball_joints import coordinate_at
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.friction.contact import FrictionContact, JointContact, slip_rows
@@ -41,6 +41,9 @@ if TYPE_CHECKING:
 
 REST = 1e-12
 """Slip that is rest, over 1 rad/s or m/s or the largest slip at the start: rounding of a velocity that vanishes."""
+
+EXCEEDED = 1e-6
+"""Part of its bound by which the friction of a row may exceed it: the row may stand at the switch."""
 
 FRICTION = "friction"
 """Name of the force element of joints that slip."""
@@ -99,7 +102,8 @@ class StickSlip:
         moving[np.abs(slips) <= 2.0 * REST] = 0.0
         broken = np.zeros(len(moving))
         if index >= 0:
-            moving[index] = 0.0
+            balance = self.sliding(slip, span).balance(span[0], q, v)
+            moving[[index, *companions(balance.response, index)]] = 0.0
             v = self._stopped(span[0], q, v, np.flatnonzero((moving == 0.0) & (np.array(slip.direction) != 0)))
         else:
             found = self.sliding(slip, span).solution(span[0], q, v)
@@ -191,10 +195,10 @@ class _Reserve:
     group: int
 
     def left(self, t: Array, q: Array, v: Array) -> Array:
-        """Return ``bound - |phi|`` [N*m or N], shape (n,)."""
+        """Return ``bound^2 - phi^2``, which is smooth where phi vanishes, shape (n,)."""
         sliding = self.system.sliding_at(float(t[0]), float(t[-1]))
         found = [sliding.solution(*row) for row in zip(t, q, v, strict=True)]
-        return np.array([one.bounds[self.group] - abs(one.held[self.group]) for one in found])
+        return np.array([one.bounds[self.group] ** 2 - one.held[self.group] ** 2 for one in found])
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,7 +262,7 @@ class FrictionalSystem:
         for local, rows in ((one.forces[FRICTION], rows) for rows, one in parts(slowed, grid)):
             assert isinstance(local, SlidingFriction)
             for i in range(rows.start, rows.stop):
-                friction[i] = local.solution(float(grid.t[i]), found.q[i], found.v[i]).f
+                friction[i] = self._within_bounds(local.solution(float(grid.t[i]), found.q[i], found.v[i]), grid.t[i])
         demand = np.concatenate(
             [
                 one.inverse(grid.t[rows], found.q[rows], found.v[rows], found.a[rows])
@@ -268,6 +272,22 @@ class FrictionalSystem:
         demand -= np.vecmat(friction, slip_rows(self.friction.closure.model, self.friction.contacts, found.q))
         tau, lam = self._efforts(grid.t, found.q, demand)
         return replace(found, tau=tau, lam=lam, friction=friction)
+
+    def _within_bounds(self, solution: FrictionSolution, t: float) -> Array:
+        """Return the friction of a row, shape (k,).
+
+        Raises:
+            IntegrationError: What holds a joint exceeds its bound: a step has gone past the switch.
+        """
+        beyond = np.abs(solution.held) > solution.bounds * (1.0 + EXCEEDED)
+        for group, over in zip(self.slip.stuck, beyond, strict=True):
+            if over:
+                raise IntegrationError(
+                    f"at t = {t:.9g} s the friction that holds {self.friction.contacts[group.first].name} exceeds its "
+                    "bound: a step has gone past the instant at which it breaks loose",
+                    expected="steps short enough for the loads that act on joints at rest", hint="accuracy.tolerance",
+                )  # fmt: skip
+        return solution.f
 
     def _efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
         prescribed, own = self.friction.prescribed, self.friction.closure

@@ -9,6 +9,9 @@ the axis:
   axial force, at ``thrust_radius``.
 - A joint that slides slips along its guides; a key at ``radius`` carries the moment about the axis, ``|M_a| / radius``.
 
+A journal has the moment ``mu r F_n`` of textbooks. F_n being the resultant, of normal force and friction together, a
+dry journal with one line of contact has ``sin(atan mu)`` in place of mu: 0.5 % less at 0.1.
+
 The joint of the tree is centred at the origin of its child, a loop joint at its second frame. A part of the reaction
 for which there is no size has no friction.
 """
@@ -78,6 +81,13 @@ class Bearing:
             key[0, 3:] = axis / radius
             parts = [*parts, key]
         return cls(np.ones(len(parts)), np.array(parts), preload)
+
+    @classmethod
+    def thread(cls, axis: Array, lever: float) -> Bearing:
+        """Return the flanks of a thread, which carry the axial force times a lever."""
+        part = np.zeros((1, 3, 6))
+        part[0, 0, :3] = axis
+        return cls(np.array([lever]), part)
 
     def load(self, wrench: Array) -> Array:
         """Return N of wrenches, shape (.., 6), as an array of shape (..)."""

@@ -41,6 +41,11 @@ class FrictionContact(Protocol):
         """How its load follows from what it transmits."""
         ...
 
+    @property
+    def shared(self) -> bool:
+        """Whether what rigid bodies leave open of its load is taken from the least multipliers."""
+        ...
+
     def row(self, state: Kinematics) -> Array:
         """Return J, shape (nv,)."""
         ...
@@ -78,6 +83,7 @@ class JointContact:
         v: Index in v.
         law: Of friction.
         bearing: In the axes of the child.
+        shared: See ``FrictionContact``.
     """
 
     name: str
@@ -86,6 +92,7 @@ class JointContact:
     v: int
     law: FrictionLaw
     bearing: Bearing = field(repr=False)
+    shared: bool = False
 
     def row(self, state: Kinematics) -> Array:
         """Return the unit vector of the joint, shape (nv,)."""
@@ -119,6 +126,7 @@ class LoopContact:
         slip: What it leaves free, as a joint of one row that holds it.
         law: Of friction.
         bearing: In the axes of the joint's first frame.
+        shared: See ``FrictionContact``.
     """
 
     name: str
@@ -127,6 +135,7 @@ class LoopContact:
     slip: LoopJoint
     law: FrictionLaw
     bearing: Bearing = field(repr=False)
+    shared: bool = False
 
     def row(self, state: Kinematics) -> Array:
         """Return J, shape (nv,)."""
