@@ -61,6 +61,10 @@ def _examples(examples: ArgumentParser) -> None:
                           help="folder (default: pinarm-examples); files that exist are left as they are")  # fmt: skip
 
 
+def _selftest(selftest: ArgumentParser) -> None:
+    """Add nothing: it takes no options of its own."""
+
+
 def _sweep(sweep: ArgumentParser) -> None:
     sweep.add_argument("scenario", type=Path)
     sweep.add_argument("--over", action="append", default=[], metavar="PATH=VALUES",
@@ -98,6 +102,6 @@ def _replay(replay: ArgumentParser) -> None:
 
 OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
     "run": _run, "check": _check, "validate": _validate, "explain": _explain, "sweep": _sweep, "tradeoff": _tradeoff,
-    "replay": _replay, "schema": _schema, "examples": _examples,
+    "replay": _replay, "schema": _schema, "examples": _examples, "selftest": _selftest,
 }  # fmt: skip
 """Command -> what adds its own options."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -19,6 +19,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.masses import massive
 from pinarm.engine.model_source import Source, read_robot
 from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.formulas.expressions import Expression
@@ -26,16 +27,17 @@ from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.schema import Measured, quantity
 from pinarm.input.yaml.values import Values, varied
-from pinarm.mechanics.ball_joints import Ball, ball_coordinates, balls_of
+from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, coordinates_of
-from pinarm.mechanics.couplings import mimic_coupling
+from pinarm.mechanics.couplings.coupling import mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector
 from pinarm.mechanics.drives import Drive
-from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.forces import ForceElement, bound
 from pinarm.mechanics.forces.force_element import check_new
 from pinarm.mechanics.friction.contact import FrictionContact
 from pinarm.mechanics.joints import Joint, joint_of, joints_of
 from pinarm.mechanics.loading.pinocchio_model import RobotModel
+from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.payloads import Payload, with_payloads
 from pinarm.mechanics.perturbation import perturbed
 
@@ -110,11 +112,25 @@ class Mechanism:
         document = mechanism_document(Path(path))
         return _described(varied(document, values) if values else document, Path(path).parent, arguments or {})
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how another process makes the same mechanism: from its fields, with the forces bound anew (functions).
+
+        What was computed of the fields stays behind.
+        """
+        own = {each.name: getattr(self, each.name) for each in fields(self)}
+        own["forces"] = {name: force for name, force in self.forces.items() if name not in self.description.forces}
+        return _bound_again, (own,)
+
     def perturbed(self, seed: int) -> Mechanism:
         """Return the mechanism with its numbers changed in the last digits; see ``mechanics.rounding``."""
         model = perturbed(self.model, seed)
-        bound = {name: force.bind(model, self.joints) for name, force in self.description.forces.items()}
-        return replace(self, model=model, forces={**self.forces, **bound})
+        return replace(self, model=model)._bound()
+
+    def _bound(self) -> Mechanism:
+        """Return the mechanism with the forces of its description bound to its model."""
+        forces = {name: bound(force, self.model, self.joints, self.coordinates)
+                  for name, force in self.description.forces.items()}  # fmt: skip
+        return replace(self, forces={**self.forces, **forces})
 
     @cached_property
     def dynamics(self) -> Dynamics:
@@ -157,6 +173,7 @@ class Mechanism:
 
         Raises:
             InputError: The shapes do not fit, or a state tears a loop or a coupling.
+            DynamicsError: Something without mass is free to move: its acceleration is undetermined.
         """
         from pinarm.engine.quantities import states
 
@@ -274,6 +291,11 @@ class Mechanism:
         """Return the rows of the constraints."""
         return Closure.of(self.model, self.constraints)
 
+    @cached_property
+    def massive(self) -> bool:
+        """Whether every body has a mass and moments of inertia."""
+        return massive(self.model)
+
     @property
     def gravity(self) -> float:
         """Magnitude of gravity [m/s^2]."""
@@ -289,6 +311,10 @@ class Mechanism:
             expected, hint = choices(name, self.coordinates)
             raise InputError(f"the mechanism has no coordinate '{name}'", expected=expected, hint=hint)
         return self.coordinates[name]
+
+
+def _bound_again(own: Mapping[str, Any]) -> Mechanism:
+    return Mechanism(**own)._bound()
 
 
 def mechanism_document(file: Path) -> Document:
@@ -351,13 +377,15 @@ def _build(
     model, carried = _loaded(robot.model, description.payloads, payloads, here, caller)
     joints, balls = joints_of(model), balls_of(model)
     model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
-    turns = ball_coordinates(model, balls)
-    with here("coordinates"):
-        coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
-    constraints: list[Constraint] = [mimic_coupling(mimic, joints, model) for mimic in robot.mimics]
+    turns = {**ball_coordinates(model, balls), **ball_angles(balls)}
+    loops = []
     for name, loop in description.loops.items():
         with here("loops", name):
-            constraints.append(loop.bind(model, name))
+            loops.append(loop.bind(model, name))
+    turns |= _of_loops(model, loops, {*joints, *turns}, here)
+    with here("coordinates"):
+        coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
+    constraints: list[Constraint] = [*(mimic_coupling(mimic, joints, model) for mimic in robot.mimics), *loops]
     for name, coupling in description.couplings.items():
         with here("couplings", name):
             if name in description.loops:
@@ -367,7 +395,7 @@ def _build(
     for name, force in description.forces.items():
         with here("forces", name):
             check_new(name, forces)
-            forces[name] = force.bind(model, joints)
+            forces[name] = bound(force, model, joints, coordinates)
     symbols = {}
     for name, text in description.symbols.items():
         with here("symbols", name):
@@ -391,9 +419,8 @@ def _frictions(
     """Return the joints with friction that sticks: those of the mechanism file, and others of the model."""
     if not robot.friction and not description.friction:
         return ()
-    from pinarm.mechanics.couplings import Coupling
+    from pinarm.mechanics.couplings.coupling import Coupling
     from pinarm.mechanics.friction.definition import Friction
-    from pinarm.mechanics.loops.loop_joints import LoopJoint
 
     rubbing = [one for one in constraints if isinstance(one, LoopJoint | Coupling)]
     found = []
@@ -402,6 +429,26 @@ def _frictions(
             found.append(definition.bind(name, model, joints, rubbing))
     left = {name: friction for name, friction in robot.friction.items() if name not in description.friction}
     return (*found, *(Friction(constant=friction).bind(name, model, joints, ()) for name, friction in left.items()))
+
+
+def _of_loops(
+    model: pin.Model, loops: Sequence[LoopJoint], known: Container[str], here: Locate
+) -> dict[str, Coordinate]:
+    """Return the coordinates of loop joints.
+
+    Raises:
+        InputError: One has the name of a joint's.
+    """
+    if not loops:
+        return {}
+    from pinarm.mechanics.loops.relative import loop_coordinates
+
+    found = loop_coordinates(model, loops)
+    for name in found:
+        if name in known:
+            with here("loops", name.rpartition(".")[0]):
+                raise InputError(f"its coordinate '{name}' has the name of a joint", expected="a name of its own")
+    return found
 
 
 def _arguments(

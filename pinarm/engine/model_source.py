@@ -15,6 +15,7 @@ from pinarm.input.robots import is_floating
 from pinarm.input.robots import robot as robot_file
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.xacro.expansion import expand
+from pinarm.input.xml_names import UnknownName
 from pinarm.input.xml_text import MAX_BYTES, location, read
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects, RobotModel, build_model
@@ -69,7 +70,7 @@ def read_robot(
     try:
         robot = build_model(xml, base=base, defects=defects, creep=description.creep)
     except ModelError as error:
-        raise error.at(_place(error.message, path)) from None
+        raise error.at(_place(error, path)) from None
     notes = (*robot.notes, *(f"xacro: {warning}" for warning in expansion.warnings))
     resolved = dict(_numbers(expansion.arguments))
     return replace(robot, notes=notes), resolved, Source(data, folder, path, base, defects)
@@ -78,9 +79,11 @@ def read_robot(
 _NAMED = re.compile(r"(link|joint|body) '([^']+)'")
 
 
-def _place(message: str, path: Path) -> Location:
-    """Return the line of a model's file that names the link or joint which a message begins with; else the file."""
-    source, named = str(path), _NAMED.match(message)
+def _place(error: ModelError, path: Path) -> Location:
+    """Return the line of a model's file with an unknown name, or with the link or joint which a message begins with."""
+    source, named = str(path), _NAMED.match(error.message)
+    if isinstance(error, UnknownName):
+        return error.place(read(path, source, MAX_BYTES), source)
     if named:
         text = read(path, source, MAX_BYTES)
         element = rf"<{named[1]}\s[^<>]*?\bname\s*=\s*([\"']){re.escape(named[2])}\1"

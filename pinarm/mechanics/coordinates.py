@@ -5,7 +5,7 @@ Each has a value w(q), a row J with ``w' = J v``, and a drift ``J' v``, so that 
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Protocol
 
@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.errors import InputError, Key, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct
@@ -319,6 +319,12 @@ def sum_of(model: pin.Model, joints: Mapping[str, Joint], names: Sequence[str]) 
     for name in names:
         weights[joints[name].v] += 1.0
     return LinearCoordinate(units.pop(), weights, places)
+
+
+def driven_along(coordinates: Iterable[Coordinate], nv: int) -> Flags:
+    """Return the joints that drives along coordinates act on, but for those along task coordinates, shape (nv,)."""
+    weights = [one.weights for one in coordinates if isinstance(one, LinearCoordinate)]
+    return np.asarray(np.array(weights, dtype=np.float64).reshape(-1, nv).any(axis=0), dtype=bool)
 
 
 def coordinates_of(

@@ -14,6 +14,10 @@ from pinarm.errors import InputError, choices, within
 from pinarm.input.units import Unit, unit
 
 METRE, RADIAN = unit("m"), unit("rad")
+
+UNIVERSE = 0
+"""Index of the world's frame in a model."""
+
 AXES: dict[str, tuple[float, float, float]] = {
     "x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1),
 }  # fmt: skip

@@ -17,11 +17,12 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.engine.series import Series
-from pinarm.engine.statics.actuation import actuation
+from pinarm.engine.statics.actuation import along
 from pinarm.engine.statics.equilibrium import Equilibrium, ForceBalance
 from pinarm.errors import AssemblyError, InputError, Key, Place
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Level
+from pinarm.mechanics.coordinates import driven_along
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Constant
@@ -59,7 +60,7 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         free = mechanism.model.nv - len(self.hold)
         units = _units(mechanism, free)
-        row = schema_row(mechanism, self.loads, ROW, unit("1"), actuation(mechanism, [*self.hold], []).closure)
+        row = schema_row(mechanism, self.loads, ROW, unit("1"), along(mechanism, self.hold))
         columns = {name: Series(name, measured, np.zeros(1)) for name, measured in units.items()}
         return replace(row, columns=columns, separate=True)
 
@@ -152,4 +153,5 @@ def rows_of(balance: ForceBalance, found: Sequence[Equilibrium]) -> Trajectory:
         balance.mechanism, ROW, unit("1"), Grid.cover(np.arange(1.0, len(found) + 1.0), []), q, np.zeros_like(q),
         np.zeros_like(q), tau, Multipliers.known(lam, balance.mechanism.closure.size), balance.closure,
         balance.dynamics, columns=columns, separate=True,
+        driven=driven_along(balance.held.coordinates, q.shape[1]),
     )  # fmt: skip

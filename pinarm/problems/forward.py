@@ -26,7 +26,7 @@ from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.segments import SegmentedMotion
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.statics.actuation import actuation
+from pinarm.engine.statics.actuation import along
 from pinarm.errors import InputError, IntegrationError, Interrupted, Key, Place
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import InputStruct, Level, Rate
@@ -85,7 +85,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
-        row = schema_row(mechanism, self.loads, "t", unit("s"), actuation(mechanism, [*self.motion], []).closure)
+        row = schema_row(mechanism, self.loads, "t", unit("s"), along(mechanism, self.motion))
         events = event_columns(self.events, [()], np.zeros(1, dtype=np.intp))
         rest = friction_columns(mechanism.frictions, np.zeros((1, len(mechanism.frictions))))
         return replace(row, columns={**rest, **events})

@@ -53,7 +53,7 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         drives = actuation(mechanism, self.drives, [*self.motion])
-        return with_friction_columns(schema_row(mechanism, self.loads, "t", unit("s"), drives.closure), drives)
+        return with_friction_columns(schema_row(mechanism, self.loads, "t", unit("s"), drives), drives)
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 
-from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.statics.actuation import Actuation
 from pinarm.errors import InputError, Place
 from pinarm.input.units import Unit
-from pinarm.mechanics.forces import Force, ForceElement
+from pinarm.mechanics.forces import Force, ForceElement, bound
 from pinarm.mechanics.forces.force_element import check_new
 from pinarm.mechanics.laws import Constant
 
@@ -42,12 +42,12 @@ def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -
     for name, load in loads.items():
         with place("loads", name):
             check_new(name, forces)
-            forces[name] = load.bind(mechanism.model, mechanism.joints)
+            forces[name] = bound(load, mechanism.model, mechanism.joints, mechanism.coordinates)
     return forces
 
 
 def schema_row(
-    mechanism: Mechanism, loads: Mapping[str, Force], parameter: str, measured: Unit, closure: Closure
+    mechanism: Mechanism, loads: Mapping[str, Force], parameter: str, measured: Unit, drives: Actuation
 ) -> Trajectory:
     """Return one row at the neutral configuration, under the forces of a run: enough to see which quantities there are.
 
@@ -55,5 +55,5 @@ def schema_row(
         InputError: A load names something that does not exist.
     """
     forces = bind_loads(mechanism, loads, lambda *path: nullcontext())
-    row = Trajectory.schema_row(mechanism, parameter, measured, closure)
-    return replace(row, dynamics=Dynamics.of(mechanism.model, forces))
+    row = Trajectory.schema_row(mechanism, parameter, measured, drives.closure)
+    return replace(row, dynamics=Dynamics.of(mechanism.model, forces), driven=drives.driven)

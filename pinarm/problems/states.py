@@ -72,7 +72,7 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         drives = actuation(mechanism, self.drives, [*self.over, *self.hold])
-        row = schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), drives.closure)
+        row = schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), drives)
         return with_friction_columns(replace(row, separate=True), drives)
 
     def declaration(self) -> Declaration:
@@ -130,7 +130,7 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row at the neutral configuration: enough to see which quantities there are."""
         drives = actuation(mechanism, self.drives, [*self.over, *self.hold])
-        row = schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), drives.closure)
+        row = schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), drives)
         return with_friction_columns(replace(row, separate=True), drives)
 
     def declaration(self) -> Declaration:

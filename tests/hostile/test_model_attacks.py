@@ -98,6 +98,8 @@ HUGE = {
     "elements": "<site/>" * (MAX_ELEMENTS + 5),
     "text": f'<body name="{"x" * (MAX_TEXT + 5)}"/>',
     "freedom": "".join(f'<body name="q{k}"><joint/><geom size="1"/></body>' for k in range(300)),
+    "fixed bodies": "<body/>" * (MAX_ELEMENTS // 2),
+    "sites": "".join(f'<site name="s{k}"/>' for k in range(8000)),
     "joints of one body": f'<body name="q">{"<joint/>" * 300}<geom size="1"/></body>',
     "numbers": '<body name="q"><joint axis="' + "1 " * 4000 + '"/></body>',
     "overflow": '<body name="q"><joint axis="1e999 0 0"/></body>',

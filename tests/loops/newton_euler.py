@@ -134,9 +134,31 @@ class Answer:
     open: float
     speed: float
     redundant: int
+    pushes: tuple[float, ...] = ()
 
 
-def newton_euler(linkage: Linkage, poses: Poses, dependent: float = 1e-9) -> Answer:
+@dataclass(frozen=True)
+class Mesh:
+    """Teeth that push the second body along a line of action that is fixed in the ground, the first one against it."""
+
+    first: str
+    second: str
+    at: np.ndarray
+    along: np.ndarray
+
+    def row(self, bodies: Bodies) -> tuple:
+        """Row, rate and second rate without accelerations of ``n . (v2 - v1)`` of what is at the pitch point."""
+        row, rate, bias = np.zeros(bodies.n, LONG), LONG(0), LONG(0)
+        for body, sign in ((self.first, -1), (self.second, 1)):
+            k, n = 6 * bodies.names.index(body), sign * self.along.astype(LONG)
+            arm, omega, v = self.at - bodies.place[body], bodies.omega[body], bodies.velocity[body]
+            row[k : k + 3], row[k + 3 : k + 6] = n, np.cross(arm, n)
+            rate += n @ (v + np.cross(omega, arm))
+            bias -= n @ np.cross(omega, v)  # the arm grows by -v
+        return row, rate, bias, LONG(0)
+
+
+def newton_euler(linkage: Linkage, poses: Poses, dependent: float = 1e-9, meshes: tuple[Mesh, ...] = ()) -> Answer:
     """Solve ``M x'' = f + J^T lam``, ``J x'' = -bias``, by orthogonalising the rows of ``J M^-1/2``.
 
     Where rows are redundant the first ones carry the load. ``dependent`` is the part of a row of length 1 below which
@@ -145,6 +167,7 @@ def newton_euler(linkage: Linkage, poses: Poses, dependent: float = 1e-9) -> Ans
     bodies = Bodies(linkage, poses)
     owners = [name for name, joint in linkage.joints.items() for _ in bodies.rows(joint)]
     found = [row for joint in linkage.joints.values() for row in bodies.rows(joint)]
+    found += [mesh.row(bodies) for mesh in meshes]
     rows, rates, biases = np.array([row for row, _, _, _ in found]), [r[1] for r in found], [r[2] for r in found]
     matrix = bodies.masses()
     root = inverse_root(matrix)
@@ -163,13 +186,14 @@ def newton_euler(linkage: Linkage, poses: Poses, dependent: float = 1e-9) -> Ans
         mine = [i for i, owner in enumerate(owners) if owner == name]
         wrench[name] = _on_second(bodies, joint, ends[name], rows[mine].T @ lam[mine])
     closed = [
-        abs(value - linkage.joints[owner].length ** 2) for owner, (_, _, _, value) in zip(owners, found, strict=True)
+        abs(value - linkage.joints[owner].length ** 2) for owner, (_, _, _, value) in zip(owners, found, strict=False)
     ]
     k = {name: 6 * i for i, name in enumerate(bodies.names)}
     return Answer(
         {name: motion[i : i + 3].astype(float) for name, i in k.items()},
         {name: motion[i + 3 : i + 6].astype(float) for name, i in k.items()},
         wrench, float(max(closed, default=0)), float(np.abs(rates).max(initial=0)), len(rows) - len(kept),
+        tuple(lam[len(owners) :].astype(float)),
     )  # fmt: skip
 
 

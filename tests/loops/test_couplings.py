@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
-from catalogue import RODS, disc
-from motions import anywhere, driven, free, freely
+from catalogue import RODS, disc, five_bar
+from motions import anywhere, driven, free, freely, poses, wrench
+from newton_euler import Mesh, newton_euler
 
+from pinarm.engine.checks.limits import excesses
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.forces.joint_definitions import JointEffort
@@ -147,6 +149,64 @@ class TestScrew:
         assert Quantities(run)["joint.screw.effort"].values == pytest.approx(-M * G * LEAD / (2 * np.pi), rel=1e-14)
 
 
+class TestJointWithoutADrive:
+    """A joint that a coupling moves tells what the coupling does along it, one that has a drive what that does."""
+
+    screw = TestScrew.screw
+
+    def at_rest(self, mechanism, held, drives):
+        return Statics(hold=held, drives=drives).solve(mechanism, Accuracy(), anywhere).rows
+
+    def test_the_nut_is_pushed_by_its_weight(self, mechanism):
+        jack = mechanism(JACK, couplings=self.screw)
+        found = Quantities(self.at_rest(jack, {"screw": 0.4}, ["screw"]))
+        assert found["joint.nut.effort"].values == pytest.approx(M * G, rel=1e-14)
+        assert found["coupling.thread.effort"].values == pytest.approx(M * G, rel=1e-14)
+
+    def test_a_drive_on_the_nut_leaves_the_spindle_at_rest(self, mechanism):
+        jack = mechanism(JACK, couplings=self.screw)
+        found = Quantities(self.at_rest(jack, {"nut": 0.01}, ["nut"]))
+        assert found["joint.nut.effort"].values == pytest.approx(M * G, rel=1e-14)
+        assert found["joint.screw.effort"].values == 0.0
+        assert found["coupling.thread.effort"].values == 0.0
+
+    def test_a_drive_without_load_gives_nothing_though_the_wheels_bear_on_each_other(self, mechanism):
+        """Two wheels out of balance that balance each other through their teeth: 1 kg at 0.1 m each."""
+        off = [disc(name, 0.1, at).replace("<inertial>", '<inertial><origin xyz="0.1 0 0"/>')
+               for name, at in (("one", "0 0 0"), ("two", "0.5 0 0"))]  # fmt: skip
+        xml = f'<robot name="pair"><link name="base"/>{"".join(off)}</robot>'
+        gravity = {"direction": "-y", "magnitude": f"{G} m/s^2"}
+        pair = mechanism(xml, gravity=gravity, couplings={"mesh": gear("one", "two", -1.0)})
+        found = Quantities(self.at_rest(pair, {"one": 0.0}, ["one"]))
+        assert found["joint.one.effort"].values == pytest.approx(0.0, abs=1e-15)
+        assert found["joint.two.effort"].values == pytest.approx(0.1 * G, rel=1e-14)
+
+    def test_the_limit_of_the_nut_counts(self, mechanism):
+        jack = mechanism(JACK.replace('effort="1e6"', 'effort="60"'), couplings=self.screw)
+        (excess,) = excesses(self.at_rest(jack, {"screw": 0.4}, ["screw"]))
+        assert (excess.joint, excess.of, excess.limit) == ("nut", "effort", 60.0)
+        assert excess.value == pytest.approx(M * G, rel=1e-14)
+
+    def test_in_motion_it_is_what_the_nut_asks(self, mechanism):
+        jack = mechanism(JACK, couplings=self.screw)
+        run = driven(jack, {"screw": Harmonic(amplitude=40.0, pulsation=3.0)})
+        a = rates(run, "nut")
+        found = Quantities(run)
+        assert found["joint.nut.effort"].values == pytest.approx(M * (G + a), rel=1e-13)
+        assert found["joint.nut.power"].values == pytest.approx(M * (G + a) * speeds(run, "nut"), rel=1e-12, abs=1e-12)
+        fallen = free(jack)
+        assert Quantities(fallen)["joint.nut.effort"].values == pytest.approx(M * (G + rates(fallen, "nut")), rel=1e-10)
+
+    def test_wheels_that_couplings_hold_twice_leave_it_open(self, mechanism):
+        train = mechanism(DISCS, couplings=TestTrain.round)
+        run = driven(train, {"one": Harmonic(amplitude=0.7, pulsation=3.0)})
+        found = Quantities(run)
+        # the self-stress turns in the ring of wheels: what all meshes do to one wheel together is known
+        assert found["joint.two.effort"].values == pytest.approx(J2 * rates(run, "two"), abs=1e-12)
+        with pytest.raises(InputError, match="hyperstatic"):
+            found["coupling.a.effort"]
+
+
 class TestScrewThatDrivesALoop:
     """A screw moves the foot of a strut along x, its head lifts a table: ``(0.6 - x)^2 + h^2 = 0.5^2``."""
 
@@ -181,3 +241,29 @@ class TestScrewThatDrivesALoop:
             slope, bend = pitch * u / h, -(pitch**2) * 0.25 / h**3  # dh/dangle, its derivative
             right = (-M * G * slope - M * slope * bend * speed**2) / (J1 + M * slope**2)
             assert found == pytest.approx(right, rel=1e-11)
+
+
+class TestGearedFiveBar:
+    """The cranks of a five-bar, on the ground, in mesh with each other: loops and teeth together, one freedom."""
+
+    R1, R2, ALPHA = 0.2, 0.4, np.deg2rad(20.0)
+
+    @pytest.mark.parametrize("cut", ["M", "A", "B"])
+    def test_every_body_obeys_newton_and_euler_with_a_push_along_the_line_of_action(self, tmp_path, cut):
+        linkage = five_bar()
+        mesh = gear("O", "C", -self.R1 / self.R2, pressure_angle="20 deg")
+        run = free(linkage.build(tmp_path, [cut], couplings={"mesh": mesh}), 0.4, 4)
+        found = Quantities(run)
+        # both cranks turn about y; where the first one turns forwards it goes against z at the pitch point
+        ways = [np.array([np.sin(self.ALPHA), 0.0, sign * np.cos(self.ALPHA)]) for sign in (1.0, -1.0)]
+        for i, pose in enumerate(poses(linkage, run)):
+            answers = [newton_euler(linkage, pose, meshes=(Mesh("crank", "last", np.array([self.R1, 0.0, 0.0]), n),))
+                       for n in ways]  # fmt: skip
+            (right,) = [one for one in answers if one.pushes[0] > 0.0]  # teeth do not pull
+            assert found["coupling.mesh.force.norm"].values[i] == pytest.approx(right.pushes[0], rel=1e-10)
+            for joint in "OAMBC":
+                told = wrench(linkage, run, joint)
+                assert set(told) >= {"force.x", "force.z"}  # a plane linkage is hyperstatic across it
+                for part, values in told.items():
+                    k = ["force.x", "force.y", "force.z", "moment.x", "moment.y", "moment.z"].index(part)
+                    assert values[i] == pytest.approx(right.wrench[joint][k], rel=1e-9, abs=1e-9)

@@ -364,3 +364,27 @@ def test_the_crank_of_a_loaded_slider_crank(write):
         moment = pin[0] * push[1] - pin[1] * push[0]
         expected.append(-(moment - sign * 0.1 * 0.02 * force))
     assert found == pytest.approx(sorted(expected), rel=1e-9)
+
+
+def test_friction_of_a_thread_loads_its_bearings(write):
+    """The nut's guide carries nothing along its axis but the load, the spindle's thrust bearing all of it."""
+    problem = "{kind: inverse, time: {end: 1 s, samples: 2}, motion: {turn: {law: constant_speed, speed: 3 rad/s}}}"
+    mechanism = LOAD + COUPLED + "friction: {thread: {mu: 0.08, radius: 15 mm}}\n"
+    result = pinarm.run(write(SCREW, mechanism, problem, "joint.turn.force.z, joint.lift.moment.z, joint.turn.effort"))
+    assert result["joint.turn.force.z"].values == pytest.approx(6400.0, rel=1e-12)
+    assert result["joint.lift.moment.z"].values == pytest.approx(-result["joint.turn.effort"].values, rel=1e-12)
+    assert result.figures["bodies"] < 1e-13
+
+
+def test_friction_of_a_joint_whose_load_a_coupling_leaves_open_is_refused(write):
+    wheels = SCREW.replace("prismatic", "revolute").replace(
+        '<child link="nut"/>', '<child link="nut"/><origin xyz="1 0 0"/>'
+    )
+    mechanism = """gravity: none
+couplings: {teeth: {kind: gear, joints: [turn, lift], ratio: -1.5}}
+friction: {turn: {mu: 0.1, radius: 10 mm}}
+"""
+    with pytest.raises(PinarmError, match="depends on a reaction that is not known: couplings leave it open: 'teeth'"):
+        pinarm.run(
+            write(wheels, mechanism, "{kind: statics, hold: {turn: 0 rad}, drives: [turn]}", "joint.turn.effort")
+        )

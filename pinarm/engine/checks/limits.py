@@ -47,19 +47,20 @@ class Excess:
 
 
 def excesses(run: Trajectory) -> list[Excess]:
-    """Return the limits that a run goes beyond, joint by joint; efforts only where drives give any."""
+    """Return the limits that a run goes beyond, joint by joint; efforts are those of drives, or of couplings."""
     return [excess for joint in run.mechanism.joints.values() for excess in _of(run, joint)]
 
 
 def _of(run: Trajectory, joint: Joint) -> Iterator[Excess]:
     model, q = run.mechanism.model, run.q[:, joint.q]
-    v, tau = run.v[:, joint.v], run.tau[:, joint.v]
+    v, most = run.v[:, joint.v], model.effortLimit[joint.v]
+    tau = run.effort(joint.v) if np.isfinite(most) else run.tau[:, joint.v]
     rate = unit("rad/s") if joint.unit == RADIAN else joint.unit / unit("s")
     for of, measured, limit, values, beyond in (
         ("position", joint.unit, model.lowerPositionLimit[joint.q], q, model.lowerPositionLimit[joint.q] - q),
         ("position", joint.unit, model.upperPositionLimit[joint.q], q, q - model.upperPositionLimit[joint.q]),
         ("velocity", rate, model.velocityLimit[joint.v], v, np.abs(v) - model.velocityLimit[joint.v]),
-        ("effort", effort_unit(joint), model.effortLimit[joint.v], tau, np.abs(tau) - model.effortLimit[joint.v]),
+        ("effort", effort_unit(joint), most, tau, np.abs(tau) - most),
     ):
         rows = np.flatnonzero(beyond > ROUNDING * max(abs(limit), 1e-3))  # infinite limits are not passed
         if len(rows):

@@ -10,14 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinarm.arrays import Array, Indices
+from pinarm.engine.checks.balance import SAMPLE
 from pinarm.engine.checks.singularity import nearest_singularity
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
 from pinarm.engine.motion.outcome import SolvedMotion
 from pinarm.engine.motion.trajectory import Trajectory
-
-SAMPLE = 64
-"""Number of rows that are looked at."""
 
 
 def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: int = SAMPLE) -> dict[str, float]:

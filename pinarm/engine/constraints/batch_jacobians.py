@@ -17,10 +17,11 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
 from pinarm.engine.constraints.elimination import Row
 from pinarm.mechanics.coordinates import Coordinate, DistanceCoordinate, FrameCoordinate, LinearCoordinate
-from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.geometry.chains import Chain, Placed
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.vectors import dot
+from pinarm.mechanics.joints import UNIVERSE
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import PointOnPlane
 from pinarm.mechanics.loops.pair import Pair
@@ -28,9 +29,6 @@ from pinarm.mechanics.loops.rod import Tie
 
 BLOCK = 2048
 """Number of configurations that are worked on at once: arrays of more would not stay in the processor's cache."""
-
-UNIVERSE = 0
-"""Index of the world's frame."""
 
 
 class EvaluatedRows(Protocol):

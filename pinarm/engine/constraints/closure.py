@@ -182,7 +182,7 @@ class Closure:
     def wrenches(self, links: LinkPlacements, lam: Array) -> Array:
         """Return what multipliers, shape (n, m), do to the links, shape (n, njoints, 6).
 
-        [f; m] at the world's origin, world axes [N, N*m]. Couplings, which act within joints, do nothing to them.
+        [f; m] at the world's origin, world axes [N, N*m]. Couplings whose forces are not known do nothing to them.
         """
         total = np.zeros((len(lam), self.model.njoints, 6))
         for constraint, rows in zip(self.constraints, self.slices().values(), strict=True):
@@ -190,10 +190,14 @@ class Closure:
                 total[:, joint] += wrench
         return total
 
+    def added_wrenches(self, links: LinkPlacements, lam: Array) -> Array:
+        """Return what multipliers add to the wrenches on links without any, as of the pretension of belts."""
+        return self.wrenches(links, lam) - self.wrenches(links, np.zeros_like(lam))
+
     def load(self, links: LinkPlacements, columns: Array, q: Array, lam: Array) -> Array:
         """Return G^T lam, through the links' Jacobians, shape (n, nv).
 
-        Couplings, which act within joints, have no wrenches and contribute by their rows.
+        Couplings whose forces are not known have no wrenches and contribute by their rows.
 
         Args:
             links: Where the links are.

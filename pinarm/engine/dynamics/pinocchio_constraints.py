@@ -271,7 +271,7 @@ def _inverse_mass(model: pin.Model, data: pin.Data, q: Array) -> Array | None:
     """Return the inverse of M, shape (nv, nv); ``None`` where M is singular."""
     mass = mass_matrix(model, q)
     size = np.sqrt(np.diag(mass))
-    if (size == 0.0).any() or np.linalg.eigvalsh(mass / np.outer(size, size))[0] < MASSLESS:
+    if (size == 0.0).any() or np.linalg.eigvalsh(mass / np.outer(size, size))[0] < TRUSTED:
         return None
     return np.asarray(np.linalg.inv(mass))
 
@@ -279,7 +279,7 @@ def _inverse_mass(model: pin.Model, data: pin.Data, q: Array) -> Array | None:
 HEAVY = 1e12
 """Armature that prescribes an acceleration, relative to the largest inertia of the tree."""
 
-MASSLESS = 1e-10
+TRUSTED = 1e-10
 """Smallest eigenvalue of M, scaled to a diagonal of ones, for which the tree's own inverse is trusted."""
 
 UNEVEN = 1e6

@@ -23,7 +23,9 @@ from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.friction.slipping import CarriedLoads
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.friction.contact import FrictionContact
+from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.left_open import left_open
+from pinarm.mechanics.friction.contact import FrictionContact, JointContact
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 DRIVEN = 1e-9
@@ -92,18 +94,18 @@ class SlipEquation:
                             solved.split.free)  # fmt: skip
 
     @property
-    def transmission(self) -> Transmission:
+    def transmission(self) -> BearingReactions:
         """What the bearings carry."""
-        return Transmission(self.contacts, self.closure, self.dynamics)
+        return BearingReactions(self.contacts, self.closure, self.dynamics)
 
     def require_determined(self, q: Array) -> None:
-        """Raise where the load of a bearing is not determined by rigid bodies; see ``Transmission``."""
+        """Raise where the load of a bearing is not determined by rigid bodies; see ``BearingReactions``."""
         if self.loaded and self.closure.size:
             self.transmission.require_determined(RowDecomposition.of(self.closure.rows(self.closure.state(q))), q)
 
 
 @dataclass(frozen=True, eq=False)
-class Transmission:
+class BearingReactions:
     """What the bearings of joints with friction carry, by Newton's and Euler's equations of the bodies.
 
     Attributes:
@@ -153,6 +155,22 @@ class Transmission:
                 acting[:, joint] += wrench
         return acting
 
+    def _require_known(self) -> None:
+        """Raise where couplings whose forces on bodies are not known load a bearing.
+
+        Raises:
+            DynamicsError: Says which.
+        """
+        couplings = [one for one in self.closure.constraints if isinstance(one, Coupling)]
+        left = left_open(self.closure.model, couplings)
+        for one in self.contacts:
+            reaction = left.get(one.index) if isinstance(one, JointContact) and one.law.loaded else None
+            if reaction is not None and one.bearing.most(reaction.wrenches).max() > OPEN:
+                raise DynamicsError(
+                    f"the friction of {one.name} depends on a reaction that is not known: {reaction}",
+                    expected="couplings that say how they act on bodies, or friction without a load: constant",
+                )
+
     def require_determined(self, rows: RowDecomposition, q: Array) -> None:
         """Raise where multipliers that do nothing load a bearing.
 
@@ -163,6 +181,7 @@ class Transmission:
         Raises:
             DynamicsError: Says which joint's friction rigid bodies do not determine.
         """
+        self._require_known()
         free = rows.scale[:, None] * rows.redundant
         stresses = np.vstack([np.zeros(len(free)), (free / np.linalg.norm(free, axis=0)).T])
         still, none = np.zeros((len(stresses), self.closure.model.nv)), np.zeros((len(stresses), len(self.contacts)))

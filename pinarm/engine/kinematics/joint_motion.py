@@ -17,7 +17,7 @@ from pinarm.arrays import Array
 from pinarm.engine.kinematics.newton import check_rank
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.couplings import Coupling, independent
+from pinarm.mechanics.couplings.coupling import Coupling, independent
 from pinarm.mechanics.laws.motion_law import Grid, Values
 
 if TYPE_CHECKING:

@@ -90,7 +90,7 @@ def _undetermined(closure: Closure, split: RowDecomposition, q: Array) -> dict[s
             if isinstance(constraint, LoopJoint):
                 turn, wrench = links.frame(constraint.first)[0][0], constraint.wrench(links, stress[None, rows])[0]
                 found.setdefault(constraint.name, set()).update(_acting(turn, wrench))
-        acting = closure.wrenches(links, stress[None])[0]
+        acting = closure.added_wrenches(links, stress[None])[0]
         for joint in range(1, model.njoints):
             total = -acting[list(model.subtrees[joint])].sum(axis=0)
             total[3:] -= np.cross(links.places[0, joint], total[:3])

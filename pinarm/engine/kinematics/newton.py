@@ -21,7 +21,7 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import AssemblyError
 from pinarm.mechanics.ball_joints import configuration
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.loops.loop_joints import LoopJoint

@@ -17,6 +17,7 @@ from pinarm.engine.motion.systems import CompletedStates
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.series import Series
 from pinarm.input.units import unit
+from pinarm.mechanics.coordinates import driven_along
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
@@ -58,7 +59,9 @@ def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: Compl
     """Return completed states as a table."""
     return Trajectory(
         mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau, motion.lam,
-        hybrid.system().closure, hybrid.dynamics, columns=friction_columns(mechanism.frictions, motion.friction),
+        hybrid.system().closure, hybrid.dynamics,
+        driven=driven_along(hybrid.prescribed.coordinates, mechanism.model.nv),
+        columns=friction_columns(mechanism.frictions, motion.friction),
     )  # fmt: skip
 
 

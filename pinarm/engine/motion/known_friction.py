@@ -19,7 +19,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.batch_jacobians import rows_of
 from pinarm.engine.constraints.nullspace import RowDecomposition
 from pinarm.engine.friction.columns import BANDS, band_column, friction_columns
-from pinarm.engine.friction.response import Transmission
+from pinarm.engine.friction.response import BearingReactions
 from pinarm.engine.friction.slipping import CarriedLoads, Slipping
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
@@ -97,7 +97,7 @@ class KnownFriction:
         """Return the wrenches that the bearings carry, shape (n, k, 6)."""
         found, lam = np.empty((len(run), len(run.mechanism.frictions), 6)), np.asarray(run.lam)
         for part, dynamics in run.intervals():
-            transmission = Transmission(run.mechanism.frictions, run.closure, dynamics)
+            transmission = BearingReactions(run.mechanism.frictions, run.closure, dynamics)
             for i in range(part.start, part.stop):
                 state = float(run.grid.t[i]), run.q[i], run.v[i]
                 found[i] = transmission.wrenches(*state, *(x[None, i] for x in (run.a, lam, run.friction)))[0]
@@ -112,7 +112,7 @@ class KnownFriction:
         run = self.run
         m, dynamics = run.mechanism.closure.size, run.intervals()[0][1]
         split = RowDecomposition.of(run.closure.rows(run.closure.state(run.q[0]))[:m])
-        Transmission(run.mechanism.frictions, run.mechanism.closure, dynamics).require_determined(split, run.q[0])
+        BearingReactions(run.mechanism.frictions, run.mechanism.closure, dynamics).require_determined(split, run.q[0])
 
     def friction(self, directions: Array, *, at_rest: bool) -> Array:
         """Return the friction of slips in given directions, shape (n, k).

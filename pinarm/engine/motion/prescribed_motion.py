@@ -83,7 +83,7 @@ class Prescription:
         closure = self.drives.closure if self.drives else mechanism.closure
         rows = Trajectory(
             mechanism, self.parameter, self.unit, grid, q, v, a, np.zeros_like(v), lam, closure, self.dynamics,
-            separate=self.rates is not None,
+            separate=self.rates is not None, driven=self.drives.driven if self.drives else None,
         )  # fmt: skip
         if self.drives is None:
             return replace(rows, no_efforts=KINEMATIC)

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit
+from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.friction.contact import slip_rows
 from pinarm.mechanics.laws.motion_law import Grid
 
@@ -65,6 +66,7 @@ class Trajectory:
         no_efforts: Why there are no efforts; empty where there are.
         columns: What the problem found beside the states, by name, a value a row.
         separate: Whether velocities are given row by row, and the rows are not one motion.
+        driven: Joints that drives act on, shape (nv,); ``None`` where all efforts are given as they are.
     """
 
     mechanism: Mechanism
@@ -81,6 +83,7 @@ class Trajectory:
     no_efforts: str = ""
     columns: Mapping[str, Series] = field(default_factory=dict)
     separate: bool = False
+    driven: Flags | None = field(default=None, repr=False)
 
     @classmethod
     def schema_row(
@@ -138,6 +141,23 @@ class Trajectory:
     def gather(self, value: Callable[[Dynamics, slice], Array]) -> Array:
         """Return an array over all rows from a function of the dynamics on each interval and its rows."""
         return np.concatenate([value(dynamics, rows) for rows, dynamics in self.intervals()])
+
+    def couplings_at(self, joint: int) -> dict[str, float]:
+        """Return the couplings that move a joint without a drive, by its index in v: name -> weight of the joint."""
+        if self.driven is None or self.driven[joint]:
+            return {}
+        couplings = (one for one in self.mechanism.constraints if isinstance(one, Coupling))
+        return {one.name: float(one.coordinate.weights[joint]) for one in couplings if one.coordinate.weights[joint]}
+
+    def effort(self, joint: int) -> Array:
+        """Return the effort along a joint [N*m or N], by its index in v, shape (n,).
+
+        That of its drive; of a joint without one, what couplings do along it: ``sum_k w_k lam_k``.
+        """
+        if not (acting := self.couplings_at(joint)):
+            return self.tau[:, joint]
+        lam, places = np.asarray(self.lam), self.closure.slices()
+        return np.asarray(sum(weight * lam[:, places[name].start] for name, weight in acting.items()))
 
     def direction(self, index: int) -> Array:
         """Return the sign of a joint's motion at every row, shape (n,).

@@ -9,7 +9,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import unit
-from pinarm.mechanics.ball_joints import ANGLES, Ball, BallCoordinate, roll_pitch_yaw
+from pinarm.mechanics.ball_joints import ANGLES, Ball, BallAngle, BallCoordinate, roll_pitch_yaw
 
 VECTORS = {
     "angular_velocity": unit("rad/s"), "angular_acceleration": unit("rad/s^2"), "effort": unit("N*m"),
@@ -53,8 +53,9 @@ def _effort(run: Trajectory, ball: Ball, name: str) -> Array:
     if run.no_efforts:
         raise InputError(f"'{name}': {run.no_efforts}", hint="kind: inverse")
     coordinates = run.mechanism.coordinates
-    guided = [one for one in run.closure.slices() if isinstance(coordinates.get(one), BallCoordinate)]
-    if any(one.startswith(f"{ball.name}.rotation.") for one in guided):
+    turned = {name: one for name, one in coordinates.items() if isinstance(one, BallCoordinate | BallAngle)}
+    guided = [one for one in run.closure.slices() if one in turned and turned[one].ball == ball]
+    if guided:
         raise InputError(f"'{name}': the drive acts along {', '.join(guided)}",
                          hint=f"joint.{ball.name}.moment.x, or coordinate.{guided[0]}.effort")  # fmt: skip
     return ball.vectors(run.tau) - ball.vectors(run.mechanism.model.armature) * ball.vectors(run.a)

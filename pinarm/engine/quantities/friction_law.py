@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from pinarm.engine.motion.stick_slip import REST
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
+from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.contact import slip_rows
 
 SAMPLE = 64
 """Number of rows that are looked at: a fixed, even choice."""
+
+CONTRADICTED = 1e-6
+"""Part of the largest friction by which the law may be missed: what rounding leaves of large reactions is less."""
 
 SLOW = 1e-9
 """Slip, relative to the largest of the run, that is rest."""
@@ -20,6 +25,9 @@ def friction_figures(run: Trajectory) -> dict[str, float]:
 
     Of a joint that slips, ``f + s (mu N + c)``; of one at rest, by how much ``|f|`` exceeds its limit. N is that of the
     reactions of the rows, by Newton's and Euler's equations of the bodies.
+
+    Raises:
+        DynamicsError: They contradict each other.
     """
     contacts = run.mechanism.frictions
     if not contacts or run.no_efforts or not len(run):
@@ -36,7 +44,14 @@ def friction_figures(run: Trajectory) -> dict[str, float]:
         mu, constant = one.law.slipping(np.abs(slip))
         rest = one.law.static_mu * normal + one.law.static_constant
         slipping, stuck = np.abs(f * np.sign(slip) + mu * normal + constant), np.maximum(np.abs(f) - rest, 0.0)
-        slow = np.abs(slip) <= SLOW * np.abs(slip).max()
+        slow = np.abs(slip) <= max(SLOW * np.abs(slip).max(), 2.0 * REST)
         missed = max(missed, float(np.where(slow, stuck, slipping).max()))
         largest = max(largest, float(rest.max()))
-    return {"friction": missed / largest if largest else 0.0}
+    left = missed / largest if largest else 0.0
+    if left > CONTRADICTED:
+        raise DynamicsError(
+            f"friction and the reactions that it depends on contradict each other by {left:.2g} of the friction",
+            expected="loads of bearings in proportion to friction, unlike those of teeth that change flanks",
+            hint="friction without a load: constant",
+        )
+    return {"friction": left}

@@ -3,13 +3,19 @@
 =============================================  ==================================================================
 ``t``                                          the parameter that runs along the rows
 ``joint.J.position .velocity .acceleration``   of a joint with one coordinate
-``joint.J.effort .power``                      of its drive, without the rotor's own share
-``joint.J.force.x``, ``joint.J.moment.x``      action of the parent on the child, at the joint's origin
+``joint.J.effort .power``                      of its drive, without the rotor's own share; of the couplings that move a
+                                               joint without one
+``joint.J.force.x``, ``joint.J.moment.x``      action of the parent on the child, at the child's origin, which slides
+``joint.J.moment.at_parent.x``                 the same moment about the joint's place on the parent (its marker)
 ``joint.J.moment.about.P.x``                   the same moment about the origin of link P
 ``joint.J.quaternion.x``, ``joint.J.roll``     of a ball joint; likewise ``pitch``, ``yaw``
 ``joint.J.angular_velocity.x``                 of a ball joint, in the link's own axes; likewise ``effort.x``
 ``loop.L.force.x``, ``loop.L.moment.x``        action of the first link on the second, at the second one's frame
-``loop.L.angle``                               of a screw: how far frame 2 has turned, whole turns counted
+``loop.L.angle``, ``loop.L.position``          of a loop joint with an axis: how far frame 2 has turned, or slid
+``coupling.C.effort``                          multiplier of a coupling: effort at its second joint
+``coupling.C.force.x``, ``.moment.x``          action of its first member on the second, where they touch
+``coupling.C.tangential .radial .axial``       of the force of teeth; ``.separating`` along the normal of bevel wheels
+``coupling.C.axial .torque``, ``.tight .slack``  of a thread; tensions of the strands of a belt
 ``coordinate.C.position`` (and so on)          of any coordinate
 ``coordinate.C.effort``                        of a drive along a task coordinate
 ``point.P.position.x`` (and so on)             of the origin of link P
@@ -57,9 +63,10 @@ from pinarm.errors import InputError, choices
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS
 from pinarm.input.units import Unit, unit
+from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.forces.force_element import power
 from pinarm.mechanics.forces.joint_definitions import effort_unit
-from pinarm.mechanics.joints import METRE, RADIAN
+from pinarm.mechanics.joints import METRE
 
 UNDETERMINED = 1e-9
 """What a self-stress of length 1 may add to a component that it does not act on: rounding leaves 1e-13."""
@@ -71,6 +78,9 @@ MAX_DEPTH = 50
 TURNS = ("angular_velocity", "angular_acceleration")
 OPERATORS = set("+-*/(), ")
 WRENCH = ("force", "moment")
+AT_PARENT = "at_parent"
+"""Asks for the moment of a joint about its place on the parent: where a joint slides, the child's origin moves."""
+TRANSMITTED = tuple(f"{kind}.{axis}" for kind in (*WRENCH, f"moment.{AT_PARENT}") for axis in AXES)
 RATES = ("position", "velocity", "acceleration")
 ENERGIES = ("kinetic", "potential", "total")
 
@@ -105,6 +115,11 @@ class Quantities:
         """What is computed row by row, kept once computed."""
         return RowKinematics(self.trajectory)
 
+    @property
+    def parameter(self) -> Series:
+        """What runs along the rows, whatever else has its name."""
+        return Series(self.trajectory.parameter, self.trajectory.unit, self.trajectory.grid.t)
+
     def __getitem__(self, name: str) -> Series:
         """Return a quantity by its name, a symbol, or a formula of them.
 
@@ -124,11 +139,14 @@ class Quantities:
             self.trajectory.parameter, "g", *self.symbols, *mechanism.symbols,
             *mechanism.arguments, *mechanism.coordinates, *self.trajectory.columns,
             *(f"joint.{name}.{part}" for name in mechanism.joints
-              for part in (*RATES, "effort", "power", *(f"{kind}.{axis}" for kind in WRENCH for axis in AXES))),
+              for part in (*RATES, "effort", "power", *TRANSMITTED)),
             *(f"joint.{name}.{part}" for name in mechanism.balls
-              for part in (*BALL_PARTS, *(f"{kind}.{axis}" for kind in WRENCH for axis in AXES))),
+              for part in (*BALL_PARTS, *TRANSMITTED)),
             *(f"loop.{name}.{kind}.{axis}" for name in self.reactions.loops for kind in WRENCH for axis in AXES),
-            *(f"loop.{name}.angle" for name in self.reactions.screws),
+            *(f"loop.{name}.{part}" for name in self.reactions.loops for part in ("angle", "position")
+              if f"{name}.{part}" in mechanism.coordinates),
+            *(f"coupling.{name}.{part}" for name, one in self.reactions.couplings.items()
+              for part in coupling_parts(one)),
             *(f"coordinate.{name}.{rate}" for name in mechanism.coordinates for rate in RATES),
             *(f"point.{name}.{rate}.{axis}" for name in links for rate in RATES for axis in AXES),
             *(f"body.{name}.{rate}.{axis}" for name in links for rate in TURNS for axis in AXES),
@@ -145,9 +163,9 @@ class Quantities:
 
     def _find(self, name: str) -> Series:
         mechanism, rows = self.trajectory.mechanism, len(self.trajectory)
-        if name == self.trajectory.parameter:
-            return Series(name, self.trajectory.unit, self.trajectory.grid.t)
         self._require_one_meaning(name)
+        if name == self.trajectory.parameter:
+            return self.parameter
         for symbols in (self.symbols, mechanism.symbols):
             if name in symbols:
                 return self._evaluate(name, symbols[name])
@@ -176,13 +194,16 @@ class Quantities:
         Raises:
             InputError: Says for which.
         """
-        mechanism = self.trajectory.mechanism
+        run, mechanism = self.trajectory, self.trajectory.mechanism
         known, arguments = {*self.symbols, *mechanism.symbols}, mechanism.arguments
+        coordinate = mechanism.coordinates.get(name)
+        swept = coordinate is not None and coordinate.unit == run.unit  # that coordinate itself runs along the rows
         named = {
             "a symbol": name in known,
             "an argument of the model": name in arguments,
-            "a coordinate": name in mechanism.coordinates,
-            "what runs along the rows": name == self.trajectory.parameter and name not in mechanism.coordinates,
+            "a coordinate": coordinate is not None,
+            "what runs along the rows": name == run.parameter and not swept,
+            "a quantity of the mechanism": (coordinate is not None or name in known) and self._is_quantity(name),
             "a constant": name in ("g", *CONSTANTS) and name not in known and name not in arguments,
         }
         meanings = [meaning for meaning, holds in named.items() if holds]
@@ -190,13 +211,24 @@ class Quantities:
             hint = f"coordinate.{name}.position, or another name" if named["a coordinate"] else "another name"
             raise InputError(f"'{name}' is {' and '.join(meanings)}", expected="one meaning for each name", hint=hint)
 
+    def _is_quantity(self, name: str) -> bool:
+        """Tell whether a name is that of a quantity, whatever else is called so."""
+        kind, _, rest = name.partition(".")
+        if kind not in _KINDS or not rest:
+            return False
+        try:
+            _KINDS[kind](self, name, self._words(rest))
+        except InputError:
+            return False
+        return True
+
     @cached_property
     def _dotted(self) -> set[str]:
-        """Names of joints, links, drives, loop joints and force elements that have dots in them."""
+        """Names of joints, links, drives, loop joints, couplings and force elements that have dots in them."""
         mechanism = self.trajectory.mechanism
         links = (frame.name for frame in mechanism.model.frames if frame.type == pin.FrameType.BODY)
         names = (*mechanism.joints, *mechanism.balls, *links, *mechanism.drives, *self.reactions.loops,
-                 *self.trajectory.dynamics.forces)  # fmt: skip
+                 *self.reactions.couplings, *self.trajectory.dynamics.forces)  # fmt: skip
         return {name for name in names if "." in name}
 
     def _words(self, text: str) -> list[str]:
@@ -260,10 +292,10 @@ class Quantities:
             return self._rate_of(name, words[0], part)
         self._require_efforts(name)
         if part in ("effort", "power") and len(words) == 2:
-            effort = self._effort(joint.v)
+            effort, doubt = self._effort(joint.v), self._effort_doubt(name, joint.v)
             if part == "effort":
-                return Series(name, effort_unit(joint), effort)
-            return Series(name, WATT, effort * self.trajectory.v[:, joint.v])
+                return Series(name, effort_unit(joint), effort, doubt)
+            return Series(name, WATT, effort * self.trajectory.v[:, joint.v], doubt)
         return self._transmitted(name, words, joint.index)
 
     def _transmitted(self, name: str, words: list[str], index: int) -> Series:
@@ -272,39 +304,80 @@ class Quantities:
         if len(words) < 3 or words[1] not in WRENCH:
             raise self._unknown(name)
         found = self.reactions
-        added = [stressed[:, index] for stressed in found.stressed_joints]
-        return self._wrench(name, words, found.origins[:, index], found.joints[:, index], added)
+        added, about = [stressed[:, index] for stressed in found.stressed_joints], found.origins[:, index]
+        if words[1:3] == ["moment", AT_PARENT]:
+            about, words = found.markers(index), [*words[:2], *words[3:]]
+        for wrench in found.open_wrenches(index):
+            if self._acts(self._wrench_component(name, words, found.origins[:, index], wrench, about)):
+                raise InputError(f"'{name}': {found.left_open[index]}", expected="a joint before or beyond them",
+                                 hint=SAY_HOW)  # fmt: skip
+        return self._wrench(name, words, found.origins[:, index], found.joints[:, index], added, about)
 
     def _of_loop(self, name: str, words: list[str]) -> Series:
         found = self.reactions
-        if words[1:] == ["angle"] and words[0] in found.screws:
-            return Series(name, RADIAN, found.angle(words[0]))
+        if words[0] in found.loops and words[1:] in (["angle"], ["position"]):
+            return self._rate_of(name, ".".join(words), "position")
         if words[0] not in found.loops or len(words) < 3 or words[1] not in WRENCH:
             raise self._unknown(name)
         self._require_efforts(name)
         origins, wrench = found.loop_origins(words[0]), found.loop(words[0])
-        return self._wrench(name, words, origins, wrench, found.stressed_loop(words[0]))
+        return self._wrench(name, words, origins, wrench, found.stressed_loop(words[0]), origins)
 
-    def _wrench(self, name: str, words: list[str], origins: Array, wrench: Array, added: list[Array]) -> Series:
-        """Return a component of a wrench, unless self-stresses can add anything to it.
+    def _of_coupling(self, name: str, words: list[str]) -> Series:
+        found, part = self.reactions, ".".join(words[1:2])
+        coupling = found.couplings.get(words[0])
+        if coupling is None or (len(words) > 2) != (part in WRENCH):
+            raise self._unknown(name)
+        self._require_efforts(name)
+        known, (lam, added) = coupling.transmission, found.multiplier(words[0])
+        if part == "effort":
+            measured = NEWTON if coupling.coordinate.unit == METRE else NEWTON_METRE
+            return Series(name, measured, lam, self._doubt(name, added))
+        if known is None:
+            raise InputError(f"'{name}' is not known: {coupling.missing}", expected=f"coupling.{words[0]}.effort",
+                             hint=SAY_HOW)  # fmt: skip
+        if part in WRENCH:
+            points, wrench, stressed = found.transmitted(words[0])
+            return self._wrench(name, words, points, wrench, stressed, points)
+        if part not in known.parts():
+            raise self._unknown(name)
+        return Series(name, known.parts()[part], known.part(part, lam), self._doubt(name, added))
+
+    def _wrench(
+        self, name: str, words: list[str], origins: Array, wrench: Array, added: list[Array], about: Array
+    ) -> Series:
+        """Return a component of a wrench at ``origins``, unless self-stresses can add anything to it.
+
+        Moments are about the points ``about``, shape (n, 3), where the name gives none.
+        """
+        values, *stressed = (self._wrench_component(name, words, origins, each, about) for each in (wrench, *added))
+        return Series(name, NEWTON if words[1] == "force" else NEWTON_METRE, values, self._doubt(name, stressed))
+
+    def _wrench_component(self, name: str, words: list[str], origins: Array, wrench: Array, about: Array) -> Array:
+        """Return the component of wrenches at origins that a name asks for, shape (n,)."""
+        if words[1] == "force":
+            return self._component(name, words, wrench[:, :3])
+        arm = origins - self._about(name, words, about)
+        return self._component(name, words, wrench[:, 3:] + np.cross(arm, wrench[:, :3]))
+
+    @staticmethod
+    def _acts(component: Array) -> bool:
+        """Tell whether wrenches of length 1 act on a component, given what they add to it, shape (n,)."""
+        return bool(np.abs(component).max(initial=0.0) > UNDETERMINED)
+
+    def _doubt(self, name: str, added: list[Array]) -> str:
+        """Return what is in doubt about a component: nothing where self-stresses add nothing to it.
 
         Raises:
-            InputError: They can, and the scenario does not ask for the least values.
+            InputError: They do, and the scenario does not ask for the least values.
         """
-
-        def component(wrench: Array) -> Array:
-            if words[1] == "force":
-                return self._component(name, words, wrench[:, :3])
-            arm = origins - self._about(name, words, origins)
-            return self._component(name, words, wrench[:, 3:] + np.cross(arm, wrench[:, :3]))
-
         doubt = ""
-        if any(np.abs(component(part)).max(initial=0.0) > UNDETERMINED for part in added):
+        if any(self._acts(part) for part in added):
             doubt = f"hyperstatic of degree {len(added)}: rigid bodies do not determine it"
             if self.undetermined != "minimum_norm":
                 raise InputError(f"'{name}': {doubt}", expected="a component that is determined, or a joint loosened",
                                  hint="undetermined: minimum_norm, for the least multipliers")  # fmt: skip
-        return Series(name, NEWTON if words[1] == "force" else NEWTON_METRE, component(wrench), doubt)
+        return doubt
 
     def _require_efforts(self, name: str) -> None:
         if self.trajectory.no_efforts:
@@ -313,7 +386,13 @@ class Quantities:
     def _effort(self, v: int) -> Array:
         """Return the effort between the links, without what accelerates the drive's own rotor."""
         armature = float(self.trajectory.mechanism.model.armature[v])
-        return self.trajectory.tau[:, v] - armature * self.trajectory.a[:, v]
+        return self.trajectory.effort(v) - armature * self.trajectory.a[:, v]
+
+    def _effort_doubt(self, name: str, v: int) -> str:
+        """Return what is in doubt about the effort of a joint that couplings move; nothing where it has a drive."""
+        acting = self.trajectory.couplings_at(v).items()
+        shares = [[weight * added for added in self.reactions.multiplier(one)[1]] for one, weight in acting]
+        return self._doubt(name, [np.sum(parts, axis=0) for parts in zip(*shares, strict=True)])
 
     def _rate_of(self, name: str, coordinate_name: str, rate: str) -> Series:
         coordinate = self.trajectory.mechanism.coordinates.get(coordinate_name)
@@ -396,8 +475,11 @@ class Quantities:
 
     def _beyond(self, name: str, of: str) -> list[int]:
         """Return the joints of ``all``, or a joint and those beyond it."""
-        model = self.trajectory.mechanism.model
+        mechanism, model = self.trajectory.mechanism, self.trajectory.mechanism.model
         if of == "all":
+            if of in mechanism.joints or of in mechanism.balls:
+                raise InputError(f"'{name}': 'all' is a joint, and the whole mechanism", expected="one meaning",
+                                 hint="another name of the joint")  # fmt: skip
             return list(range(1, model.njoints))
         return [int(joint) for joint in model.subtrees[self._index(name, of)]]
 
@@ -426,7 +508,7 @@ class Quantities:
     def _of_force(self, name: str, words: list[str]) -> Series:
         run, force = self.trajectory, self.trajectory.dynamics.forces.get(words[0])
         measure = force.measures().get(".".join(words[1:2])) if force else None
-        if measure is None or (len(words) > 2) != measure.vector or "about" in words:
+        if measure is None or (len(words) > 2) != measure.vector or "about" in words[2:]:
             raise self._unknown(name)
 
         def values(dynamics: Dynamics, rows: slice) -> Array:
@@ -438,9 +520,9 @@ class Quantities:
 
     def _about(self, name: str, words: list[str], otherwise: Array) -> Array:
         """Return the points that a moment is asked about, shape (n, 3)."""
-        if "about" not in words[:-2]:
+        if "about" not in words[2:-2]:
             return otherwise
-        return self.passes.frame(words[words.index("about") + 1])[:, 0]
+        return self.passes.frame(words[words.index("about", 2) + 1])[:, 0]
 
     def _component(self, name: str, words: list[str], vectors: Array) -> Array:
         """Return the component of vectors that the last word names, in the axes that ``along`` names."""
@@ -459,6 +541,7 @@ class Quantities:
 _KINDS: dict[str, Callable[[Quantities, str, list[str]], Series]] = {
     "joint": Quantities._of_joint,
     "loop": Quantities._of_loop,
+    "coupling": Quantities._of_coupling,
     "coordinate": Quantities._of_coordinate,
     "point": Quantities._of_point,
     "body": Quantities._of_body,
@@ -469,6 +552,17 @@ _KINDS: dict[str, Callable[[Quantities, str, list[str]], Series]] = {
     "power": Quantities._of_power,
     "force": Quantities._of_force,
 }
+
+
+SAY_HOW = "in couplings: a gear or rack with its pressure_angle, a belt with its pretension, gears with planets"
+"""What makes the forces of a coupling known."""
+
+
+def coupling_parts(coupling: Coupling) -> list[str]:
+    """Return what is known of a coupling, such as ``effort``, ``force.x``, ``tangential``."""
+    if coupling.transmission is None:
+        return ["effort"]
+    return ["effort", *coupling.transmission.parts(), *(f"{kind}.{axis}" for kind in WRENCH for axis in AXES)]
 
 
 def _turning(measured: Unit, base: Unit, order: int) -> Unit:

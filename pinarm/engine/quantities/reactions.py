@@ -2,27 +2,35 @@
 
 The multipliers act on the tree as outside wrenches; one recursion then gives what every joint of the tree transmits.
 Where constraints are redundant some multipliers do nothing: these self-stresses are added freely to any solution, so
-that a component on which one of them acts is not determined by rigid bodies at all.
+that a component on which one of them acts is not determined by rigid bodies at all. Couplings whose forces are not
+known leave components open likewise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cached_property
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.checks.balance import demands
+from pinarm.engine.constraints.constraint import GuidedCoordinate
 from pinarm.engine.constraints.nullspace import RowDecomposition
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.left_open import OpenReaction, left_open
+from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
 from pinarm.mechanics.friction.contact import LoopContact
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.mechanics.loops.screw import counted_angle
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.loops.relative import LoopCoordinate
 
 SAMPLE = 64
 """Largest number of rows at which self-stresses are looked for: they belong to the structure, not to an instant."""
@@ -41,7 +49,7 @@ class Reactions:
     def __init__(self, run: Trajectory) -> None:
         self.run, self.model, self.closure = run, run.mechanism.model, run.closure
         self.loops = {one.name: one for one in self.closure.constraints if isinstance(one, LoopJoint)}
-        self.screws = [name for name, loop in self.loops.items() if loop.kind == "screw"]
+        self.couplings = {one.name: one for one in self.closure.constraints if isinstance(one, Coupling)}
 
     @cached_property
     def _links(self) -> LinkPlacements:
@@ -55,6 +63,16 @@ class Reactions:
     def origins(self) -> Array:
         """Places of the joints' origins [m], world axes, shape (n, njoints, 3)."""
         return np.concatenate([self.links(rows).places for rows in _blocks(0, len(self.run))])
+
+    def markers(self, joint: int) -> Array:
+        """Return the places of a joint on its parent [m], world axes, shape (n, 3): its origin where it does not slide.
+
+        Args:
+            joint: Pinocchio's joint index.
+        """
+        parent, place = self.model.parents[joint], self.model.jointPlacements[joint].translation
+        blocks = (self.links(rows) for rows in _blocks(0, len(self.run)))
+        return np.concatenate([links.places[:, parent] + links.turns[:, parent] @ place for links in blocks])
 
     @cached_property
     def multipliers(self) -> Array:
@@ -130,22 +148,44 @@ class Reactions:
         return np.asarray(np.stack([missed, terms], axis=1)[:, :, 1:])
 
     def loop(self, name: str) -> Array:
-        """Return the wrench of a loop joint's first link on its second, at frame 2, world axes, shape (n, 6)."""
-        wrench, every = self._loop(name, self.multipliers), np.arange(len(self.run))
+        """Return the wrench of a loop joint's first link on its second, at frame 2, world axes, shape (n, 6).
+
+        Friction, springs, efforts and drives along the joint's own coordinates are part of it, as they are of joints of
+        the tree.
+        """
+        held = self._loop(name, self.multipliers)
+        for coordinate, effort in self._own_efforts(name):
+            blocks = _blocks(0, len(self.run))
+            held += np.concatenate([coordinate.way.wrench(self.links(rows), effort[rows, None]) for rows in blocks])
+        every = np.arange(len(self.run))
         for contact, f in zip(self.run.mechanism.frictions, self.run.friction.T, strict=True):
             if isinstance(contact, LoopContact) and contact.joint.name == name:
-                wrench += contact.slip.wrench(self.links(every), f[:, None])
-        return wrench
+                held += contact.slip.wrench(self.links(every), f[:, None])
+        return held
+
+    def _own_efforts(self, name: str) -> Iterator[tuple[LoopCoordinate, Array]]:
+        """Yield the coordinates of a loop joint with efforts along them, of drives and force elements, shape (n,)."""
+        from pinarm.mechanics.loops.relative import LoopCoordinate
+
+        run, guides = self.run, self.closure.constraints[len(self.run.mechanism.constraints) :]
+        for one in guides:
+            guided = one.coordinate if isinstance(one, GuidedCoordinate) else None
+            if isinstance(guided, LoopCoordinate) and guided.loop == name:
+                yield guided, self.multipliers[:, self.closure.slices()[one.name].start]
+        for key, force in run.dynamics.forces.items():
+            along = force.coordinate if isinstance(force, AlongCoordinate) else None
+            if isinstance(along, LoopCoordinate) and along.loop == name:
+                yield along, run.gather(partial(self._efforts, key))
+
+    def _efforts(self, name: str, dynamics: Dynamics, rows: slice) -> Array:
+        run, force = self.run, dynamics.forces[name]
+        assert isinstance(force, AlongCoordinate)
+        return force.efforts(run.grid.t[rows], run.q[rows], run.v[rows])
 
     def loop_origins(self, name: str) -> Array:
         """Return the places of a loop joint's second frame [m], world axes, shape (n, 3)."""
         frame = self.loops[name].second
         return np.concatenate([self.links(rows).frame(frame)[1] for rows in _blocks(0, len(self.run))])
-
-    def angle(self, name: str) -> Array:
-        """Return how far a screw has turned, whole turns counted [rad], shape (n,)."""
-        blocks = _blocks(0, len(self.run))
-        return np.concatenate([counted_angle(self.loops[name], self.links(rows)) for rows in blocks])
 
     def _loop(self, name: str, lam: Array) -> Array:
         rows, part = np.zeros((len(lam), 6)), self.closure.slices()[name]
@@ -154,6 +194,36 @@ class Reactions:
             some = held[block]
             rows[some] = self.loops[name].wrench(self.links(some), lam[some, part])
         return rows
+
+    @cached_property
+    def left_open(self) -> dict[int, OpenReaction]:
+        """Joint index -> what couplings leave open of the joint's reaction, whose forces are not known."""
+        return left_open(self.model, list(self.couplings.values()))
+
+    def open_wrenches(self, joint: int) -> list[Array]:
+        """Return wrenches that span what is left open of a joint's reaction, world axes, each of shape (n, 6)."""
+        if joint not in self.left_open:
+            return []
+        turns = np.concatenate([self.links(rows).turns[:, joint] for rows in _blocks(0, len(self.run))])
+        parts = ((turns @ one[:3], turns @ one[3:]) for one in self.left_open[joint].wrenches)
+        return [np.concatenate(both, axis=1) for both in parts]
+
+    def multiplier(self, name: str) -> tuple[Array, list[Array]]:
+        """Return the multiplier of a coupling [N or N*m], and what each self-stress adds to it, shape (n,)."""
+        row = self.closure.slices()[name].start
+        return self.multipliers[:, row], [stress[:, row] for stress in self.stresses]
+
+    def transmitted(self, name: str) -> tuple[Array, Array, list[Array]]:
+        """Return where a coupling acts on its second member [m], (n, 3), and [f; m] on it there, world axes, (n, 6).
+
+        And what each self-stress adds to the latter.
+        """
+        coupling, (lam, stresses) = self.couplings[name], self.multiplier(name)
+        found = [[coupling.transmitted(self.links(rows), one[rows, None]) for rows in _blocks(0, len(lam))]
+                 for one in (lam, np.zeros_like(lam), *stresses)]  # fmt: skip
+        points = np.concatenate([point for point, _ in found[0]])
+        wrench, idle, *stressed = (np.concatenate([one for _, one in blocks]) for blocks in found)
+        return points, wrench, [one - idle for one in stressed]
 
     @cached_property
     def stresses(self) -> list[Array]:
@@ -182,7 +252,7 @@ class Reactions:
 
     def _stressed(self, stress: Array) -> Array:
         rows, some = np.zeros((len(stress), self.model.njoints, 6)), np.flatnonzero(stress.any(axis=1))
-        acting = self.closure.wrenches(self.links(some), stress[some])
+        acting = self.closure.added_wrenches(self.links(some), stress[some])
         for joint in range(1, self.model.njoints):
             rows[some, joint] = _moved(
                 -acting[:, list(self.model.subtrees[joint])].sum(axis=1), -self.origins[some, joint]

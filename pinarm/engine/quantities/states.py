@@ -16,6 +16,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
+from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.broadcasting import LeadingAxes
 from pinarm.engine.quantities.names import Quantities
@@ -26,15 +27,13 @@ from pinarm.input.units import unit
 from pinarm.mechanics.ball_joints import configuration, places_of, unit_of, velocities_of
 from pinarm.mechanics.friction.contact import slip_rows
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.mechanics.loading.pinocchio_layout import UNIT
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
 
 CLOSED = 1e-8
 """How far a given state may tear a loop, relative to ``1 +`` the terms of the row: typed digits explain as much."""
-
-UNIT = 1e-8
-"""How far the length of a given quaternion may be from 1: typed digits explain as much."""
 
 NO_DRIVES = "the mechanism has loops, and no drives are named that carry the load: drives=[...]"
 
@@ -143,7 +142,7 @@ def _quantities(
     v, tau, after = given.get("v", still), given.get("tau"), float(np.nextafter(t, np.inf))
     dynamics, closure = mechanism.dynamics.on(t, after), mechanism.closure
     columns, loads = _friction(mechanism, dynamics, t, q, v, tau)
-    a = given.get("a", still) if tau is None else _forward(dynamics, closure, t, q, v, tau + loads)
+    a = given.get("a", still) if tau is None else _forward(mechanism, dynamics, t, q, v, tau + loads)
     _check_closed(closure, leading, q, v, a)
     run = _rows(mechanism, t, q, v, a)
     demand = dynamics.inverse(t, q, v, a)
@@ -153,7 +152,7 @@ def _quantities(
     acting = actuation(mechanism, drives, drives) if drives else everywhere(mechanism)
     if acting is None:
         return Quantities(replace(run, no_efforts=NO_DRIVES))
-    return Quantities(_driven(replace(run, closure=acting.closure), acting, demand))
+    return Quantities(_driven(replace(run, closure=acting.closure, driven=acting.driven), acting, demand))
 
 
 def _driven(run: Trajectory, acting: Actuation, demand: Array) -> Trajectory:
@@ -215,7 +214,7 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
     leading, (q, v, *efforts) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), **given)
     _check_unit(mechanism, leading, q)
     tau = efforts[0] if efforts else np.zeros_like(v)
-    a = _forward(dynamics, mechanism.closure, t, q, v, tau + _friction(mechanism, dynamics, t, q, v, tau)[1])
+    a = _forward(mechanism, dynamics, t, q, v, tau + _friction(mechanism, dynamics, t, q, v, tau)[1])
     _check_closed(mechanism.closure, leading, q, v, a)
     return leading.unfold(a)
 
@@ -233,8 +232,15 @@ def _check_unit(mechanism: Mechanism, leading: LeadingAxes, q: Array) -> None:
             raise InputError(said, expected="(x, y, z, w) of length 1", hint="configurations({...}) makes them")
 
 
-def _forward(dynamics: Dynamics, closure: Closure, t: float, q: Array, v: Array, tau: Array) -> Array:
-    """Return the accelerations under efforts, shape (n, nv): of open chains by ``aba``."""
+def _forward(mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Array, tau: Array) -> Array:
+    """Return the accelerations under efforts, shape (n, nv): of open chains by ``aba``.
+
+    Raises:
+        DynamicsError: Something without mass is free to move.
+    """
+    if not mechanism.massive:
+        require_masses(mechanism.closure, q, t)
+    closure = mechanism.closure
     return accelerations(dynamics, closure, t, q, v, tau) if closure.size else dynamics.forward(t, q, v, tau)
 
 

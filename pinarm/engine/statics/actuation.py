@@ -7,7 +7,7 @@ drive acts along. With T a basis of the motions that the constraints allow, ``G 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
-from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.couplings.coupling import Coupling
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -33,6 +33,11 @@ class Actuation(Protocol):
     @property
     def closure(self) -> Closure:
         """Constraints with multipliers: those of the mechanism, then drives along task coordinates."""
+        ...
+
+    @property
+    def driven(self) -> Flags:
+        """Joints that drives act on, alone or with others, shape (nv,)."""
         ...
 
     def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
@@ -60,6 +65,11 @@ class DriveAtEveryJoint:
 
     closure: Closure
 
+    @property
+    def driven(self) -> Flags:
+        """Every joint, shape (nv,)."""
+        return np.ones(self.closure.model.nv, dtype=bool)
+
     def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
         """Return the demand itself."""
         return demand, Multipliers.zero(len(demand), 0)
@@ -83,6 +93,13 @@ class DriveAtEveryLeader:
 
     closure: Closure
     followers: Indices
+
+    @property
+    def driven(self) -> Flags:
+        """Every joint that mimics no other, shape (nv,)."""
+        found = np.ones(self.closure.model.nv, dtype=bool)
+        found[self.followers] = False
+        return found
 
     @cached_property
     def _weights(self) -> Array:
@@ -117,7 +134,15 @@ def actuation(mechanism: Mechanism, drives: Sequence[str], prescribed: Sequence[
     """
     if not drives and (every := everywhere(mechanism)) is not None:
         return every
-    names = list(drives) or list(prescribed)
+    return along(mechanism, list(drives) or list(prescribed))
+
+
+def along(mechanism: Mechanism, names: Collection[str]) -> Actuation:
+    """Return drives along coordinates, and at no other joint.
+
+    Raises:
+        InputError: A coordinate does not exist, or is named twice.
+    """
     if len(set(names)) < len(names):
         raise InputError(f"a drive is named twice in {', '.join(names)}", expected="one drive along each coordinate")
     found: dict[str, Coordinate] = {name: mechanism.coordinate(name) for name in names}

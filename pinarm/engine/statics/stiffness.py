@@ -11,13 +11,11 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.masses import MASSLESS
 from pinarm.mechanics.forces import ForceElement
 
 ZERO = 1e-9
 """Stiffness, relative to the terms that make it up, below which it is 0: differences of loads leave up to 1e-12."""
-
-MASSLESS = 1e-12
-"""Smallest eigenvalue of M, scaled to a diagonal of ones, that is told from 0."""
 
 STEP, LEVELS, ORDERS = 0.1237, 14, 5
 """Differences of loads: largest step [rad or m], no round number so that it hits no special position; how often it is

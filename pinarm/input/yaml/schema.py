@@ -92,6 +92,10 @@ class Measured(float):
             raise InputError(f"{number:g} is out of bounds", expected=bound)
         return measured
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how another process makes the same number: the class with its bounds has no name there."""
+        return _plain, (float(self), self.unit)
+
     def check(self, expected: Unit) -> None:
         """Raise where the written unit has another dimension than the expected one.
 
@@ -100,6 +104,13 @@ class Measured(float):
         """
         if self.unit is not None and self.unit.dimension != expected.dimension:
             raise UnitError(f"'{self.unit}' is not a unit of this quantity", expected=f"a unit such as {expected}")
+
+
+def _plain(number: float, written: Unit | None) -> Measured:
+    """Return a number with its unit; a struct that it is a field of gives it the class of the field."""
+    measured = Measured(number)
+    measured.unit = written
+    return measured
 
 
 def _unit_of(value: object) -> Unit | None:
@@ -123,7 +134,7 @@ Abscissa, Extent, Pulsation = quantity(along=1), quantity(along=1, above=0.0), q
 Angle, Length = quantity("rad"), quantity("m", least=0.0)
 Force, Moment, Acceleration = quantity("N"), quantity("N*m"), quantity("m/s^2", least=0.0)
 Inertia, Mass = quantity("kg*m^2", least=0.0), quantity("kg", least=0.0)
-Span, Lead = quantity("m", above=0.0), quantity("m")
+Span, Lead, Tension = quantity("m", above=0.0), quantity("m"), quantity("N", least=0.0)
 Stiffness, Damping = quantity("N/m", least=0.0), quantity("N*s/m", least=0.0)
 RotationStiffness, RotationDamping = quantity("N*m/rad", least=0.0), quantity("N*m*s/rad", least=0.0)
 
@@ -216,3 +227,24 @@ def json_schema(kind: type) -> dict[str, object]:
         raise NotImplementedError(kind)
     description = f"a quantity in {kind.expected}" if kind.expected else "a number with its unit"
     return {"anyOf": [{"type": "number"}, {"type": "string"}], "description": description}
+
+
+def in_si(text: str | float | None, measured: Unit | None) -> float:
+    """Return a written value in SI.
+
+    Args:
+        text: The value with its unit; 0 goes without.
+        measured: Unit of its dimension; ``None`` where that is unknown.
+
+    Raises:
+        UnitError: It has another dimension.
+        InputError: It has no unit, or is no quantity.
+    """
+    number, written = read_quantity(str(text))
+    value = Measured(number)
+    value.unit = written
+    if measured is not None:
+        if written is None and number and measured.dimension != (0, 0, 0):
+            raise InputError(f"'{text}' has no unit", expected=f"a value such as {text} {measured}")
+        value.check(measured)
+    return number

@@ -13,7 +13,8 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, choices, within
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Angle, Force, InputStruct, NotNegative, Positive, Span, check_unit
-from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.transmissions import ToothContact
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.friction.bearing import Bearing
 from pinarm.mechanics.friction.contact import FrictionContact, JointContact, LoopContact
@@ -130,9 +131,14 @@ class Friction(InputStruct, frozen=True):
         thread = ThreadGeometry(radius, wheel * ratio, float(self.flank))
         slip, (turning, sliding) = np.zeros(len(weights)), thread.along
         slip[first], slip[second] = turning, wheel * sliding
+        if isinstance(coupling.transmission, ToothContact):
+            raise InputError(f"how friction loads the bearings of '{coupling.name}' is not known",
+                             expected="a gear without the geometry of its teeth")  # fmt: skip
         bearing = Bearing.thread(np.array([1.0, 0.0, 0.0]), thread.lever / wheel)
         law = self._law(Joint(coupling.name, 0, 0, 0, METRE))
-        return CouplingContact(f"coupling.{coupling.name}", unit("N"), coupling, slip, law, bearing, self._shared)
+        return CouplingContact(
+            f"coupling.{coupling.name}", unit("N"), coupling, slip, thread.along, law, bearing, self._shared
+        )
 
     def _thread_radius(self, name: str) -> float:
         if not self.radius:

@@ -18,7 +18,8 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.input.units import Unit
-from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.couplings.coupling import Coupling, outwards
+from pinarm.mechanics.couplings.transmissions import ThreadContact
 from pinarm.mechanics.friction.bearing import Bearing
 from pinarm.mechanics.friction.law import FrictionLaw
 from pinarm.mechanics.geometry.kinematics import Kinematics
@@ -65,6 +66,7 @@ class CouplingContact:
         effort: Unit of the friction, N.
         coupling: The screw, or the gear.
         slip: J, shape (nv,).
+        along: Slip along the thread per angle of the first joint [m/rad], and per way of the second.
         law: Of friction.
         bearing: Of the multiplier, as the first component of a wrench.
         shared: See ``FrictionContact``.
@@ -74,6 +76,7 @@ class CouplingContact:
     effort: Unit
     coupling: Coupling
     slip: Array = field(repr=False)
+    along: tuple[float, float]
     law: FrictionLaw
     bearing: Bearing = field(repr=False)
     shared: bool = False
@@ -87,8 +90,17 @@ class CouplingContact:
         return 0.0
 
     def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
-        """Return nothing: as the coupling, it acts as efforts at the coupled joints."""
-        return {}
+        """Return the force along the axis and the moment about it on the nut, and what reacts on the screw.
+
+        Nothing where the coupling says nothing of its bodies: it then acts as efforts at the coupled joints.
+        """
+        known, (turning, sliding) = self.coupling.transmission, self.along
+        if not isinstance(known, ThreadContact):
+            return {}
+        force, moment = sliding * known.along, -turning / known.pitch * known.about
+        wrench = np.concatenate([force, moment + np.cross(known.point, force)])
+        second = outwards(links, known.carrier, np.multiply.outer(f, wrench))
+        return {known.second: second, known.first: -second}
 
     def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
         """Return the multiplier as the first component of a wrench, shape (n, 6)."""

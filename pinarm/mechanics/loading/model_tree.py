@@ -57,6 +57,8 @@ class TreeJoint:
         rest: Coordinate at which that spring is free [rad or m]; 0 for joints with several coordinates.
         armature: Rotor inertia reflected to the joint [kg*m^2 or kg], the same in all directions.
         drawn: Coordinate of the reference pose of the model [rad or m].
+        tuned_stiffness: Further stiffness, per inertia that the joint has at the reference pose [1/s^2].
+        tuned_damping: Further damping, likewise [1/s].
     """
 
     name: str
@@ -73,6 +75,8 @@ class TreeJoint:
     rest: float = 0.0
     armature: float = 0.0
     drawn: float = 0.0
+    tuned_stiffness: float = 0.0
+    tuned_damping: float = 0.0
 
 
 @dataclass(frozen=True)

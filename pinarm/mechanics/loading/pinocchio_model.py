@@ -80,7 +80,7 @@ def build_model(
     Raises:
         ModelError: The text is no model, or has an invalid mass, inertia, axis or other number.
     """
-    tree = _with_base(_read(xml), base)
+    tree = _with_base(_tuned(_read(xml)), base)
     if tree.defects and defects == "refused":
         raise ModelError(tree.defects[0], hint="mend the model, or say 'defects: noted' in the mechanism file")
     model = _assembled(tree)
@@ -105,6 +105,41 @@ def _read(xml: str) -> Tree:
     if root.tag != "robot":
         raise ModelError(f"the model begins with <{root.tag}>", expected="<robot> (URDF, xacro) or <mujoco> (MJCF)")
     return urdf_tree(root)
+
+
+def _tuned(tree: Tree) -> Tree:
+    """Return the tree with numbers for the springs and dampers that are given per inertia of their joint.
+
+    The inertia of a joint is the harmonic mean of its ``1 / (M^-1)_ii`` at the reference pose, as in MuJoCo.
+
+    Raises:
+        ModelError: Such a joint moves no mass.
+    """
+    if not any(joint.tuned_stiffness or joint.tuned_damping for joint in tree.joints):
+        return tree
+    model, drawn = _assembled(tree), {joint.name: joint.drawn for joint in tree.joints}
+    q = pin.neutral(model)
+    for name, made in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
+        if made.nq == 1:
+            q[made.idx_q] = drawn.get(name, 0.0)
+    upper = np.triu(pin.crba(model, model.createData(), q))
+    mass = upper + np.triu(upper, 1).T
+    try:
+        mobility = np.diag(np.linalg.inv(mass))
+    except np.linalg.LinAlgError:
+        raise ModelError("springdamper needs a mass that its joint moves", expected="masses beyond every joint",
+                         hint="stiffness and damping in its place") from None  # fmt: skip
+    return replace(tree, joints=tuple(_with_numbers(model, joint, mobility) for joint in tree.joints))
+
+
+def _with_numbers(model: pin.Model, joint: TreeJoint, mobility: Array) -> TreeJoint:
+    """Return a joint with the stiffness and damping that it has with the diagonal of M^-1, shape (nv,)."""
+    if not joint.tuned_stiffness and not joint.tuned_damping:
+        return joint
+    parts = [model.joints[model.getJointId(part.name)] for part in _parts(joint)]
+    inertia = 1.0 / np.concatenate([mobility[part.idx_v : part.idx_v + part.nv] for part in parts]).mean()
+    stiffness, damping = inertia * joint.tuned_stiffness, inertia * joint.tuned_damping
+    return replace(joint, stiffness=joint.stiffness + stiffness, damping=joint.damping + damping)
 
 
 def _with_base(tree: Tree, base: Base | None) -> Tree:

@@ -18,7 +18,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.statics.actuation import followers_of
 from pinarm.errors import Place
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
-from pinarm.mechanics.couplings import Coupling, independent
+from pinarm.mechanics.couplings.coupling import Coupling, independent
 from pinarm.mechanics.forces import ForceElement
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.laws import Constant, Over

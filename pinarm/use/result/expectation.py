@@ -7,12 +7,13 @@ from typing import Annotated, Literal
 import msgspec
 
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import InputError, Key, within
-from pinarm.input.units import Unit, read_quantity
-from pinarm.input.yaml.schema import InputStruct, Measured
+from pinarm.errors import InputError, Key, choices, within
+from pinarm.input.units import read_quantity
+from pinarm.input.yaml.schema import InputStruct, in_si
+from pinarm.use.result.curve_figures import FIGURES, is_figure
 
 Verdict = Literal["agrees", "rounding", "reading", "misprint"]
-Extreme = Literal["max", "min", "largest"]
+PLACES = ("all", "start", "end", "max", "min", "largest")
 
 
 class Expectation(InputStruct, frozen=True):
@@ -21,7 +22,8 @@ class Expectation(InputStruct, frozen=True):
     Attributes:
         quantity: A quantity, a symbol or a formula.
         at: ``all`` for every row; ``start``, ``end``; ``max``, ``min``, ``largest`` (of the absolute value) over the
-            run; or an instant: ``{t: 1.5 s, side: left}``, ``{phi: 0 deg, occurrence: 1}``.
+            run; an instant: ``{t: 1.5 s, side: left}``, ``{phi: 0 deg, occurrence: 1}``; or a figure of the curve over
+            the run: ``mean``, ``rms``, ``integral``, ``peak``, or a percentile such as ``p95``.
         value: The right value, from a closed form or a derivation that does not use this program.
         formula: The same as a formula of symbols, arguments and quantities.
         rtol: Relative tolerance of value and formula.
@@ -37,7 +39,7 @@ class Expectation(InputStruct, frozen=True):
 
     quantity: str
     source: str
-    at: Literal["all", "start", "end", "max", "min", "largest"] | dict[str, str | int | float] = "all"
+    at: str | dict[str, str | int | float] = "all"
     value: str | float | None = None
     formula: str | None = None
     rtol: Annotated[float, msgspec.Meta(ge=0, le=1)] | None = None
@@ -57,6 +59,13 @@ class Expectation(InputStruct, frozen=True):
         if self.published is not None:
             with within("published"):
                 read_quantity(self.published)
+        if isinstance(self.at, str) and self.at not in PLACES and not is_figure(self.at):
+            expected, hint = choices(self.at, [*PLACES, *FIGURES])
+            with within("at"):
+                raise InputError(
+                    f"there is no place '{self.at}' on a run", hint=hint,
+                    expected=f"{expected}, a percentile such as p95, or an instant such as {{t: 1.5 s}}",
+                )  # fmt: skip
         if self.value is not None and self.formula is not None:
             raise InputError("give a value or a formula, not both")
         if self.value is None and self.formula is None and self.published is None and self.published_formula is None:
@@ -90,24 +99,3 @@ class Expectation(InputStruct, frozen=True):
         """Return the coordinate, and its value, that say where on the run the quantity is asked; empty for words."""
         given = self.at if isinstance(self.at, dict) else {}
         return {key: value for key, value in given.items() if key not in ("side", "occurrence")}
-
-
-def in_si(text: str | float | None, measured: Unit | None) -> float:
-    """Return a written value in SI.
-
-    Args:
-        text: The value with its unit; 0 goes without.
-        measured: Unit of its dimension; ``None`` where that is unknown.
-
-    Raises:
-        UnitError: It has another dimension.
-        InputError: It has no unit, or is no quantity.
-    """
-    number, written = read_quantity(str(text))
-    value = Measured(number)
-    value.unit = written
-    if measured is not None:
-        if written is None and number and measured.dimension != (0, 0, 0):
-            raise InputError(f"'{text}' has no unit", expected=f"a value such as {text} {measured}")
-        value.check(measured)
-    return number

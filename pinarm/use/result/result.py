@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,13 +25,18 @@ from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.use.result.measures import COSTS, MEASURES
+from pinarm.use.result.row_lookup import Lookup
+from pinarm.use.result.run_number import RunNumber
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+    from pinarm.use.assessments import Assessment
+    from pinarm.use.result.section import Section
     from pinarm.use.scenario.scenario import ScenarioFile
     from pinarm.use.show.plot import Picture
     from pinarm.use.show.replay.page import Replay
+    from pinarm.use.store.transfer import TransferredResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +56,7 @@ class Result:
             none was asked for.
         setting: How the motion was integrated, and what the estimate rests on, in words.
         removals: Joints of the mechanism that were not solved for.
+        assessments: What the scenario asks to conclude from it, by key.
     """
 
     name: str
@@ -62,6 +70,7 @@ class Result:
     errors: Mapping[str, float] = field(default_factory=dict)
     setting: str = ""
     removals: Sequence[Removal] = ()
+    assessments: Mapping[str, Assessment] = field(default_factory=dict, repr=False)
 
     @property
     def error(self) -> float | None:
@@ -92,13 +101,50 @@ class Result:
         """
         return self.quantities[name]
 
+    @property
+    def parameter(self) -> Series:
+        """What runs along the rows, such as the time ``t``."""
+        return self.quantities.parameter
+
     def __len__(self) -> int:
         return len(self.trajectory)
 
+    @property
+    def lookup(self) -> Lookup:
+        """The run, asked for its states at places between its rows."""
+        return Lookup(self.quantities, self.outcome.motion)
+
+    def number(self, text: str) -> tuple[float, float]:
+        """Return one number of the run [SI] and the error of its quadrature.
+
+        Args:
+            text: ``QUANTITY @ PLACE`` or ``QUANTITY @ FIGURE``, such as ``"C_B @ max"``, ``"t @ max(C_B)"``,
+                ``"C_B @ t=1.5 s"``, ``"C_B @ rms"``, ``"C_B @ p95"``; see ``RunNumber.read``.
+
+        Raises:
+            InputError: It cannot be read, or the run has no such number.
+        """
+        return RunNumber.read(text).value(self.lookup)
+
+    def numbers(self) -> dict[str, tuple[Series, float]]:
+        """Return the numbers that the scenario asks for under ``numbers``, each with the error of its quadrature."""
+        found = {text: RunNumber.read(text) for text in self.content.numbers}
+        values = {text: number.value(self.lookup) for text, number in found.items()}
+        return {
+            text: (replace(number.described(self.quantities), values=np.array([values[text][0]])), values[text][1])
+            for text, number in found.items()
+        }
+
+    @cached_property
+    def sections(self) -> Mapping[str, Section]:
+        """What the assessments of the scenario find, by key, evaluated when they are first asked for."""
+        return {key: assessment.evaluate(self) for key, assessment in self.assessments.items()}
+
     def columns(self) -> list[Series]:
         """Return the parameter and the outputs of the scenario."""
-        names = dict.fromkeys([self.trajectory.parameter, *self.content.outputs])
-        return [self[name] for name in names]
+        outputs = dict.fromkeys(self.content.outputs)
+        own = self.parameter
+        return [own, *(series for series in map(self.quantities.__getitem__, outputs) if series.name != own.name)]
 
     def to_dataframe(self) -> DataFrame:
         """Return the outputs as a pandas table, one row per instant, units in the headings."""
@@ -154,6 +200,11 @@ class Result:
         from pinarm.use import views
 
         return views.save(self, Path(folder), plots=plots)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how another process makes the same result; see ``store.transfer``."""
+        transfer = import_module("pinarm.use.store.transfer")  # which needs scenarios, and these need results
+        return _result_again, (transfer.TransferredResult.of(self),)
 
     def _repr_html_(self) -> str:
         """Return numbers, plots and the replay, for notebooks; saved ones keep them."""
@@ -212,6 +263,17 @@ class Result:
                 for name, payload in mechanism.payloads.items()
             },
             "outputs": {series.name: self.headline(series) for series in self.columns()[1:]},
+            "numbers": {
+                text: {"value": float(series.values[0]), "unit": str(series.unit or "?"), "quadrature error": error}
+                for text, (series, error) in self.numbers().items()
+            },
+            **{
+                key: {
+                    name: {"value": float(series.values[0]), "unit": str(series.unit or "?")}
+                    for name, series in section.numbers.items()
+                }
+                for key, section in self.sections.items()
+            },
             "accuracy": self._accuracy(),
             "cost": {name: int(value) for name, value in self.figures.items() if name in COSTS},
             "findings": {name: x for name, x in self.figures.items() if name not in (*MEASURES, *COSTS)},
@@ -263,6 +325,10 @@ class Result:
         described = msgspec.to_builtins(mechanism.description, enc_hook=float)
         text = json.dumps([relevant, described, mechanism.xml], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _result_again(parts: TransferredResult) -> Result:
+    return parts.result()
 
 
 PLATEAU = 1e-12

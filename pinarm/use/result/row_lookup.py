@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,10 +12,7 @@ from pinarm.engine.motion.outcome import SolvedMotion, on_interval
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, Key, within
-from pinarm.use.result.expectation import in_si
-
-if TYPE_CHECKING:
-    from pinarm.use.result.result import Result
+from pinarm.input.yaml.schema import in_si
 
 POINTS, ROUNDS = 17, 14
 """A bracket is cut in 16 parts 14 times: 16^14 is beyond the digits of a double, so it ends at rounding."""
@@ -31,21 +27,7 @@ SAME = 1e-9
 """Relative difference between two sides of an instant below which there is no jump to be asked about."""
 
 Spot = tuple[int, float]
-"""A interval of the run and a value of its parameter within it."""
-
-
-def at(result: Result, where: str | dict[str, str | int | float], name: str) -> Quantities:
-    """Return the quantities of one row: the place that ``where`` names.
-
-    Args:
-        result: The run.
-        where: As in ``Expectation.at``, without ``all``.
-        name: The quantity that is asked, of which an extreme or a jump is meant.
-
-    Raises:
-        InputError: The place does not exist, or it is ambiguous.
-    """
-    return Lookup(result.quantities, result.outcome.motion).at(where, name)
+"""An interval of the run and a value of its parameter within it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +64,15 @@ class Lookup:
         return Quantities(rows, self.quantities.symbols)
 
     def at(self, where: str | dict[str, str | int | float], name: str) -> Quantities:
-        """Return the quantities of one row; see the function ``at``."""
+        """Return the quantities of one row: the place that ``where`` names.
+
+        Args:
+            where: As in ``Expectation.at``, without ``all``.
+            name: The quantity that is asked, of which an extreme or a jump is meant.
+
+        Raises:
+            InputError: The place does not exist, or it is ambiguous.
+        """
         if where == "start":
             return self._row(0, float(self.run.grid.t[0]))
         if where == "end":

@@ -33,7 +33,8 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
 
     Attributes:
         unknown: ``for`` in files: path of a number of the scenario, as ``--set`` writes it -> where to start from.
-        wanted: ``so_that`` in files: quantity or formula -> its value at every row.
+        wanted: ``so_that`` in files: quantity or formula -> its value at every row; or number of the run, such as
+            ``C_B @ rms`` -> its value.
     """
 
     unknown: Annotated[dict[str, AnyQuantity], msgspec.Meta(min_length=1)]

@@ -34,8 +34,12 @@ from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
+from pinarm.use.assessments import KINDS as KINDS_OF_ASSESSMENT
+from pinarm.use.assessments import Assessment, assessment_class
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.result import Result
+from pinarm.use.result.row_lookup import Lookup
+from pinarm.use.result.run_number import RunNumber
 from pinarm.use.scenario.find import Find, find
 
 
@@ -72,6 +76,8 @@ class ScenarioFile(InputStruct, frozen=True):
         problem: The question.
         symbols: Names for quantities or formulas, beside those of the mechanism.
         outputs: Quantities of the table and the plots.
+        numbers: Numbers of the run to tell, such as ``C_B @ rms``: see ``RunNumber.read``.
+        shaking: Shaking force and moment on the frame; see ``assessments.shaking``.
         modelled: ``required``, what the question requires: joints that it holds still are locked, and dropped those
             that it moves and nothing depends on; or the ``whole`` mechanism. The answer is the same.
         undetermined: What to do with reactions that rigid bodies do not determine: ``refuse`` them, or give those of
@@ -92,6 +98,8 @@ class ScenarioFile(InputStruct, frozen=True):
     payloads: dict[str, Payload] = {}
     changes: dict[str, Any] = {}
     symbols: dict[str, str] = {}
+    numbers: list[str] = []
+    shaking: Any = None
     modelled: Literal["required", "whole"] = "required"
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"
     accuracy: Accuracy = msgspec.field(default_factory=Accuracy)
@@ -108,6 +116,7 @@ class Scenario:
         document: The file with the places of its lines.
         content: The same, validated.
         problem: The question in it.
+        assessments: Key -> what it asks to conclude from the run.
         folder: Folder that paths in it are relative to.
         seed: Of changes in the last digits of the mechanism; none for the mechanism as it is.
     """
@@ -115,6 +124,7 @@ class Scenario:
     document: Document = field(repr=False)
     content: ScenarioFile
     problem: Problem
+    assessments: Mapping[str, Assessment]
     folder: Path
     seed: int | None = None
 
@@ -136,7 +146,20 @@ class Scenario:
             InputError: It has a mistake; the message says where.
         """
         content = document.validate(ScenarioFile)
-        return cls(document, content, _problem(document, content.problem), folder)
+        return cls(document, content, _problem(document, content.problem), _assessments(document, content), folder)
+
+    @classmethod
+    def of_data(cls, data: Mapping[str, Any], path: Path) -> Scenario:
+        """Return the scenario of plain data, as if it had been read from a file.
+
+        Raises:
+            InputError: It has a mistake.
+        """
+        return cls.of(Document(str(path), path, dict(data), {}, {}), path.parent)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how another process makes the same scenario: from its text, since what is built from it has functions."""
+        return _read_again, (self.document, self.folder.absolute(), self.seed)
 
     def varied(self, values: Values) -> Scenario:
         """Return the scenario with other values.
@@ -162,7 +185,8 @@ class Scenario:
     @property
     def name(self) -> str:
         """Name of the file without its ending."""
-        return self.document.path.stem if self.document.path else "scenario"
+        stem = self.document.path.stem if self.document.path else ""
+        return stem.strip(". ") or "scenario"  # ``...yaml`` has the stem ``..``, which is another folder
 
     @cached_property
     def mechanism(self) -> Mechanism:
@@ -194,7 +218,10 @@ class Scenario:
         if self.content.modelled == "whole":
             return Simplification.whole(self.problem, self.mechanism)
         expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
-        requested = requested_joints([*self.content.outputs, *expected], self.symbols, self.mechanism)
+        wanted = self.content.find.wanted if self.content.find else ()
+        assessed = (text for each in self.assessments.values() for text in each.requested())
+        texts = [*self.content.outputs, *self.content.numbers, *wanted, *expected, *assessed]
+        requested = requested_joints(texts, self.symbols, self.mechanism)
         return Simplification.required(self.problem, self.mechanism, requested, self._place)
 
     def run(self) -> Result:
@@ -259,15 +286,17 @@ class Scenario:
         return replace(result, figures={**result.figures, **figures, **left})
 
     def _residuals(self, search: Find) -> dict[str, Array]:
-        """Return the wanted quantities less their targets, at all rows."""
+        """Return the wanted quantities less their targets, at all rows, and wanted numbers of the run less theirs."""
         _, outcome = self.simplification.solve(self.content.accuracy, self._place)
-        quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
+        run = Lookup(Quantities(outcome.rows, self.symbols, self.content.undetermined), outcome.motion)
         left = {}
         for name, target in search.wanted.items():
-            series = quantities[name]
-            if isinstance(target, Measured) and series.unit:
-                target.check(series.unit)
-            left[name] = series.values - float(target)
+            number = RunNumber.read(name) if "@" in name else None
+            unit = number.described(run.quantities).unit if number else run.quantities[name].unit
+            if isinstance(target, Measured) and unit:
+                target.check(unit)
+            values = np.array([number.value(run)[0]]) if number else run.quantities[name].values
+            left[name] = values - float(target)
         return left
 
     def _solve_once(self) -> Result:
@@ -307,8 +336,9 @@ class Scenario:
         """Return the result of what came out for the whole mechanism; its accuracy is not measured."""
         quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
         return Result(
-            self.name, self.problem.kind, self.content, self.document.data, outcome, quantities, folder=self.folder
-        )
+            self.name, self.problem.kind, self.content, self.document.data, outcome, quantities, folder=self.folder,
+            assessments=self.assessments,
+        )  # fmt: skip
 
     def validate(self) -> None:
         """Check everything that can be checked without solving: the model, all names, all units.
@@ -322,6 +352,12 @@ class Scenario:
             for index, name in enumerate(self.content.outputs):
                 with self.document.locating("outputs", index):
                     quantities[name]
+            for index, text in enumerate(self.content.numbers):
+                with self.document.locating("numbers", index):
+                    RunNumber.read(text).described(quantities)
+            for key, assessment in self.assessments.items():
+                with self.document.locating(key):
+                    assessment.check_names(quantities)
             for index, expectation in enumerate(self.content.expect):
                 with self.document.locating("expect", index):
                     expectation.check_names(quantities)
@@ -346,6 +382,10 @@ class Scenario:
 
     def _place(self, *path: str | int) -> AbstractContextManager[None]:
         return self.document.locating("problem", *path)
+
+
+def _read_again(document: Document, folder: Path, seed: int | None) -> Scenario:
+    return replace(Scenario.of(document, folder), seed=seed)
 
 
 def _varied(document: Document, folder: Path, values: Values) -> Document:
@@ -386,6 +426,12 @@ def _problem(document: Document, given: object) -> Problem:
         model = problem_class(given["kind"])
     problem: Problem = document.validate(model, "problem")
     return problem
+
+
+def _assessments(document: Document, content: ScenarioFile) -> dict[str, Assessment]:
+    """Validate the parts of the document that ask for assessments, each by its class."""
+    asked = (key for key in KINDS_OF_ASSESSMENT if getattr(content, key) is not None)
+    return {key: document.validate(assessment_class(key), key) for key in asked}
 
 
 CHECKABLE = 1e150

@@ -6,6 +6,7 @@ import io
 import re
 from dataclasses import dataclass
 from functools import cache
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,11 +20,12 @@ from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import ROW
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit
-from pinarm.use.result.expectation import in_si
-from pinarm.use.result.row_lookup import at
+from pinarm.input.yaml.schema import in_si
+from pinarm.use.result.curve_figures import is_figure
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
+    from pinarm.use.result.section import Graph
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's palette."""
@@ -41,7 +43,7 @@ WIDTH, HEIGHT, HEAD = 7.0, 1.7, 0.9
 SCREEN = 100
 """Pixels per inch of an ordinary screen."""
 
-POINTS = {"linestyle": "none", "marker": "o", "markersize": 4}
+POINTS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 4}
 """Look of rows that stand for themselves."""
 
 FEW = 12
@@ -71,7 +73,7 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
         against: The quantity along the horizontal axis; the run's parameter where it is left out.
     """
     run = result.trajectory
-    along = result[against or run.parameter]
+    along = result[against] if against else result.parameter
     scale, measured = shown(along)
     keys = answer_key(result, along.name)
     with matplotlib.rc_context(STYLE):
@@ -87,6 +89,28 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
         if along.name == ROW and len(run) <= FEW:
             axes[-1].set_xticks(run.grid.t)
         figure.suptitle(plain(result.content.title or result.name))
+    return figure
+
+
+def graph(drawn: Graph) -> Picture:
+    """Return a graph of a section."""
+    (scale, along), (own, measured) = shown(drawn.curves[0].across), shown(drawn.curves[0].up)
+    with matplotlib.rc_context(STYLE):
+        figure = Picture(figsize=(WIDTH, WIDTH * 0.7))
+        FigureCanvasAgg(figure)
+        axis = figure.subplots()
+        for curve, colour in zip(drawn.curves, cycle(COLOURS)):
+            look = POINTS if curve.points else {}
+            axis.plot(
+                curve.across.values / scale, curve.up.values / own, color=colour, label=plain(curve.label), **look
+            )
+        axis.set_xlabel(axis_label(drawn.curves[0].across.name, along))
+        axis.set_ylabel(axis_label(drawn.curves[0].up.name, measured))
+        axis.set_title(plain(drawn.title))
+        if any(curve.label for curve in drawn.curves):
+            axis.legend(fontsize=8, frameon=False, loc="best")
+        if drawn.equal:
+            axis.set_aspect("equal", adjustable="datalim")
     return figure
 
 
@@ -130,11 +154,16 @@ def answer_key(result: Result, along: str) -> list[Printed]:
         if entry.published_formula is not None and entry.at == "all":
             figures = np.broadcast_to(result.quantities.figure(entry.published_formula), len(result))
             found.append(Printed(entry.quantity, result[along].values, figures, entry.verdict == "misprint"))
-        elif entry.published is not None and entry.at != "all":
-            row = at(result, entry.at, entry.quantity)
+        elif entry.published is not None and not _over_run(entry.at):
+            row = result.lookup.at(entry.at, entry.quantity)
             printed = in_si(entry.published, row[entry.quantity].unit)
             found.append(Printed(entry.quantity, float(row[along].values[0]), printed, entry.verdict == "misprint"))
     return found
+
+
+def _over_run(at: str | dict[str, str | int | float]) -> bool:
+    """Tell whether an entry is about the whole run, and not about one row."""
+    return isinstance(at, str) and (at == "all" or is_figure(at))
 
 
 def _mark(axis: Axes, series: Series, printed: list[Printed], scale: float) -> None:
@@ -222,6 +251,10 @@ def save_plots(result: Result, folder: Path) -> list[Path]:
         name = re.sub(r"[^A-Za-z0-9_.-]+", "_", group[0])[:40] if len(group) == 1 else f"outputs_{number + 1}"
         files.append(folder / f"{name}.png")
         result.plot(*group).savefig(files[-1], metadata={"Software": None})
+    for section in result.sections.values():
+        for drawn in section.graphs:
+            files.append(folder / f"{section.key}_{drawn.name}.png")
+            graph(drawn).savefig(files[-1], metadata={"Software": None})
     files.append(folder / "positions.png")
     result.sketch().savefig(files[-1], metadata={"Software": None})
     return files

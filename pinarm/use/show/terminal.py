@@ -12,6 +12,10 @@ from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, RESIDUALS
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
+    from pinarm.use.result.section import Section
+
+MOST_ROWS = 12
+"""Rows of a section's table that a terminal shows."""
 
 FEW = 6
 """Rows that are shown beside each other."""
@@ -19,7 +23,9 @@ FEW = 6
 
 def report(result: Result) -> str:
     """Return the summary of a run as text: ranges of the outputs with units, accuracy, cost."""
-    return "\n".join([printable(result.content.title or result.name), *aligned(ranges(result)), *remarks(result)])
+    sections = [line for section in result.sections.values() for line in section_lines(section)]
+    head = printable(result.content.title or result.name)
+    return "\n".join([head, *aligned(ranges(result)), *sections, *remarks(result)])
 
 
 def ranges(result: Result) -> list[list[str]]:
@@ -38,6 +44,17 @@ def ranges(result: Result) -> list[list[str]]:
     return rows
 
 
+def section_lines(section: Section) -> list[str]:
+    """Return a section as text: its first table, and its remarks."""
+    lines = [printable(section.title)]
+    for table in section.tables[:1]:
+        cells = [[cell if isinstance(cell, str) else f"{cell:.7g}" for cell in row] for row in table.rows[:MOST_ROWS]]
+        lines += aligned([table.headings(), *cells]) if len(table.columns) > 1 else [row[0] for row in cells]
+        more = len(table.rows) - MOST_ROWS
+        lines += [f"and {more} more rows in {section.key}_{table.name}.csv"] if more > 0 else []
+    return [*lines, *(printable(f"{section.key}: {remark}") for remark in section.remarks)]
+
+
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return lines of cells of equal width: names and units, which come first, to the left, numbers to the right."""
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
@@ -50,7 +67,8 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 def remarks(result: Result) -> list[str]:
     """Return what is to be said beside the numbers, a line each: accuracy, cost, what was found, limits, notes."""
     run = result.trajectory
-    lines = _error_lines(result) + _accuracy_lines(result.figures, run.parameter)
+    lines = [_number_line(series, error) for series, error in result.numbers().values()]
+    lines += _error_lines(result) + _accuracy_lines(result.figures, run.parameter)
     cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name in COSTS]
     lines.append(f"rows: {len(run)}" + (f"; {', '.join(cost)}" if cost else ""))
     lines += [f"{name}: {value:.9g}" for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
@@ -60,6 +78,13 @@ def remarks(result: Result) -> list[str]:
     lines += [f"limit: {excess.words(run)}" for excess in result.excesses()]
     lines += [f"note: {note}" for note in result.notes()]
     return [printable(line) for line in lines]
+
+
+def _number_line(series: Series, error: float) -> str:
+    """Return a number of the run, with what its quadrature leaves open."""
+    value, unit = float(series.values[0]), str(series.unit or "?")
+    quadrature = f" (quadrature {error:.1e})" if error else ""
+    return f"{series.name}: {value:.7g} {'' if unit == '1' else unit}".rstrip() + quadrature
 
 
 def _error_lines(result: Result) -> list[str]:

@@ -1,4 +1,7 @@
-"""A result as a folder of files. The same input gives the same bytes; only ``timing.json`` differs from run to run."""
+"""A result as a folder of files. The same input gives the same bytes.
+
+Only ``timing.json``, and so its digest in ``manifest.json``, differs from run to run.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +17,16 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import Source
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.mechanics.loading.pinocchio_model import file_suffix
+from pinarm.use.output.folder import whole_folder
 from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
+    from pinarm.use.result.section import SectionTable
 
 
 def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, float] | None = None) -> Path:
@@ -28,57 +34,41 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
 
     The folder gets ``scenario.yaml`` (as resolved: it can be run again), ``mechanism.yaml`` and the model (the
     mechanism with its arguments filled in), ``summary.json``, ``trajectory.csv``, ``trajectory.npz``, and with
-    ``plots`` a picture per output. With the tables that its laws name, it is all that ``restore`` needs.
+    ``plots`` a picture per output; ``manifest.json`` has the digests of all. With the tables that its laws name, it is
+    all that ``restore`` needs. An earlier result is replaced; of anything else see ``whole_folder``.
 
     Raises:
-        InputError: The folder cannot be written.
+        InputError: The folder cannot be written, or holds files that are not an earlier result's.
     """
-    summary, columns = json_text(result.summary()) + "\n", result.columns()  # before anything is overwritten
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        _clear(result, folder)
-        mechanism = result.trajectory.mechanism
+    scenario = folder / "scenario.yaml"
+    if scenario.exists() and scenario.resolve() == (result.folder / f"{result.name}.yaml").resolve():
+        raise InputError(f"the result would overwrite its own input {scenario}", hint="another folder: -o DIR")
+    with whole_folder(folder, "result") as draft:
+        columns, mechanism = result.columns(), result.trajectory.mechanism
         model = f"model{file_suffix(mechanism.xml)}"
-        write(folder / "summary.json", summary)  # first: by it the next run knows a folder that was left half written
-        write(folder / "scenario.yaml", _resolved(result, folder))
-        write(folder / "mechanism.yaml", _mechanism(mechanism.source, folder, model))
-        write(folder / model, _model(mechanism, folder))
-        write_parts(folder / "trajectory.csv", csv(columns))
-        write_arrays(folder / "trajectory.npz", arrays(result, columns))
+        write(draft / "summary.json", json_text(result.summary()) + "\n")
+        write(draft / "scenario.yaml", _resolved(result, folder))
+        write(draft / "mechanism.yaml", _mechanism(mechanism.source, folder, model))
+        write(draft / model, _model(mechanism, folder))
+        write_parts(draft / "trajectory.csv", csv(columns))
+        write_arrays(draft / "trajectory.npz", arrays(result, columns))
+        for section in result.sections.values():
+            for each in section.tables:
+                write(draft / f"{section.key}_{each.name}.csv", table_csv(each))
         if timing:
-            write(folder / "timing.json", json_text(timing) + "\n")
-    except OSError as error:
-        raise InputError(f"the result cannot be written to {folder}: {error.strerror}") from None
-    if plots:
-        from pinarm.use.show.plot import save_plots
+            write(draft / "timing.json", json_text(timing) + "\n")
+        if plots:
+            from pinarm.use.show.plot import save_plots
 
-        save_plots(result, folder)
+            save_plots(result, draft)
     return folder
 
 
-def _clear(result: Result, folder: Path) -> None:
-    """Remove what an earlier run left in the folder, and nothing else.
-
-    Raises:
-        InputError: The folder holds a scenario or a model that is not a result's, such as the input itself.
-    """
-    scenario = folder / "scenario.yaml"
-    if any((folder / name).exists() for name in OWN) and not (folder / "summary.json").exists():
-        raise InputError(f"{folder} holds files of the same names that are no result", hint="another folder: -o DIR")
-    if scenario.exists() and scenario.resolve() == (result.folder / f"{result.name}.yaml").resolve():
-        raise InputError(f"the result would overwrite its own input {scenario}", hint="another folder: -o DIR")
-    for name in (*OWN, "summary.json", "timing.json", "replay.html", "replay.png"):
-        (folder / name).unlink(missing_ok=True)
-    for plot in (folder / "plots").glob("*.png"):
-        plot.unlink()
-    if (folder / "partial").is_dir():
-        import shutil
-
-        shutil.rmtree(folder / "partial")
-
-
-OWN = ("scenario.yaml", "mechanism.yaml", "model.urdf", "model.xml", "trajectory.csv", "trajectory.npz")
-"""Files of a result, beside the summary that marks the folder as one."""
+def table_csv(table: SectionTable) -> str:
+    """Return a table of a section as CSV, numbers in SI with the digits that it takes to read them back."""
+    lines = [",".join(cell(heading) for heading in table.headings())]
+    lines += [",".join(cell(each) if isinstance(each, str) else repr(each) for each in row) for row in table.rows]
+    return "\n".join(lines) + "\n"
 
 
 CHUNK = 50_000
@@ -104,15 +94,19 @@ def _lines(table: Array) -> bytes:
 
 def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
     """Return the outputs by name, their units, and what is behind them as ``state.q`` and so on."""
-    run = result.trajectory
     units = np.array([[series.name, str(series.unit or "?")] for series in columns])
-    state = {
-        "state.q": run.q, "state.v": run.v, "state.a": run.a, "state.tau": run.tau, "state.units": units,
-        "state.t": run.grid.t, "state.cuts": np.array(run.grid.cuts), "state.rows": np.array(run.grid.rows),
-        "state.lam": np.asarray(run.lam), "state.further": np.array([series.values for series in run.columns.values()]),
-        "state.guides": np.array([one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]], str),
+    behind = {f"state.{name}": array for name, array in {**states(result.trajectory), "units": units}.items()}
+    return {**behind, **{series.name: np.asarray(series.values) for series in columns}}
+
+
+def states(run: Trajectory) -> dict[str, Any]:
+    """Return the arrays from which ``restore`` makes the states of a run again, for the same scenario."""
+    guides = [one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]]
+    return {
+        "q": run.q, "v": run.v, "a": run.a, "tau": run.tau, "t": run.grid.t, "cuts": np.array(run.grid.cuts),
+        "rows": np.array(run.grid.rows), "lam": np.asarray(run.lam), "guides": np.array(guides, str),
+        "further": np.array([series.values for series in run.columns.values()]),
     }  # fmt: skip
-    return {**state, **{series.name: np.asarray(series.values) for series in columns}}
 
 
 def _resolved(result: Result, folder: Path) -> str:

@@ -10,7 +10,8 @@ from pinarm.engine.kinematics.mobility import Mobility, assembled_near, joint_ki
 from pinarm.engine.mechanism import Mechanism
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import Values
-from pinarm.mechanics.couplings import Coupling
+from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.left_open import left_open
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.use.scenario.scenario import Scenario
@@ -61,7 +62,8 @@ class Explanation:
                 between = f"{model.frames[one.first].name} and {model.frames[one.second].name}"
                 lines.append(f"  {one.name}: {one.kind} between {between}, {one.size} rows")
             elif isinstance(one, Coupling):
-                lines.append(f"  {one.name}: {one.kind}, 1 row")
+                forces = one.transmission or f"its forces on bodies are not known: {one.missing}"
+                lines.append(f"  {one.name}: {one.kind}, 1 row; {forces}")
         return lines if len(lines) > 1 else ["no loops: an open chain"]
 
     def _mobility(self) -> list[str]:
@@ -70,14 +72,27 @@ class Explanation:
         lines = [f"mobility {found.mobility} {self.where}: {counted}"]
         if found.rows:
             lines.append(f"regularity {found.regularity:.2g} (0 at a singular position)")
+        opened = self._left_open()
         if not found.degree:
-            return [*lines, "isostatic: every reaction is determined"]
+            but = " but for what couplings leave open:" if opened else ""
+            return [*lines, f"isostatic: every reaction is determined{but}", *opened]
         lines.append(f"hyperstatic of degree {found.degree}; not determined by rigid bodies:")
         lines += [f"  {name}: {', '.join(parts)}" for name, parts in found.undetermined.items()]
         best: dict[str, str] = {}
         for one in found.loosenings:
             best.setdefault(one.joint, f"  {one.joint} as {one.kind}: degree {one.degree}")
+        if opened:
+            lines += ["left open by couplings:", *opened]
         return [*lines, *(["what could be loosened without more mobility:", *best.values()] if best else [])]
+
+    def _left_open(self) -> list[str]:
+        """Return a line for every joint whose reaction depends on how couplings transmit their forces."""
+        mechanism = self.mechanism
+        couplings = [one for one in mechanism.constraints if isinstance(one, Coupling)]
+        return [
+            f"  {mechanism.model.names[joint]}: by {', '.join(one.name for one in found.couplings)}"
+            for joint, found in left_open(mechanism.model, couplings).items()
+        ]
 
     def _acting(self) -> list[str]:
         mechanism = self.mechanism

@@ -52,8 +52,8 @@ def test_efforts_accelerations_and_quantities_keep_the_leading_axes(case):
     still = mechanism.forward(*states[:2]).reshape(3, 4, nv)
     assert mechanism.forward(q, v) == pytest.approx(still, rel=1e-13, abs=1e-13)
     found, rows = mechanism.at(q, v, a, drives=drives), mechanism.at(*states, drives=drives)
-    last = list(mechanism.joints)[-1]
-    for name in ("energy.kinetic", "momentum.all.angular.z", f"joint.{last}.force.x", f"2*joint.{last}.velocity"):
+    first, *_, last = mechanism.joints
+    for name in ("energy.kinetic", "momentum.all.angular.z", f"joint.{first}.force.x", f"2*joint.{last}.velocity"):
         assert found[name].values == pytest.approx(rows[name].values.reshape(3, 4), rel=1e-12, abs=1e-12)
 
 

@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.use.result.row_lookup import at
 
 ROUNDING = 1e-13
 """Relative: a few operations on numbers of double precision."""
@@ -20,7 +19,7 @@ ROUNDING = 1e-13
 @pytest.fixture
 def ask(scenario: Callable[..., Any]) -> Callable[..., float]:
     def asked(kind: str, where: Any, name: str) -> float:
-        [value] = at(scenario(kind).run(), where, name)[name].values
+        [value] = scenario(kind).run().lookup.at(where, name)[name].values
         return float(value)
 
     return asked
@@ -60,7 +59,7 @@ def test_an_extreme_is_found_between_the_samples(ask: Callable[..., float], whic
 
 
 def test_the_row_of_an_extreme_answers_other_questions_too(scenario: Callable[..., Any]) -> None:
-    row = at(scenario("statics").run(), "max", "M")
+    row = scenario("statics").run().lookup.at("max", "M")
     assert row["alpha"].values == pytest.approx([math.pi / 2], abs=1e-7)  # a flat top: sqrt(eps) in its place
 
 
@@ -119,4 +118,4 @@ def test_places_that_do_not_exist(ask: Callable[..., float], kind: str, where: A
 def test_a_coordinate_that_stays_at_its_value_is_not_searched_at_length(scenario: Callable[..., Any]) -> None:
     run = scenario("statics").run()
     with pytest.raises(InputError, match="reached"):
-        at(run, {"joint.pivot.velocity": "0 rad/s"}, "M")
+        run.lookup.at({"joint.pivot.velocity": "0 rad/s"}, "M")

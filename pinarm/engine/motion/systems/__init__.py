@@ -17,7 +17,7 @@ from pinarm.engine.motion.systems.partitioned import FreeCoordinates, Partitione
 from pinarm.engine.motion.systems.point_constrained import PointSystem
 from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.couplings import Coupling, independent
+from pinarm.mechanics.couplings.coupling import Coupling, independent
 from pinarm.mechanics.laws import Constant
 
 __all__ = ["CompletedStates", "Initial", "System", "system_of"]

@@ -21,12 +21,13 @@ CLOSED = 1e-13
 """Gap at which a state counts as closed [m or rad]; one step more ends at rounding."""
 
 ROUNDED = 1e-15
-"""The same that is rounding."""
+"""Gap that is rounding, relative to the extent: close to singular positions less than that is still felt."""
 
 TURNED = 1e-15
 """What rounding of an angle of many turns leaves open, over the angle."""
 
 ITERATIONS = 12
+"""Steps of Newton's method at most, which close a state that is nearly closed in two or three."""
 
 FEWEST = 400
 """Number of constraint rows in all instants from which on it pays to solve these together."""

@@ -13,18 +13,14 @@ from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.pinocchio_constraints import PointConstraints
 from pinarm.engine.integration.integrator import Acceleration, Interval, Manifold
+from pinarm.engine.motion.systems.batch_rows import ITERATIONS, ROUNDED
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
 from pinarm.engine.motion.systems.row_motion import require_closed_accelerations
 from pinarm.engine.motion.systems.system import CompletedStates, Initial
 from pinarm.mechanics.laws.motion_law import Grid
 
-ITERATIONS = 12
-
 FLOOR = 0.3
 """Least step close to singular positions, relative to the last one that was taken far from them."""
-
-ROUNDED = 1e-15
-"""Gap that is rounding, relative to the extent: close to singular positions less than that is still felt."""
 
 STALLED = 1e-9
 """Gap below which Newton's method may end because rounding lets it shrink no more, relative to the extent."""

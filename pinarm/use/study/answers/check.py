@@ -16,11 +16,13 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, half_last_digit
+from pinarm.input.yaml.schema import in_si
 from pinarm.input.yaml.values import Values
-from pinarm.use.result import row_lookup
-from pinarm.use.result.expectation import Expectation, in_si
+from pinarm.use.result.curve_figures import figure, is_figure
+from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run, scenarios
@@ -106,16 +108,9 @@ def check(scenario: Scenario | str | Path, values: Values | None = None, *, resu
 
 def compare(result: Result, expectation: Expectation) -> Finding:
     """Compare a result with one expectation."""
-    quantities = result.quantities
-    if isinstance(expectation.at, str):
-        with within("quantity"):
-            _ = quantities[expectation.quantity]
-    if expectation.at != "all":
-        with within("at"):
-            quantities = row_lookup.at(result, expectation.at, expectation.quantity)
-    with within("quantity"):
-        series = quantities[expectation.quantity]
+    quantities, series, slack = _computed(result, expectation)
     wanted, tolerance = _wanted(quantities, expectation, series.unit)
+    tolerance = tolerance + slack
     difference = np.abs(series.values - wanted) if wanted is not None else np.zeros(1)
     worst = int(np.nan_to_num(difference - tolerance, nan=np.inf).argmax())
     met = wanted is not None and bool((difference <= tolerance).all())
@@ -132,6 +127,22 @@ def compare(result: Result, expectation: Expectation) -> Finding:
         float(np.broadcast_to(wanted, series.values.shape)[worst]) if wanted is not None else None,
         printed, error, verdict, reason,
     )  # fmt: skip
+
+
+def _computed(result: Result, expectation: Expectation) -> tuple[Quantities, Series, float]:
+    """Return the rows that an expectation is about, what was computed there, and the error of its quadrature."""
+    at, quantity = expectation.at, expectation.quantity
+    with within("quantity"):
+        series = result.quantities[quantity]
+    if at == "all":
+        return result.quantities, series, 0.0
+    with within("at"):
+        if isinstance(at, str) and is_figure(at):
+            number = figure(result.lookup, quantity, at)
+            computed = Series(quantity, number.unit, np.array([number.value]))
+            return result.lookup.at("start", quantity), computed, number.error
+        quantities = result.lookup.at(at, quantity)
+    return quantities, quantities[quantity], 0.0
 
 
 def _wanted(quantities: Quantities, expectation: Expectation, measured: Unit | None) -> tuple[Array | None, Array]:

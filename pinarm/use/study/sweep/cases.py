@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,73 +15,53 @@ from pinarm.input.roots import file_root, noting_files
 from pinarm.input.units import Unit
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import varied
-from pinarm.use.result import row_lookup
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result
+from pinarm.use.result.run_number import EXAMPLES, RunNumber
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
 from pinarm.use.study.sweep.axes import Value
 
-WORTH = (*MEASURES, "global error")
-"""What tells the accuracy of a case; the last where the scenario has a target for it."""
-
-_PLACE = re.compile(r"\s*(start|end|max|min|largest)\s*(?:\((.*)\))?\s*")
-_KEY = re.compile(r"\s*([^=,]+?)\s*=\s*([^=,]+?)\s*")
+QUADRATURE, GLOBAL_ERROR = "quadrature error", "global error"
+WORTH = (*MEASURES, QUADRATURE, GLOBAL_ERROR)
+"""What tells the accuracy of a case: the largest error of its figures of curves, relative to them, where there are any;
+the global error where the scenario has a target for it."""
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """A number, or two, that a sweep takes from the result of each case.
+    """What a sweep takes from the result of each case: a number of the run, or the bounds of a quantity in its rows.
 
     Attributes:
         quantity: A quantity, a symbol or a formula.
-        at: The place on the run, as in ``Expectation.at``; ``None`` for the least and the greatest value of the rows.
-        of: The quantity whose extreme is meant, where ``at`` is one.
+        number: The number of the run; ``None`` for the least and the greatest value of the rows.
         unit: Of the numbers in every case; ``None`` where it is not known.
     """
 
     quantity: str
-    at: str | dict[str, str | int | float] | None = None
-    of: str = ""
+    number: RunNumber | None = None
     unit: Unit | None = None
 
     @classmethod
     def read(cls, text: str) -> Wanted:
-        """Read ``QUANTITY`` or ``QUANTITY @ PLACE``.
-
-        A place is ``start``, ``end``, ``max``, ``min`` or ``largest`` (in size), ``max(OTHER)`` for where another
-        quantity is largest, or ``t=1.5 s, side=left`` and the like.
+        """Read ``QUANTITY``, or ``QUANTITY @ PLACE`` and the like; see ``RunNumber.read``.
 
         Raises:
-            InputError: The place cannot be read.
+            InputError: It cannot be read.
         """
-        quantity, at, place = (part.strip() for part in text.partition("@"))
-        problem = InputError(
-            f"'{text}' is no result of a case", expected="C_B, C_B @ max, t @ max(C_B), or C_B @ t=1.5 s"
-        )
-        if not quantity or (at and not place):
-            raise problem.at(Location(f"--result {text}"))
-        if not at:
-            return cls(quantity)
-        if named := _PLACE.fullmatch(place):
-            if named[2] is not None and (named[1] in ("start", "end") or not named[2].strip()):
-                raise problem.at(Location(f"--result {text}"))
-            return cls(quantity, named[1], (named[2] or quantity).strip())
-        pairs = [_KEY.fullmatch(part) for part in place.split(",")]
-        if not all(pairs):
-            raise problem.at(Location(f"--result {text}"))
-        keys: dict[str, str | int | float] = {pair[1]: pair[2] for pair in pairs if pair}
-        if str(keys.get("occurrence", "")).isdigit():
-            keys["occurrence"] = int(keys["occurrence"])
-        return cls(quantity, keys, quantity)
+        if not text.strip():
+            raise InputError("an empty text asks for nothing", expected=EXAMPLES).at(Location("--result"))
+        if "@" not in text:
+            return cls(text.strip())
+        try:
+            number = RunNumber.read(text)
+        except InputError as error:
+            raise error.at(Location(f"--result {text}")) from None
+        return cls(number.quantity, number)
 
     def labels(self) -> tuple[str, ...]:
         """Return the names of the numbers."""
-        if self.at is None:
-            return f"min {self.quantity}", f"max {self.quantity}"
-        if isinstance(self.at, dict):
-            return (f"{self.quantity} @ {', '.join(f'{key}={value}' for key, value in self.at.items())}",)
-        return (f"{self.quantity} @ {self.at}" + (f"({self.of})" if self.of not in ("", self.quantity) else ""),)
+        return (self.number.label,) if self.number else (f"min {self.quantity}", f"max {self.quantity}")
 
     def measured(self, quantities: Quantities) -> tuple[Wanted, list[Series]]:
         """Return the same with its unit, and the columns of its numbers, still empty.
@@ -94,31 +73,31 @@ class Wanted:
             InputError: There is no such quantity.
         """
         try:
-            series = quantities[self.quantity]
-            if self.of:
-                quantities[self.of]
+            series = self.number.described(quantities) if self.number else quantities[self.quantity]
         except InputError as error:
-            raise error.at(Location(f"--result {self.quantity if self.at is None else self.labels()[0]}")) from None
+            raise error.at(Location(f"--result {self.number.label if self.number else self.quantity}")) from None
         columns = [replace(series, name=label, values=np.zeros(0)) for label in self.labels()]
         return replace(self, unit=series.unit), columns
 
-    def numbers(self, result: Result) -> list[float]:
-        """Return the numbers [SI].
+    def numbers(self, result: Result) -> list[tuple[float, float]]:
+        """Return the numbers [SI], each with the error of its quadrature.
 
         Raises:
             InputError: The place does not exist in this run, or the quantity is of another kind in this case.
             DynamicsError: A number is not finite.
         """
         quantities = result.quantities
-        if self.at is not None:
-            quantities = row_lookup.at(result, self.at, self.of)
-        series = quantities[self.quantity]
-        if self.unit and series.unit and series.unit.dimension != self.unit.dimension:
-            raise InputError(f"{self.quantity} is in {series.unit} in this case", expected=f"{self.unit}, as in others")
-        found = [series.values.min(), series.values.max()] if self.at is None else [series.values[0]]
-        if not np.isfinite(found).all():
+        unit = self.number.described(quantities).unit if self.number else quantities[self.quantity].unit
+        if self.unit and unit and unit.dimension != self.unit.dimension:
+            raise InputError(f"{self.labels()[0]} is in {unit} in this case", expected=f"{self.unit}, as in others")
+        if self.number:
+            numbers = [self.number.value(result.lookup)]
+        else:
+            values = quantities[self.quantity].values
+            numbers = [(float(values.min()), 0.0), (float(values.max()), 0.0)]
+        if not np.isfinite(numbers).all():
             raise DynamicsError(f"{self.labels()[0]} is not finite")
-        return [float(number) + 0.0 for number in found]  # -0 becomes 0
+        return [(number + 0.0, error) for number, error in numbers]  # -0 becomes 0
 
 
 @dataclass(frozen=True)
@@ -169,13 +148,16 @@ def solve_case(task: Task, values: Mapping[str, Value]) -> Row:
         try:
             result = run(Scenario.of(varied(task.document, values), task.folder))
             numbers = [number for entry in task.wanted for number in entry.numbers(result)]
+            quadrature = [error / abs(number) for number, error in numbers if error and number]
             if result.missed:
                 target = result.content.accuracy.target
                 return Row(
                     (), f"the global error is {result.error:.1e}, not below its target {target:g}", _names(files)
                 )
-            figures = {**result.figures, WORTH[-1]: np.nan if result.error is None else result.error}
-            return Row((*numbers, *(figures.get(name, np.nan) for name in WORTH)), "", _names(files))
+            figures = {**result.figures, QUADRATURE: max(quadrature, default=np.nan)}
+            figures[GLOBAL_ERROR] = np.nan if result.error is None else result.error
+            worth = (figures.get(name, np.nan) for name in WORTH)
+            return Row((*(number for number, _ in numbers), *worth), "", _names(files))
         except PinarmError as error:
             return Row((), _one_line(error), _names(files))
         except Exception as error:  # a fault of the program costs one case, and is told as what it is

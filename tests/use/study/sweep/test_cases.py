@@ -53,7 +53,7 @@ def test_results_are_called_as_they_are_written(text: str, labels: tuple[str, ..
 
 @pytest.mark.parametrize("text", ["", "@ max", "M @", "M @ start(M)", "M @ max()", "M @ t", "M @ t=1=2", "M @ t=1 s,"])
 def test_what_is_no_result_is_refused(text: str) -> None:
-    with pytest.raises(PinarmError, match=r"--result .*is no result of a case"):
+    with pytest.raises(PinarmError, match=r"--result .*is no number of a run|asks for nothing"):
         Wanted.read(text)
 
 

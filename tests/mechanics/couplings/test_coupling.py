@@ -7,6 +7,7 @@ import pytest
 import pinarm
 from pinarm import Mechanism
 from pinarm.errors import InputError
+from pinarm.use.store.restore import restore
 
 CHAIN = """\
 <robot name="chain">
@@ -65,7 +66,10 @@ def test_leaders_carry_what_their_followers_demand(pair):
     q, v, a, their_q, their_v, their_a = states(pair, np.random.default_rng(0))
     tau, data = robot.inverse(q, v, a), theirs.createData()
     expected = [pin.rnea(theirs, data, *row) for row in zip(their_q, their_v, their_a, strict=True)]
-    dissipated = np.array([load @ spread for load in robot.dynamics.loads(0.0, q, v)])  # they ignore damping
+    loads = robot.dynamics.loads(0.0, q, v)  # they ignore damping and friction
+    for one in robot.frictions:
+        loads[:, one.v] -= one.law.constant * np.sign(v[:, one.v])
+    dissipated = np.array([load @ spread for load in loads])
     found = tau @ spread + dissipated
     assert found == pytest.approx(np.array(expected), rel=1e-11, abs=1e-11 * np.abs(expected).max())
     assert not tau[:, [one.follower for one in robot.constraints]].any()
@@ -118,3 +122,55 @@ def test_a_follower_may_carry_the_drive_where_it_is_named():
     following = panda.inverse(q, still, tip, drives=[*arm, "panda_finger_joint2"])
     assert following[:7] == pytest.approx(leading[:7], abs=1e-12)
     assert following[[8, 7]] == pytest.approx(leading[[7, 8]], abs=1e-12)
+
+
+HOIST = """\
+<robot name="hoist"><link name="base"/>
+  <joint name="one" type="continuous"><parent link="base"/><child link="wheel"/><axis xyz="0 0 1"/></joint>
+  <link name="wheel"><inertial><mass value="2"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="two" type="continuous"><parent link="base"/><child link="drum"/><origin xyz="0.3 0 0"/>
+    <axis xyz="0 0 1"/></joint>
+  <link name="drum"><inertial><origin xyz="0.2 0 0"/><mass value="3"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="side" type="continuous"><parent link="base"/><child link="swing"/><axis xyz="0 0 1"/></joint>
+  <link name="swing"><inertial><origin xyz="0.2 0 0"/><mass value="1"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+</robot>
+"""
+
+
+@pytest.fixture
+def hoist(tmp_path):
+    """A scenario in which gears stand still while a pendulum beside them swings."""
+    (tmp_path / "hoist.urdf").write_text(HOIST)
+    (tmp_path / "mechanism.yaml").write_text(
+        "pinarm: 1\nrobot: hoist.urdf\ngravity: {direction: -y, magnitude: 9.81 m/s^2}\n"
+        "couplings:\n  mesh: {kind: gear, joints: [one, two], ratio: -2, pressure_angle: 20 deg}\n"
+    )
+    (tmp_path / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: mechanism.yaml\n"
+        "problem:\n  kind: forward\n  time: {end: 0.2 s, samples: 3}\n"
+        "  motion: {one: {law: constant, value: 0 rad}}\n"
+        "outputs: [coupling.mesh.effort, coupling.mesh.radial, coupling.mesh.force.y]\n"
+    )
+    return tmp_path / "s.yaml"
+
+
+def test_wheels_that_are_locked_for_the_solution_bear_on_each_other_all_the_same(hoist):
+    result = pinarm.load(hoist).run()
+    assert [one.joint for one in result.removals] == ["one", "two"]
+    moment, tangential = 3.0 * 9.81 * 0.2, 3.0 * 9.81 * 0.2 / 0.1  # drum of 0.1 m, the mesh is left of it
+    assert result["coupling.mesh.effort"].values == pytest.approx(moment, rel=1e-13)
+    assert result["coupling.mesh.force.y"].values == pytest.approx(-tangential, rel=1e-13)
+    assert result["coupling.mesh.radial"].values == pytest.approx(tangential * np.tan(np.deg2rad(20.0)), rel=1e-13)
+    assert result["joint.two.force.y"].values == pytest.approx(3.0 * 9.81 + tangential, rel=1e-12)
+    assert result["joint.two.effort"].values == pytest.approx(moment, rel=1e-13)
+    assert result["joint.one.effort"].values == pytest.approx(-2.0 * moment, rel=1e-13)
+
+
+def test_a_stored_result_tells_the_efforts_of_couplings(hoist, tmp_path):
+    result = pinarm.run(hoist)
+    again = restore(result.save(tmp_path / "out"))
+    for name in ("joint.two.effort", "joint.one.effort", "coupling.mesh.radial", "joint.two.force.x"):
+        assert again[name].values == pytest.approx(result[name].values, rel=1e-14)

@@ -1,0 +1,225 @@
+"""Teeth: the pitch point of two members, and the directions in which their flanks push.
+
+Both members roll on each other on the pitch line, the axis of their relative rotation. With e the direction in which
+the first one moves at the pitch point, N the normal of the pitch surfaces from the first to the second, l the pitch
+line, the force on the second is, for the tangential force F_t,
+
+    F_t e + |F_t| tan(alpha) / cos(beta) N - F_t tan(beta) l
+
+with the normal pressure angle alpha and the helix angle beta of the first member. (Niemann, Winter, Maschinenelemente
+II, section 22.1; Shigley's Mechanical Engineering Design, chapter 13, gears: force analysis.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError, within
+from pinarm.mechanics.couplings.members import IN_LINE, Member, MemberPair
+from pinarm.mechanics.couplings.transmissions import ToothContact
+from pinarm.mechanics.geometry.parallel_axes import PARALLEL
+from pinarm.mechanics.joints import frame_of
+
+
+@dataclass(frozen=True)
+class Teeth:
+    """What files say of teeth.
+
+    Attributes:
+        pressure_angle: alpha, in the section normal to the teeth [rad].
+        helix_angle: beta on the pitch cylinder of the first member, positive for a right-handed helix [rad].
+        plane: Link whose origin lies in the middle of the width of the teeth; none for that of the joints' origins.
+    """
+
+    pressure_angle: float
+    helix_angle: float
+    plane: str
+
+    def check(self) -> None:
+        """Refuse angles that no teeth have."""
+        for key, angle, least in (("pressure_angle", self.pressure_angle, 0.0),
+                                  ("helix_angle", self.helix_angle, -np.pi / 2)):  # fmt: skip
+            if not least <= angle < np.pi / 2 or angle == -np.pi / 2:
+                with within(key):
+                    raise InputError(f"teeth have no {key} of {np.rad2deg(angle):g} deg",
+                                     expected=f"an angle between {np.rad2deg(least):g} and 90 deg")  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class PitchPoint:
+    """Where two members roll on each other, in the carrier.
+
+    Attributes:
+        at: The pitch point [m], shape (3,).
+        way: e, in which the first member moves there where its angle grows, shape (3,).
+        normal: N, from the first member to the second, shape (3,).
+        line: l, along the pitch line, shape (3,).
+        lever: Way of the second member along e there per angle or way of its own [m or 1].
+    """
+
+    at: Array
+    way: Array
+    normal: Array
+    line: Array
+    lever: float
+
+    def contact(self, pair: MemberPair, teeth: Teeth, names: tuple[str, str], words: str) -> ToothContact:
+        """Return the force of a unit multiplier there; ``names`` are those of its parts along N and l."""
+        alpha, beta = teeth.pressure_angle, teeth.helix_angle
+        tangential, separating = pair.sense / self.lever, np.tan(alpha) / np.cos(beta) / abs(self.lever)
+        along = tangential * (self.way - np.tan(beta) * self.line)
+        components = {"tangential": (abs(tangential), False), names[0]: (float(separating), True)}
+        if names[1]:
+            components[names[1]] = (float(-tangential * np.tan(beta)), False)
+        angles = f"pressure angle {np.rad2deg(alpha):.6g} deg, helix angle {np.rad2deg(beta):.6g} deg"
+        return ToothContact(pair.carrier, pair.first.body, pair.second.body, self.at, along, separating * self.normal,
+                            components, f"{words}, {angles}")  # fmt: skip
+
+
+def wheels_in_mesh(model: pin.Model, pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
+    """Return the contact of two wheels, about parallel axes or about axes that meet.
+
+    Raises:
+        InputError: Axes coincide or are skew; both turn alike; or the plane of the teeth is not known.
+    """
+    a, b = pair.first.axis, pair.second.axis
+    if np.linalg.norm(np.cross(a, b)) <= PARALLEL:
+        return _cylindrical(model, pair, inner_ratio, teeth)
+    return _bevel(model, pair, inner_ratio, teeth)
+
+
+def _cylindrical(model: pin.Model, pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
+    """Return the contact of wheels about parallel axes: ``a x (P - A) = i b x (P - B)`` in the plane of the teeth."""
+    first, second, a = pair.first, pair.second, pair.first.axis
+    ratio = inner_ratio * float(np.sign(a @ second.axis))
+    apart = _across(a, second.point - first.point)
+    distance = float(np.linalg.norm(apart))
+    if distance <= IN_LINE:
+        raise InputError(
+            f"the axes of {first.joint.name} and {second.joint.name} coincide: wheels on one axis do not mesh",
+            expected="parallel axes at a distance", hint="planets: 3, for evenly spaced planets between them",
+        )  # fmt: skip
+    if abs(1.0 - ratio) <= IN_LINE:
+        raise InputError(f"{first.joint.name} and {second.joint.name} turn alike: such wheels do not mesh",
+                         expected="another ratio, or a carrier", hint="kind: belt")  # fmt: skip
+    height = plane_of(model, pair, teeth.plane)
+    axial = first.point + a * (height - a @ first.point)
+    at = axial - apart * ratio / (1.0 - ratio)
+    found = _pitch_point(pair, at, a)
+    radii = [float(np.linalg.norm(_across(one.axis, at - one.point))) for one in (first, second)]
+    kind = "external" if ratio < 0.0 else "internal"
+    words = f"{kind} teeth, pitch radii {1e3 * radii[0]:.6g} mm and {1e3 * radii[1]:.6g} mm"
+    return found.contact(pair, teeth, ("radial", "axial"), words)
+
+
+def _bevel(model: pin.Model, pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
+    """Return the contact of straight bevel wheels; the pitch line runs through the meeting point of the axes."""
+    first, second = pair.first, pair.second
+    a, b, names = first.axis, second.axis, f"{first.joint.name} and {second.joint.name}"
+    across, apart = np.cross(a, b), second.point - first.point
+    if abs(across @ apart) > IN_LINE * np.linalg.norm(across) * max(1.0, float(np.linalg.norm(apart))):
+        raise InputError(f"the axes of {names} are skew: the forces of their teeth are not known",
+                         expected="parallel axes, or axes that meet", hint="leave pressure_angle out")  # fmt: skip
+    if teeth.helix_angle:
+        raise InputError(f"the axes of {names} meet: bevel wheels are straight here", expected="no helix_angle")
+    apex = first.point + a * float(np.cross(apart, b) @ across / (across @ across))
+    line = (a - inner_ratio * b) / np.linalg.norm(a - inner_ratio * b)
+    place = _link_in_carrier(model, pair, teeth.plane, "the axes meet: the place along the teeth is not known")
+    at = apex + line * float(line @ (place - apex))
+    if np.linalg.norm(at - place) > IN_LINE * max(1.0, float(np.linalg.norm(place))) or np.allclose(at, apex):
+        raise InputError(
+            f"{teeth.plane} is {np.linalg.norm(at - place):.3g} m off the pitch line of {names}",
+            expected=f"a link on the line from ({_numbers(apex)}) along ({_numbers(line)}), in the carrier's frame",
+        )
+    cones = [np.arccos(np.clip(abs(line @ axis), 0.0, 1.0)) for axis in (a, b)]
+    words = f"bevel teeth, pitch cone angles {np.rad2deg(cones[0]):.6g} deg and {np.rad2deg(cones[1]):.6g} deg"
+    return _pitch_point(pair, at, line).contact(pair, teeth, ("separating", ""), words)
+
+
+def _pitch_point(pair: MemberPair, at: Array, line: Array) -> PitchPoint:
+    """Return the directions at a pitch point of two wheels.
+
+    The normal leads to the wheel that curves away from it: ``N . r1 / r1^2 > N . r2 / r2^2`` with the radii r1 and r2
+    from the axes to the point, for outer teeth, inner teeth and cones alike.
+    """
+    radii = [_across(one.axis, at - one.point) for one in (pair.first, pair.second)]
+    way = np.cross(pair.first.axis, radii[0])
+    way /= np.linalg.norm(way)
+    normal = np.cross(way, line)
+    curved = [float(normal @ r) / float(r @ r) for r in radii]
+    lever = float(np.cross(pair.second.axis, radii[1]) @ way)
+    return PitchPoint(at, way, normal if curved[0] > curved[1] else -normal, line, lever)
+
+
+def pinion_on_rack(model: pin.Model, pair: MemberPair, radius: float, teeth: Teeth) -> ToothContact:
+    """Return the contact of a pinion and a rack: ``radius`` is the way of the rack per angle, with its sign.
+
+    Raises:
+        InputError: The rack does not slide across the pinion's axis.
+    """
+    pinion, a, slide = pair.first, pair.first.axis, pair.second.axis
+    if abs(a @ slide) > PARALLEL:
+        raise InputError(f"{pair.second.joint.name} does not slide across the axis of {pinion.joint.name}",
+                         expected="a rack that slides across the axis of its pinion", hint="kind: screw")  # fmt: skip
+    height = plane_of(model, pair, teeth.plane)
+    lever = radius * np.cross(slide, a)
+    at = pinion.point + a * (height - a @ pinion.point) + lever
+    way = np.sign(radius) * slide
+    point = PitchPoint(at, way, lever / np.linalg.norm(lever), a, float(np.sign(radius)))
+    return point.contact(pair, teeth, ("radial", "axial"), f"rack, pitch radius {1e3 * abs(radius):.6g} mm")
+
+
+def plane_of(model: pin.Model, pair: MemberPair, link: str) -> float:
+    """Return where the middle of the teeth is along the first axis [m].
+
+    Raises:
+        InputError: The origins of the joints lie in different planes, and no link tells.
+    """
+    first, second, a = pair.first, pair.second, pair.first.axis
+    if link:
+        return float(a @ _link_in_carrier(model, pair, link, ""))
+    shift = abs(float(a @ (second.point - first.point)))
+    if second.joint.unit == first.joint.unit and shift > IN_LINE:
+        raise InputError(
+            f"the origins of {first.joint.name} and {second.joint.name} are {shift:g} m apart along the axes: "
+            "the plane of the forces is not known",
+            expected="plane: a link whose origin lies in the middle of the teeth",
+        )
+    return float(a @ first.point)
+
+
+def _link_in_carrier(model: pin.Model, pair: MemberPair, link: str, otherwise: str) -> Array:
+    """Return the origin of a link of the carrier or of a member in the carrier's frame, at the neutral configuration.
+
+    Raises:
+        InputError: It is none of theirs, or not given.
+    """
+    with within("plane"):
+        if not link:
+            raise InputError(otherwise, expected="plane: a link of the carrier in the middle of the teeth")
+        index = frame_of(model, link)
+        bodies = {pair.carrier, *(one.body for one in (pair.first, pair.second) if _turns(one))}
+        if model.frames[index].parentJoint not in bodies:
+            raise InputError(f"the link {link} belongs neither to a wheel nor to what carries the wheels",
+                             expected="a link fixed to one of them")  # fmt: skip
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    return np.asarray(data.oMi[pair.carrier].actInv(data.oMf[index].translation))
+
+
+def _turns(member: Member) -> bool:
+    """Tell whether a member keeps its place along the axis of the other one."""
+    return str(member.joint.unit) == "rad"
+
+
+def _across(axis: Array, vector: Array) -> Array:
+    """Return the part of a vector that is normal to an axis."""
+    return np.asarray(vector - axis * (axis @ vector))
+
+
+def _numbers(vector: Array) -> str:
+    return ", ".join(f"{x:.6g}" for x in vector)

@@ -1,0 +1,96 @@
+"""One number of a run, as ``QUANTITY @ PLACE`` or ``QUANTITY @ FIGURE`` asks for it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
+from pinarm.errors import InputError
+from pinarm.use.result.curve_figures import FIGURES, figure, figure_unit, is_figure
+from pinarm.use.result.row_lookup import Lookup
+
+EXAMPLES = "C_B @ max, t @ max(C_B), C_B @ t=1.5 s, C_B @ rms, or C_B @ p95"
+
+MAX_LENGTH = 2000
+"""Characters of a text that is read at all."""
+
+_PLACE = re.compile(r"(start|end|max|min|largest)(?:\((.*)\))?")
+
+
+@dataclass(frozen=True)
+class RunNumber:
+    """What is asked of a run: a quantity at a place, or a figure of its curve.
+
+    Attributes:
+        quantity: A quantity, a symbol or a formula.
+        at: A place, as in ``Expectation.at``, or a figure, as in ``curve_figures``.
+        of: The quantity whose extreme is meant, where ``at`` is one.
+    """
+
+    quantity: str
+    at: str | dict[str, str | int | float]
+    of: str
+
+    @classmethod
+    def read(cls, text: str) -> RunNumber:
+        """Read ``QUANTITY @ PLACE`` or ``QUANTITY @ FIGURE``.
+
+        A place is ``start``, ``end``, ``max``, ``min`` or ``largest`` (in size), ``max(OTHER)`` for where another
+        quantity is largest, or ``t=1.5 s, side=left`` and the like; a figure is ``mean``, ``rms``, ``integral``,
+        ``peak`` or a percentage such as ``p95``.
+
+        Raises:
+            InputError: It cannot be read.
+        """
+        quantity, _, place = (part.strip() for part in text.partition("@"))
+        problem = InputError(f"'{text[:200]}' is no number of a run", expected=EXAMPLES)
+        if not quantity or not place or len(text) > MAX_LENGTH:
+            raise problem
+        if is_figure(place):
+            return cls(quantity, place, quantity)
+        if named := _PLACE.fullmatch(place):
+            if named[2] is not None and (named[1] in ("start", "end") or not named[2].strip()):
+                raise problem
+            return cls(quantity, named[1], (named[2] or quantity).strip())
+        pairs = [tuple(part.strip() for part in each.split("=")) for each in place.split(",")]
+        if not all(len(pair) == 2 and all(pair) for pair in pairs):
+            raise InputError(problem.message, expected=f"{EXAMPLES}; figures are {', '.join(FIGURES)}, p0 to p100")
+        keys: dict[str, str | int | float] = {pair[0]: pair[1] for pair in pairs}
+        if str(keys.get("occurrence", "")).isdecimal():
+            keys["occurrence"] = int(keys["occurrence"])
+        return cls(quantity, keys, quantity)
+
+    @property
+    def label(self) -> str:
+        """Its name."""
+        if isinstance(self.at, dict):
+            return f"{self.quantity} @ {', '.join(f'{key}={value}' for key, value in self.at.items())}"
+        return f"{self.quantity} @ {self.at}" + (f"({self.of})" if self.of != self.quantity else "")
+
+    def described(self, quantities: Quantities) -> Series:
+        """Return its name and unit as a series without values.
+
+        Args:
+            quantities: Those of the scenario; nothing has to be solved.
+
+        Raises:
+            InputError: There is no such quantity.
+        """
+        series, _ = quantities[self.quantity], quantities[self.of]
+        unit = figure_unit(quantities, self.quantity, self.at) if isinstance(self.at, str) else series.unit
+        return Series(self.label, unit, np.zeros(0))
+
+    def value(self, run: Lookup) -> tuple[float, float]:
+        """Return the number [SI] and the error of its quadrature, 0 for that of a place.
+
+        Raises:
+            InputError: The place does not exist in this run, or the run has no such figure.
+        """
+        if isinstance(self.at, str) and is_figure(self.at):
+            given = figure(run, self.quantity, self.at)
+            return given.value, given.error
+        return float(run.at(self.at, self.of)[self.quantity].values[0]), 0.0

@@ -1,0 +1,100 @@
+"""A section of a result: what an assessment of the run found, as tables, numbers, remarks and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from pinarm.engine.series import Series
+from pinarm.input.units import Unit
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+Cell = str | float
+
+
+@dataclass(frozen=True)
+class SectionTable:
+    """A table of texts and numbers.
+
+    Attributes:
+        name: Of its file, in lower case with underscores.
+        title: Its heading, in words.
+        columns: Names of the columns.
+        units: Their units; ``None`` for texts.
+        rows: Texts and numbers [SI], a tuple of one cell per column for each row.
+    """
+
+    name: str
+    title: str
+    columns: Sequence[str]
+    units: Sequence[Unit | None]
+    rows: Sequence[Sequence[Cell]] = field(repr=False)
+
+    def headings(self) -> list[str]:
+        """Return the names of the columns with their units."""
+        return [f"{name} [{unit}]" if unit is not None and str(unit) != "1" else name
+                for name, unit in zip(self.columns, self.units, strict=True)]  # fmt: skip
+
+    def to_dataframe(self) -> DataFrame:
+        """Return it as a pandas table, units in the headings."""
+        import pandas
+
+        return pandas.DataFrame(list(self.rows), columns=self.headings())
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A curve of a graph: one series over another.
+
+    Attributes:
+        across: What runs along the horizontal axis.
+        up: What runs along the vertical axis.
+        label: Its name in the legend; none where it is empty.
+        points: Whether its points stand for themselves, and are not joined.
+    """
+
+    across: Series
+    up: Series
+    label: str = ""
+    points: bool = False
+
+
+@dataclass(frozen=True)
+class Graph:
+    """A graph of a section.
+
+    Attributes:
+        name: Of its file, in lower case with underscores.
+        title: Its heading, in words.
+        curves: Its curves; names and units on the axes are those of the first.
+        equal: Whether a unit is as long on both axes, as for paths in a plane.
+    """
+
+    name: str
+    title: str
+    curves: Sequence[Curve] = field(repr=False)
+    equal: bool = False
+
+
+@dataclass(frozen=True)
+class Section:
+    """What an assessment found.
+
+    Attributes:
+        key: Key of the scenario that asked for it, such as ``shaking``.
+        title: Its heading, in words.
+        tables: Its tables, the most important one first.
+        numbers: Its numbers by name, each a series of one value; ``KEY.NAME`` asks for them elsewhere.
+        remarks: What to know, a sentence each.
+        graphs: Its graphs.
+    """
+
+    key: str
+    title: str
+    tables: Sequence[SectionTable] = ()
+    numbers: Mapping[str, Series] = field(default_factory=dict)
+    remarks: Sequence[str] = ()
+    graphs: Sequence[Graph] = ()

@@ -1,0 +1,139 @@
+"""Reactions that depend on parts of a coupling of which nothing is said are refused; all others are told."""
+
+import numpy as np
+import pytest
+from catalogue import disc
+from motions import driven, free
+
+from pinarm import explain
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.quantities.names import Quantities
+from pinarm.errors import InputError
+from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.left_open import left_open
+from pinarm.mechanics.laws import Constant, Harmonic
+
+GEARS = {
+    "gear": {"kind": "gear", "joints": ["sun", "wheel"], "ratio": -2.0},
+    "rack": {"kind": "rack", "joints": ["sun", "bar"], "radius": "40 mm"},
+    "screw across": {"kind": "screw", "joints": ["sun", "bar"], "lead": "40 mm"},
+    "screw apart": {"kind": "screw", "joints": ["planet", "nut"], "lead": "40 mm"},
+    "belt": {"kind": "belt", "joints": ["sun", "wheel"], "radii": ["9 mm", "9 mm"]},
+    "sum": {"kind": "sum", "weights": {"sun": 2.0, "wheel": -1.0}},
+}
+OPEN = {
+    "gear": {"sun": 6, "wheel": 6}, "rack": {"sun": 6, "bar": 6}, "screw across": {"sun": 6, "bar": 6},
+    "screw apart": {"planet": 6, "arm": 5, "nut": 6}, "belt": {"sun": 6, "wheel": 6}, "sum": {"sun": 6, "wheel": 6},
+}  # fmt: skip
+REACTIONS = [f"{kind}.{axis}" for kind in ("force", "moment") for axis in "xyz"]
+
+
+def opened(box):
+    couplings = [one for one in box.constraints if isinstance(one, Coupling)]
+    return {box.model.names[joint]: one for joint, one in left_open(box.model, couplings).items()}
+
+
+@pytest.mark.parametrize("name", GEARS)
+def test_joints_between_the_members_are_open(name, gearbox):
+    assert {joint: len(one.wrenches) for joint, one in opened(gearbox(it=GEARS[name])).items()} == OPEN[name]
+
+
+def test_with_teeth_nothing_is_open(gearbox):
+    mesh = {"kind": "gear", "joints": ["sun", "planet"], "ratio": -2.0, "carrier": "arm"}
+    assert sorted(opened(gearbox(it=mesh))) == ["arm", "planet", "sun"]
+    assert not opened(gearbox(it={**mesh, "pressure_angle": "20 deg", "helix_angle": "9 deg"}))
+
+
+XML = f"""<robot name="arm"><link name="base"/>{disc("shoulder", 0.3)}
+  {disc("one", 0.2, "0.5 0 0").replace('<parent link="base"/>', '<parent link="shoulder_link"/>')}
+  {disc("rest", 0.1, "0.2 0.1 0").replace('<parent link="base"/>', '<parent link="shoulder_link"/>')}
+  {disc("two", 0.1, "0.2 0.1 0").replace('<parent link="base"/>', '<parent link="rest_link"/>')}
+  {disc("tool", 0.1, "0.1 0 0.1", "1 0 0").replace('<parent link="base"/>', '<parent link="two_link"/>')}</robot>"""
+MOTION = {name: Harmonic(amplitude=0.5, pulsation=2.0) for name in ("shoulder", "one", "rest", "tool")}
+
+
+@pytest.fixture
+def found(mechanism):
+    arm = mechanism(XML, couplings={"chain": {"kind": "gear", "joints": ["one", "two"], "ratio": 2.0}})
+    return Quantities(driven(arm, MOTION, drives=list(MOTION)))
+
+
+@pytest.mark.parametrize("joint", ["one", "rest", "two"])
+@pytest.mark.parametrize("part", REACTIONS)
+def test_components_that_are_open_are_refused_with_the_reason(found, joint, part):
+    if (joint, part) == ("rest", "moment.z"):  # its own effort
+        assert found[f"joint.{joint}.{part}"].values == pytest.approx(found["joint.rest.effort"].values, rel=1e-12)
+        return
+    with pytest.raises(InputError, match=r"'chain' \(gear\): it has no pressure_angle") as refused:
+        found[f"joint.{joint}.{part}"]
+    assert "pressure_angle" in refused.value.hint
+
+
+@pytest.mark.parametrize("name", ["force.x", "tangential", "moment.z"])
+def test_its_force_is_refused_and_its_effort_is_told(found, name):
+    with pytest.raises(InputError, match=r"is not known: it has no pressure_angle\n  expected: coupling.chain.effort"):
+        found[f"coupling.chain.{name}"]
+    assert np.abs(found["coupling.chain.effort"].values).max() > 0.0
+
+
+def test_joints_before_and_beyond_it_keep_their_reactions(found, mechanism):
+    """They are those of the same motion with a drive in place of the coupling."""
+    open_chain = mechanism(XML)
+    two = {"two": Harmonic(amplitude=1.0, pulsation=2.0)}
+    free_of_it = Quantities(driven(open_chain, {**MOTION, **two}))
+    for joint in ("shoulder", "tool"):
+        for part in REACTIONS:
+            expected = free_of_it[f"joint.{joint}.{part}"].values
+            assert found[f"joint.{joint}.{part}"].values == pytest.approx(expected, rel=1e-11, abs=1e-11)
+
+
+def test_fingers_that_mimic_each_other_leave_the_arm_determined():
+    panda = Mechanism.load("panda")
+    fingers = [f"panda_finger_joint{k}" for k in (1, 2)]
+    assert sorted(opened(panda)) == fingers
+    found = Quantities(free(panda, 0.01, 2))
+    assert np.isfinite(found["joint.panda_joint7.force.x"].values).all()
+    with pytest.raises(InputError, match="'mimic' in the model says nothing of the parts between them"):
+        found[f"joint.{fingers[0]}.force.x"]
+
+
+def test_redundant_couplings_leave_their_own_forces_open(mechanism):
+    """Three wheels in mesh all round: a self-stress turns in the ring."""
+    wheels = disc("one", 0.3) + disc("two", 0.05, "0.3 0 0") + disc("three", 0.02, "0 0.4 0")
+    teeth = {"pressure_angle": "20 deg"}
+    mesh = {
+        "a": {"kind": "gear", "joints": ["one", "two"], "ratio": -2.0, **teeth},
+        "b": {"kind": "gear", "joints": ["two", "three"], "ratio": 1.5, **teeth},
+        "c": {"kind": "gear", "joints": ["one", "three"], "ratio": -3.0, **teeth},
+    }
+    train = mechanism(f'<robot name="train"><link name="base"/>{wheels}</robot>', couplings=mesh)
+    found = Quantities(driven(train, {"one": Constant(value=0.0)}))
+    for name in ("coupling.a.effort", "coupling.b.tangential", "coupling.c.force.x", "joint.one.force.x"):
+        with pytest.raises(InputError, match="hyperstatic of degree 1"):
+            found[name]
+    assert found["joint.one.force.z"].values == pytest.approx(9.81, rel=1e-14)
+
+
+def test_the_pretension_of_a_belt_is_no_self_stress(mechanism):
+    """Two belts on equal wheels: what one may take from the other is not 100 N."""
+    wheels = disc("one", 0.3) + disc("two", 0.05, "0.3 0 0")
+    belt = {"kind": "belt", "joints": ["one", "two"], "radii": ["5 cm", "5 cm"], "pretension": "100 N"}
+    chain = {"kind": "belt", "joints": ["one", "two"], "radii": ["5 cm", "5 cm"], "pretension": "0 N"}
+    pair = mechanism(f'<robot name="p"><link name="base"/>{wheels}</robot>', couplings={"belt": belt})
+    twice = mechanism(f'<robot name="p"><link name="base"/>{wheels}</robot>', couplings={"belt": belt, "b": chain})
+    motion = {"one": Constant(value=0.0)}
+    assert Quantities(driven(pair, motion))["joint.one.force.x"].values == pytest.approx(-200.0, rel=1e-14)
+    found = Quantities(driven(twice, motion), undetermined="minimum_norm")
+    assert np.abs(found.reactions.stressed_joints[0][:, 1, 0]).max() < 20.0  # 1 N m at 50 mm, and not 200 N
+
+
+def test_explain_names_them_and_why(gearbox, tmp_path):
+    gearbox(it=GEARS["gear"])
+    text = str(explain(tmp_path / "mechanism.yaml"))
+    assert "it: gear, 1 row; its forces on bodies are not known: it has no pressure_angle" in text
+    assert "every reaction is determined but for what couplings leave open:" in text
+    assert "\n  sun: by it\n  wheel: by it\n" in text
+    gearbox(it={**GEARS["gear"], "pressure_angle": "20 deg"})
+    text = str(explain(tmp_path / "mechanism.yaml"))
+    assert "it: gear, 1 row; external teeth, pitch radii 100 mm and 50 mm, pressure angle 20 deg" in text
+    assert "isostatic: every reaction is determined\n" in text

@@ -1,0 +1,76 @@
+"""Forces of couplings do the power of their multiplier in every motion, and balance on the bodies."""
+
+import typing
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pinarm.mechanics.couplings import CouplingDefinition
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
+
+TEETH = {"pressure_angle": "20 deg", "helix_angle": "15 deg"}
+SAMPLES = {
+    "outer teeth": {"kind": "gear", "joints": ["sun", "wheel"], "ratio": -2.0, **TEETH},
+    "inner teeth, a pinion first": {"kind": "gear", "joints": ["sun", "wheel"], "ratio": 0.4, **TEETH},
+    "inner teeth, a ring first": {"kind": "gear", "joints": ["wheel", "sun"], "ratio": 3.0, **TEETH, "plane": "middle"},
+    "axes of opposite senses": {"kind": "gear", "joints": ["ring", "wheel"], "ratio": 2.0, **TEETH},
+    "in planes apart": {"kind": "gear", "joints": ["back", "sun"], "ratio": 0.7, **TEETH, "plane": "back_link"},
+    "a sun and a planet": {"kind": "gear", "joints": ["sun", "planet"], "ratio": -3.0, "carrier": "arm", **TEETH},
+    "a planet and a ring": {"kind": "gear", "joints": ["planet", "ring"], "ratio": -0.25, "carrier": "arm", **TEETH},
+    "a ring at rest": {"kind": "gear", "joints": ["arm", "planet"], "ratio": -4.0, **TEETH},
+    "a ring at rest, second": {"kind": "gear", "joints": ["planet", "arm"], "ratio": -0.25, **TEETH},
+    "planets unseen": {"kind": "gear", "joints": ["sun", "ring"], "ratio": 0.4, "carrier": "arm", "planets": 3},
+    "planets in a ring at rest": {"kind": "gear", "joints": ["sun", "arm"], "ratio": 0.3, "planets": 2},
+    "bevel teeth": {"kind": "gear", "joints": ["cone", "sun"], "ratio": -0.5, "pressure_angle": "20 deg",
+                    "plane": "face"},
+    "a rack": {"kind": "rack", "joints": ["sun", "bar"], "radius": "40 mm", **TEETH},
+    "a rack on the other side": {"kind": "rack", "joints": ["ring", "bar"], "radius": "-40 mm", **TEETH},
+    "a screw": {"kind": "screw", "joints": ["sun", "nut"], "lead": "12 mm"},
+    "a screw of opposite senses": {"kind": "screw", "joints": ["ring", "nut"], "lead": "12 mm"},
+    "a screw on its nut": {"kind": "screw", "joints": ["sun", "runner"], "lead": "-7 mm"},
+    "a belt": {"kind": "belt", "joints": ["sun", "wheel"], "radii": ["90 mm", "30 mm"], "pretension": "20 N"},
+    "a crossed belt": {"kind": "belt", "joints": ["wheel", "sun"], "radii": ["30 mm", "50 mm"], "pretension": "9 N",
+                       "course": "crossed"},
+    "a chain": {"kind": "belt", "joints": ["ring", "wheel"], "radii": ["30 mm", "50 mm"], "pretension": "0 N"},
+    "a belt to a planet": {"kind": "belt", "joints": ["arm", "planet"], "radii": ["60 mm", "20 mm"],
+                           "pretension": "20 N"},
+}  # fmt: skip
+
+
+def test_every_kind_that_tells_its_forces_is_sampled():
+    silent = {"sum"}  # says nothing of the parts between the joints
+    kinds = {one.__struct_config__.tag for one in typing.get_args(CouplingDefinition)}
+    assert kinds - silent == {sample["kind"] for sample in SAMPLES.values()}
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_wrenches_have_the_power_of_the_multiplier_in_every_motion(name, gearbox):
+    box = gearbox(it=SAMPLES[name])
+    (coupling,) = box.constraints
+    model, rng = box.model, np.random.default_rng(3)
+    q, lam = rng.uniform(-2, 2, (5, model.nq)), np.array([[40.0], [-7.0], [0.0], [0.3], [-200.0]])
+    wrenches = coupling.wrenches(LinkPlacements.at(model, q), lam)
+    data, largest = model.createData(), 0.0
+    for i in range(5):
+        pin.computeJointJacobians(model, data, q[i])
+        power = np.zeros(model.nv)
+        for body, wrench in wrenches.items():
+            jacobian = pin.getJointJacobian(model, data, body, pin.WORLD).reshape(6, -1)
+            power += wrench[i] @ jacobian
+            largest = max(largest, np.abs(wrench[i]).max())
+        assert power == pytest.approx(lam[i, 0] * coupling.coordinate.weights, abs=1e-12 * largest)
+    assert np.abs(sum(wrenches.values())).max() < 1e-12 * largest
+
+
+@pytest.mark.parametrize("name", [name for name, one in SAMPLES.items() if "planets" not in one])
+def test_what_acts_on_the_second_member_acts_where_it_is_said(name, gearbox):
+    box = gearbox(it=SAMPLES[name])
+    (coupling,) = box.constraints
+    links, lam = LinkPlacements.at(box.model, np.full((1, box.model.nq), 0.7)), np.array([[5.0]])
+    (point,), (wrench,) = coupling.transmitted(links, lam)
+    at_origin = coupling.wrenches(links, lam)[coupling.transmission.second][0]
+    assert wrench[:3] == pytest.approx(at_origin[:3], abs=1e-13)
+    assert wrench[3:] + np.cross(point, wrench[:3]) == pytest.approx(at_origin[3:], abs=1e-11)
+    if coupling.kind in ("gear", "rack"):  # a force alone
+        assert wrench[3:] == pytest.approx(np.zeros(3), abs=1e-10)

@@ -1,0 +1,57 @@
+"""Shaking force of a rotor in closed form, and of a slider-crank against the discrete Fourier transform of its rows."""
+
+from math import hypot, pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.errors import InputError
+
+ROTOR, SLIDER_CRANK = "scenarios/rotor_vertical.yaml", "scenarios/slider_crank_gas.yaml"
+ROUNDING = 1e-10
+"""Relative: a loop closed to 1e-13 at speeds of 300 rad/s."""
+
+
+def test_an_unbalanced_rotor_shakes_with_m_e_w2_once_a_turn() -> None:
+    result = pinarm.run(ROTOR, {"shaking": {"about": "base", "harmonics": 3}})
+    force, moment = 12 * 0.5e-3 * (100 * pi) ** 2, hypot(2e-4, 1e-4) * (100 * pi) ** 2
+    numbers = {name: float(series.values[0]) for name, series in result.sections["shaking"].numbers.items()}
+    assert numbers["force.norm.peak"] == pytest.approx(force, rel=ROUNDING)
+    assert numbers["force.x.rms"] == pytest.approx(force / 2**0.5, rel=ROUNDING)
+    assert numbers["moment.norm.rms"] == pytest.approx(moment, rel=ROUNDING)
+    first, *higher = np.array(result.sections["shaking"].tables[1].rows)[:, 2:]
+    assert first == pytest.approx([force, force, 0, moment, moment, 0], rel=ROUNDING, abs=1e-9)
+    assert np.abs(higher).max() < ROUNDING * force
+
+
+def test_harmonics_of_a_slider_crank_are_those_of_its_rows() -> None:
+    result = pinarm.run(SLIDER_CRANK, {"shaking": {"harmonics": 8}})
+    rows = np.array(result.sections["shaking"].tables[1].rows)
+    # one row an angle: the sampled force of a smooth steady motion has no harmonics left beyond 360
+    force = -result["dynamic.all.force.x"].values[:-1]
+    amplitudes = 2 * np.abs(np.fft.rfft(force)[1:9]) / len(force)
+    assert rows[:, 0].tolist() == [1, 2, 3, 4, 5, 6, 7, 8]
+    assert rows[:, 1] == pytest.approx(2 * pi / 40e-3 * rows[:, 0], rel=1e-12)
+    assert rows[:, 2] == pytest.approx(amplitudes, rel=1e-8, abs=1e-8 * amplitudes.max())
+
+
+def test_a_run_that_is_no_whole_period_has_no_harmonics() -> None:
+    result = pinarm.run(SLIDER_CRANK, {"shaking": {"harmonics": 2}, "problem.time.end": "13 ms"})
+    with pytest.raises(InputError, match="no whole number of periods"):
+        _ = result.sections
+
+
+def test_its_section_is_told_saved_and_drawn(tmp_path: Path) -> None:
+    result = pinarm.run(ROTOR, {"shaking": {}})
+    folder = result.save(tmp_path, plots=True)
+    assert (folder / "shaking_figures.csv").read_text().splitlines()[1].startswith("force.norm,N,592.17626")
+    assert (folder / "plots" / "shaking_hodograph.png").stat().st_size > 5000
+    assert result.summary()["shaking"]["force.norm.peak"]["unit"] == "N"
+    assert pinarm.schema()["properties"]["shaking"]
+
+
+def test_its_point_is_checked_before_anything_is_solved() -> None:
+    with pytest.raises(InputError, match="nowhere"):
+        pinarm.validate("scenarios/rotor_vertical.yaml", {"shaking": {"about": "nowhere"}})
