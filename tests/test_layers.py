@@ -16,7 +16,7 @@ PACKAGE = Path(pinarm.__file__).parent
 FLOOR_PLAN = {
     "errors": "",
     "arrays": "",
-    "input": "units roots xml_text xml_names mjcf_includes formulas yaml motion_tables xacro robots",
+    "input": "numbers units roots xml_text xml_names mjcf_includes formulas yaml csv_rows motion_tables xacro robots",
     "mechanics": "geometry joints laws drives coordinates ball_joints loops forces loading couplings friction "
     "payloads perturbation description",
     "engine": "series integration constraints dynamics model_source kinematics statics friction motion checks "

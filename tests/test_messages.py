@@ -259,8 +259,6 @@ SCENARIOS = [
      ["s.yaml:17:44: unknown verdict 'wrong'", "agrees, misprint, reading, rounding"]),
     (SCENARIO, ENTRY, "{quantity: x, value: 1 m, rtol: -1, source: s}",
      ["s.yaml:17:37: this is -1", "a number >= 0"]),
-    (SCENARIO, ENTRY, "{quantity: x, at: {t: 2 s}, value: 1 m, source: s}",
-     ["s.yaml:17:19: t = 2 s is not reached in this run"]),
     (SCENARIO, ENTRY, "{quantity: x, formula: t, source: s}", ["s.yaml:17:28: ", "the same dimension"]),
 ]  # fmt: skip
 

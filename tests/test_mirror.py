@@ -68,6 +68,7 @@ ELSEWHERE = {
     "loops/test_loop_coordinates.py": (
         "as of joints of the tree", "mechanics/forces/along_coordinate mechanics/loops/relative",
     ),
+    "loops/test_rounded_files.py": ("loops that close as far as their file is rounded", "engine/checks/unclosed"),
     "loops/test_screws.py": ("against the coupling and closed forms", "mechanics/loops/screw"),
     "mechanics/friction/test_bearing.py": ("what a law multiplies", "mechanics/friction/law"),
     "mechanics/friction/test_definition.py": ("slips of bound joints", "mechanics/friction/contact"),
@@ -111,7 +112,8 @@ ELSEWHERE = {
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),
     "use/output/test_folder.py": ("which files are ours", "use/output/manifest"),
     "use/study/accuracy/test_error_estimate.py": (
-        "errors that are found", "engine/checks/residuals use/study/accuracy/integration_settings "
+        "errors that are found", "engine/checks/residuals use/study/accuracy/common_rows "
+        "use/study/accuracy/integration_settings "
         "use/study/accuracy/solved",
     ),
     "use/study/accuracy/test_tradeoff.py": (

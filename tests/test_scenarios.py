@@ -28,6 +28,25 @@ def test_it_runs_and_meets_its_answer_key(file: Path) -> None:
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_what_runs_is_accepted_without_solving(file: Path) -> None:
+    """``test_it_runs_and_meets_its_answer_key`` solves it; ``validate`` and ``sweep`` judge it near its start."""
+    assert pinarm.validate(file)
+
+
+MODELS = [
+    pytest.param(file, marks=pytest.mark.slow if "forty" in file.parent.name else ())
+    for file in sorted((FOLDER.parent / "models").glob("*/mechanism.yaml"))
+]
+
+
+@pytest.mark.parametrize("file", MODELS, ids=lambda file: file.parent.name)
+def test_its_mechanism_is_explained_where_it_is_closed(file: Path) -> None:
+    found = pinarm.explain(file)
+    assert found.mobility.mobility > 0
+    assert found.mobility.regularity > 1e-3
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_something_independent_decides(file: Path) -> None:
     """A published figure alone proves little: there must be a value or formula from elsewhere."""
     expect = pinarm.load(file).content.expect

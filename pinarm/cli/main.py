@@ -85,6 +85,8 @@ def _run(options: argparse.Namespace) -> int:
     else:
         print(report(result))
         print(f"written to {folder}")
+    if result.contradiction:
+        return NumericsError.exit_code
     return MISSED if result.missed else OK
 
 

@@ -26,7 +26,7 @@ def _run(run: ArgumentParser) -> None:
     run.add_argument("-o", "--output", type=Path, help="result folder (default: results/SCENARIO)")
     run.add_argument("--no-plots", action="store_true", help="write numbers only")
     run.add_argument("--verify", action="store_true",
-                     help="estimate the global error by a second solution, and check every row")  # fmt: skip
+                     help="bound the global error by a second solution, and check every row")  # fmt: skip
     _values(run)
 
 

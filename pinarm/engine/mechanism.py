@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -20,14 +20,15 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import massive
-from pinarm.engine.model_source import Source, read_robot
+from pinarm.engine.model_source import Source, numeric, read_robot
 from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.units import Unit, unit
+from pinarm.input.xacro.expansion import UnknownArgument, check_declared
 from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.schema import Measured, quantity
+from pinarm.input.yaml.schema import Measured, check_unit, quantity
 from pinarm.input.yaml.values import Values, varied
-from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, balls_of
+from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, balls_of, positions_of, unit_of
 from pinarm.mechanics.coordinates import Coordinate, coordinates_of
 from pinarm.mechanics.couplings.coupling import mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector
@@ -296,6 +297,12 @@ class Mechanism:
         """Whether every body has a mass and moments of inertia."""
         return massive(self.model)
 
+    @cached_property
+    def start(self) -> Mapping[str, float]:
+        """Return rough joint coordinates near which the loops close [rad or m], as far as the mechanism file says."""
+        known = positions_of(self.joints, self.balls)  # of a part of the mechanism there may be fewer
+        return {name: float(value) for name, value in self.description.start.items() if name in known}
+
     @property
     def gravity(self) -> float:
         """Magnitude of gravity [m/s^2]."""
@@ -372,11 +379,15 @@ def _build(
 ) -> Mechanism:  # fmt: skip
     """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's."""
     units, given = _arguments(description, arguments, here, caller)
-    with here("robot"):
-        robot, resolved, source = read_robot(description, data, folder, given)
+    with here("robot"), _naming_arguments(caller):
+        robot, texts, source = read_robot(description, data, folder, given)
+    resolved = dict(numeric(texts))
+    with _naming_arguments(here):
+        check_declared(units, texts)
     model, carried = _loaded(robot.model, description.payloads, payloads, here, caller)
     joints, balls = joints_of(model), balls_of(model)
     model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
+    _check_start(description, joints, balls, here)
     turns = {**ball_coordinates(model, balls), **ball_angles(balls)}
     loops = []
     for name, loop in description.loops.items():
@@ -451,6 +462,18 @@ def _of_loops(
     return found
 
 
+def _check_start(
+    description: MechanismDescription, joints: Mapping[str, Joint], balls: Mapping[str, Ball], here: Locate
+) -> None:
+    """Check names and units of the joint coordinates near which the loops close."""
+    known = positions_of(joints, balls)
+    for name, value in description.start.items():
+        with here("start", Key(name)):
+            measured = unit_of(name, known)
+        with here("start", name):
+            check_unit(value, measured)
+
+
 def _arguments(
     description: MechanismDescription, arguments: Mapping[str, float | str], here: Locate, caller: Locate
 ) -> tuple[dict[str, Unit], dict[str, float]]:
@@ -460,13 +483,19 @@ def _arguments(
         with here("arguments", name):
             units[name] = unit(text)
     for name, value in arguments.items():
-        with caller("arguments", Key(name)):
-            if units and name not in units:
-                expected, hint = choices(name, units, most=40)
-                raise InputError(f"the model has no argument '{name}'", expected=expected, hint=hint)
         with caller("arguments", name):
             given[name] = _argument(name, value, units.get(name))
     return units, given
+
+
+@contextmanager
+def _naming_arguments(place: Locate) -> Iterator[None]:
+    """Locate arguments that the model does not have at their keys."""
+    try:
+        yield
+    except UnknownArgument as error:
+        with place("arguments", Key(error.name)):
+            raise
 
 
 def _argument(name: str, value: float | str, expected: Unit | None) -> float:

@@ -11,6 +11,7 @@ from typing import Any
 
 from pinarm.errors import Location, ModelError
 from pinarm.input.mjcf_includes import resolve_includes
+from pinarm.input.numbers import decimal
 from pinarm.input.robots import is_floating
 from pinarm.input.robots import robot as robot_file
 from pinarm.input.roots import contained_file, root_of
@@ -45,8 +46,8 @@ class Source:
 
 def read_robot(
     description: MechanismDescription, data: Mapping[str, Any], folder: Path, arguments: Mapping[str, float]
-) -> tuple[RobotModel, dict[str, float], Source]:
-    """Return the model of a mechanism, the values of its arguments, and where it was read from.
+) -> tuple[RobotModel, Mapping[str, str], Source]:
+    """Return the model of a mechanism, the texts of all its arguments, and where it was read from.
 
     Args:
         description: The mechanism file.
@@ -57,6 +58,7 @@ def read_robot(
     Raises:
         InputError: There is no such file, or it may not be read.
         ModelError: The model has a mistake.
+        UnknownArgument: It has no argument of a given name.
     """
     defects: Defects
     if description.robot.endswith(FILES):
@@ -72,8 +74,7 @@ def read_robot(
     except ModelError as error:
         raise error.at(_place(error, path)) from None
     notes = (*robot.notes, *(f"xacro: {warning}" for warning in expansion.warnings))
-    resolved = dict(_numbers(expansion.arguments))
-    return replace(robot, notes=notes), resolved, Source(data, folder, path, base, defects)
+    return replace(robot, notes=notes), expansion.arguments, Source(data, folder, path, base, defects)
 
 
 _NAMED = re.compile(r"(link|joint|body) '([^']+)'")
@@ -93,8 +94,8 @@ def _place(error: ModelError, path: Path) -> Location:
     return Location(source)
 
 
-def _numbers(arguments: Mapping[str, str]) -> Iterator[tuple[str, float]]:
+def numeric(arguments: Mapping[str, str]) -> Iterator[tuple[str, float]]:
     """Yield the arguments of a model that are numbers; those that are words choose parts of it."""
     for name, text in arguments.items():
         with suppress(ValueError):
-            yield name, float(text)
+            yield name, decimal(text)

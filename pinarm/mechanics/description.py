@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.input.yaml.schema import Acceleration, InputStruct, Positive
+from pinarm.input.yaml.schema import Acceleration, InputStruct, Level, Positive
 from pinarm.mechanics.coordinates import CoordinateDefinition
 from pinarm.mechanics.couplings import CouplingDefinition
 from pinarm.mechanics.drives import Drive
@@ -67,6 +67,8 @@ class MechanismDescription(InputStruct, frozen=True):
         gravity: ``none`` for none; that of the model, or 9.81 m/s^2 downwards, where it is left out.
         coordinates: Coordinates beside those of the joints.
         loops: Joints that close loops of the tree.
+        start: Rough joint coordinates near which the loops close, where they do not near 0; a scenario's own ``start``
+            replaces them joint by joint. Ball joints as there.
         couplings: Gears, racks and screws between joints.
         drives: Motors and gears.
         forces: Springs, dampers and loads that belong to the mechanism.
@@ -85,6 +87,7 @@ class MechanismDescription(InputStruct, frozen=True):
     gravity: Gravity | Literal["none"] | None = None
     coordinates: dict[str, CoordinateDefinition] = {}
     loops: dict[str, Loop] = {}
+    start: dict[str, Level] = {}
     couplings: dict[str, CouplingDefinition] = {}
     drives: dict[str, Drive] = {}
     forces: dict[str, Force] = {}

@@ -57,10 +57,11 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
     loads: dict[str, Force] = {}
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row at the neutral configuration: enough to see which quantities there are."""
-        free = mechanism.model.nv - len(self.hold)
-        units = _units(mechanism, free)
-        row = schema_row(mechanism, self.loads, ROW, unit("1"), along(mechanism, self.hold))
+        """Return one row near the start: enough to see which quantities there are, and which are determined."""
+        drives = along(mechanism, self.hold)
+        row = schema_row(mechanism, self.starts[0], self.loads, ROW, unit("1"), drives)
+        own = mechanism.closure
+        units = _units(mechanism, own.split(own.rows(own.state(row.q[0]))).free.shape[1] - len(self.hold))
         columns = {name: Series(name, measured, np.zeros(1)) for name, measured in units.items()}
         return replace(row, columns=columns, separate=True)
 

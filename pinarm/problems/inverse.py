@@ -51,9 +51,9 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     loads: dict[str, Force] = {}
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row at the neutral configuration: enough to see which quantities there are."""
+        """Return one row near the start: enough to see which quantities there are, and which are determined."""
         drives = actuation(mechanism, self.drives, [*self.motion])
-        return with_friction_columns(schema_row(mechanism, self.loads, "t", unit("s"), drives), drives)
+        return with_friction_columns(schema_row(mechanism, self.start, self.loads, "t", unit("s"), drives), drives)
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""

@@ -45,7 +45,7 @@ def require_masses(closure: Closure, q: Array, t: float) -> None:
         definite = np.full(len(q), _all_definite(mass))
     for i in np.flatnonzero(~definite):
         rows = closure.rows(closure.state(q[i]))
-        _require(closure.model, RowDecomposition.of(rows).free, mass[i], q[i], t)
+        _require(closure.model, closure.split(rows).free, mass[i], q[i], t)
 
 
 def _definite_along(split: RowDecomposition, mass: Array) -> Array:

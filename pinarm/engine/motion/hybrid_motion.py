@@ -7,6 +7,7 @@ or opens a constraint is added or removed. Then the next segment begins.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -74,6 +75,8 @@ class HybridSystem:
         watches: Events by name; their values are of states of the mechanism.
         method: The integrator.
         max_steps: Number of steps after which to give up.
+        size: What errors of steps are relative to besides the states; see ``Interval.size``.
+        least_size: The least that they can be relative to; see ``Accuracy.least_size``.
         frictions: Joints with friction that sticks.
     """
 
@@ -86,6 +89,8 @@ class HybridSystem:
     watches: Mapping[str, Watch]
     method: Method
     max_steps: int
+    size: float = 1.0
+    least_size: float = math.inf
     frictions: tuple[FrictionContact, ...] = ()
     _systems: dict[Held, System] = field(default_factory=dict, repr=False)
 
@@ -170,7 +175,11 @@ class HybridSystem:
 
     @cached_property
     def _intervals(self) -> list[Interval]:
-        return [self.system().interval(self.dynamics, *span) for span in pairwise(self.cuts)]
+        return self._smooth(self.system(), pairwise(self.cuts))
+
+    def _smooth(self, system: System, spans: Iterable[tuple[float, float]]) -> list[Interval]:
+        """Return what a system integrates in spans of time [s] without jumps."""
+        return [replace(system.interval(self.dynamics, *span), size=self.size) for span in spans]
 
     @property
     def batchable(self) -> bool:
@@ -268,7 +277,7 @@ class HybridSystem:
         watched = self._watched(mode, system, q, v)
         spans = [(max(low, t), high) for low, high in pairwise(self.cuts) if high > t]
         spans = spans[:1] if self.frictions else spans
-        intervals = [system.interval(self.dynamics, *span) for span in spans]
+        intervals = self._smooth(system, spans)
         watches = [_of_mechanism(one, system) for _, one in watched]
         steps = self.max_steps - int(sum(motion.cost()[name] for name in ("steps", "rejected steps")))
         method = self.method if system.manifold.nv else self._standing(watches, spans)

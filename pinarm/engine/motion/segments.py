@@ -54,6 +54,11 @@ class SegmentedMotion:
         """Return the instants at which one segment meets the next [s]."""
         return [segment.solution.end for segment in self.segments[:-1]]
 
+    @property
+    def size(self) -> float:
+        """Return the largest coordinate or velocity that was integrated, in SI."""
+        return max(segment.solution.size for segment in self.segments)
+
     def complete(self, grid: Grid) -> CompletedStates:
         """Return the motion at the rows of a grid whose intervals do not reach over seams."""
         bounds = np.array(self.seams)

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
@@ -87,17 +86,18 @@ class Trajectory:
 
     @classmethod
     def schema_row(
-        cls, mechanism: Mechanism, parameter: str, measured: Unit, closure: Closure | None = None
+        cls, mechanism: Mechanism, q: Array, parameter: str, measured: Unit, closure: Closure | None = None
     ) -> Trajectory:
-        """Return one row at the neutral configuration: enough to see which quantities there are.
+        """Return one row, at rest: enough to see which quantities there are, and which are determined.
 
         Args:
             mechanism: The mechanism.
+            q: A closed configuration of no special kind, shape (nq,).
             parameter: What runs along the rows.
             measured: Its unit.
             closure: Constraints with the drives along task coordinates; none of these where it is left out.
         """
-        q, idle = np.atleast_2d(pin.neutral(mechanism.model)), np.zeros((1, mechanism.model.nv))
+        q, idle = np.atleast_2d(q), np.zeros((1, mechanism.model.nv))
         dynamics, grid = mechanism.dynamics, Grid(np.zeros(1), (0.0, 0.0), (0, 1))
         closure = closure or mechanism.closure
         lam = Multipliers.known(np.zeros((1, closure.size)), mechanism.closure.size)

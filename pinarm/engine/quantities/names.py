@@ -52,6 +52,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.engine.constraints.nullspace import ACTS
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.ball_quantities import PARTS as BALL_PARTS
@@ -67,9 +68,6 @@ from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.forces.force_element import power
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import METRE
-
-UNDETERMINED = 1e-9
-"""What a self-stress of length 1 may add to a component that it does not act on: rounding leaves 1e-13."""
 
 AXES = ("x", "y", "z", "norm")
 SECOND, JOULE, WATT, NEWTON, NEWTON_METRE = unit("s"), unit("J"), unit("W"), unit("N"), unit("N*m")
@@ -363,7 +361,7 @@ class Quantities:
     @staticmethod
     def _acts(component: Array) -> bool:
         """Tell whether wrenches of length 1 act on a component, given what they add to it, shape (n,)."""
-        return bool(np.abs(component).max(initial=0.0) > UNDETERMINED)
+        return bool(np.abs(component).max(initial=0.0) > ACTS)
 
     def _doubt(self, name: str, added: list[Array]) -> str:
         """Return what is in doubt about a component: nothing where self-stresses add nothing to it.
@@ -375,9 +373,20 @@ class Quantities:
         if any(self._acts(part) for part in added):
             doubt = f"hyperstatic of degree {len(added)}: rigid bodies do not determine it"
             if self.undetermined != "minimum_norm":
-                raise InputError(f"'{name}': {doubt}", expected="a component that is determined, or a joint loosened",
-                                 hint="undetermined: minimum_norm, for the least multipliers")  # fmt: skip
+                raise self._hyperstatic(name, doubt)
         return doubt
+
+    def _hyperstatic(self, name: str, doubt: str) -> InputError:
+        """Return the refusal of a component that is not determined, with the joints that share it."""
+        from pinarm.engine.kinematics.mobility import mobility_of
+
+        found = mobility_of(self.trajectory.mechanism, self.trajectory.q[0])
+        shared = f", only what {', '.join(found.undetermined)} carry together" if found.undetermined else ""
+        looser = f": {found.loosenings[0]}" if found.loosenings else ""
+        return InputError(
+            f"'{name}': {doubt}{shared}", expected=f"a component that is determined, or looser joints{looser}",
+            hint="undetermined: minimum_norm, for the least multipliers",
+        )  # fmt: skip
 
     def _require_efforts(self, name: str) -> None:
         if self.trajectory.no_efforts:

@@ -18,7 +18,6 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.engine.checks.balance import demands
 from pinarm.engine.constraints.constraint import GuidedCoordinate
-from pinarm.engine.constraints.nullspace import RowDecomposition
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.couplings.coupling import Coupling
@@ -232,7 +231,7 @@ class Reactions:
         found: list[Array] = []
         sampled = np.linspace(0, len(run) - 1, min(len(run), SAMPLE if m else 0)).astype(int)
         for i in sampled:
-            split = RowDecomposition.of(closure.rows(closure.state(run.q[i]))[:m])
+            split = run.mechanism.closure.split(closure.rows(closure.state(run.q[i]))[:m])
             free = split.scale[:, None] * split.redundant
             free /= np.linalg.norm(free, axis=0)
             while len(found) < free.shape[1]:

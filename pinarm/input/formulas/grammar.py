@@ -167,6 +167,8 @@ def _check(tree: ast.expr, grammar: Grammar, text: str) -> None:
         try:
             if depth > MAX_DEPTH or count > MAX_NODES:
                 raise ExpressionError("the formula is nested too deeply or has too many parts", hint="smaller formulas")
+            if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+                _check_digits(text.encode()[node.col_offset : node.end_col_offset])
             pending += [(part, depth + 1) for part in _parts(node, grammar)]
         except ExpressionError as error:
             raise _in_words(error.at(_place(node)), text) from None
@@ -203,6 +205,11 @@ def _check_literal(value: Any, grammar: Grammar) -> None:
         raise ExpressionError(f"a {type(value).__name__} is not allowed in a formula", expected="numbers and names")
     if isinstance(value, int | float) and not abs(value) < (MAX_INTEGER if isinstance(value, int) else math.inf):
         raise ExpressionError("this number is too large", expected="integers below 2**64, others below 1e308")
+
+
+def _check_digits(number: bytes) -> None:
+    if b"_" in number:
+        raise ExpressionError("a number has no '_' between its digits", hint=number.replace(b"_", b"").decode())
 
 
 def _check_call(function: str, count: int, grammar: Grammar) -> None:

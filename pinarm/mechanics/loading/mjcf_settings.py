@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import ModelError, choices
+from pinarm.input.numbers import decimal
 from pinarm.mechanics.loading.mjcf_names import ACTUATORS
 from pinarm.mechanics.loading.model_tree import from_z
 
@@ -167,7 +168,7 @@ def numbers(given: Attributes, key: str, where: str, count: int, default: Sequen
         return np.array(default, float)
     text = given[key]
     try:
-        values = np.array([float(part) for part in text.replace("_", "?").split()])
+        values = np.array([decimal(part) for part in text.split()])
     except ValueError:
         values = np.empty(0)
     if len(values) != count or not np.isfinite(values).all():

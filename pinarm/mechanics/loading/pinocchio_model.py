@@ -95,9 +95,15 @@ def build_model(
 
 def _read(xml: str) -> Tree:
     try:
-        root = ElementTree.fromstring(xml)
+        return _tree(ElementTree.fromstring(xml))
     except ElementTree.ParseError as error:
         raise ModelError(f"the model is not XML: {error}") from None
+    except ArithmeticError as error:
+        problem = f"a number that follows from the model is beyond all numbers ({error})"
+        raise ModelError(problem, hint="sizes and masses below 1e50") from None
+
+
+def _tree(root: ElementTree.Element) -> Tree:
     if root.tag == "mujoco":
         from pinarm.mechanics.loading.mjcf import mjcf_tree  # not paid for by others
 

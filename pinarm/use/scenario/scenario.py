@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -16,6 +16,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import residual_figures
+from pinarm.engine.checks.unclosed import unclosed
 from pinarm.engine.mechanism import Mechanism, mechanism_document, read_mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
@@ -253,13 +254,8 @@ class Scenario:
         if self.content.find:
             return self._solve_found(self.content.find)
         try:
-            with np.errstate(all="ignore"):  # what is not finite is found in the results, and said in words
+            with _failures_in_words():
                 return self._solve_once()
-        except np.linalg.LinAlgError as error:
-            raise DynamicsError(
-                f"the equations of this mechanism have no solution ({error})",
-                hint="numbers of ordinary size, and a mass for whatever is free to move",
-            ) from error
         except NumericsError as error:
             if isinstance(error.partial, Outcome):
                 error.partial = self.result(error.partial)
@@ -323,7 +319,8 @@ class Scenario:
 
             measured |= friction_figures(solved.rows)
         removals = self.simplification.removals if solved is not whole else ()
-        result = replace(self.result(whole), figures=measured, removals=removals)
+        noted = replace(whole, notes=(*whole.notes, *unclosed(whole.rows)))
+        result = replace(self.result(noted), figures=measured, removals=removals)
         for index, name in enumerate(self.content.outputs):
             with self.document.locating("outputs", index):
                 result.require_finite(name)
@@ -346,9 +343,9 @@ class Scenario:
         Raises:
             PinarmError: Something is wrong; the message says where.
         """
-        self.problem.prepare(self.mechanism, self._place)
-        quantities = self.quantities()
-        with np.errstate(all="ignore"):
+        with _failures_in_words():
+            self.problem.prepare(self.mechanism, self._place)
+            quantities = self.quantities()
             for index, name in enumerate(self.content.outputs):
                 with self.document.locating("outputs", index):
                     quantities[name]
@@ -432,6 +429,28 @@ def _assessments(document: Document, content: ScenarioFile) -> dict[str, Assessm
     """Validate the parts of the document that ask for assessments, each by its class."""
     asked = (key for key in KINDS_OF_ASSESSMENT if getattr(content, key) is not None)
     return {key: document.validate(assessment_class(key), key) for key in asked}
+
+
+@contextmanager
+def _failures_in_words() -> Iterator[None]:
+    """Raise in words what linear algebra and Python's numbers raise; what is not finite is found in the results.
+
+    Raises:
+        DynamicsError: A matrix is singular, or a number is beyond 1e308.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except np.linalg.LinAlgError as error:
+        raise DynamicsError(
+            f"the equations of this mechanism have no solution ({error})",
+            hint="numbers of ordinary size, and a mass for whatever is free to move",
+        ) from error
+    except ArithmeticError as error:
+        raise DynamicsError(
+            f"a number of this run is too large or too small to be computed with ({error})",
+            hint="numbers of ordinary size: their squares, too, lie between 1e-308 and 1e308",
+        ) from error
 
 
 CHECKABLE = 1e150

@@ -22,6 +22,7 @@ from pinarm.engine.series import Series
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import in_si
 from pinarm.use.result.curve_figures import is_figure
+from pinarm.use.result.row_lookup import NotReached
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -148,14 +149,20 @@ class Printed:
 
 
 def answer_key(result: Result, along: str) -> list[Printed]:
-    """Return what was published of a run and can be drawn over its curves: figures at one row, formulas over all."""
+    """Return what was published of a run and can be drawn over its curves: figures at one row, formulas over all.
+
+    A figure for a place that the run does not come to is left out.
+    """
     found = []
     for entry in result.content.expect:
         if entry.published_formula is not None and entry.at == "all":
             figures = np.broadcast_to(result.quantities.figure(entry.published_formula), len(result))
             found.append(Printed(entry.quantity, result[along].values, figures, entry.verdict == "misprint"))
         elif entry.published is not None and not _over_run(entry.at):
-            row = result.lookup.at(entry.at, entry.quantity)
+            try:
+                row = result.lookup.at(entry.at, entry.quantity)
+            except NotReached:  # as the notes say
+                continue
             printed = in_si(entry.published, row[entry.quantity].unit)
             found.append(Printed(entry.quantity, float(row[along].values[0]), printed, entry.verdict == "misprint"))
     return found

@@ -135,7 +135,8 @@ def _mechanism(source: Source, folder: Path, model: str) -> str:
     return yaml_text({**data, "robot": model, **base, "defects": source.defects})
 
 
-_MESH = re.compile(r"""(<mesh\b[^>]*?\bfilename\s*=\s*)(["'])(?!\w+://|/)(.*?)\2""", re.DOTALL)
+_MESH = re.compile(r"""(<mesh\b[^<>]*?\bfilename\s*=\s*)(["'])(?!\w+://|/)([^<]*?)\2""")
+"""A search ends at the next element: over a comment of many beginnings it would take quadratic time."""
 
 
 def _model(mechanism: Mechanism, folder: Path) -> str:

@@ -380,3 +380,13 @@ def test_an_unknown_name_is_told_with_its_line(tmp_path):
         Mechanism.load(tmp_path / "m.xml")
     assert (caught.value.location.line, caught.value.location.column) == (3, 20)
     assert caught.value.hint == "mass"
+
+
+def test_a_joint_that_follows_twice_is_refused():
+    equality = '<equality><joint joint1="a" joint2="b"/><joint joint1="a" joint2="b"/></equality>'
+    two = body('<joint name="a"/>' + SPHERE), body('<joint name="b"/>' + SPHERE, "c")
+    assert "joint 'a' follows other joints twice" in refusal(model(*two, before=equality)).message
+
+
+def test_a_geom_whose_inertia_is_beyond_all_numbers_is_refused():
+    assert "beyond all numbers" in refusal(model(body(HINGE + '<geom size="1e200"/>'))).message

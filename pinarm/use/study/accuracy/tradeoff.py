@@ -42,7 +42,7 @@ class Tradeoff:
     variants: list[Variant] = field(default_factory=list)
 
     def recommended(self) -> dict[float, TriedSetting | None]:
-        """Return the cheapest setting for every wanted error."""
+        """Return the cheapest setting for every wanted error, with a margin; see ``recommended_setting``."""
         bound = self.reference.bound if self.reference else 0.0
         return {wanted: recommended_setting(self.points, bound, wanted) for wanted in WANTED}
 

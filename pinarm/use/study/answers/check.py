@@ -24,6 +24,7 @@ from pinarm.input.yaml.values import Values
 from pinarm.use.result.curve_figures import figure, is_figure
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.result import Result
+from pinarm.use.result.row_lookup import NotReached
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run, scenarios
 
@@ -102,8 +103,16 @@ def check(scenario: Scenario | str | Path, values: Values | None = None, *, resu
         solved = result or run(one)
         for index, expectation in enumerate(one.content.expect):
             with one.document.locating("expect", index):
-                findings.append(compare(solved, expectation))
+                findings.append(_found(solved, expectation))
     return Findings(findings)
+
+
+def _found(result: Result, expectation: Expectation) -> Finding:
+    """Compare a result with one expectation; a place that the run does not come to is a miss."""
+    try:
+        return compare(result, expectation)
+    except NotReached as error:
+        return Finding(result.name, expectation, None, np.nan, None, None, None, "MISS", error.message)
 
 
 def compare(result: Result, expectation: Expectation) -> Finding:
