@@ -18,6 +18,9 @@ ELSEWHERE = {
     "engine/dynamics/test_equation.py": (
         "routes to one acceleration", "engine/dynamics/mass_matrix mechanics/geometry/buffers",
     ),
+    "engine/friction/test_switching.py": (
+        "what joints at rest begin to do", "engine/friction/balance engine/friction/response",
+    ),
     "engine/integration/methods/test_collocation.py": ("a part of it", "engine/integration/methods/collocation_window"),
     "engine/integration/methods/test_orders.py": (
         "the order of every method", "engine/integration/integrator engine/integration/methods/conserving "
@@ -67,6 +70,8 @@ ELSEWHERE = {
     ),
     "loops/test_rounded_files.py": ("loops that close as far as their file is rounded", "engine/checks/unclosed"),
     "loops/test_screws.py": ("against the coupling and closed forms", "mechanics/loops/screw"),
+    "mechanics/friction/test_bearing.py": ("what a law multiplies", "mechanics/friction/law"),
+    "mechanics/friction/test_definition.py": ("slips of bound joints", "mechanics/friction/contact"),
     "mechanics/couplings/test_gear.py": (
         "wheels in mesh", "mechanics/couplings/members mechanics/couplings/teeth",
     ),
@@ -97,6 +102,11 @@ ELSEWHERE = {
         "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/scenario",
     ),
     "test_readme.py": ("what is printed", "use/show/terminal"),
+    "physics/test_friction.py": (
+        "friction in every kind of problem", "engine/friction/columns engine/friction/given_efforts "
+        "engine/friction/sliding engine/motion/known_friction engine/motion/stick_slip engine/quantities/friction_law "
+        "mechanics/friction/thread",
+    ),
     "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),
     "use/result/test_result.py": ("methods of a result", "use/result/measures use/views"),
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),

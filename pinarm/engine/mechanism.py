@@ -35,7 +35,9 @@ from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import ForceElement, bound
 from pinarm.mechanics.forces.force_element import check_new
+from pinarm.mechanics.friction.contact import FrictionContact
 from pinarm.mechanics.joints import Joint, joint_of, joints_of
+from pinarm.mechanics.loading.pinocchio_model import RobotModel
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.payloads import Payload, with_payloads
 from pinarm.mechanics.perturbation import perturbed
@@ -69,6 +71,7 @@ class Mechanism:
         source: The files behind it.
         payloads: What links carry beside the model's own masses, by name.
         notes: What is not modelled as the files have it.
+        frictions: Joints with dry friction that sticks.
     """
 
     title: str
@@ -87,6 +90,7 @@ class Mechanism:
     source: Source = field(repr=False)
     payloads: Mapping[str, Payload] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    frictions: tuple[FrictionContact, ...] = ()
 
     @classmethod
     def load(
@@ -415,7 +419,27 @@ def _build(
         description.title or model.name, model, robot.xml, joints, balls, coordinates, tuple(constraints),
         dict(description.drives), forces, symbols, resolved,
         {name: units[name].si for name in resolved if name in units}, description, source, carried, robot.notes,
+        _frictions(robot, description, model, joints, constraints, here),
     )  # fmt: skip
+
+
+def _frictions(
+    robot: RobotModel, description: MechanismDescription, model: pin.Model, joints: Mapping[str, Joint],
+    constraints: Sequence[Constraint], here: Locate,
+) -> tuple[FrictionContact, ...]:  # fmt: skip
+    """Return the joints with friction that sticks: those of the mechanism file, and others of the model."""
+    if not robot.friction and not description.friction:
+        return ()
+    from pinarm.mechanics.couplings.coupling import Coupling
+    from pinarm.mechanics.friction.definition import Friction
+
+    rubbing = [one for one in constraints if isinstance(one, LoopJoint | Coupling)]
+    found = []
+    for name, definition in description.friction.items():
+        with here("friction", name):
+            found.append(definition.bind(name, model, joints, rubbing))
+    left = {name: friction for name, friction in robot.friction.items() if name not in description.friction}
+    return (*found, *(Friction(constant=friction).bind(name, model, joints, ()) for name, friction in left.items()))
 
 
 def _of_loops(

@@ -68,9 +68,9 @@ def read_robot(
         path, defects = robot_file(description.robot), description.defects or "noted"
         root, base = path.parent, description.base or ("floating" if is_floating(path) else None)
     expansion = expand(path, arguments, root=root)
-    xml, creep = resolve_includes(expansion.xml, path, root), float(description.creep)
+    xml = resolve_includes(expansion.xml, path, root)
     try:
-        robot = build_model(xml, base=base, defects=defects, creep=creep)
+        robot = build_model(xml, base=base, defects=defects, creep=description.creep)
     except ModelError as error:
         raise error.at(_place(error, path)) from None
     notes = (*robot.notes, *(f"xacro: {warning}" for warning in expansion.warnings))

@@ -12,7 +12,7 @@ from pinarm.mechanics.coordinates import CoordinateDefinition
 from pinarm.mechanics.couplings import CouplingDefinition
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import Force
-from pinarm.mechanics.forces.joint_definitions import CREEP
+from pinarm.mechanics.friction.definition import Friction
 from pinarm.mechanics.joints import AXES, Axis
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects
 from pinarm.mechanics.loops import Loop
@@ -61,8 +61,8 @@ class MechanismDescription(InputStruct, frozen=True):
             where it is left out; of the robots known by name, those that float in their own loaders do.
         defects: ``noted`` takes inertias that no body can have as they are written, and tells; files are refused
             otherwise, robots known by name are not.
-        creep: Velocity below which the dry friction of the model gives way [rad/s or m/s]; small ones make forward
-            problems stiff.
+        creep: Velocity below which the dry friction of the model gives way [rad/s or m/s]: it is regularised,
+            ``F tanh(v / creep)``, and never sticks. Where this is left out it sticks.
         arguments: Unit of every xacro argument of the model, so that a scenario can give them with units.
         gravity: ``none`` for none; that of the model, or 9.81 m/s^2 downwards, where it is left out.
         coordinates: Coordinates beside those of the joints.
@@ -72,6 +72,7 @@ class MechanismDescription(InputStruct, frozen=True):
         couplings: Gears, racks and screws between joints.
         drives: Motors and gears.
         forces: Springs, dampers and loads that belong to the mechanism.
+        friction: Joint or loop joint -> its dry friction, which sticks; in place of that of the model.
         payloads: What links carry beside the model's own masses.
         symbols: Published symbols and what they stand for: a quantity, a number with its unit, or a formula of them.
     """
@@ -81,7 +82,7 @@ class MechanismDescription(InputStruct, frozen=True):
     title: str = ""
     base: Base | None = None
     defects: Defects | None = None
-    creep: Positive = CREEP
+    creep: Positive | None = None
     arguments: dict[str, str] = {}
     gravity: Gravity | Literal["none"] | None = None
     coordinates: dict[str, CoordinateDefinition] = {}
@@ -90,5 +91,6 @@ class MechanismDescription(InputStruct, frozen=True):
     couplings: dict[str, CouplingDefinition] = {}
     drives: dict[str, Drive] = {}
     forces: dict[str, Force] = {}
+    friction: dict[str, Friction] = {}
     payloads: dict[str, Payload] = {}
     symbols: dict[str, str] = {}

@@ -134,6 +134,9 @@ def outcome(balance: ForceBalance, found: Sequence[Equilibrium]) -> Outcome:
     weightless = [row for row, equilibrium in enumerate(found, 1) if np.isnan(equilibrium.modes.squares).any()]
     notes = tuple(f"row {row}: a direction has no mass, so its stability is that of the stiffness alone"
                   for row in weightless)  # fmt: skip
+    if balance.mechanism.frictions:
+        names = ", ".join(one.name for one in balance.mechanism.frictions)
+        notes += (f"friction of {names} holds positions beside these as well: the table has those that need none",)
     stable = sum(equilibrium.modes.stability == 1 for equilibrium in found)
     figures = {"equilibria": float(len(found)), "stable": float(stable)}
     return Outcome(rows_of(balance, found), figures=figures, notes=notes)

@@ -15,6 +15,7 @@ from pinarm.engine.checks.balance import LOST, energy_of
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import require_masses
+from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
@@ -84,7 +85,9 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         """Return one row near the start: enough to see which quantities there are, and which are determined."""
         start = {**self.start, **self.initial.position}
         row = schema_row(mechanism, start, self.loads, "t", unit("s"), along(mechanism, self.motion))
-        return replace(row, columns=event_columns(self.events, [()], np.zeros(1, dtype=np.intp)))
+        events = event_columns(self.events, [()], np.zeros(1, dtype=np.intp))
+        rest = friction_columns(mechanism.frictions, np.zeros((1, len(mechanism.frictions))))
+        return replace(row, columns={**rest, **events})
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""
@@ -112,6 +115,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             hybrid = HybridSystem(
                 mechanism.closure, dynamics, prescribed, initial, (self.time.start, self.time.end), bounds, watches,
                 accuracy.integrator(), accuracy.max_steps, least_size=accuracy.least_size(mechanism),
+                frictions=mechanism.frictions,
             )  # fmt: skip
             hybrid.system()
         return hybrid

@@ -14,6 +14,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.known_friction import with_friction_columns
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.prescribed_motion import Prescription, Rates
 from pinarm.engine.motion.trajectory import ROW, Trajectory
@@ -180,7 +181,7 @@ def _schema_row(problem: Statics | State, mechanism: Mechanism, drives: Actuatio
     known = positions_of(mechanism.joints, mechanism.balls)
     start = {**problem.start, **{name: value for name, value in first.items() if name in known}}
     row = schema_row(mechanism, start, problem.loads, *_parameter(problem.over, mechanism), drives)
-    return replace(row, separate=True)
+    return with_friction_columns(replace(row, separate=True), drives)
 
 
 def _prescription(

@@ -86,7 +86,7 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
     moved, held = supports(model), run.closure.load(links, columns, run.q[rows], lam)
     wrenches = demands(model, links, twists, rates)
     asked = np.where(moved, links.at_world(wrenches) @ columns, 0.0)  # part by part and link by link
-    supplied = run.tau[rows] + loads[rows] + held - model.armature * run.a[rows]
+    supplied = run.tau[rows] + loads[rows] + run.friction_loads[rows] + held - model.armature * run.a[rows]
     terms = np.abs(supplied) + np.abs(held) + np.abs(asked).sum(axis=(0, 2)) + _weights(links, columns, moved)
     return supplied - asked.sum(axis=(0, 2)), terms, _most_powers(wrenches, twists)
 
@@ -199,7 +199,7 @@ def energy_of(motion: SegmentedMotion) -> dict[str, float]:
     """Return the energy balance of a motion whose segments have been integrated; see ``energy_balance``."""
     accounts = []
     for segment in motion.segments:
-        local = [motion.dynamics.on(interval.start, interval.end) for interval in segment.solution.intervals]
+        local = [segment.dynamics.on(interval.start, interval.end) for interval in segment.solution.intervals]
         accounts.append(EnergyAccount(segment.solution, local, segment.system.whole))
     return energy_balance(*accounts)
 

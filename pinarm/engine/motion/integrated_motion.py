@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, Indices
+from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.segments import SegmentedMotion
@@ -54,7 +55,8 @@ class IntegratedMotion:
         """Return the states at the rows of a grid; accelerations are those of the equation of motion there."""
         rows = states(self.mechanism, self.hybrid, grid, self.motion.complete(grid))
         alike = np.zeros(len(grid.t), dtype=np.intp)
-        return self._directed(replace(rows, columns=event_columns(self.hybrid.watches, [self.motion.events], alike)))
+        columns = {**rows.columns, **event_columns(self.hybrid.watches, [self.motion.events], alike)}
+        return self._directed(replace(rows, columns=columns))
 
     def _directed(self, rows: Trajectory) -> Trajectory:
         """Return states with the directions of the joints, where drives have losses."""
@@ -77,6 +79,7 @@ def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: Compl
         mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau, motion.lam,
         hybrid.system().closure, hybrid.dynamics,
         driven=driven_along(hybrid.prescribed.coordinates, mechanism.model.nv),
+        columns=friction_columns(mechanism.frictions, motion.friction),
     )  # fmt: skip
 
 

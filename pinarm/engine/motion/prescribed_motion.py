@@ -67,9 +67,16 @@ class Prescription:
         rows = self.states(grid, start)
         pace = self._pace(rows)
         rows = self.directed(rows, pace)
-        if rows.numbered:
-            return Outcome(rows)
-        return Outcome(rows, PrescribedMotion(self, grid.cuts, grid.t, rows.q, pace))
+        motion = None if rows.numbered else PrescribedMotion(self, grid.cuts, grid.t, rows.q, pace)
+        return Outcome(rows, motion, notes=tuple(self._notes(rows)))
+
+    def _notes(self, rows: Trajectory) -> list[str]:
+        """Return what is to be said of joints that friction holds."""
+        if not self.mechanism.frictions:
+            return []
+        from pinarm.engine.motion.known_friction import notes_of
+
+        return notes_of(rows)
 
     def states(self, grid: Grid, near: Array) -> Trajectory:
         """Return the states at the rows of a grid, on the branch of a configuration near the first one."""
@@ -86,6 +93,10 @@ class Prescription:
         if self.drives is None:
             return replace(rows, no_efforts=KINEMATIC)
         demand = rows.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], a[part]))
+        if self.mechanism.frictions:
+            from pinarm.engine.motion.known_friction import KnownFriction
+
+            return KnownFriction(rows, self.drives, demand).solved()
         tau, lam = self.drives.efforts(t, q, demand)
         return replace(rows, tau=tau, lam=lam)
 

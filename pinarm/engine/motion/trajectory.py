@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit
 from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.friction.contact import slip_rows
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
@@ -118,6 +120,21 @@ class Trajectory:
             self, grid=self.grid.some(rows), q=q, v=v, a=a, tau=tau, lam=self.lam.some(rows), columns=columns,
             directions=directions,
         )  # fmt: skip
+
+    @cached_property
+    def friction(self) -> Array:
+        """Friction at the mechanism's contacts, along their slips [N*m or N], shape (n, k); 0 where none is told."""
+        none = np.zeros(len(self))
+        names = [f"{contact.name}.friction" for contact in self.mechanism.frictions]
+        found = [self.columns[name].values if name in self.columns else none for name in names]
+        return np.array(found).reshape(-1, len(self)).T
+
+    @cached_property
+    def friction_loads(self) -> Array:
+        """The same as generalised loads [N*m or N], shape (n, nv)."""
+        if not self.mechanism.frictions:
+            return np.zeros_like(self.v)
+        return np.asarray(np.vecmat(self.friction, slip_rows(self.mechanism.model, self.mechanism.frictions, self.q)))
 
     def intervals(self) -> list[tuple[slice, Dynamics]]:
         """Return the rows between jumps, where there are any, each with the dynamics that holds there."""

@@ -27,7 +27,10 @@
 ``momentum.S.linear.x``                        of S: ``all``, or a joint and everything beyond it
 ``momentum.S.angular.about.P.x``               about the origin of link P
 ``dynamic.S.force.x``, ``.moment.about.P.x``   rates of the momenta of the bodies, summed likewise
+``joint.J.friction``, ``loop.L.friction``       friction that sticks, along the coordinate, on the child
+``joint.J.effort.lower .upper``                at rest, between which friction holds: less moves it down, more up
 ``power.gravity``, ``power.F``                 of the weights, and of the force element F
+``power.friction``                             of all friction that sticks
 ``force.F.length .tension``                    of a point spring
 ``force.F.displacement.x``, ``.rotation.x``    of a bushing: of its second frame from the first
 ``force.F.force.x``, ``force.F.moment.x``      action of its first link on the second, at the second one's frame
@@ -160,7 +163,8 @@ class Quantities:
             *(f"energy.{name}.{part}" for name in sets[1:] for part in ENERGIES[:2]),
             *(f"momentum.{name}.{part}.{axis}" for name in sets for part in ("linear", "angular") for axis in AXES),
             *(f"dynamic.{name}.{part}.{axis}" for name in sets for part in WRENCH for axis in AXES),
-            "power.gravity", *(f"power.{name}" for name in self.trajectory.dynamics.forces),
+            "power.gravity", *(["power.friction"] if mechanism.frictions else []),
+            *(f"power.{name}" for name in self.trajectory.dynamics.forces),
             *(f"force.{name}.{part}{axis}" for name, force in self.trajectory.dynamics.forces.items()
               for part, one in force.measures().items() for axis in ([f".{x}" for x in AXES] if one.vector else [""])),
         ]  # fmt: skip
@@ -524,6 +528,9 @@ class Quantities:
         if words == ["gravity"]:
             return Series(name, WATT, self.passes.gravity_power)
         run, wanted = self.trajectory, ".".join(words)
+        if words == ["friction"] and run.mechanism.frictions:
+            self._require_efforts(name)
+            return Series(name, WATT, (run.friction_loads * run.v).sum(axis=1))
         if wanted not in run.dynamics.forces:
             raise self._unknown(name)
         values = run.gather(

@@ -23,6 +23,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.couplings.left_open import OpenReaction, left_open
 from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
+from pinarm.mechanics.friction.contact import LoopContact
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.loops.loop_joints import LoopJoint
@@ -111,6 +112,9 @@ class Reactions:
                     found[k, joint] += wrench
         if self.closure.size:
             found += self.closure.wrenches(self.links(rows), self.multipliers[rows])
+        for contact, f in zip(run.mechanism.frictions, run.friction.T, strict=True):
+            for joint, wrench in contact.wrenches(self.links(rows), f[rows]).items():
+                found[:, joint] += wrench
         return found
 
     def figures(self) -> dict[str, float]:
@@ -145,12 +149,17 @@ class Reactions:
     def loop(self, name: str) -> Array:
         """Return the wrench of a loop joint's first link on its second, at frame 2, world axes, shape (n, 6).
 
-        Springs, efforts and drives along the joint's own coordinates are part of it, as they are of joints of the tree.
+        Friction, springs, efforts and drives along the joint's own coordinates are part of it, as they are of joints of
+        the tree.
         """
         held = self._loop(name, self.multipliers)
         for coordinate, effort in self._own_efforts(name):
             blocks = _blocks(0, len(self.run))
             held += np.concatenate([coordinate.way.wrench(self.links(rows), effort[rows, None]) for rows in blocks])
+        every = np.arange(len(self.run))
+        for contact, f in zip(self.run.mechanism.frictions, self.run.friction.T, strict=True):
+            if isinstance(contact, LoopContact) and contact.joint.name == name:
+                held += contact.slip.wrench(self.links(every), f[:, None])
         return held
 
     def _own_efforts(self, name: str) -> Iterator[tuple[LoopCoordinate, Array]]:

@@ -10,14 +10,14 @@ from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring
 from pinarm.mechanics.forces.bushing import Bushing
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.forces.joint_definitions import JointEffort, JointFriction, JointSpring, TorqueSpeed
+from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 from pinarm.mechanics.joints import Joint
 
 Force = (
     JointSpring
     | JointEffort
-    | JointFriction
+    | RegularisedFriction
     | TorqueSpeed
     | PointSpring
     | Bushing

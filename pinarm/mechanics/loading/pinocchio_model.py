@@ -49,7 +49,8 @@ class RobotModel:
     Attributes:
         model: Pinocchio's model; joints depth-first, limits that are not given are infinite.
         xml: The text of the file.
-        forces: Springs, damping and dry friction of the joints, by name.
+        forces: Springs and damping of the joints, and regularised dry friction, by name.
+        friction: Dry friction of joints with one coordinate, by name, which sticks [N*m or N].
         mimics: Joints that the file couples to others.
         gravity: Gravity field of the file [m/s^2], world axes, shape (3,); ``None`` where it gives none.
         notes: Parts of the file that are modelled differently or not at all, in words.
@@ -58,13 +59,14 @@ class RobotModel:
     model: pin.Model
     xml: str
     forces: Mapping[str, ForceElement] = field(default_factory=dict)
+    friction: Mapping[str, float] = field(default_factory=dict)
     mimics: tuple[Mimic, ...] = ()
     gravity: Array | None = None
     notes: tuple[str, ...] = ()
 
 
 def build_model(
-    xml: str, *, base: Base | None = None, defects: Defects = "refused", creep: float = CREEP
+    xml: str, *, base: Base | None = None, defects: Defects = "refused", creep: float | None = None
 ) -> RobotModel:
     """Build the model of a URDF or MJCF text.
 
@@ -72,7 +74,8 @@ def build_model(
         xml: The text.
         base: Whether the root is fixed or floating; as in the file if ``None``.
         defects: Whether impossible inertias, and joints that mimic a missing one, are refused, or used and noted.
-        creep: Velocity below which the regularised dry friction decreases [rad/s or m/s].
+        creep: Velocity below which dry friction decreases that is to be regularised [rad/s or m/s]; ``None`` where it
+            sticks. That of ball joints is regularised in any case.
 
     Raises:
         ModelError: The text is no model, or has an invalid mass, inertia, axis or other number.
@@ -86,7 +89,8 @@ def build_model(
         *(f"{defect}; taken as written" for defect in tree.defects), *tree.notes, *_massless(model),
         *_said(tree, creep),
     ]  # fmt: skip
-    return RobotModel(model, xml, forces, tree.mimics, tree.gravity, tuple(notes))
+    sticking = {} if creep else {part.name: part.friction for part in _rubbing(tree) if part.kind != "ball"}
+    return RobotModel(model, xml, forces, sticking, tree.mimics, tree.gravity, tuple(notes))
 
 
 def _read(xml: str) -> Tree:
@@ -247,8 +251,14 @@ def _parts(joint: TreeJoint) -> Iterator[TreeJoint]:
                       offset=drawn * joint.offset)  # fmt: skip
 
 
-def _passive(model: pin.Model, tree: Tree, creep: float) -> dict[str, ForceElement]:
-    """Return the springs, damping and dry friction of the joints as force elements: Pinocchio does not apply them."""
+def _rubbing(tree: Tree) -> list[TreeJoint]:
+    """Return the simple joints with dry friction."""
+    parts = (part for joint in tree.joints for part in _parts(joint))
+    return [part for part in parts if part.friction and part.kind != "fixed"]
+
+
+def _passive(model: pin.Model, tree: Tree, creep: float | None) -> dict[str, ForceElement]:
+    """Return springs, damping and regularised friction of the joints as elements: Pinocchio does not apply them."""
     parts = {part.name: part for joint in tree.joints for part in _parts(joint)}
     of = [(parts[model.names[made.id]], made) for made in model.joints[1:]]
     if not any(joint.damping or joint.friction or joint.stiffness for joint, _ in of):
@@ -258,13 +268,14 @@ def _passive(model: pin.Model, tree: Tree, creep: float) -> dict[str, ForceEleme
     damping, friction = (
         np.array([getattr(joint, key) for joint, made in of for _ in range(made.nv)]) for key in ("damping", "friction")
     )
-    damped, rubbed = np.flatnonzero(damping), np.flatnonzero(friction)
+    regularised = [creep is not None or joint.kind == "ball" for joint, made in of for _ in range(made.nv)]
+    damped, rubbed = np.flatnonzero(damping), np.flatnonzero(friction * regularised)
     forces: dict[str, ForceElement] = {}
     if len(damped):
         none = np.zeros(len(damped))
         forces["joint damping"] = SpringDamper(damped, damped, none, damping[damped], none)
     if len(rubbed):
-        forces["joint friction"] = DryFriction(rubbed, friction[rubbed], np.full(len(rubbed), creep))
+        forces["joint friction"] = DryFriction(rubbed, friction[rubbed], np.full(len(rubbed), creep or CREEP))
     single = [(joint, made) for joint, made in of if joint.stiffness and made.nv == 1]
     if single:
         q, v = (np.array([getattr(made, key) for _, made in single]) for key in ("idx_q", "idx_v"))
@@ -284,11 +295,12 @@ def _massless(model: pin.Model) -> Iterator[str]:
         yield f"nothing beyond {listed('joint', names)} has a mass"
 
 
-def _said(tree: Tree, creep: float) -> Iterator[str]:
-    rubbed = [joint.name for joint in tree.joints if joint.friction and joint.kind != "fixed"]
+def _said(tree: Tree, creep: float | None) -> Iterator[str]:
+    rubbed = [joint.name for joint in _rubbing(tree) if creep or joint.kind == "ball"]
     if rubbed:
-        yield (f"dry friction F of {listed('joint', rubbed)} is regularised, F tanh(v / {creep:g}), v in rad/s or m/s: "
-               f"a joint that ought to stick under a load creeps, with {creep:g} atanh(load / F)")  # fmt: skip
+        slow = creep or CREEP
+        yield (f"dry friction F of {listed('joint', rubbed)} is regularised, F tanh(v / {slow:g}), v in rad/s or m/s: "
+               f"a joint that ought to stick under a load creeps, with {slow:g} atanh(load / F)")  # fmt: skip
     several = [joint for joint in tree.joints if joint.kind in ("ball", "planar", "floating")]
     if limited := [joint.name for joint in several if joint.bounds != Bounds()]:
         yield f"limits of {listed('joint', limited)} are not watched: they have several coordinates"

@@ -5,6 +5,7 @@ RESIDUALS = {
     "power": "balance of power along the motion, relative to its terms",
     "energy": "energy that nothing accounts for, relative to the energy exchanged",
     "return trip": "accelerations from the efforts by forward dynamics, relative to the largest",
+    "friction": "law of friction with the reactions of the rows, relative to the largest friction",
     "bodies": "Newton's and Euler's equations of every body with the reactions, relative to their terms",
 }
 CLOSURES = {

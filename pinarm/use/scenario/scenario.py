@@ -316,6 +316,10 @@ class Scenario:
             NumericsError: It is not finite.
         """
         measured = {**solved.figures, **power_balance(solved.rows), **residual_figures(solved.rows, solved.motion)}
+        if solved.rows.mechanism.frictions:
+            from pinarm.engine.quantities.friction_law import friction_figures
+
+            measured |= friction_figures(solved.rows)
         removals = self.simplification.removals if solved is not whole else ()
         noted = replace(whole, notes=(*whole.notes, *unclosed(whole.rows)))
         result = replace(self.result(noted), figures=measured, removals=removals)

@@ -11,7 +11,7 @@ from pinarm.mechanics.coordinates import Distance, PointCoordinate, coordinates_
 from pinarm.mechanics.forces import Force
 from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring
 from pinarm.mechanics.forces.bushing import Bushing, DampingRates, SpringRates
-from pinarm.mechanics.forces.joint_definitions import JointEffort, JointFriction, JointSpring, TorqueSpeed
+from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 from pinarm.mechanics.laws import Constant, Harmonic, SpeedPoints, Spline, Trapezoid
 
@@ -33,9 +33,9 @@ SAMPLES = {
         JointEffort(joint="turn", over="turn", effort=Spline(points=[(-1.0, 4.0), (0.3, -6.0), (1.2, 9.0)])),
         JointEffort(joint="slide", over="turn", period=0.7, effort=Harmonic(amplitude=8.0, pulsation=3.0)),
     ],
-    JointFriction: [
-        JointFriction(joint="turn", friction=3.0, creep=0.4),
-        JointFriction(joint="slide", friction=20.0),
+    RegularisedFriction: [
+        RegularisedFriction(joint="turn", friction=3.0, creep=0.4),
+        RegularisedFriction(joint="slide", friction=20.0),
     ],
     TorqueSpeed: [
         TorqueSpeed(joint="turn", curve=[(-1.0, 9.0), (0.0, 6.0), (1.5, 5.0), (3.0, -1.0)]),
