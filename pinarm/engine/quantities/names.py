@@ -9,6 +9,8 @@
 ``joint.J.force.x``, ``joint.J.moment.x``      action of the parent on the child, at the child's origin, which slides
 ``joint.J.moment.at_parent.x``                 the same moment about the joint's place on the parent (its marker)
 ``joint.J.moment.about.P.x``                   the same moment about the origin of link P
+``joint.J.force.axial .radial``                the part along the joint's axis, and the size of that at right angles to
+                                               it; of moments too (``radial``: overturning), and of loop joints
 ``joint.J.quaternion.x``, ``joint.J.roll``     of a ball joint; likewise ``pitch``, ``yaw``
 ``joint.J.angular_velocity.x``                 of a ball joint, in the link's own axes; likewise ``effort.x``
 ``loop.L.force.x``, ``loop.L.moment.x``        action of the first link on the second, at the second one's frame
@@ -59,7 +61,8 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.ball_quantities import PARTS as BALL_PARTS
 from pinarm.engine.quantities.ball_quantities import ball_quantity
-from pinarm.engine.quantities.reactions import Reactions
+from pinarm.engine.quantities.joint_axes import ALONG_AXIS, loop_axis, split, tree_axis
+from pinarm.engine.quantities.reactions import SAMPLE, Reactions
 from pinarm.engine.quantities.row_kinematics import RowKinematics
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices
@@ -112,7 +115,7 @@ class Quantities:
     @cached_property
     def reactions(self) -> Reactions:
         """What the joints transmit."""
-        return Reactions(self.trajectory)
+        return Reactions(self.trajectory, 0 if self.whole else SAMPLE)
 
     def figures(self) -> dict[str, float]:
         """Return what the quantities that have been asked are worth, beside what is told of the motion."""
@@ -148,9 +151,13 @@ class Quantities:
             *mechanism.arguments, *mechanism.coordinates, *self.trajectory.columns,
             *(f"joint.{name}.{part}" for name in mechanism.joints
               for part in (*RATES, *EFFORTS, "power", *TRANSMITTED)),
+            *(f"joint.{name}.{kind}.{part}" for name, joint in mechanism.joints.items()
+              if tree_axis(mechanism.model, joint.index) is not None for kind in WRENCH for part in ALONG_AXIS),
             *(f"joint.{name}.{part}" for name in mechanism.balls
               for part in (*BALL_PARTS, *TRANSMITTED)),
             *(f"loop.{name}.{kind}.{axis}" for name in self.reactions.loops for kind in WRENCH for axis in AXES),
+            *(f"loop.{name}.{kind}.{part}" for name, loop in self.reactions.loops.items()
+              if loop_axis(loop) is not None for kind in WRENCH for part in ALONG_AXIS),
             *(f"loop.{name}.{part}" for name in self.reactions.loops for part in ("angle", "position")
               if f"{name}.{part}" in mechanism.coordinates),
             *(f"coupling.{name}.{part}" for name, one in self.reactions.couplings.items()
@@ -561,6 +568,8 @@ class Quantities:
         """Return the component of vectors that the last word names, in the axes that ``along`` names."""
         axis = words[-1]
         extra = words[2:-1]
+        if axis in ALONG_AXIS and extra[::2] in ([], ["about"]):
+            return split(vectors, self._axes(name, words[0]), axis)
         if axis not in AXES or len(extra) % 2 or not set(extra[::2]) <= {"about", "along"}:
             raise self._unknown(name)
         if axis == "norm":
@@ -569,6 +578,19 @@ class Quantities:
             turns = self.passes.turn(extra[extra.index("along") + 1])
             return np.asarray((turns[:, :, AXES.index(axis)] * vectors).sum(axis=1))
         return vectors[:, AXES.index(axis)]
+
+    def _axes(self, name: str, joint: str) -> Array:
+        """Return the axis of a joint of the tree or of a loop joint, world axes, shape (n, 3)."""
+        found, kind = self.reactions, name.partition(".")[0]
+        if kind == "joint" and joint in self.trajectory.mechanism.joints:
+            axes = found.tree_axes(self.trajectory.mechanism.joints[joint].index)
+        elif kind == "loop":
+            axes = found.loop_axes(joint)
+        else:
+            axes = None
+        if axes is None:
+            raise self._unknown(name)
+        return axes
 
 
 _KINDS: dict[str, Callable[[Quantities, str, list[str]], Series]] = {

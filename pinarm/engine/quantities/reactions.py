@@ -20,6 +20,7 @@ from pinarm.engine.checks.balance import demands
 from pinarm.engine.constraints.constraint import GuidedCoordinate
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.joint_axes import loop_axis, tree_axis
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.couplings.left_open import OpenReaction, left_open
 from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
@@ -43,10 +44,11 @@ class Reactions:
 
     Args:
         run: The trajectory.
+        sample: Largest number of rows at which self-stresses are looked for; 0 for states of a run that tells of them.
     """
 
-    def __init__(self, run: Trajectory) -> None:
-        self.run, self.model, self.closure = run, run.mechanism.model, run.closure
+    def __init__(self, run: Trajectory, sample: int = SAMPLE) -> None:
+        self.run, self.model, self.closure, self.sample = run, run.mechanism.model, run.closure, sample
         self.loops = {one.name: one for one in self.closure.constraints if isinstance(one, LoopJoint)}
         self.couplings = {one.name: one for one in self.closure.constraints if isinstance(one, Coupling)}
 
@@ -72,6 +74,22 @@ class Reactions:
         parent, place = self.model.parents[joint], self.model.jointPlacements[joint].translation
         blocks = (self.links(rows) for rows in _blocks(0, len(self.run)))
         return np.concatenate([links.places[:, parent] + links.turns[:, parent] @ place for links in blocks])
+
+    def tree_axes(self, joint: int) -> Array | None:
+        """Return the axis of a joint, world axes, shape (n, 3); ``None`` where it has none.
+
+        Args:
+            joint: Pinocchio's joint index.
+        """
+        axis = tree_axis(self.model, joint)
+        blocks = (self.links(rows) for rows in _blocks(0, len(self.run)))
+        return None if axis is None else np.concatenate([links.turns[:, joint] @ axis for links in blocks])
+
+    def loop_axes(self, name: str) -> Array | None:
+        """Return the axis of a loop joint, world axes, shape (n, 3); ``None`` where it has none."""
+        axis, frame = loop_axis(self.loops[name]), self.loops[name].first
+        blocks = (self.links(rows) for rows in _blocks(0, len(self.run)))
+        return None if axis is None else np.concatenate([links.frame(frame)[0] @ axis for links in blocks])
 
     @cached_property
     def multipliers(self) -> Array:
@@ -229,7 +247,7 @@ class Reactions:
         """Multipliers of length 1 that do nothing, each of shape (n, m), at a sample of the rows; 0 at the others."""
         run, closure, m = self.run, self.closure, self.run.mechanism.closure.size
         found: list[Array] = []
-        sampled = np.linspace(0, len(run) - 1, min(len(run), SAMPLE if m else 0)).astype(int)
+        sampled = np.linspace(0, len(run) - 1, min(len(run), self.sample if m else 0)).astype(int)
         for i in sampled:
             split = run.mechanism.closure.split(closure.rows(closure.state(run.q[i]))[:m])
             free = split.scale[:, None] * split.redundant

@@ -16,6 +16,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -110,16 +111,38 @@ def integrals(run: Lookup, integrand: Callable[[Quantities], Array]) -> tuple[Ar
 
     parts = []
     for interval, (start, end, _) in enumerate(run.intervals):
-
-        def at(t: Array, interval: int = interval) -> Array:
-            return integrand(run.quantities_at(interval, t[:, 0]))
-
         low, high = sorted((start, end))
         if low < high:
-            allowed = ABSOLUTE * (high - low)
+            at, allowed = (
+                _remembering(partial(run.quantities_at, interval), integrand, low, high),
+                ABSOLUTE * (high - low),
+            )
             parts.append(cubature(at, [low], [high], rtol=RELATIVE, atol=allowed, max_subdivisions=MOST))
     total, error = (np.sum([getattr(part, of) for part in parts], axis=0) for of in ("estimate", "error"))
     return total, error + ROUNDING * np.abs(total)
+
+
+NODE = 1e-13
+"""Part of an interval within which points are one: Gauss's nodes are among those of Kronrod but for rounding."""
+
+
+def _remembering(
+    rows: Callable[[Array], Quantities], integrand: Callable[[Quantities], Array], low: float, high: float
+) -> Callable[[Array], Array]:
+    """Return the integrand over points, shape (n, 1), of an interval; it is computed once at each of them.
+
+    SciPy's rule asks for the values at the same nodes several times, and each of them takes a solved state.
+    """
+    known = dict[int, Array]()
+
+    def at(t: Array) -> Array:
+        keys = np.round((t[:, 0] - low) / (NODE * (high - low))).astype(int).tolist()
+        new = list({key: k for k, key in enumerate(keys) if key not in known}.values())
+        if new:
+            known.update(zip((keys[k] for k in new), integrand(rows(t[new, 0])), strict=True))
+        return np.array([known[key] for key in keys])
+
+    return at
 
 
 def _moments(run: Lookup, quantity: str) -> tuple[Array, Array, float]:

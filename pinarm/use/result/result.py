@@ -26,7 +26,7 @@ from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED
-from pinarm.use.result.row_lookup import Lookup, unreached
+from pinarm.use.result.row_lookup import PLATEAU, Lookup, unreached
 from pinarm.use.result.run_number import RunNumber
 
 if TYPE_CHECKING:
@@ -351,6 +351,3 @@ def _result_again(parts: TransferredResult) -> Result:
 CONTRADICTED = 0.01
 """Error over unaccounted energy, both relative, below which they contradict each other: the energy has twice the error
 of the velocities that hold most of it, and outputs that hardly depend on these may have less."""
-
-PLATEAU = 1e-12
-"""Relative difference below which neighbouring rows share an extreme: the first of them is named."""

@@ -28,6 +28,9 @@ _HEIGHTS: dict[str, Callable[[Array], Array]] = {
     "largest": lambda x: np.abs(x),
 }
 
+PLATEAU = 1e-12
+"""Relative difference to an extreme below which a row of the table is the extreme: the first of them is."""
+
 SAME = 1e-9
 """Relative difference between two sides of an instant below which there is no jump to be asked about."""
 
@@ -172,29 +175,40 @@ class Lookup:
         return sides[0 if side == "left" else 1]
 
     def _extreme(self, which: str, name: str) -> Quantities:
-        """Return the row at which a quantity is largest, smallest, or largest in size, refined between the samples."""
-        run, height = self.run, _HEIGHTS[which]
-        values = height(self.quantities[name].values)
-        if not np.isfinite(values).all():
+        """Return the row at which a quantity is largest, smallest, or largest in size."""
+        if not np.isfinite(self.quantities[name].values).all():
             raise InputError(f"{name} is not finite everywhere: it has no extreme")
-        best = int(values.argmax())
+        return self.highest(lambda rows: _HEIGHTS[which](rows[name].values))
+
+    def highest(self, height: Callable[[Quantities], Array]) -> Quantities:
+        """Return the row at which a function of the quantities is largest, refined between the samples.
+
+        Args:
+            height: Quantities of n rows -> finite values, shape (n,).
+        """
+        run, values = self.run, height(self.quantities)
+        slack = PLATEAU * float(np.abs(values).max())
+        best = int((values >= values.max() - slack).argmax())
         low, high = sorted((run.grid.t[max(best - 1, 0)], run.grid.t[min(best + 1, len(values) - 1)]))
         spots = []
         for interval, (start, end, _) in enumerate(self.intervals):
             bracket = max(low, min(start, end)), min(high, max(start, end))
             if bracket[0] <= bracket[1]:
-                spots.append(self._refined(interval, name, height, bracket))
-        _, interval, t = max(spots, key=lambda spot: spot[0])
+                spots.append(self._refined(interval, height, bracket))
+        top, interval, t = max(spots, key=lambda spot: spot[0])
+        if top <= values[best] + slack:
+            interval = next(k for k, (_, _, rows) in enumerate(self.intervals) if rows.start <= best < rows.stop)
+            t = float(run.grid.t[best])
         return self._row(interval, t)
 
     def _refined(
-        self, interval: int, name: str, height: Callable[[Array], Array], bracket: tuple[float, float]
+        self, interval: int, height: Callable[[Quantities], Array], bracket: tuple[float, float]
     ) -> tuple[float, int, float]:
         """Return the largest height in a bracket of one interval, the interval, and where it is."""
         (low, high), spot, top = bracket, bracket[0], -np.inf
         for _ in range(ROUNDS // 2):  # near a maximum only half of the digits of its place matter
             t = np.linspace(low, high, POINTS)
-            heights = height(self.quantities_at(interval, t)[name].values)
+            heights = height(self.quantities_at(interval, t))
             peak = int(heights.argmax())
             if heights[peak] > top:
                 spot, top = float(t[peak]), float(heights[peak])
