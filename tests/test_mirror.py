@@ -107,6 +107,9 @@ ELSEWHERE = {
         "engine/friction/sliding engine/motion/known_friction engine/motion/stick_slip engine/quantities/friction_law "
         "mechanics/friction/thread",
     ),
+    "use/assessments/loads/test_loads.py": (
+        "joints as they are asked", "use/assessments/loads/joint use/assessments/loads/number",
+    ),
     "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),
     "use/result/test_result.py": ("methods of a result", "use/result/measures use/views"),
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),

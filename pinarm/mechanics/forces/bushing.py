@@ -111,6 +111,11 @@ class LinearBushing(ForceElement):
         """Whether there is no damper."""
         return not self._damped
 
+    @property
+    def points(self) -> tuple[int, ...]:
+        """Indices of both frames."""
+        return self.frames
+
     def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
         """Return what acts on both links, moved to the world's origin."""
         first, second = (self.model.frames[frame].parentJoint for frame in self.frames)

@@ -87,6 +87,11 @@ class ForceElement(ABC):
         """
         return {}
 
+    @property
+    def points(self) -> tuple[int, ...]:
+        """Indices of the frames at whose origins its wrenches act; none where they act at no point."""
+        return ()
+
     def measures(self) -> Mapping[str, ElementQuantity]:
         """Return what can be asked of the element by name, beside its power."""
         return {}

@@ -102,6 +102,11 @@ class AppliedWrench(ForceElement):
         """Return the element with the piece of its law on the interval."""
         return replace(self, function=self.law.on(start, end))
 
+    @property
+    def points(self) -> tuple[int, ...]:
+        """Index of the frame of the point."""
+        return (self.frame,)
+
     def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
         """Return the wrench on the link, moved to the world's origin."""
         pin.framesForwardKinematics(self.model, self.data, q)
@@ -172,6 +177,11 @@ class TwoPointSpring(ForceElement):
     def conservative(self) -> bool:
         """Whether there is no damper."""
         return not self.damping
+
+    @property
+    def points(self) -> tuple[int, ...]:
+        """Indices of the frames of both ends."""
+        return self.frames
 
     def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
         """Return the pull on both links, moved to the world's origin."""

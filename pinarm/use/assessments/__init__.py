@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.quantities.names import Quantities
     from pinarm.use.result.result import Result
     from pinarm.use.result.section import Section
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 KINDS = {
     "shaking": ("shaking", "Shaking"),
     "sizing": ("sizing.sizing", "Sizing"),
+    "loads": ("loads.loads", "Loads"),
 }
 """Key of a scenario -> module and class. A new one is a class, an entry here, and the key in ``ScenarioFile``."""
 
@@ -23,7 +25,7 @@ KINDS = {
 class Assessment(Protocol):
     """What a scenario asks to conclude from its run, as it stands in a file."""
 
-    def requested(self) -> list[str]:
+    def requested(self, mechanism: Mechanism) -> list[str]:
         """Return the quantities and formulas that it needs, so that the joints in them are solved for."""
         ...
 
@@ -45,10 +47,11 @@ class Assessment(Protocol):
 
 
 if TYPE_CHECKING:  # mypy compares the classes with the protocol, which are imported by name
+    from pinarm.use.assessments.loads.loads import Loads
     from pinarm.use.assessments.shaking import Shaking
     from pinarm.use.assessments.sizing.sizing import Sizing
 
-    _ASSESSMENTS: tuple[type[Assessment], ...] = (Shaking, Sizing)
+    _ASSESSMENTS: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads)
 
 
 def assessment_class(key: str) -> type[Any]:

@@ -30,6 +30,7 @@ from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable
 
 if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
     from pinarm.use.result.result import Result
 
 PERIODIC = 1e-6
@@ -57,7 +58,7 @@ class Shaking(InputStruct, frozen=True):
         sign = "" if axis == "norm" else "-"
         return f"{sign}dynamic.all.{kind}{about}.{axis}"
 
-    def requested(self) -> list[str]:
+    def requested(self, mechanism: Mechanism) -> list[str]:
         """Return what it needs of a run: see ``Assessment``."""
         return [self.quantity(part) for part in PARTS]
 

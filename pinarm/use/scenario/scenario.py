@@ -80,6 +80,7 @@ class ScenarioFile(InputStruct, frozen=True):
         numbers: Numbers of the run to tell, such as ``C_B @ rms``: see ``RunNumber.read``.
         shaking: Shaking force and moment on the frame; see ``assessments.shaking``.
         sizing: Motor and gear of a drive, out of a catalogue; see ``assessments.sizing``.
+        loads: Loads of joints, lives of bearings, balance of rotors, sets of loads for FEM; see ``assessments.loads``.
         modelled: ``required``, what the question requires: joints that it holds still are locked, and dropped those
             that it moves and nothing depends on; or the ``whole`` mechanism. The answer is the same.
         undetermined: What to do with reactions that rigid bodies do not determine: ``refuse`` them, or give those of
@@ -103,6 +104,7 @@ class ScenarioFile(InputStruct, frozen=True):
     numbers: list[str] = []
     shaking: Any = None
     sizing: Any = None
+    loads: Any = None
     modelled: Literal["required", "whole"] = "required"
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"
     accuracy: Accuracy = msgspec.field(default_factory=Accuracy)
@@ -183,7 +185,8 @@ class Scenario:
     def _of(self, document: Document) -> Scenario:
         """Return the scenario of another document in the same place, with the same last digits."""
         content = document.validate(ScenarioFile)
-        return replace(self, document=document, content=content, problem=_problem(document, content.problem))
+        problem, assessments = _problem(document, content.problem), _assessments(document, content)
+        return replace(self, document=document, content=content, problem=problem, assessments=assessments)
 
     @property
     def name(self) -> str:
@@ -222,8 +225,10 @@ class Scenario:
             return Simplification.whole(self.problem, self.mechanism)
         expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
         wanted = self.content.find.wanted if self.content.find else ()
-        assessed = (text for each in self.assessments.values() for text in each.requested())
-        texts = [*self.content.outputs, *self.content.numbers, *wanted, *expected, *assessed]
+        texts = [*self.content.outputs, *self.content.numbers, *wanted, *expected]
+        for key, assessment in self.assessments.items():
+            with self.document.locating(key):
+                texts += assessment.requested(self.mechanism)
         requested = requested_joints(texts, self.symbols, self.mechanism)
         return Simplification.required(self.problem, self.mechanism, requested, self._place)
 

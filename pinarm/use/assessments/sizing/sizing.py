@@ -23,6 +23,7 @@ from pinarm.use.assessments.sizing.duty import Duty, duty_of
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable
 
 if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
     from pinarm.use.result.result import Result
 
 TORQUE, SPEED, INERTIA, ENERGY = unit("N*m"), unit("rad/s"), unit("kg*m^2"), unit("J")
@@ -87,7 +88,7 @@ class Sizing(InputStruct, frozen=True):
             raise InputError(f"'{self.ambient}' is no temperature of a room", expected="such as 40 degC")
         return value
 
-    def requested(self) -> list[str]:
+    def requested(self, mechanism: Mechanism) -> list[str]:
         """Return what it needs of a run: see ``Assessment``."""
         return [f"drive.{self.drive}.torque"]
 

@@ -1,0 +1,101 @@
+"""Envelopes of the loads of joints: least and largest value of every component, and the peaks by the joint's axis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
+from pinarm.errors import InputError
+from pinarm.input.units import Unit
+from pinarm.use.assessments.loads.joint import LoadedJoint
+from pinarm.use.assessments.loads.number import LoadNumber, worst_row
+from pinarm.use.result.row_lookup import Lookup
+from pinarm.use.result.section import SectionTable
+
+NOTHING = 1e-9
+"""Of the largest force or moment of any joint: below that a component is rounding, and has no worst instant."""
+
+BY_AXIS = {"radial": "force.radial", "axial": "force.axial", "overturning": "moment.radial"}
+"""Peaks of joints with an axis, beside those of all joints."""
+SIZES = {"force": "force.norm", "moment": "moment.norm"}
+"""Peaks of all joints."""
+
+
+EnvelopeRow = tuple[str, str, str, float, float, float, float]
+"""Joint, component, unit, least value and where, largest value and where."""
+
+
+def envelope_table(rows: Sequence[EnvelopeRow], at: Unit) -> SectionTable:
+    """Return the table of the components, for the unit of the run's parameter."""
+    columns = ("joint", "component", "unit", "min", "min at", "max", "max at")
+    return SectionTable("envelope", "Envelope of the components, body axes", columns,
+                        (None, None, None, None, at, None, at), rows)  # fmt: skip
+
+
+def envelope(run: Lookup, joint: LoadedJoint) -> tuple[list[EnvelopeRow], list[str]]:
+    """Return the rows of a joint in the table, and what is to be said of its components."""
+    names = [f"{kind}.along.{joint.body}.{axis}" for kind in ("force", "moment") for axis in "xyz"]
+    names += [*SIZES.values(), *((*BY_AXIS.values(), "moment.axial") if joint.axis else ())]
+    known, remarks = _determined(run, joint, names)
+    rows = list[EnvelopeRow]()
+    for name, series in known.items():
+        shown = name.replace(f".along.{joint.body}", "")
+        if np.ptp(series.values) <= NOTHING * _scale(run, name):
+            value, place = float(series.values[0]), float(run.run.grid.t[0])
+            low = high = value, place
+        else:
+            low, high = (_value(run.at(which, series.name), series.name) for which in ("min", "max"))
+        rows.append((joint.name, shown, str(series.unit), *low, *high))
+    return rows, remarks
+
+
+def peaks(run: Lookup, joint: LoadedJoint) -> Mapping[str, tuple[LoadNumber, Quantities]]:
+    """Return the peaks of a joint that are determined and not 0, each with its row."""
+    wanted = (BY_AXIS if joint.axis else {}) | SIZES
+    known, _ = _determined(run, joint, list(wanted.values()))
+    found = {}
+    for part, name in wanted.items():
+        if name in known and np.abs(known[name].values).max() > NOTHING * _scale(run, name):
+            full, unit = known[name].name, known[name].unit
+            assert unit is not None
+            row = worst_row(run, partial(_size, name=full))
+            value, place = _value(row, full)
+            found[part] = LoadNumber(abs(value), unit, place, doubt=row[full].doubt), row
+    return found
+
+
+def _determined(run: Lookup, joint: LoadedJoint, names: list[str]) -> tuple[dict[str, Series], list[str]]:
+    """Return the components that rigid bodies determine, and a remark on the others and on those in doubt."""
+    known, left_open = dict[str, Series](), dict[str, list[str]]()
+    for name in names:
+        shown = name.replace(f".along.{joint.body}", "")
+        try:
+            known[name] = run.quantities[f"{joint.prefix}.{name}"]
+        except InputError as error:
+            if run.run.no_efforts:
+                raise
+            left_open.setdefault(f"not determined ({error.message.partition(': ')[2]})", []).append(shown)
+        else:
+            if known[name].doubt:
+                left_open.setdefault(f"least multipliers ({known[name].doubt})", []).append(shown)
+    return known, [f"{joint.name}: {', '.join(parts)}: {why}" for why, parts in left_open.items()]
+
+
+def _scale(run: Lookup, name: str) -> float:
+    """Return the largest force [N] or moment [N*m] of any joint of the tree."""
+    part = slice(0, 3) if name.startswith("force") else slice(3, 6)
+    return float(np.linalg.norm(run.quantities.reactions.joints[..., part], axis=-1).max())
+
+
+def _size(rows: Quantities, name: str) -> Array:
+    return np.abs(rows[name].values)
+
+
+def _value(row: Quantities, name: str) -> tuple[float, float]:
+    """Return the value of a quantity in one row, and where the row is."""
+    return float(row[name].values[0]), float(row.trajectory.grid.t[0])

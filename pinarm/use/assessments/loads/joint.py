@@ -1,0 +1,122 @@
+"""A joint whose loads are asked: of the tree, or one that closes a loop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.quantities.joint_axes import loop_axis, tree_axis
+from pinarm.engine.quantities.names import Quantities
+from pinarm.errors import InputError, choices, within
+from pinarm.mechanics.joints import METRE, RADIAN
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+
+TURNED = "coordinate: the name of the coordinate that turns in it"
+
+
+@dataclass(frozen=True)
+class LoadedJoint:
+    """A joint whose loads are asked.
+
+    Attributes:
+        name: As the file has it.
+        prefix: Of the names of its quantities, such as ``loop.B``.
+        body: The link on which the loads act, in whose axes they are told.
+        axis: Whether it has an axis.
+        turning: The coordinate that turns about it [rad]; empty where there is none.
+        sliding: The coordinate that slides along it [m]; empty where there is none.
+        open: Whether motions are left in it that no coordinate tells.
+    """
+
+    name: str
+    prefix: str
+    body: str
+    axis: bool
+    turning: str = ""
+    sliding: str = ""
+    open: bool = False
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, name: str, coordinate: str | None = None) -> LoadedJoint:
+        """Return a joint by its name, with or without ``joint.`` or ``loop.`` before it.
+
+        Args:
+            mechanism: The mechanism.
+            name: Its name.
+            coordinate: What turns in it, where it has no such coordinate of its own.
+
+        Raises:
+            InputError: There is no such joint, or two of that name, or no such coordinate.
+        """
+        known = dict(_known(mechanism, name))
+        meant = [full for full in known if name in (full, full.partition(".")[2])]
+        if len(meant) != 1:
+            expected, hint = choices(name, [full.partition(".")[2] for full in known])
+            message = f"'{name}' is a joint of the tree and a loop joint" if meant else f"there is no joint '{name}'"
+            raise InputError(message, expected=" or ".join(meant) or expected, hint="" if meant else hint)
+        found = known[meant[0]]
+        if coordinate is None:
+            return found
+        with within("coordinate"):
+            given = mechanism.coordinates.get(coordinate)
+            if given is None or given.unit != RADIAN:
+                expected, hint = choices(coordinate, [k for k, x in mechanism.coordinates.items() if x.unit == RADIAN])
+                raise InputError(f"there is no coordinate '{coordinate}' that turns", expected=expected, hint=hint)
+        return cls(found.name, found.prefix, found.body, found.axis, coordinate, found.sliding)
+
+    def check(self, *, bearing: bool, bushing: bool) -> None:
+        """Check that it has what is asked of it.
+
+        Raises:
+            InputError: It has no axis, or says nothing of how its bearing moves.
+        """
+        for key in [key for key, asked in (("bearing", bearing), ("bushing", bushing)) if asked]:
+            with within(key):
+                if not self.axis:
+                    raise InputError(f"the joint '{self.name}' has no axis", expected="a joint that turns about one")
+                if self.open and not self.turning:
+                    raise InputError(f"'{self.prefix}' does not say how it turns", expected=TURNED)
+                if key == "bearing" and not self.turning:
+                    raise InputError(
+                        f"nothing turns in the joint '{self.name}'", expected=f"another joint, or {TURNED}"
+                    )
+
+    def rates(self, rows: Quantities) -> tuple[Array, Array]:
+        """Return how fast it turns [rad/s] and slides [m/s], each of shape (n,)."""
+        turning, sliding = (
+            rows[f"coordinate.{name}.velocity"].values if name else np.zeros(len(rows.trajectory))
+            for name in (self.turning, self.sliding)
+        )
+        return turning, sliding
+
+
+def moved_link(model: pin.Model, joint: int) -> str:
+    """Return the name of the link that a joint of the tree moves, by Pinocchio's index."""
+    names = (one.name for one in model.frames if one.type == pin.FrameType.BODY and one.parentJoint == joint)
+    return str(next(names, model.names[joint]))
+
+
+def _known(mechanism: Mechanism, name: str) -> Iterator[tuple[str, LoadedJoint]]:
+    """Yield what a name may mean: ``joint.J`` and ``loop.L`` of all joints."""
+    model = mechanism.model
+    for joint in mechanism.joints.values():
+        moved = ("", joint.name) if joint.unit == METRE else (joint.name, "")
+        link, axis = moved_link(model, joint.index), tree_axis(model, joint.index)
+        yield f"joint.{joint.name}", LoadedJoint(name, f"joint.{joint.name}", link, axis is not None, *moved)
+    for ball in mechanism.balls.values():
+        yield f"joint.{ball.name}", LoadedJoint(name, f"joint.{ball.name}", moved_link(model, ball.index), axis=False)
+    for loop in mechanism.constraints:
+        if isinstance(loop, LoopJoint):
+            own = [f"{loop.name}.{part}" for part in ("angle", "position")]
+            turning, sliding = (each if each in mechanism.coordinates else "" for each in own)
+            link, has_axis, freely = (
+                model.frames[loop.second].name,
+                loop_axis(loop) is not None,
+                "point_on" in loop.kind,
+            )
+            yield f"loop.{loop.name}", LoadedJoint(name, f"loop.{loop.name}", link, has_axis, turning, sliding, freely)

@@ -1,0 +1,224 @@
+"""Sets of loads of every body at one instant, in balance with its weight and inertia, as finite elements want them.
+
+All that acts on a body, in its own axes: the wrenches of its joints, couplings and force elements, its weight, and its
+inertia relief by d'Alembert, at the centre of mass c:
+
+    force  -m a_c,    moment  -(I_c alpha + omega x I_c omega)
+
+Their sum about the origin of the body is the residual of Newton's and Euler's equations; the accelerations in it are
+those of forward kinematics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.nullspace import ACTS
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.quantities.reactions import Reactions
+from pinarm.input.units import Unit, unit
+from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.use.assessments.loads.joint import moved_link
+from pinarm.use.result.section import SectionTable
+
+METRE, NEWTON, NEWTON_METRE = unit("m"), unit("N"), unit("N*m")
+
+SetRow = tuple[str, float, str, str, float, float, float, float, float, float, float, float, float]
+"""Set, instant, body, what acts, the point where, force and moment."""
+
+
+@dataclass(frozen=True, eq=False)
+class Action:
+    """What acts on a body.
+
+    Attributes:
+        body: Pinocchio's index of the joint that moves the body.
+        what: What it comes from, in words.
+        point: Where it acts [m], world axes, shape (3,).
+        wrench: [f; m] there [N, N*m], world axes, shape (6,).
+        doubt: Why rigid bodies do not determine it; empty where they do.
+    """
+
+    body: int
+    what: str
+    point: Array
+    wrench: Array
+    doubt: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class LoadSet:
+    """The loads of all bodies at an instant.
+
+    Attributes:
+        name: Its name, such as ``B.radial``.
+        rows: A row for each load, and one for each body's residual.
+        residual: Largest residual of a body, relative to the sum of the sizes of its loads.
+        remarks: Which bodies are left out, and why.
+    """
+
+    name: str
+    rows: Sequence[SetRow]
+    residual: float
+    remarks: Sequence[str]
+
+    @classmethod
+    def at(cls, row: Quantities, name: str) -> LoadSet:
+        """Return the set of one row of a run, without the bodies whose loads rigid bodies do not determine.
+
+        Args:
+            row: Quantities of one row; reactions in doubt are kept where it gives the least multipliers.
+            name: Name of the set.
+        """
+        run, rows, residuals, remarks = row.trajectory, list[SetRow](), [0.0], dict[str, list[str]]()
+        acting, model = list(_actions(row.reactions, (row.whole or row).reactions)), run.mechanism.model
+        turns, places = row.reactions.links(np.arange(1)).turns[0], row.reactions.origins[0]
+        for body in range(1, model.njoints):
+            own, link = [each for each in acting if each.body == body], moved_link(model, body)
+            if doubt := next((each.doubt for each in own if each.doubt), ""):
+                said = "least multipliers" if row.undetermined == "minimum_norm" else "left out"
+                remarks.setdefault(f"{said}; {doubt}", []).append(link)
+                if row.undetermined != "minimum_norm":
+                    continue
+            inner = np.array([_inwards(each, turns[body], places[body]) for each in own])
+            missed, relative = _residual(inner)
+            residuals.append(relative)
+            named = [*((each.what, line) for each, line in zip(own, inner, strict=True)), ("residual", missed)]
+            rows += [_row((name, float(run.grid.t[0]), link, what), line) for what, line in named]
+        return cls(name, rows, max(residuals), [f"{', '.join(links)} {why}" for why, links in remarks.items()])
+
+
+def sets_table(sets: Sequence[LoadSet], at: Unit) -> SectionTable:
+    """Return the table of all sets, for the unit of the run's parameter."""
+    columns = ("set", "at", "body", "load", "x", "y", "z", "Fx", "Fy", "Fz", "Mx", "My", "Mz")
+    units = (None, at, None, None, *[METRE] * 3, *[NEWTON] * 3, *[NEWTON_METRE] * 3)
+    rows = [row for each in sets for row in each.rows]
+    return SectionTable("sets", "Loads of every body at the worst instants, body axes", columns, units, rows)
+
+
+def told(sets: Sequence[LoadSet]) -> list[str]:
+    """Return what is to be said of sets, once for all sets of which it is true."""
+    names = dict[str, list[str]]()
+    for each in sets:
+        for remark in each.remarks:
+            names.setdefault(remark, []).append(each.name)
+    return [f"sets {', '.join(those)}: {remark}" for remark, those in names.items()]
+
+
+def _actions(found: Reactions, whole: Reactions) -> Iterator[Action]:
+    """Yield what acts on the bodies in the first row of a run, whose rows all together tell what is determined."""
+    yield from _of_joints(found, whole)
+    yield from _of_constraints(found, whole)
+    yield from _of_friction(found)
+    yield from _of_forces(found)
+    yield from _of_masses(found.run)
+
+
+def _of_joints(found: Reactions, whole: Reactions) -> Iterator[Action]:
+    """Yield the wrenches of the tree's joints: on the child, and back on the parent."""
+    model = found.model
+    for joint in range(1, model.njoints):
+        point, wrench, what = found.origins[0, joint], found.joints[0, joint], f"joint {model.names[joint]}"
+        doubt = _hyperstatic([stressed[:, joint] for stressed in whole.stressed_joints])
+        doubt = str(found.left_open[joint]) if joint in found.left_open else doubt
+        yield Action(joint, what, point, wrench, doubt)
+        if model.parents[joint]:
+            yield Action(int(model.parents[joint]), what, point, -wrench, doubt)
+
+
+def _of_constraints(found: Reactions, whole: Reactions) -> Iterator[Action]:
+    """Yield the wrenches of loop joints and couplings, and of drives along task coordinates."""
+    links, closure, lam = found.links(np.arange(1)), found.closure, found.multipliers[:1]
+    for constraint, part in zip(closure.constraints, closure.slices().values(), strict=True):
+        what, point, doubt = f"drive {constraint.name}", None, ""
+        if isinstance(constraint, LoopJoint):
+            what, point = f"loop {constraint.name}", found.loop_origins(constraint.name)[0]
+            doubt = _hyperstatic(whole.stressed_loop(constraint.name))
+        elif isinstance(constraint, Coupling) and constraint.transmission is not None:
+            what, point = f"coupling {constraint.name}", found.transmitted(constraint.name)[0][0]
+            doubt = _hyperstatic(whole.multiplier(constraint.name)[1])
+        for body, wrench in constraint.wrenches(links, lam[:, part]).items():
+            if body:
+                yield _at(body, what, found.origins[0, body] if point is None else point, wrench[0], doubt)
+
+
+def _of_friction(found: Reactions) -> Iterator[Action]:
+    """Yield what dry friction in loop joints and threads does; that in joints of the tree is part of their wrench."""
+    links = found.links(np.arange(1))
+    for contact, f in zip(found.run.mechanism.frictions, found.run.friction.T, strict=True):
+        for body, wrench in contact.wrenches(links, f[:1]).items():
+            if body:
+                yield _at(body, f"friction {contact.name}", found.origins[0, body], wrench[0])
+
+
+def _of_forces(found: Reactions) -> Iterator[Action]:
+    """Yield the wrenches of force elements, at the points of the bodies where they act."""
+    run, model = found.run, found.model
+    (_, dynamics), *_ = ((rows, each) for rows, each in run.intervals() if rows.start < rows.stop)
+    links = found.links(np.arange(1))
+    for name, force in dynamics.forces.items():
+        points = {model.frames[frame].parentJoint: links.frame(frame)[1][0] for frame in force.points}
+        for body, wrench in force.wrenches(float(run.grid.t[0]), run.q[0], run.v[0]).items():
+            if body:
+                yield _at(body, f"force {name}", points.get(body, found.origins[0, body]), wrench)
+
+
+def _of_masses(run: Trajectory) -> Iterator[Action]:
+    """Yield weights and inertia relief of the bodies, at their centres of mass."""
+    model, data = run.mechanism.model, run.mechanism.model.createData()
+    pin.forwardKinematics(model, data, run.q[0], run.v[0], run.a[0])
+    for body in range(1, model.njoints):
+        inertia, place, turn = model.inertias[body], data.oMi[body], data.oMi[body].rotation
+        velocity, spatial = data.v[body], data.a[body]
+        omega, alpha, arm = velocity.angular, spatial.angular, inertia.lever
+        origin = spatial.linear + np.cross(omega, velocity.linear)  # of the body's origin, as a point
+        acceleration = origin + np.cross(alpha, arm) + np.cross(omega, np.cross(omega, arm))
+        moment = inertia.inertia @ alpha + np.cross(omega, inertia.inertia @ omega)
+        centre, still = place.act(arm), np.zeros(3)
+        yield Action(body, "weight", centre, np.concatenate([inertia.mass * model.gravity.linear, still]))
+        relief = np.concatenate([-inertia.mass * (turn @ acceleration), -(turn @ moment)])
+        yield Action(body, "inertia relief", centre, relief)
+
+
+def _at(body: int, what: str, point: Array, wrench: Array, doubt: str = "") -> Action:
+    """Return what a wrench at the world's origin does, told at a point."""
+    moved = np.concatenate([wrench[:3], wrench[3:] - np.cross(point, wrench[:3])])
+    return Action(body, what, point, moved, doubt)
+
+
+def _hyperstatic(added: Sequence[Array]) -> str:
+    """Return the doubt about a wrench to which self-stresses of length 1 add something; empty where they do not."""
+    if any(np.abs(part).max(initial=0.0) > ACTS for part in added):
+        return f"hyperstatic of degree {len(added)}: rigid bodies do not determine all of their loads"
+    return ""
+
+
+def _inwards(action: Action, turn: Array, place: Array) -> Array:
+    """Return point, force and moment of an action in the axes of its body, shape (9,)."""
+    return np.concatenate([vector @ turn for vector in (action.point - place, action.wrench[:3], action.wrench[3:])])
+
+
+def _row(head: tuple[str, float, str, str], values: Array) -> SetRow:
+    x, y, z, fx, fy, fz, mx, my, mz = values.tolist()
+    return *head, x, y, z, fx, fy, fz, mx, my, mz
+
+
+def _residual(acting: Array) -> tuple[Array, float]:
+    """Return the sum of loads about a body's origin as a row, and its size relative to the sum of their sizes.
+
+    Args:
+        acting: Point, force and moment of each load, body axes, shape (k, 9).
+    """
+    points, forces, moments = np.moveaxis(acting.reshape(-1, 3, 3), 1, 0)
+    about = moments + np.cross(points, forces)
+    terms = [(forces, np.abs(forces)), (about, np.abs(moments) + np.abs(np.cross(points, forces)))]
+    sizes = [(np.linalg.norm(part.sum(axis=0)), np.linalg.norm(size.sum(axis=0))) for part, size in terms]
+    relative = max(float(left / size) if size else 0.0 for left, size in sizes)
+    return np.concatenate([np.zeros(3), forces.sum(axis=0), about.sum(axis=0)]), relative

@@ -1,0 +1,64 @@
+"""A number of a joint's loads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
+from pinarm.input.units import DIMENSIONLESS, Unit
+from pinarm.use.result.row_lookup import Lookup
+
+
+@dataclass(frozen=True)
+class LoadNumber:
+    """A number, where it stands in the run, and what the quadrature leaves of it.
+
+    Attributes:
+        value: The number [SI].
+        unit: Its unit.
+        at: The instant, or another parameter of the run; ``None`` for numbers of the whole run.
+        error: Estimate of the error of the quadrature [SI]; 0 for numbers of an instant.
+        doubt: Why it is one choice of many; empty where it is determined.
+    """
+
+    value: float
+    unit: Unit
+    at: float | None = None
+    error: float = 0.0
+    doubt: str = ""
+
+    @classmethod
+    def pure(cls, value: float, error: float = 0.0) -> LoadNumber:
+        """Return a number without a unit."""
+        return cls(value, DIMENSIONLESS, error=error)
+
+    def series(self, name: str) -> Series:
+        """Return it as a series of one value."""
+        return Series(name, self.unit, np.array([self.value]), self.doubt)
+
+
+CONSTANT = 1e-9
+"""Relative change below which a curve is constant but for rounding, and its peak is at the start."""
+
+
+def worst_row(run: Lookup, size: Callable[[Quantities], Array]) -> Quantities:
+    """Return the row of a run at which a size is largest; the first one where it is constant.
+
+    Args:
+        run: The run.
+        size: Quantities of n rows -> values that are not negative, shape (n,).
+    """
+    values = size(run.quantities)
+    constant = float(np.ptp(values)) <= CONSTANT * float(values.max())
+    return run.at("start", run.run.parameter) if constant else run.highest(size)
+
+
+def peak(run: Lookup, measured: Unit, size: Callable[[Quantities], Array]) -> LoadNumber:
+    """Return the largest of a size, see ``worst_row``, and where it is."""
+    row = worst_row(run, size)
+    return LoadNumber(float(size(row)[0]), measured, float(row.trajectory.grid.t[0]))
