@@ -18,7 +18,7 @@ FLOOR_PLAN = {
     "arrays": "",
     "input": "units roots xml_text mjcf_includes formulas yaml motion_tables xacro robots",
     "mechanics": "geometry joints laws drives coordinates ball_joints loops forces loading couplings "
-    "payloads perturbation description",
+    "payloads perturbation planar description",
     "engine": "series integration constraints dynamics model_source kinematics statics motion checks quantities "
     "mechanism",
     "problems": "time_grid accuracy prescribed_laws joint_values loads declaration events "

@@ -74,6 +74,7 @@ ELSEWHERE = {
         "mechanics/loading/mjcf_settings",
     ),
     "mechanics/loading/test_urdf.py": ("what files make of it", "mechanics/loading/model_tree"),
+    "mechanics/planar/test_linkage.py": ("mistakes with their lines", "mechanics/planar/drawing"),
     "mechanics/test_coordinates.py": ("joints by their coordinates", "mechanics/joints"),
     "mechanics/test_drives.py": ("efforts of drives", "engine/statics/actuation engine/statics/selected_drives"),
     "problems/simplify/test_simplification.py": (

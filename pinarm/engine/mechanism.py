@@ -342,7 +342,7 @@ def _build(
 ) -> Mechanism:  # fmt: skip
     """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's."""
     units, given = _arguments(description, arguments, here, caller)
-    with here("robot"):
+    with here("planar" if description.planar else "robot"):
         robot, resolved, source = read_robot(description, data, folder, given)
     model, carried = _loaded(robot.model, description.payloads, payloads, here, caller)
     joints, balls = joints_of(model), balls_of(model)
@@ -351,12 +351,17 @@ def _build(
     with here("coordinates"):
         coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
     constraints: list[Constraint] = [mimic_coupling(mimic, joints, model) for mimic in robot.mimics]
+    for name, loop in robot.loops.items():
+        with here("planar"):
+            constraints.append(loop.bind(model, name))
     for name, loop in description.loops.items():
         with here("loops", name):
+            if name in robot.loops:
+                raise InputError(f"the model has a loop joint '{name}' already", expected="a name of its own")
             constraints.append(loop.bind(model, name))
     for name, coupling in description.couplings.items():
         with here("couplings", name):
-            if name in description.loops:
+            if name in description.loops or name in robot.loops:
                 raise InputError(f"the coupling '{name}' has the name of a loop joint", expected="a name of its own")
             constraints.append(coupling.bind(joints, model, name))
     forces = dict(robot.forces)

@@ -23,6 +23,7 @@ from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.joint_definitions import CREEP
 from pinarm.mechanics.loading.model_tree import Bounds, Mimic, Tree, TreeJoint, from_z, listed
 from pinarm.mechanics.loading.urdf import urdf_tree
+from pinarm.mechanics.loops import Loop
 
 BASE = "root"
 """Name of the joint that is added where ``base: floating`` frees a model that its file fixes to the ground."""
@@ -51,6 +52,7 @@ class RobotModel:
         xml: The text of the file.
         forces: Springs, damping and dry friction of the joints, by name.
         mimics: Joints that the file couples to others.
+        loops: Joints that close loops of the tree, by name.
         gravity: Gravity field of the file [m/s^2], world axes, shape (3,); ``None`` where it gives none.
         notes: Parts of the file that are modelled differently or not at all, in words.
     """
@@ -59,6 +61,7 @@ class RobotModel:
     xml: str
     forces: Mapping[str, ForceElement] = field(default_factory=dict)
     mimics: tuple[Mimic, ...] = ()
+    loops: Mapping[str, Loop] = field(default_factory=dict)
     gravity: Array | None = None
     notes: tuple[str, ...] = ()
 
@@ -86,7 +89,7 @@ def build_model(
         *(f"{defect}; taken as written" for defect in tree.defects), *tree.notes, *_massless(model),
         *_said(tree, creep),
     ]  # fmt: skip
-    return RobotModel(model, xml, forces, tree.mimics, tree.gravity, tuple(notes))
+    return RobotModel(model, xml, forces, tree.mimics, gravity=tree.gravity, notes=tuple(notes))
 
 
 def _read(xml: str) -> Tree:
