@@ -10,7 +10,8 @@ PACKAGE = Path(pinarm.__file__).parent
 TESTS = Path(__file__).parent
 
 ELSEWHERE = {
-    "cli/test_main.py": ("what commands print and write", "cli/options use/scenario/json_schema use/study/run"),
+    "cli/test_main.py": ("what commands print and write", "cli/options use/scenario/file_kind "
+        "use/scenario/json_schema use/study/run"),
     "engine/dynamics/test_coordinate_partition.py": (
         "reduced coordinates against multipliers", "engine/motion/systems/free engine/motion/systems/partitioned "
         "engine/motion/systems/system",
@@ -96,6 +97,7 @@ ELSEWHERE = {
     "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),
     "use/result/test_result.py": ("methods of a result", "use/result/measures use/views"),
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),
+    "use/store/test_new.py": ("what is written for a model", "use/store/first_files"),
     "use/study/accuracy/test_error_estimate.py": (
         "errors that are found", "engine/checks/residuals use/study/accuracy/integration_settings "
         "use/study/accuracy/solved",

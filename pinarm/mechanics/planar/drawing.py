@@ -77,7 +77,8 @@ class PlanarDrawing(InputStruct, frozen=True):
     ground against the nearer one. Where more than two bodies meet in a point P, the first of them in the file carries
     the others, link L by the joint ``P_L``. Joints that close loops are found, and called by the same names:
     ``loop.B.force.x`` is the action of the link that comes first in the file on the other one. Every point is a point
-    for outputs: ``point.P.position.x``. Gravity is 9.81 m/s^2 along -y unless ``gravity`` says otherwise.
+    for outputs: ``point.P.position.x``. Gravity is 9.81 m/s^2 along -y unless ``gravity`` says otherwise. What acts out
+    of the plane is carried by the joints that close no loop: a drawing does not say more of it.
 
     Attributes:
         points: Name -> coordinates x and y in the drawing [m], such as ``A: [40 mm, 80 mm]``.

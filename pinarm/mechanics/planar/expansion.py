@@ -2,6 +2,9 @@
 
 Every link has the axes of the world in the drawing, and its origin at the joint that carries it. Points are links
 without mass, fixed to the first body that carries them under their own name, to the others as ``POINT_LINK``.
+
+Pins and slots that close loops hold in the plane alone: a pin keeps two points on one line along z, a slot keeps one in
+a plane normal to the drawing. So the mechanism is not hyperstatic for what a drawing does not say.
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.mechanics.loops import Loop
-from pinarm.mechanics.loops.lower_pairs import PointOnLine, Prismatic, Revolute
+from pinarm.mechanics.loops.lower_pairs import PointOnLine, PointOnPlane, Prismatic
 from pinarm.mechanics.planar.drawing import GROUND, PlanarDrawing, PlanarLink
 from pinarm.mechanics.planar.linkage import DrawnJoint, Linkage, direction
 
@@ -155,12 +158,13 @@ def _loops(drawing: PlanarDrawing, linkage: Linkage, marks: Marks) -> dict[str, 
     for one in linkage.closing:
         between = marks[one.first, one.point], marks[one.second, one.point]
         if one.direction is None:
-            loops[one.name] = Revolute(between=between, axis="z")
+            loops[one.name] = PointOnLine(between=between, axis="z")
         else:
             loops[one.name] = Prismatic(between=between, axis=_spatial(one.direction))
     for name, slot in drawing.slots.items():
         between = marks[slot.on, slot.point], marks[slot.link, slot.point]
-        loops[name] = PointOnLine(between=between, axis=_spatial(direction(drawing, slot.along)))
+        x, y = direction(drawing, slot.along)
+        loops[name] = PointOnPlane(between=between, axis=_spatial(np.array([-y, x])))
     return loops
 
 

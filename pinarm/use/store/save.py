@@ -42,7 +42,7 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
         model = f"model{file_suffix(mechanism.xml)}"
         write(folder / "summary.json", summary)  # first: by it the next run knows a folder that was left half written
         write(folder / "scenario.yaml", _resolved(result, folder))
-        write(folder / "mechanism.yaml", _mechanism(mechanism.source, folder, model))
+        write(folder / "mechanism.yaml", mechanism_text(mechanism.source, folder, model))
         write(folder / model, _model(mechanism, folder))
         write_parts(folder / "trajectory.csv", csv(columns))
         write_arrays(folder / "trajectory.npz", arrays(result, columns))
@@ -145,7 +145,7 @@ def _resolved(result: Result, folder: Path) -> str:
     return yaml_text(written)
 
 
-def _mechanism(source: Source, folder: Path, model: str) -> str:
+def mechanism_text(source: Source, folder: Path, model: str) -> str:
     """Return the mechanism file for the model beside it, which has no arguments any more."""
     data = {key: value for key, value in _moved(source.data, source.folder, folder).items() if key != "arguments"}
     base = {"base": source.base} if source.base else {}
