@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pinarm.use.store.restore import replay
     from pinarm.use.study.accuracy.tradeoff import Tradeoff, tradeoff
     from pinarm.use.study.answers.check import check
+    from pinarm.use.study.answers.selftest import SelfTest, selftest
     from pinarm.use.study.batch.batch import Batch, batch
     from pinarm.use.study.explain import explain
     from pinarm.use.study.run import run, validate
@@ -46,15 +47,17 @@ _HOMES = {
     "file_root": "pinarm.input.roots",
     "run": "pinarm.use.study.run",
     "schema": "pinarm.use.scenario.json_schema",
+    "SelfTest": "pinarm.use.study.answers.selftest",
+    "selftest": "pinarm.use.study.answers.selftest",
     "sweep": "pinarm.use.study.sweep.sweep",
     "tradeoff": "pinarm.use.study.accuracy.tradeoff",
     "validate": "pinarm.use.study.run",
 }
 
 __all__ = [
-    "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "Series", "Sweep", "Tradeoff", "Trajectory", "batch",
-    "check", "examples", "explain", "file_root", "load", "new", "replay", "run", "schema", "sweep", "tradeoff",
-    "validate",
+    "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "SelfTest", "Series", "Sweep", "Tradeoff", "Trajectory",
+    "batch", "check", "examples", "explain", "file_root", "load", "new", "replay", "run", "schema", "selftest", "sweep",
+    "tradeoff", "validate",
 ]  # fmt: skip
 
 

@@ -12,7 +12,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 SHOWN = 160
-"""Most characters of a line that an excerpt shows."""
+"""Most characters of a line that an excerpt shows, and of a name in a list."""
+COMPARED = 1_000_000
+"""Most pairs of letters that are compared to find a similar name: at the worst they take half a second."""
 
 
 @dataclass(frozen=True)
@@ -177,9 +179,20 @@ def choices(found: str, available: Iterable[str], *, most: int = 12) -> tuple[st
     import difflib
 
     names = sorted(set(available))
-    close = difflib.get_close_matches(found, names, n=1, cutoff=0.6)
-    shown = ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
+    close = difflib.get_close_matches(found, _few(names, COMPARED // max(len(found), 1)), n=1, cutoff=0.6)
+    listed = [name if len(name) <= SHOWN else f"{name[:SHOWN]}..." for name in names[:most]]
+    shown = ", ".join(listed) + (f", ... ({len(names)} in all)" if len(names) > most else "")
     return f"one of {shown}" if names else "nothing: there is none", close[0] if close else ""
+
+
+def _few(names: Iterable[str], letters: int) -> list[str]:
+    """Return the first names that have no more letters together, longer ones left out."""
+    few = []
+    for name in names:
+        if len(name) <= letters:
+            few.append(name)
+            letters -= len(name)
+    return few
 
 
 def printable(text: str) -> str:

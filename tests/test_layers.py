@@ -16,15 +16,15 @@ PACKAGE = Path(pinarm.__file__).parent
 FLOOR_PLAN = {
     "errors": "",
     "arrays": "",
-    "input": "units roots xml_text mjcf_includes formulas yaml motion_tables xacro robots",
-    "mechanics": "geometry joints laws drives coordinates ball_joints loops forces loading couplings "
+    "input": "numbers units roots xml_text xml_names mjcf_includes formulas yaml csv_rows motion_tables xacro robots",
+    "mechanics": "geometry joints laws drives coordinates ball_joints loops forces loading couplings friction "
     "payloads perturbation planar description",
-    "engine": "series integration constraints dynamics model_source kinematics statics motion checks quantities "
-    "mechanism",
+    "engine": "series integration constraints dynamics model_source kinematics statics friction motion checks "
+    "quantities mechanism",
     "problems": "time_grid accuracy prescribed_laws joint_values loads declaration events "
     "equilibria inverse kinematics states forward batch_table simplify",
-    "use": "result assessments scenario show store views study",
-    "cli": "options main",
+    "use": "result assessments scenario output show store views study",
+    "cli": "options streams main",
 }
 """Layers from low to high -> their rooms, folders or modules, from low to high: each may import those before it."""
 

@@ -19,6 +19,9 @@ ELSEWHERE = {
     "engine/dynamics/test_equation.py": (
         "routes to one acceleration", "engine/dynamics/mass_matrix mechanics/geometry/buffers",
     ),
+    "engine/friction/test_switching.py": (
+        "what joints at rest begin to do", "engine/friction/balance engine/friction/response",
+    ),
     "engine/integration/methods/test_collocation.py": ("a part of it", "engine/integration/methods/collocation_window"),
     "engine/integration/methods/test_orders.py": (
         "the order of every method", "engine/integration/integrator engine/integration/methods/conserving "
@@ -63,7 +66,13 @@ ELSEWHERE = {
     "loops/test_redundancy.py": (
         "degrees of hyperstatism and singular positions", "engine/checks/singularity engine/kinematics/mobility",
     ),
+    "loops/test_loop_coordinates.py": (
+        "as of joints of the tree", "mechanics/forces/along_coordinate mechanics/loops/relative",
+    ),
+    "loops/test_rounded_files.py": ("loops that close as far as their file is rounded", "engine/checks/unclosed"),
     "loops/test_screws.py": ("against the coupling and closed forms", "mechanics/loops/screw"),
+    "mechanics/friction/test_bearing.py": ("what a law multiplies", "mechanics/friction/law"),
+    "mechanics/friction/test_definition.py": ("slips of bound joints", "mechanics/friction/contact"),
     "mechanics/couplings/test_gear.py": (
         "wheels in mesh", "mechanics/couplings/members mechanics/couplings/teeth",
     ),
@@ -71,7 +80,8 @@ ELSEWHERE = {
     "mechanics/laws/test_interpolated.py": ("laws that are tables", "input/motion_tables"),
     "mechanics/laws/test_motion_law.py": ("every law", "mechanics/laws/steady"),
     "mechanics/loading/test_mjcf.py": (
-        "files as MuJoCo reads them", "input/mjcf_includes mechanics/loading/mjcf_geoms mechanics/loading/mjcf_joints "
+        "files as MuJoCo reads them", "input/mjcf_includes mechanics/loading/mjcf_actuators "
+        "mechanics/loading/mjcf_geoms mechanics/loading/mjcf_joints mechanics/loading/mjcf_names "
         "mechanics/loading/mjcf_settings",
     ),
     "mechanics/loading/test_urdf.py": ("what files make of it", "mechanics/loading/model_tree"),
@@ -94,12 +104,19 @@ ELSEWHERE = {
         "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/scenario",
     ),
     "test_readme.py": ("what is printed", "use/show/terminal"),
+    "physics/test_friction.py": (
+        "friction in every kind of problem", "engine/friction/columns engine/friction/given_efforts "
+        "engine/friction/sliding engine/motion/known_friction engine/motion/stick_slip engine/quantities/friction_law "
+        "mechanics/friction/thread",
+    ),
     "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),
     "use/result/test_result.py": ("methods of a result", "use/result/measures use/views"),
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),
+    "use/output/test_folder.py": ("which files are ours", "use/output/manifest"),
     "use/store/test_new.py": ("what is written for a model", "use/store/first_files"),
     "use/study/accuracy/test_error_estimate.py": (
-        "errors that are found", "engine/checks/residuals use/study/accuracy/integration_settings "
+        "errors that are found", "engine/checks/residuals use/study/accuracy/common_rows "
+        "use/study/accuracy/integration_settings "
         "use/study/accuracy/solved",
     ),
     "use/study/accuracy/test_tradeoff.py": (
@@ -114,7 +131,6 @@ ELSEWHERE = {
     ),
     "use/study/sweep/test_axes.py": ("values as they are written", "use/study/sweep/value_syntax"),
     "use/study/sweep/test_cases.py": ("one case", "use/result/run_number use/study/sweep/case_solver"),
-    "use/study/sweep/test_sweep.py": ("sweeps that were interrupted", "use/study/sweep/journal"),
 }  # fmt: skip
 """Test file -> why it is the one, and the modules without a test file of their name that it tests."""
 

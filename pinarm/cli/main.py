@@ -1,24 +1,24 @@
 """The command line: ``run``, ``check``, ``validate``, ``explain``, ``sweep``, ``tradeoff``, ``replay``, ``schema`` ...
 
-Exit codes: 0 all is well, 1 an expectation or the wanted accuracy is missed, 2 the input has a mistake, 3 the numerics
-failed (what was computed until then is kept) or a case of a sweep did, 130 interrupted. Results go to stdout; progress
-to stderr, where that is a terminal.
+Exit codes: 0 all is well, 1 an expectation or the wanted accuracy is missed, 2 the input has a mistake or what comes
+out cannot be written, 3 the numerics failed (what was computed until then is kept) or a case of a sweep did, 130
+interrupted. Results go to stdout; progress to stderr, where that is a terminal.
 """
 
 from __future__ import annotations
 
 import argparse
 import gc
-import io
-import os
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pinarm import __version__
 from pinarm.cli.options import EXAMPLES, add
+from pinarm.cli.streams import flush_output, give_up_output, open_streams, unwritable
 from pinarm.errors import InputError, NumericsError, PinarmError, printable
 from pinarm.input.roots import file_root
 
@@ -32,24 +32,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     gc.set_threshold(100_000, 20, 20)  # importing makes much that stays: looking through it for garbage costs 10 %
     given = sys.argv[1:] if arguments is None else arguments
+    open_streams()
     options = _parser(given).parse_args(given)
-    for stream in (sys.stdout, sys.stderr):  # a terminal without Unicode shows question marks instead of failing
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
     try:
         with file_root(options.root):
-            return int(options.command(options))
-    except PinarmError as error:
+            code = int(options.command(options))
+        flush_output()
+    except BrokenPipeError:  # the reader of our output has seen enough
+        give_up_output()
+        return OK
+    except (PinarmError, OSError) as error:
         if options.traceback:
             raise
-        _tell(error)
-        return _keep_partial(error, options)
+        with suppress(PinarmError, BrokenPipeError):
+            flush_output()
+        known = unwritable(error) if isinstance(error, OSError) else error
+        _tell(known)
+        return _keep_partial(known, options)
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+        _say("interrupted")
         return INTERRUPTED
-    except BrokenPipeError:  # the reader of our output has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        return OK
+    return code
 
 
 def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
@@ -69,6 +72,7 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from pinarm.use.output.folder import check_replaceable
     from pinarm.use.scenario.scenario import load
     from pinarm.use.show.terminal import report
     from pinarm.use.store.save import save
@@ -77,6 +81,7 @@ def _run(options: argparse.Namespace) -> int:
     scenario = load(options.scenario, options.values)
     folder = options.output or Path("results") / scenario.name
     options.output = folder
+    check_replaceable(folder, "result")  # before the work
     result = scenario.verified() if options.verify else scenario.run()
     solved = time.perf_counter()
     save(result, folder, plots=not options.no_plots, timing={"solve [s]": solved - begin})
@@ -85,6 +90,8 @@ def _run(options: argparse.Namespace) -> int:
     else:
         print(report(result))
         print(f"written to {folder}")
+    if result.contradiction:
+        return NumericsError.exit_code
     return MISSED if result.missed else OK
 
 
@@ -175,12 +182,14 @@ def _sweep(options: argparse.Namespace) -> int:
 
 
 def _tradeoff(options: argparse.Namespace) -> int:
+    from pinarm.use.output.folder import check_replaceable
     from pinarm.use.scenario.scenario import load
     from pinarm.use.study.accuracy.tradeoff import tradeoff
     from pinarm.use.study.accuracy.tradeoff_text import report
 
     scenario = load(options.scenario, options.values)
     folder = options.output or Path("results") / f"{scenario.name}-tradeoff"
+    check_replaceable(folder, "trade-off")
     trade = tradeoff(scenario)
     trade.save(folder, plots=not options.no_plots)
     if options.json:
@@ -258,6 +267,17 @@ def _new(options: argparse.Namespace) -> int:
     return OK
 
 
+def _selftest(options: argparse.Namespace) -> int:
+    from pinarm.use.study.answers.selftest import selftest
+
+    found = selftest()
+    if options.json:
+        _print_json(found.summary())
+    else:
+        print(printable(str(found)))
+    return OK if found.passed else MISSED
+
+
 def _keep_partial(error: PinarmError, options: argparse.Namespace) -> int:
     """Write what was computed before the numerics failed; return the exit code."""
     from pinarm.use.result.result import Result
@@ -267,14 +287,20 @@ def _keep_partial(error: PinarmError, options: argparse.Namespace) -> int:
     if isinstance(partial, Result) and folder is not None:
         try:
             partial.save(folder / "partial", plots=False)
-            print(f"  kept: {len(partial)} rows in {folder / 'partial'}", file=sys.stderr)
+            _say(f"  kept: {len(partial)} rows in {folder / 'partial'}")
         except PinarmError as second:
-            print(f"  not kept: {second}", file=sys.stderr)
+            _say(f"  not kept: {second}")
     return error.exit_code
 
 
 def _tell(error: PinarmError) -> None:
-    print(printable(f"error: {error}"), file=sys.stderr)
+    _say(f"error: {error}")
+
+
+def _say(text: str) -> None:
+    """Print text on stderr, where there is room for it: the exit code says the rest."""
+    with suppress(OSError):
+        print(printable(text), file=sys.stderr, flush=True)
 
 
 def _progress(text: str) -> None:
@@ -299,5 +325,6 @@ COMMANDS = {
     "replay": (_replay, "show the motion of a result in a web page"),
     "schema": (_schema, "print the JSON Schema for editors"),
     "examples": (_examples, "copy the models, scenarios and examples of pinarm to a folder"),
+    "selftest": (_selftest, "test this installation: versions, and every kind of problem"),
 }
 """Name -> what does it, and what it does."""

@@ -26,6 +26,7 @@ EXAMPLES_OF = {
     "replay": ["replay results/scenario --trace P --arrows reactions", "replay results/scenario --png t=0.5"],
     "schema": ["schema mechanism > mechanism.schema.json"],
     "examples": ["examples -o pinarm-examples"],
+    "selftest": ["selftest"],
 }  # fmt: skip
 """Command -> what ``COMMAND -h`` shows at its end."""
 
@@ -59,7 +60,7 @@ def _run(run: ArgumentParser) -> None:
     run.add_argument("-o", "--output", type=Path, help="result folder (default: results/SCENARIO)")
     run.add_argument("--no-plots", action="store_true", help="write numbers only")
     run.add_argument("--verify", action="store_true",
-                     help="estimate the global error by a second solution, and check every row")  # fmt: skip
+                     help="bound the global error by a second solution, and check every row")  # fmt: skip
     _values(run)
 
 
@@ -92,6 +93,10 @@ def _schema(schema: ArgumentParser) -> None:
 def _examples(examples: ArgumentParser) -> None:
     examples.add_argument("-o", "--output", type=Path, default=Path("pinarm-examples"),
                           help="folder (default: pinarm-examples); files that exist are left as they are")  # fmt: skip
+
+
+def _selftest(selftest: ArgumentParser) -> None:
+    """Add nothing: it takes no options of its own."""
 
 
 def _sweep(sweep: ArgumentParser) -> None:
@@ -131,6 +136,6 @@ def _replay(replay: ArgumentParser) -> None:
 
 OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
     "new": _new, "run": _run, "check": _check, "validate": _validate, "explain": _explain, "sweep": _sweep,
-    "tradeoff": _tradeoff, "replay": _replay, "schema": _schema, "examples": _examples,
+    "tradeoff": _tradeoff, "replay": _replay, "schema": _schema, "examples": _examples, "selftest": _selftest,
 }  # fmt: skip
 """Command -> what adds its own options."""

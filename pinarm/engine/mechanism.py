@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -19,21 +19,27 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.model_source import Source, read_robot
+from pinarm.engine.dynamics.masses import massive
+from pinarm.engine.model_source import Source, numeric, read_robot
 from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.units import Unit, unit
+from pinarm.input.xacro.expansion import UnknownArgument, check_declared
 from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.schema import Measured, quantity
+from pinarm.input.yaml.schema import Measured, check_unit, quantity
 from pinarm.input.yaml.values import Values, varied
-from pinarm.mechanics.ball_joints import Ball, ball_coordinates, balls_of
+from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, balls_of, positions_of, unit_of
 from pinarm.mechanics.coordinates import Coordinate, coordinates_of
 from pinarm.mechanics.couplings.coupling import mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector
 from pinarm.mechanics.drives import Drive
-from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.forces import ForceElement, bound
 from pinarm.mechanics.forces.force_element import check_new
+from pinarm.mechanics.friction.contact import FrictionContact
 from pinarm.mechanics.joints import Joint, joint_of, joints_of
+from pinarm.mechanics.loading.pinocchio_model import RobotModel
+from pinarm.mechanics.loops import Loop
+from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.payloads import Payload, with_payloads
 from pinarm.mechanics.perturbation import perturbed
 
@@ -66,6 +72,7 @@ class Mechanism:
         source: The files behind it.
         payloads: What links carry beside the model's own masses, by name.
         notes: What is not modelled as the files have it.
+        frictions: Joints with dry friction that sticks.
     """
 
     title: str
@@ -84,6 +91,7 @@ class Mechanism:
     source: Source = field(repr=False)
     payloads: Mapping[str, Payload] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    frictions: tuple[FrictionContact, ...] = ()
 
     @classmethod
     def load(
@@ -106,11 +114,25 @@ class Mechanism:
         document = mechanism_document(Path(path))
         return _described(varied(document, values) if values else document, Path(path).parent, arguments or {})
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how another process makes the same mechanism: from its fields, with the forces bound anew (functions).
+
+        What was computed of the fields stays behind.
+        """
+        own = {each.name: getattr(self, each.name) for each in fields(self)}
+        own["forces"] = {name: force for name, force in self.forces.items() if name not in self.description.forces}
+        return _bound_again, (own,)
+
     def perturbed(self, seed: int) -> Mechanism:
         """Return the mechanism with its numbers changed in the last digits; see ``mechanics.rounding``."""
         model = perturbed(self.model, seed)
-        bound = {name: force.bind(model, self.joints) for name, force in self.description.forces.items()}
-        return replace(self, model=model, forces={**self.forces, **bound})
+        return replace(self, model=model)._bound()
+
+    def _bound(self) -> Mechanism:
+        """Return the mechanism with the forces of its description bound to its model."""
+        forces = {name: bound(force, self.model, self.joints, self.coordinates)
+                  for name, force in self.description.forces.items()}  # fmt: skip
+        return replace(self, forces={**self.forces, **forces})
 
     @cached_property
     def dynamics(self) -> Dynamics:
@@ -118,7 +140,7 @@ class Mechanism:
         return Dynamics.of(self.model, self.forces)
 
     def inverse(self, q: Array, v: Array, a: Array, *, drives: Sequence[str] = (), t: float = 0.0) -> Array:
-        """Return the efforts that the drives must give; the constraints carry the rest.
+        """Return the efforts that the drives must give, rotors included; the constraints carry the rest.
 
         Args:
             q: Configurations, shape (..., nq): any leading axes, or none for one state.
@@ -153,6 +175,7 @@ class Mechanism:
 
         Raises:
             InputError: The shapes do not fit, or a state tears a loop or a coupling.
+            DynamicsError: Something without mass is free to move: its acceleration is undetermined.
         """
         from pinarm.engine.quantities import states
 
@@ -270,6 +293,17 @@ class Mechanism:
         """Return the rows of the constraints."""
         return Closure.of(self.model, self.constraints)
 
+    @cached_property
+    def massive(self) -> bool:
+        """Whether every body has a mass and moments of inertia."""
+        return massive(self.model)
+
+    @cached_property
+    def start(self) -> Mapping[str, float]:
+        """Return rough joint coordinates near which the loops close [rad or m], as far as the mechanism file says."""
+        known = positions_of(self.joints, self.balls)  # of a part of the mechanism there may be fewer
+        return {name: float(value) for name, value in self.description.start.items() if name in known}
+
     @property
     def gravity(self) -> float:
         """Magnitude of gravity [m/s^2]."""
@@ -285,6 +319,10 @@ class Mechanism:
             expected, hint = choices(name, self.coordinates)
             raise InputError(f"the mechanism has no coordinate '{name}'", expected=expected, hint=hint)
         return self.coordinates[name]
+
+
+def _bound_again(own: Mapping[str, Any]) -> Mechanism:
+    return Mechanism(**own)._bound()
 
 
 def mechanism_document(file: Path) -> Document:
@@ -342,23 +380,21 @@ def _build(
 ) -> Mechanism:  # fmt: skip
     """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's."""
     units, given = _arguments(description, arguments, here, caller)
-    with here("planar" if description.planar else "robot"):
-        robot, resolved, source = read_robot(description, data, folder, given)
+    with here("planar" if description.planar else "robot"), _naming_arguments(caller):
+        robot, texts, source = read_robot(description, data, folder, given)
+    resolved = dict(numeric(texts))
+    with _naming_arguments(here):
+        check_declared(units, texts)
     model, carried = _loaded(robot.model, description.payloads, payloads, here, caller)
     joints, balls = joints_of(model), balls_of(model)
     model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
-    turns = ball_coordinates(model, balls)
+    _check_start(description, joints, balls, here)
+    turns = {**ball_coordinates(model, balls), **ball_angles(balls)}
+    loops = _loops(model, robot.loops, description.loops, here)
+    turns |= _of_loops(model, loops, {*joints, *turns}, here)
     with here("coordinates"):
         coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
-    constraints: list[Constraint] = [mimic_coupling(mimic, joints, model) for mimic in robot.mimics]
-    for name, loop in robot.loops.items():
-        with here("planar"):
-            constraints.append(loop.bind(model, name))
-    for name, loop in description.loops.items():
-        with here("loops", name):
-            if name in robot.loops:
-                raise InputError(f"the model has a loop joint '{name}' already", expected="a name of its own")
-            constraints.append(loop.bind(model, name))
+    constraints: list[Constraint] = [*(mimic_coupling(mimic, joints, model) for mimic in robot.mimics), *loops]
     for name, coupling in description.couplings.items():
         with here("couplings", name):
             if name in description.loops or name in robot.loops:
@@ -368,7 +404,7 @@ def _build(
     for name, force in description.forces.items():
         with here("forces", name):
             check_new(name, forces)
-            forces[name] = force.bind(model, joints)
+            forces[name] = bound(force, model, joints, coordinates)
     symbols = {}
     for name, text in description.symbols.items():
         with here("symbols", name):
@@ -381,7 +417,71 @@ def _build(
         description.title or model.name, model, robot.xml, joints, balls, coordinates, tuple(constraints),
         dict(description.drives), forces, symbols, resolved,
         {name: units[name].si for name in resolved if name in units}, description, source, carried, robot.notes,
+        _frictions(robot, description, model, joints, constraints, here),
     )  # fmt: skip
+
+
+def _frictions(
+    robot: RobotModel, description: MechanismDescription, model: pin.Model, joints: Mapping[str, Joint],
+    constraints: Sequence[Constraint], here: Locate,
+) -> tuple[FrictionContact, ...]:  # fmt: skip
+    """Return the joints with friction that sticks: those of the mechanism file, and others of the model."""
+    if not robot.friction and not description.friction:
+        return ()
+    from pinarm.mechanics.couplings.coupling import Coupling
+    from pinarm.mechanics.friction.definition import Friction
+
+    rubbing = [one for one in constraints if isinstance(one, LoopJoint | Coupling)]
+    found = []
+    for name, definition in description.friction.items():
+        with here("friction", name):
+            found.append(definition.bind(name, model, joints, rubbing))
+    left = {name: friction for name, friction in robot.friction.items() if name not in description.friction}
+    return (*found, *(Friction(constant=friction).bind(name, model, joints, ()) for name, friction in left.items()))
+
+
+def _of_loops(
+    model: pin.Model, loops: Sequence[LoopJoint], known: Container[str], here: Locate
+) -> dict[str, Coordinate]:
+    """Return the coordinates of loop joints.
+
+    Raises:
+        InputError: One has the name of a joint's.
+    """
+    if not loops:
+        return {}
+    from pinarm.mechanics.loops.relative import loop_coordinates
+
+    found = loop_coordinates(model, loops)
+    for name in found:
+        if name in known:
+            with here("loops", name.rpartition(".")[0]):
+                raise InputError(f"its coordinate '{name}' has the name of a joint", expected="a name of its own")
+    return found
+
+
+def _check_start(
+    description: MechanismDescription, joints: Mapping[str, Joint], balls: Mapping[str, Ball], here: Locate
+) -> None:
+    """Check names and units of the joint coordinates near which the loops close."""
+    known = positions_of(joints, balls)
+    for name, value in description.start.items():
+        with here("start", Key(name)):
+            measured = unit_of(name, known)
+        with here("start", name):
+            check_unit(value, measured)
+
+
+def _loops(model: pin.Model, drawn: Mapping[str, Loop], said: Mapping[str, Loop], here: Locate) -> list[LoopJoint]:
+    """Return the loop joints of a drawing, and those that the mechanism file says beside."""
+    with here("planar"):
+        loops = [loop.bind(model, name) for name, loop in drawn.items()]
+    for name, loop in said.items():
+        with here("loops", name):
+            if name in drawn:
+                raise InputError(f"the drawing has a loop joint '{name}' already", expected="a name of its own")
+            loops.append(loop.bind(model, name))
+    return loops
 
 
 def _arguments(
@@ -393,13 +493,19 @@ def _arguments(
         with here("arguments", name):
             units[name] = unit(text)
     for name, value in arguments.items():
-        with caller("arguments", Key(name)):
-            if units and name not in units:
-                expected, hint = choices(name, units, most=40)
-                raise InputError(f"the model has no argument '{name}'", expected=expected, hint=hint)
         with caller("arguments", name):
             given[name] = _argument(name, value, units.get(name))
     return units, given
+
+
+@contextmanager
+def _naming_arguments(place: Locate) -> Iterator[None]:
+    """Locate arguments that the model does not have at their keys."""
+    try:
+        yield
+    except UnknownArgument as error:
+        with place("arguments", Key(error.name)):
+            raise
 
 
 def _argument(name: str, value: float | str, expected: Unit | None) -> float:

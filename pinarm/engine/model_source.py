@@ -13,10 +13,12 @@ import msgspec
 
 from pinarm.errors import Location, ModelError
 from pinarm.input.mjcf_includes import resolve_includes
+from pinarm.input.numbers import decimal
 from pinarm.input.robots import is_floating
 from pinarm.input.robots import robot as robot_file
 from pinarm.input.roots import contained_file, root_of
-from pinarm.input.xacro.expansion import expand
+from pinarm.input.xacro.expansion import check_declared, expand
+from pinarm.input.xml_names import UnknownName
 from pinarm.input.xml_text import MAX_BYTES, location, read
 from pinarm.mechanics.description import Gravity, MechanismDescription
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects, RobotModel, build_model
@@ -47,8 +49,8 @@ class Source:
 
 def read_robot(
     description: MechanismDescription, data: Mapping[str, Any], folder: Path, arguments: Mapping[str, float]
-) -> tuple[RobotModel, dict[str, float], Source]:
-    """Return the model of a mechanism, the values of its arguments, and where it was read from.
+) -> tuple[RobotModel, Mapping[str, str], Source]:
+    """Return the model of a mechanism, the texts of all its arguments, and where it was read from.
 
     Args:
         description: The mechanism file.
@@ -59,8 +61,10 @@ def read_robot(
     Raises:
         InputError: There is no such file, or it may not be read.
         ModelError: The model has a mistake.
+        UnknownArgument: It has no argument of a given name.
     """
     if description.planar is not None:
+        check_declared(arguments, {})
         return _drawn(description, description.planar, data, folder)
     defects: Defects
     if description.robot.endswith(FILES):
@@ -70,25 +74,24 @@ def read_robot(
         path, defects = robot_file(description.robot), description.defects or "noted"
         root, base = path.parent, description.base or ("floating" if is_floating(path) else None)
     expansion = expand(path, arguments, root=root)
-    xml, creep = resolve_includes(expansion.xml, path, root), float(description.creep)
+    xml = resolve_includes(expansion.xml, path, root)
     try:
-        robot = build_model(xml, base=base, defects=defects, creep=creep)
+        robot = build_model(xml, base=base, defects=defects, creep=description.creep)
     except ModelError as error:
-        raise error.at(_place(error.message, path)) from None
+        raise error.at(_place(error, path)) from None
     notes = (*robot.notes, *(f"xacro: {warning}" for warning in expansion.warnings))
-    resolved = dict(_numbers(expansion.arguments))
-    return replace(robot, notes=notes), resolved, Source(data, folder, path, base, defects)
+    return replace(robot, notes=notes), expansion.arguments, Source(data, folder, path, base, defects)
 
 
 def _drawn(
     description: MechanismDescription, drawing: PlanarDrawing, data: Mapping[str, Any], folder: Path
-) -> tuple[RobotModel, dict[str, float], Source]:
+) -> tuple[RobotModel, Mapping[str, str], Source]:
     """Return what a drawing expands to, with gravity in its plane; the source is that of the expansion."""
     from pinarm.mechanics.planar.expansion import expanded  # not paid for by others
 
     model, defects = expanded(drawing), description.defects or "refused"
     down = Gravity(direction="-y")
-    robot = build_model(model.urdf, base=description.base, defects=defects, creep=float(description.creep))
+    robot = build_model(model.urdf, base=description.base, defects=defects, creep=description.creep)
     loops = {**msgspec.to_builtins(model.loops), **data.get("loops", {})}
     said = {key: value for key, value in data.items() if key != "planar"}
     source = Source(
@@ -101,9 +104,11 @@ def _drawn(
 _NAMED = re.compile(r"(link|joint|body) '([^']+)'")
 
 
-def _place(message: str, path: Path) -> Location:
-    """Return the line of a model's file that names the link or joint which a message begins with; else the file."""
-    source, named = str(path), _NAMED.match(message)
+def _place(error: ModelError, path: Path) -> Location:
+    """Return the line of a model's file with an unknown name, or with the link or joint which a message begins with."""
+    source, named = str(path), _NAMED.match(error.message)
+    if isinstance(error, UnknownName):
+        return error.place(read(path, source, MAX_BYTES), source)
     if named:
         text = read(path, source, MAX_BYTES)
         element = rf"<{named[1]}\s[^<>]*?\bname\s*=\s*([\"']){re.escape(named[2])}\1"
@@ -113,8 +118,8 @@ def _place(message: str, path: Path) -> Location:
     return Location(source)
 
 
-def _numbers(arguments: Mapping[str, str]) -> Iterator[tuple[str, float]]:
+def numeric(arguments: Mapping[str, str]) -> Iterator[tuple[str, float]]:
     """Yield the arguments of a model that are numbers; those that are words choose parts of it."""
     for name, text in arguments.items():
         with suppress(ValueError):
-            yield name, float(text)
+            yield name, decimal(text)

@@ -13,6 +13,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from pinarm.errors import UnitError, choices
+from pinarm.input.numbers import leading_number
 
 Dimension = tuple[Fraction | int, Fraction | int, Fraction | int]
 """Exponents of metre, kilogram and second."""
@@ -92,8 +93,10 @@ _ANGULAR: dict[Dimension, str] = {(0, 0, 0): "rad", (0, 0, -1): "rad/s", (0, 0, 
 MAX_LENGTH = 100
 """Of a unit; nothing in mechanics needs half as much."""
 
-_FACTOR = re.compile(r"\s*([*/·]?)\s*([A-Za-z°%]+|1)\s*(?:(?:\^|\*\*)\s*(-?\d{1,2}))?([²³]?)")
-_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+MAX_QUANTITY = 600
+"""Of a quantity: a number with the digits that a file may have, and a unit."""
+
+_FACTOR = re.compile(r"\s*([*/·]?)\s*([A-Za-z°%]+|1)\s*(?:(?:\^|\*\*)\s*(-?[0-9]{1,2})|([²³]))?")
 
 
 @lru_cache(maxsize=256)
@@ -146,24 +149,32 @@ def read_quantity(text: str) -> tuple[float, Unit | None]:
     Raises:
         UnitError: There is no number, or the unit is unknown.
     """
-    match = _QUANTITY.fullmatch(text)
-    if not match:
-        raise UnitError(f"'{text}' is not a quantity", expected="a number and a unit, such as 30 deg or 1.5 N*m")
-    read = unit(match[2]) if match[2] else None
-    number = float(match[1]) * (read.factor if read else 1.0)
+    parts = _parts(text)
+    if not parts:
+        expected = "a number and a unit, such as 30 deg or 1.5 N*m"
+        raise UnitError(f"'{text[:MAX_LENGTH]}' is not a quantity", expected=expected)
+    read = unit(parts[1]) if parts[1] else None
+    number = float(parts[0]) * (read.factor if read else 1.0)
     if not math.isfinite(number):
         raise UnitError(f"'{text}' is beyond all numbers")
     return number, read
 
 
+def _parts(text: str) -> tuple[str, str] | None:
+    """Return number and unit of a quantity as text; ``None`` where it is none."""
+    text = text.strip()
+    return leading_number(text) if len(text) <= MAX_QUANTITY else None
+
+
 def half_last_digit(text: str) -> float:
     """Return half a unit of the last printed digit of ``"2168.5 rpm"``, in SI: 0.05 rpm as rad/s."""
-    match = _QUANTITY.fullmatch(text)
-    if not match:
-        raise UnitError(f"'{text}' is not a printed number", expected="digits and a unit, such as 192.2 N*m")
-    mantissa, _, exponent = match[1].lower().partition("e")
+    parts = _parts(text)
+    if not parts:
+        expected = "digits and a unit, such as 192.2 N*m"
+        raise UnitError(f"'{text[:MAX_LENGTH]}' is not a printed number", expected=expected)
+    mantissa, _, exponent = parts[0].lower().partition("e")
     decimals = len(mantissa.partition(".")[2])
-    factor = unit(match[2]).factor if match[2] else 1.0
+    factor = unit(parts[1]).factor if parts[1] else 1.0
     half = 0.5 * float(f"1e{int(exponent or 0) - decimals}") * factor
     if not 0.0 < half < math.inf:
         raise UnitError(f"the last digit of '{text}' is beyond all numbers")

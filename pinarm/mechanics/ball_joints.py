@@ -119,6 +119,61 @@ class BallCoordinate:
         return np.asarray(self.model.jointPlacements[index].rotation.T @ state.data.liMi[index].rotation)
 
 
+@dataclass(frozen=True)
+class BallAngle:
+    """Roll r, pitch p or yaw y of a ball joint, up to half a turn: the angles of three joints in series, about z, y, x.
+
+    With the angular velocity omega in the child's axes, ``A = sin r omega_y + cos r omega_z`` and
+    ``B = cos r omega_y - sin r omega_z``: ``r' = omega_x + A tan p``, ``p' = B``, ``y' = A / cos p``, and while omega
+    is constant ``A' = r' B``, ``B' = -r' A``. At a pitch of 90 deg roll and yaw are not determined.
+
+    Attributes:
+        ball: The joint.
+        component: 0 for roll, 1 for pitch, 2 for yaw.
+        unit: Radian.
+    """
+
+    ball: Ball
+    component: int
+    unit: Unit = RADIAN
+
+    def value(self, state: Kinematics) -> float:
+        """Return the angle."""
+        return float(roll_pitch_yaw(self.ball.quaternion(state.q))[self.component])
+
+    def row(self, state: Kinematics) -> Array:
+        """Return the row that gives its rate."""
+        (sine, cosine), (slope, secant) = self._functions(state)
+        row = np.zeros(state.model.nv)
+        row[self.ball.v : self.ball.v + 3] = (
+            (1.0, slope * sine, slope * cosine), (0.0, cosine, -sine), (0.0, secant * sine, secant * cosine),
+        )[self.component]  # fmt: skip
+        return row
+
+    def drift(self, state: Kinematics) -> float:
+        """Return its acceleration while the joint's own velocity is constant."""
+        (sine, cosine), (slope, secant) = self._functions(state)
+        x, y, z = self.ball.vectors(state.v)
+        a, b = sine * y + cosine * z, cosine * y - sine * z
+        roll = x + slope * a
+        second = (secant**2 * b * a + slope * roll * b, -roll * a, secant * (roll * b + slope * b * a))
+        return float(second[self.component])
+
+    def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
+        """Return nothing: the moment acts between the links of the joint."""
+        return {}
+
+    def _functions(self, state: Kinematics) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return sine and cosine of the roll, tangent and secant of the pitch."""
+        roll, pitch, _ = roll_pitch_yaw(self.ball.quaternion(state.q))
+        return (np.sin(roll), np.cos(roll)), (np.tan(pitch), 1.0 / np.cos(pitch))
+
+
+def ball_angles(balls: Mapping[str, Ball]) -> dict[str, Coordinate]:
+    """Return roll, pitch and yaw of every ball joint, ``J.roll`` and so on."""
+    return {f"{name}.{angle}": BallAngle(ball, k) for name, ball in balls.items() for k, angle in enumerate(ANGLES)}
+
+
 def ball_coordinates(model: pin.Model, balls: Mapping[str, Ball]) -> dict[str, Coordinate]:
     """Return the components of the rotation vector of every ball joint, ``J.rotation.x`` and so on."""
     return {f"{name}.rotation.{axis}": BallCoordinate(model, ball, component)

@@ -8,12 +8,12 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError
-from pinarm.input.yaml.schema import Acceleration, InputStruct, Positive
+from pinarm.input.yaml.schema import Acceleration, InputStruct, Level, Positive
 from pinarm.mechanics.coordinates import CoordinateDefinition
 from pinarm.mechanics.couplings import CouplingDefinition
 from pinarm.mechanics.drives import Drive
 from pinarm.mechanics.forces import Force
-from pinarm.mechanics.forces.joint_definitions import CREEP
+from pinarm.mechanics.friction.definition import Friction
 from pinarm.mechanics.joints import AXES, Axis
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects
 from pinarm.mechanics.loops import Loop
@@ -64,17 +64,20 @@ class MechanismDescription(InputStruct, frozen=True):
             where it is left out; of the robots known by name, those that float in their own loaders do.
         defects: ``noted`` takes inertias that no body can have as they are written, and tells; files are refused
             otherwise, robots known by name are not.
-        creep: Velocity below which the dry friction of the model gives way [rad/s or m/s]; small ones make forward
-            problems stiff.
+        creep: Velocity below which the dry friction of the model gives way [rad/s or m/s]: it is regularised,
+            ``F tanh(v / creep)``, and never sticks. Where this is left out it sticks.
         arguments: Unit of every xacro argument of the model, so that a scenario can give them with units.
         gravity: ``none`` for none; that of the model, or 9.81 m/s^2 downwards, where it is left out.
         coordinates: Coordinates beside those of the joints.
         loops: Joints that close loops of the tree.
+        start: Rough joint coordinates near which the loops close, where they do not near 0; a scenario's own ``start``
+            replaces them joint by joint. Ball joints as there.
         couplings: Gears, racks and screws between joints.
         drives: Motors and gears.
         forces: Springs, dampers and loads that belong to the mechanism.
+        friction: Joint or loop joint -> its dry friction, which sticks; in place of that of the model.
         payloads: What links carry beside the model's own masses.
-        symbols: Published symbols and what they stand for: a quantity, or a formula of quantities.
+        symbols: Published symbols and what they stand for: a quantity, a number with its unit, or a formula of them.
     """
 
     pinarm: Literal[1]
@@ -83,14 +86,16 @@ class MechanismDescription(InputStruct, frozen=True):
     title: str = ""
     base: Base | None = None
     defects: Defects | None = None
-    creep: Positive = CREEP
+    creep: Positive | None = None
     arguments: dict[str, str] = {}
     gravity: Gravity | Literal["none"] | None = None
     coordinates: dict[str, CoordinateDefinition] = {}
     loops: dict[str, Loop] = {}
+    start: dict[str, Level] = {}
     couplings: dict[str, CouplingDefinition] = {}
     drives: dict[str, Drive] = {}
     forces: dict[str, Force] = {}
+    friction: dict[str, Friction] = {}
     payloads: dict[str, Payload] = {}
     symbols: dict[str, str] = {}
 

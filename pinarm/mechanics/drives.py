@@ -16,12 +16,14 @@ from pinarm.input.yaml.schema import Inertia, InputStruct
 class Drive(InputStruct, frozen=True):
     """A motor that turns ``ratio`` times as fast as its joint, through a gear of constant efficiency.
 
-    With tau the effort at the joint, v its velocity and N the ratio: the motor turns at ``N v`` and gives
-    ``tau / (N eta)`` while it drives (tau v > 0), ``eta tau / N`` while the load drives it, plus ``J N a`` for its
-    rotor.
-    At rest friction in the gear helps to hold, and the torque given is that which would set the load in motion,
-    ``tau / (N eta)``: the safe side for sizing. A motor that is off, at a free joint, has no torque; its rotor is moved
-    without loss.
+    With v the velocity of the joint, N the ratio and tau the effort that goes through the gear, that of the joint
+    (``joint.J.effort``) less ``N^2 J a`` of the rotor: the motor turns at ``N v`` and gives ``tau / (N eta)`` while it
+    drives (tau v > 0), ``eta tau / N`` while the load drives it, plus ``J N a`` for its rotor. An armature that the
+    model gives the joint is a load of the gear.
+    Where the speed passes through zero the motion that follows counts, at the end of a smooth part of a law that which
+    has ended. At rest friction in the gear helps to hold, and the torque given is that which would set the load in
+    motion, ``tau / (N eta)``: the safe side for sizing. A motor that is off, at a free joint, has no torque; its rotor
+    is moved without loss.
 
     Attributes:
         joint: Joint that it drives.

@@ -34,7 +34,7 @@ class Problem(Protocol):
         ...
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row at the neutral configuration: enough to see which quantities there are."""
+        """Return one row near the start: enough to see which quantities there are, and which are determined."""
         ...
 
     def declaration(self) -> Declaration | None:

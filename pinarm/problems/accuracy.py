@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+import math
+from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 
@@ -11,8 +12,14 @@ from pinarm.engine.integration.methods import METHODS, MethodName, described
 from pinarm.errors import InputError, within
 from pinarm.input.yaml.schema import Duration, InputStruct
 
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+
 TOLERANCE = 1e-9
 """Tolerance of an adaptive method where none is given."""
+
+ROUNDING = 1e-15
+"""Rounding of a coordinate or velocity over a step, in SI, where weights act."""
 
 
 class Accuracy(InputStruct, frozen=True):
@@ -20,12 +27,13 @@ class Accuracy(InputStruct, frozen=True):
 
     Attributes:
         method: How motions are integrated over time, one of ``integration.methods.METHODS``.
-        tolerance: Local error of a step of an adaptive method, relative to ``1 + |y|`` in SI; 1e-9 where it is left
-            out. The global error is reported by the balances and is usually ten to a hundred times larger.
+        tolerance: Local error of a step of an adaptive method, relative to ``1 + |y|`` in SI, or to the largest |y|
+            of a motion that is smaller than 0.1; 1e-9 where it is left out. The global error is usually ten to a
+            hundred times larger; ``run --verify`` estimates it.
         step: Longest step of a method with steps of one length.
         target: Largest global error wanted in every output, relative to its largest absolute value over the run. The
-            cheapest setting that reaches it is looked for, of the method if one is given; tolerance and step are then
-            not used.
+            cheapest setting is looked for whose bound of the error is below it (see ``run --verify``), of the method if
+            one is given; tolerance and step are then not used.
         max_steps: Number of steps after which the time integration gives up, rejected ones included.
     """
 
@@ -59,6 +67,17 @@ class Accuracy(InputStruct, frozen=True):
         by = METHODS[self.method].setting
         wanted = self.step if by == "step" else self.tolerance
         return by, TOLERANCE if wanted is None else float(wanted)
+
+    def least_size(self, mechanism: Mechanism) -> float:
+        """Return the least size of a motion that errors of steps can be relative to; see ``Interval.size``.
+
+        Where there is gravity, places are known to rounding of 1 in SI, and no error of a step is smaller. Infinite
+        for steps of one length, whatever their error.
+        """
+        by, value = self.setting
+        if by == "step":
+            return math.inf
+        return ROUNDING / value if mechanism.gravity else 0.0
 
     @property
     def setting_keys(self) -> dict[str, Any]:

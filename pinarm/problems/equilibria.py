@@ -57,10 +57,11 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
     loads: dict[str, Force] = {}
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row at the neutral configuration: enough to see which quantities there are."""
-        free = mechanism.model.nv - len(self.hold)
-        units = _units(mechanism, free)
-        row = schema_row(mechanism, self.loads, ROW, unit("1"), along(mechanism, self.hold))
+        """Return one row near the start: enough to see which quantities there are, and which are determined."""
+        drives = along(mechanism, self.hold)
+        row = schema_row(mechanism, self.starts[0], self.loads, ROW, unit("1"), drives)
+        own = mechanism.closure
+        units = _units(mechanism, own.split(own.rows(own.state(row.q[0]))).free.shape[1] - len(self.hold))
         columns = {name: Series(name, measured, np.zeros(1)) for name, measured in units.items()}
         return replace(row, columns=columns, separate=True)
 
@@ -133,6 +134,9 @@ def outcome(balance: ForceBalance, found: Sequence[Equilibrium]) -> Outcome:
     weightless = [row for row, equilibrium in enumerate(found, 1) if np.isnan(equilibrium.modes.squares).any()]
     notes = tuple(f"row {row}: a direction has no mass, so its stability is that of the stiffness alone"
                   for row in weightless)  # fmt: skip
+    if balance.mechanism.frictions:
+        names = ", ".join(one.name for one in balance.mechanism.frictions)
+        notes += (f"friction of {names} holds positions beside these as well: the table has those that need none",)
     stable = sum(equilibrium.modes.stability == 1 for equilibrium in found)
     figures = {"equilibria": float(len(found)), "stable": float(stable)}
     return Outcome(rows_of(balance, found), figures=figures, notes=notes)

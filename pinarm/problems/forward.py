@@ -11,10 +11,11 @@ import numpy as np
 from msgspec.structs import replace as replace_fields
 
 from pinarm.arrays import Array
-from pinarm.engine.checks.balance import energy_of
+from pinarm.engine.checks.balance import LOST, energy_of
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import require_masses
+from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
@@ -23,6 +24,7 @@ from pinarm.engine.motion.hybrid_motion import FirstSegment, HybridSystem
 from pinarm.engine.motion.integrated_motion import IntegratedMotion, event_columns
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.segments import SegmentedMotion
+from pinarm.engine.motion.small_motions import integrate_to_size
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import along
@@ -41,9 +43,6 @@ from pinarm.problems.prescribed_laws import laws_of
 from pinarm.problems.time_grid import TimeGrid
 
 DEFAULT = Accuracy()
-
-LOST = 1e-3
-"""Energy that nothing accounts for, relative to the energy exchanged, from which on this is noted."""
 
 
 class InitialState(InputStruct, frozen=True):
@@ -83,9 +82,12 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
     end_stops: dict[str, EndStop] = {}
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row at the neutral configuration: enough to see which quantities there are."""
-        row = schema_row(mechanism, self.loads, "t", unit("s"), along(mechanism, self.motion))
-        return replace(row, columns=event_columns(self.events, [()], np.zeros(1, dtype=np.intp)))
+        """Return one row near the start: enough to see which quantities there are, and which are determined."""
+        start = {**self.start, **self.initial.position}
+        row = schema_row(mechanism, start, self.loads, "t", unit("s"), along(mechanism, self.motion))
+        events = event_columns(self.events, [()], np.zeros(1, dtype=np.intp))
+        rest = friction_columns(mechanism.frictions, np.zeros((1, len(mechanism.frictions))))
+        return replace(row, columns={**rest, **events})
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""
@@ -112,7 +114,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             prescribed = PrescribedCoordinates.some(mechanism, motion)
             hybrid = HybridSystem(
                 mechanism.closure, dynamics, prescribed, initial, (self.time.start, self.time.end), bounds, watches,
-                accuracy.integrator(), accuracy.max_steps,
+                accuracy.integrator(), accuracy.max_steps, least_size=accuracy.least_size(mechanism),
+                frictions=mechanism.frictions,
             )  # fmt: skip
             hybrid.system()
         return hybrid
@@ -136,7 +139,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         """Return the motion from an assembled state; see ``solve``, and ``HybridSystem.integrate`` for ``first``."""
         closure = self.require_masses(mechanism, hybrid, q[None])
         try:
-            motion = hybrid.integrate(q, v, first)
+            motion = integrate_to_size(hybrid, q, v, first)
         except (IntegrationError, Interrupted) as error:
             if error.partial is not None:
                 reached = IntegratedMotion(mechanism, hybrid, error.partial)

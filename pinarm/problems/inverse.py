@@ -12,6 +12,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.known_friction import with_friction_columns
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.prescribed_motion import Prescription
 from pinarm.engine.motion.trajectory import Trajectory
@@ -50,8 +51,9 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     loads: dict[str, Force] = {}
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row at the neutral configuration: enough to see which quantities there are."""
-        return schema_row(mechanism, self.loads, "t", unit("s"), actuation(mechanism, self.drives, [*self.motion]))
+        """Return one row near the start: enough to see which quantities there are, and which are determined."""
+        drives = actuation(mechanism, self.drives, [*self.motion])
+        return with_friction_columns(schema_row(mechanism, self.start, self.loads, "t", unit("s"), drives), drives)
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""

@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar
 import msgspec
 from msgspec.structs import replace as replace_fields
 
+from pinarm.engine.kinematics.closed_configurations import generic_near
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
@@ -45,8 +46,9 @@ class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematic
     start: dict[str, Level] = {}
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row at the neutral configuration: enough to see which quantities there are."""
-        return replace(Trajectory.schema_row(mechanism, "t", unit("s")), no_efforts=KINEMATIC)
+        """Return one row near the start: enough to see which quantities there are, and which are determined."""
+        q = generic_near(mechanism, self.start)
+        return replace(Trajectory.schema_row(mechanism, q, "t", unit("s")), no_efforts=KINEMATIC)
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""

@@ -7,12 +7,13 @@ from contextlib import nullcontext
 from dataclasses import replace
 
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.kinematics.closed_configurations import generic_near
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation
 from pinarm.errors import InputError, Place
 from pinarm.input.units import Unit
-from pinarm.mechanics.forces import Force, ForceElement
+from pinarm.mechanics.forces import Force, ForceElement, bound
 from pinarm.mechanics.forces.force_element import check_new
 from pinarm.mechanics.laws import Constant
 
@@ -42,18 +43,19 @@ def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -
     for name, load in loads.items():
         with place("loads", name):
             check_new(name, forces)
-            forces[name] = load.bind(mechanism.model, mechanism.joints)
+            forces[name] = bound(load, mechanism.model, mechanism.joints, mechanism.coordinates)
     return forces
 
 
 def schema_row(
-    mechanism: Mechanism, loads: Mapping[str, Force], parameter: str, measured: Unit, drives: Actuation
-) -> Trajectory:
-    """Return one row at the neutral configuration, under the forces of a run: enough to see which quantities there are.
+    mechanism: Mechanism, start: Mapping[str, float], loads: Mapping[str, Force], parameter: str, measured: Unit,
+    drives: Actuation,
+) -> Trajectory:  # fmt: skip
+    """Return one row near a start, under the forces of a run: enough to see which quantities there are.
 
     Raises:
         InputError: A load names something that does not exist.
     """
     forces = bind_loads(mechanism, loads, lambda *path: nullcontext())
-    row = Trajectory.schema_row(mechanism, parameter, measured, drives.closure)
+    row = Trajectory.schema_row(mechanism, generic_near(mechanism, start), parameter, measured, drives.closure)
     return replace(row, dynamics=Dynamics.of(mechanism.model, forces), driven=drives.driven)

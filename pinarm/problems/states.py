@@ -14,6 +14,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.known_friction import with_friction_columns
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.prescribed_motion import Prescription, Rates
 from pinarm.engine.motion.trajectory import ROW, Trajectory
@@ -21,6 +22,7 @@ from pinarm.engine.statics.actuation import Actuation, actuation
 from pinarm.errors import InputError, Key, Place, choices
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Level, Rate, SecondRate, check_unit
+from pinarm.mechanics.ball_joints import positions_of
 from pinarm.mechanics.forces import Force, ForceElement
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.mechanics.laws.motion_law import FILE_KEYS, Grid, MotionLaw
@@ -69,9 +71,8 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
     loads: dict[str, Force] = {}
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row at the neutral configuration: enough to see which quantities there are."""
-        drives = actuation(mechanism, self.drives, [*self.over, *self.hold])
-        return replace(schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), drives), separate=True)
+        """Return one row near the start: enough to see which quantities there are, and which are determined."""
+        return _schema_row(self, mechanism, actuation(mechanism, self.drives, [*self.over, *self.hold]))
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""
@@ -126,9 +127,8 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
     loads: dict[str, Force] = {}
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
-        """Return one row at the neutral configuration: enough to see which quantities there are."""
-        drives = actuation(mechanism, self.drives, [*self.over, *self.hold])
-        return replace(schema_row(mechanism, self.loads, *_parameter(self.over, mechanism), drives), separate=True)
+        """Return one row near the start: enough to see which quantities there are, and which are determined."""
+        return _schema_row(self, mechanism, actuation(mechanism, self.drives, [*self.over, *self.hold]))
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""
@@ -173,6 +173,15 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
         with place():
             return _prescription(mechanism, prescribed, drives, forces, self.over, rates).outcome(
                 _grid(self.over), start_configuration(mechanism, self.start))  # fmt: skip
+
+
+def _schema_row(problem: Statics | State, mechanism: Mechanism, drives: Actuation) -> Trajectory:
+    """Return one row near the first position."""
+    first = {**{swept: values.start for swept, values in problem.over.items()}, **problem.hold}
+    known = positions_of(mechanism.joints, mechanism.balls)
+    start = {**problem.start, **{name: value for name, value in first.items() if name in known}}
+    row = schema_row(mechanism, start, problem.loads, *_parameter(problem.over, mechanism), drives)
+    return with_friction_columns(replace(row, separate=True), drives)
 
 
 def _prescription(

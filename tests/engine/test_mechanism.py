@@ -59,6 +59,15 @@ def test_an_unknown_argument_comes_with_a_suggestion():
     assert caught.value.hint in ("m_BA", "m_B")
 
 
+def test_a_unit_of_an_argument_that_the_model_lacks_is_refused_at_its_place(tmp_path):
+    model = ARM.parent / "gen411_arm.urdf.xacro"
+    (tmp_path / "arm.urdf.xacro").write_text(model.read_text())
+    (tmp_path / "arm.yaml").write_text("pinarm: 1\nrobot: arm.urdf.xacro\narguments: {m_A: kg, m_AA: kg}\n")
+    with pytest.raises(InputError, match=r"arm\.yaml:3:22: the model has no argument 'm_AA'") as caught:
+        Mechanism.load(tmp_path / "arm.yaml")
+    assert caught.value.hint == "m_A"
+
+
 def test_an_unknown_robot_is_refused():
     with pytest.raises(ModelError, match="no robot 'pandaa'") as caught:
         Mechanism.load("pandaa")

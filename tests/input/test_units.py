@@ -57,7 +57,8 @@ def test_products_quotients_and_powers(text: str, factor: float, dimension: tupl
         ("KG", "unknown unit 'KG'"), ("N*", "not a unit"), ("*N", "not a unit"), ("N m", "not a unit"),
         ("N**m", "not a unit"), ("m^", "not a unit"), ("m^1.5", "not a unit"), ("m^100", "not a unit"),
         ("2 m", "not a unit"), ("(m)", "not a unit"), ("m\nkg", "not a unit"), ("Hz", "ambiguous"),
-        ("1/Hz", "ambiguous"),
+        ("1/Hz", "ambiguous"), ("m^2²", "not a unit"), ("m²²", "not a unit"), ("m^²", "not a unit"),
+        ("m^٢", "not a unit"),
     ],
 )  # fmt: skip
 def test_wrong_units(text: str, says: str) -> None:
@@ -103,7 +104,24 @@ def test_a_bare_number_has_no_unit() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "m", "deg 30", "1,5 m", "0x10 m", "nan m", "inf", "--1 m", "1e m", "1 2 m", "½ m"]
+    "text",
+    [
+        "",
+        "m",
+        "deg 30",
+        "1,5 m",
+        "0x10 m",
+        "nan m",
+        "inf",
+        "--1 m",
+        "1e m",
+        "1 2 m",
+        "½ m",
+        "١ m",
+        "１ m",
+        "1_0 m",
+        "1 m^2²",
+    ],
 )
 def test_what_is_no_quantity(text: str) -> None:
     with pytest.raises(UnitError):

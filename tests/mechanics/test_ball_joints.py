@@ -1,10 +1,15 @@
+from contextlib import nullcontext
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.ball_joints import (
+    BallAngle,
     BallCoordinate,
     balls_of,
     configuration,
@@ -16,7 +21,11 @@ from pinarm.mechanics.ball_joints import (
 from pinarm.mechanics.forces.joint_springs import BallSpring
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.joints import joints_of
+from pinarm.mechanics.laws import Harmonic
 from pinarm.mechanics.loading.pinocchio_model import build_model
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.inverse import Inverse
+from pinarm.problems.time_grid import TimeGrid
 
 ARM = ({"name": "swing", "at": "0.1 0.2 0.3", "axis": "1 2 3"}, {"name": "body", "kind": "floating", "at": "1 0 0"})
 
@@ -53,6 +62,44 @@ def test_rates_of_the_rotation_vector_are_its_derivatives(model, differentiate, 
     _, rate, drift = evaluate(coordinate, model, q, v)
     # differences of order 8 at 0.02 s: 1e-9 of truncation and rounding
     assert differentiate(along, 0.0) == pytest.approx([rate, drift], abs=1e-8)
+
+
+@pytest.mark.parametrize("component", range(3))
+@pytest.mark.parametrize("seed", range(3))
+def test_rates_of_roll_pitch_and_yaw_are_their_derivatives(model, differentiate, component, seed):
+    coordinate = BallAngle(balls_of(model)["body"], component)
+    q, v = state(model, seed)
+
+    def along(t):
+        return np.array(evaluate(coordinate, model, pin.integrate(model, q, t * v), v)[:2])
+
+    _, rate, drift = evaluate(coordinate, model, q, v)
+    # differences of order 8 at 0.02 s: 1e-9 of truncation and rounding
+    assert differentiate(along, 0.0) == pytest.approx([rate, drift], abs=1e-8)
+
+
+BODY = '<inertial pos="0.3 0.1 -0.2" mass="2" fullinertia="0.3 0.4 0.5 0.01 0.02 0.03"/></body></worldbody></mujoco>'
+BALL = f'<mujoco><worldbody><body name="b" euler="20 30 0"><joint name="J" type="ball"/>{BODY}'
+SERIES = BALL.replace('<joint name="J" type="ball"/>', "".join(
+    f'<joint name="{name}" axis="{axis}"/>' for name, axis in (("yaw", "0 0 1"), ("pitch", "0 1 0"), ("roll", "1 0 0"))
+))  # fmt: skip
+LAWS = {"roll": Harmonic(amplitude=1.1, pulsation=3.0), "pitch": Harmonic(mean=0.2, amplitude=0.9, pulsation=2.0),
+        "yaw": Harmonic(amplitude=2.5, pulsation=1.0, phase=0.4)}  # fmt: skip
+
+
+def test_laws_of_roll_pitch_and_yaw_are_those_of_three_hinges_in_series(tmp_path):
+    found = []
+    for text, names in ((BALL, {f"J.{angle}": law for angle, law in LAWS.items()}), (SERIES, LAWS)):
+        (tmp_path / "m.xml").write_text(text)
+        problem = Inverse(time=TimeGrid(end=2.0, samples=21), motion=names, drives=[*names])
+        run = problem.solve(Mechanism.load(tmp_path / "m.xml"), Accuracy(), lambda *path: nullcontext()).rows
+        asked = Quantities(run)
+        rates = ("angular_velocity", "angular_acceleration")
+        motion = [asked[f"body.b.{rate}.{x}"].values for rate in rates for x in "xyz"]
+        turns = [asked[f"coordinate.{name}.{rate}"].values for name in names for rate in ("position", "velocity")]
+        found.append((np.array(motion), np.array(turns), [asked[f"coordinate.{name}.effort"].values for name in names]))
+    for one, other in zip(*found, strict=True):
+        assert np.array(one) == pytest.approx(np.array(other), rel=1e-9, abs=1e-9)
 
 
 def test_every_velocity_has_a_coordinate_of_a_name(model):

@@ -1,9 +1,14 @@
+import json
+
 import numpy as np
 import pytest
 
+from pinarm.engine.checks.limits import excesses
+from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.drives import Drive
+from pinarm.mechanics.laws import Harmonic
 
 RATIO, EFFICIENCY, ROTOR = 50.0, 0.8, 2e-5
 PENDULUM = {"name": "arm", "axis": "0 1 0", "mass": 2.0, "com": "0.5 0 0", "inertia": (0.0, 0.2, 0.2)}
@@ -88,7 +93,68 @@ def test_motor_without_losses_gives_the_power_of_the_whole_effort(mechanism, cha
     run = swing(arm)
     found = Quantities(run)
     assert found["drive.motor.power"].values == pytest.approx(run.tau[:, 0] * run.v[:, 0], abs=1e-12)
-    assert found["joint.arm.effort"].values == pytest.approx(run.tau[:, 0] - RATIO**2 * ROTOR * run.a[:, 0], abs=1e-12)
+    assert found["joint.arm.power"].values == pytest.approx(found["drive.motor.power"].values, abs=1e-12)
+    link = run.tau[:, 0] - RATIO**2 * ROTOR * run.a[:, 0]
+    assert found["joint.arm.link_effort"].values == pytest.approx(link, abs=1e-12)
+    assert found["joint.arm.moment.y"].values == pytest.approx(link, abs=1e-12)
+
+
+ARMATURE = 3.0  # kg m^2, beside 0.7 of the arm
+MJCF = """
+<mujoco><compiler angle="radian"/><worldbody><body name="arm"><joint name="arm" axis="0 1 0" armature="3"
+ range="-3 3" limited="true" actuatorfrcrange="-9 9" actuatorfrclimited="true"/>
+ <inertial pos="0.5 0 0" mass="2" diaginertia="0.2 0.2 0.2"/></body></worldbody></mujoco>"""
+
+
+@pytest.fixture
+def geared(tmp_path):
+    """Return an arm of MJCF, whose joint has an armature, behind a gear whose rotor counts too."""
+    (tmp_path / "arm.xml").write_text(MJCF)
+    drive = {"joint": "arm", "ratio": RATIO, "efficiency": EFFICIENCY, "rotor_inertia": f"{ROTOR} kg*m^2"}
+    content = {"pinarm": 1, "robot": "arm.xml", "drives": {"motor": drive}}
+    (tmp_path / "arm.yaml").write_text(json.dumps(content))
+    return Mechanism.load(tmp_path / "arm.yaml")
+
+
+def test_effort_and_power_are_those_of_the_inverse_problem_and_of_the_energy(geared, swing, differentiate):
+    """The armature alone turns the effort's sign in places: what a motor is sized for has to count it."""
+    run = swing(geared)
+    found, (q, v, a) = Quantities(run), (run.q, run.v, run.a)
+    weight = -2.0 * 9.81 * 0.5 * np.cos(q[:, 0])
+    whole = (ABOUT_PIVOT + ARMATURE + RATIO**2 * ROTOR) * a[:, 0] + weight
+    effort = found["joint.arm.effort"].values
+    assert effort == pytest.approx(whole, abs=1e-12)
+    assert effort == pytest.approx(geared.inverse(q, v, a)[:, 0], abs=1e-12)
+    assert found["coordinate.arm.effort"].values == pytest.approx(effort, abs=1e-12)
+    alone = geared.at(q, v, a)
+    assert alone["joint.arm.effort"].values == pytest.approx(effort, abs=1e-12)
+    link = ABOUT_PIVOT * a[:, 0] + weight
+    assert found["joint.arm.link_effort"].values == pytest.approx(link, abs=1e-12)
+    assert (link * effort < 0.0).any()
+    law = Harmonic(mean=0.4, amplitude=0.9, pulsation=2.0)
+
+    def energy(t):
+        s, ds, _ = law.on(0.0, 3.0)(t)
+        return sum(geared.dynamics.energy(s[:, None], ds[:, None]))
+
+    assert found["joint.arm.power"].values == pytest.approx(differentiate(energy, run.grid.t), abs=1e-9)
+
+
+def test_an_armature_of_the_model_is_a_load_of_the_gear(geared, swing):
+    run = swing(geared)
+    through = (ABOUT_PIVOT + ARMATURE) * run.a[:, 0] - 2.0 * 9.81 * 0.5 * np.cos(run.q[:, 0])
+    gear = np.where(through * run.v[:, 0] > 0, 1 / EFFICIENCY, EFFICIENCY)
+    expected = gear * through / RATIO + ROTOR * RATIO * run.a[:, 0]
+    moving = np.abs(run.v[:, 0]) > 1e-6
+    assert Quantities(run)["drive.motor.torque"].values[moving] == pytest.approx(expected[moving], abs=1e-13)
+
+
+def test_a_limit_that_is_passed_is_passed_by_what_the_output_tells(geared, swing):
+    run = swing(geared)
+    effort = Quantities(run)["joint.arm.effort"].values
+    [excess] = [one for one in excesses(run) if one.of == "effort"]
+    assert excess.value == effort[np.abs(effort).argmax()]
+    assert excess.rows == (np.abs(effort) > 9.0).sum() > 0
 
 
 def test_motor_with_losses_splits_link_and_rotor(mechanism, chain, swing):

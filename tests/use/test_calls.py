@@ -20,7 +20,8 @@ def commands() -> set[str]:
 
 
 def test_every_command_is_a_call() -> None:
-    assert commands() == {"run", "check", "validate", "explain", "sweep", "tradeoff", "replay", "schema", "examples"}
+    known = "run check validate explain sweep tradeoff replay schema examples selftest"
+    assert commands() == set(known.split())
     assert commands() <= set(pinarm.__all__)
 
 
@@ -96,3 +97,13 @@ def test_schema_is_what_the_command_prints(of: Any, capsys: pytest.CaptureFixtur
 def test_there_is_no_other_schema() -> None:
     with pytest.raises(InputError, match="no schema of 'result'"):
         pinarm.schema("result")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("file", "name"), [("...yaml", "scenario"), ("a.b.yaml", "a.b"), ("..a.yaml", "a")])
+def test_a_scenario_is_never_named_like_another_folder(
+    scenario: Callable[..., Any], folder: Path, file: str, name: str
+) -> None:
+    """``results/..`` would be the folder that the command runs in."""
+    scenario("statics")
+    (folder / "statics.yaml").rename(folder / file)
+    assert pinarm.load(folder / file).name == name

@@ -86,7 +86,7 @@ def mutate(data: Any, chance: Random) -> None:
 
 @contextmanager
 def within(seconds: float) -> Iterator[None]:
-    """Fail where the block takes longer: a hang is a failure like a crash."""
+    """Fail where the block hangs; a loaded machine takes ten times as long as a free one, and no longer."""
 
     def ring(*_: object) -> None:
         raise AssertionError(f"no answer after {seconds} s")
@@ -148,7 +148,7 @@ def test_only_errors_of_pinarm_come_out(scenario: Callable[..., Any], folder: Pa
     for name, data in files.items():
         (folder / name).write_text(dumped(data))
     try:
-        with within(5.0):
+        with within(60.0):
             loaded = pinarm.load(folder / f"{kind}.yaml")
             loaded.validate()
             result = loaded.run()

@@ -29,6 +29,10 @@ SAMPLE = 64
 ROUNDING = 1e-15
 """Of an energy, relative to it: a motion so short that it exchanges no more has not lost any."""
 
+LOST = 1e-3
+"""Energy that nothing accounts for, relative to the energy exchanged, from which on it is noted, and contradicts bounds
+of the error that are far below it."""
+
 STEPS, GAUSS_NODES = 8, 4
 """Steps within which the energy is looked at, evenly, besides those that have been looked into, as for rows of the
 table: there the dense output errs more than at their ends. Nodes of the quadrature of dissipated power over a part of a
@@ -49,7 +53,9 @@ def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, float
     Returns:
         ``equilibrium``: largest residual, and ``power``: largest residual of power along the motion, each relative to
         the largest sum of the absolute terms over the rows; weights count with the full length of their path, so that
-        a position in which every moment vanishes has terms to compare with. Nothing where no efforts were asked for.
+        a position in which every moment vanishes has terms to compare with. Powers count with what every link's
+        wrenches could do at its speed, ``|f| |v| + |n| |omega|``: in a steady precession, which exchanges no power,
+        they are at right angles, and their joints' powers are rounding. Nothing where no efforts were asked for.
     """
     if trajectory.no_efforts:
         return {}
@@ -57,14 +63,14 @@ def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, float
     loads = trajectory.gather(lambda dynamics, part: dynamics.loads(
         trajectory.grid.t[part], trajectory.q[part], trajectory.v[part]))  # fmt: skip
     parts = [_virtual_powers(trajectory, loads, rows[k : k + SAMPLE]) for k in range(0, len(rows), SAMPLE)]
-    residuals, terms = (np.concatenate(each) for each in zip(*parts, strict=True))
+    residuals, terms, most_powers = (np.concatenate(each) for each in zip(*parts, strict=True))
     v = trajectory.v[rows]
-    powers, scale = (residuals * v).sum(axis=1), (terms * np.abs(v)).sum(axis=1)
+    powers, scale = (residuals * v).sum(axis=1), (terms * np.abs(v)).sum(axis=1) + most_powers
     return {"equilibrium": _relative(residuals, terms), "power": _relative(powers, scale)}
 
 
-def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array, Array]:
-    """Return the residual of virtual power for every unit velocity, and the sum of its absolute terms.
+def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array, Array, Array]:
+    """Return the residual of virtual power for every unit velocity, the sum of its absolute terms, and a power.
 
     Args:
         run: The motion.
@@ -72,16 +78,28 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
         rows: Those that are looked at.
 
     Returns:
-        Both of shape (rows, nv) [W per rad/s or m/s].
+        Two of shape (rows, nv) [W per rad/s or m/s], and the most power that the links' wrenches could have at their
+        speeds, shape (rows,) [W].
     """
     model, lam = run.mechanism.model, run.lam.at(rows)
     links, twists, rates, columns = moving(model, run.q[rows], run.v[rows], run.a[rows])
     moved, held = supports(model), run.closure.load(links, columns, run.q[rows], lam)
-    demanded = links.at_world(demands(model, links, twists, rates))
-    asked = np.where(moved, demanded @ columns, 0.0)  # part by part and link by link
-    supplied = run.tau[rows] + loads[rows] + held - model.armature * run.a[rows]
+    wrenches = demands(model, links, twists, rates)
+    asked = np.where(moved, links.at_world(wrenches) @ columns, 0.0)  # part by part and link by link
+    supplied = run.tau[rows] + loads[rows] + run.friction_loads[rows] + held - model.armature * run.a[rows]
     terms = np.abs(supplied) + np.abs(held) + np.abs(asked).sum(axis=(0, 2)) + _weights(links, columns, moved)
-    return supplied - asked.sum(axis=(0, 2)), terms
+    return supplied - asked.sum(axis=(0, 2)), terms, _most_powers(wrenches, twists)
+
+
+def _most_powers(wrenches: Array, twists: Array) -> Array:
+    """Return ``|f| |v| + |n| |omega|`` of all links, shape (n,): the power of wrenches that point along the motion.
+
+    Args:
+        wrenches: What the motion of every link demands, by parts, shape (3, n, njoints, 6).
+        twists: V, in the same frames, shape (n, njoints, 6).
+    """
+    sizes, speeds = (np.linalg.norm(x.reshape(*x.shape[:-1], 2, 3), axis=-1) for x in (wrenches, twists))
+    return np.asarray((sizes.sum(axis=0) * speeds).sum(axis=(1, 2)))
 
 
 def _weights(links: LinkPlacements, columns: Array, moved: Flags) -> Array:
@@ -181,7 +199,7 @@ def energy_of(motion: SegmentedMotion) -> dict[str, float]:
     """Return the energy balance of a motion whose segments have been integrated; see ``energy_balance``."""
     accounts = []
     for segment in motion.segments:
-        local = [motion.dynamics.on(interval.start, interval.end) for interval in segment.solution.intervals]
+        local = [segment.dynamics.on(interval.start, interval.end) for interval in segment.solution.intervals]
         accounts.append(EnergyAccount(segment.solution, local, segment.system.whole))
     return energy_balance(*accounts)
 

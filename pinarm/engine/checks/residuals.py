@@ -139,7 +139,7 @@ class _Alike:
             here = rows[(rows >= part.start) & (rows < part.stop)]
             return dynamics.inverse(run.grid.t[here], run.q[here], run.v[here], still[here])
 
-        resisting, supplied = run.gather(resistance), run.tau[rows] + self.guided
+        resisting, supplied = run.gather(resistance), run.tau[rows] + run.friction_loads[rows] + self.guided
         pull = run.mechanism.gravity * sum(inertia.mass for inertia in model.inertias) ** 0.5
         weights = pull * np.sqrt(np.maximum(np.einsum("nii->ni", self.mass), 0.0))
         moving = supplied - resisting - np.einsum("nij,nj->ni", self.mass, self.particular)

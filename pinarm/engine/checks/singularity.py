@@ -33,7 +33,7 @@ def nearest_singularity(
         rows: Those of its rows that have been looked at, shape (n,).
         values: Singular values of the constraints there, descending, shape (n, s).
     """
-    rank = int((values > RANK * values[:, :1]).sum(axis=1).max())
+    rank = run.mechanism.closure.rank(values)
     if not rank:  # a second bearing in line with the first holds nothing that could be lost
         return 1.0, float(run.grid.t[rows[0]])
     regular = values[:, rank - 1] / values[:, 0]

@@ -15,13 +15,16 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
-from pinarm.engine.constraints.nullspace import RowDecompositions
+from pinarm.engine.constraints.nullspace import RANK, UNCLOSED, VANISHED, RowDecomposition, RowDecompositions
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, supports
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.batch_jacobians import BatchJacobians
+
+SMALL = 0.01
+"""Part of its reach below which a row may be that of a joint which repeats others but is a little out of line."""
 
 MANY, KEPT = 8, 64
 """Number of configurations from which on it pays to look at them together, and up to which this is kept."""
@@ -76,6 +79,31 @@ class Closure:
     def measure(self) -> Array:
         """Return the unit of the gap in every row, shape (m,): that of length, or 1 for angles."""
         return np.array([self.length ** float(one.unit(row).dimension[0]) for one, row in self.owners()])
+
+    @cached_property
+    def reach(self) -> Array:
+        """Return the length that every row of G can have, shape (m,): the extent, or 1 where it measures an angle."""
+        return np.array([self.extent ** float(one.unit(row).dimension[0]) for one, row in self.owners()])
+
+    @cached_property
+    def slack(self) -> Array:
+        """Return what every row may leave open where it repeats others [m or rad], shape (m,); nothing of guides."""
+        own = [not isinstance(one, GuidedCoordinate) for one, _ in self.owners()]
+        return np.asarray(UNCLOSED * self.reach * np.array(own, dtype=np.float64))
+
+    @cached_property
+    def ties(self) -> bool:
+        """Whether the rows surely take freedom: those of a second bearing in line with the first are 0 wherever it is.
+
+        Where it is a little out of line they are small, and what stays open says more.
+        """
+        anywhere = self.scale * np.sin(np.arange(1.0, self.model.nv + 1.0))
+        rows = self.rows(self.state(pin.integrate(self.model, pin.neutral(self.model), anywhere)))
+        return bool((np.abs(rows) > SMALL * self.reach[:, None]).any())
+
+    def split(self, rows: Array) -> RowDecomposition:
+        """Return given rows G, shape (m, nv), taken apart."""
+        return RowDecomposition.of(rows, self.reach)
 
     def with_guides(self, names: Sequence[str], coordinates: Sequence[Coordinate]) -> Closure:
         """Return the closure with the rows of guided coordinates after its own."""
@@ -152,12 +180,12 @@ class Closure:
 
     @cached_property
     def _split(self) -> Callable[[bytes, int], RowDecompositions]:
-        return lru_cache(maxsize=4)(lambda content, n: RowDecompositions.of(self._kept(content, n)[1]))
+        return lru_cache(maxsize=4)(lambda content, n: RowDecompositions.of(self._kept(content, n)[1], self.reach))
 
     def splits(self, q: Array, rows: Array) -> RowDecompositions:
         """Return G taken apart at configurations, shape (n, nq); ``rows`` are what ``at`` says of them."""
         kept = MANY <= len(q) <= KEPT and self.batch_jacobians
-        return self._split(q.tobytes(), len(q)) if kept else RowDecompositions.of(rows)
+        return self._split(q.tobytes(), len(q)) if kept else RowDecompositions.of(rows, self.reach)
 
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
@@ -178,6 +206,11 @@ class Closure:
     def values_of(self, rows: Array) -> Array:
         """Return the singular values of given rows G, shape (.., m, nv), as ``singular_values`` does."""
         return np.asarray(np.linalg.svd(rows * self.scale / self.measure[:, None], compute_uv=False))
+
+    def rank(self, values: Array) -> int:
+        """Return the rank that singular values, shape (n, s), have at most; see ``values_of``."""
+        least = np.maximum(RANK * values[:, :1], VANISHED * self.coarseness)
+        return int((values > least).sum(axis=1).max())
 
     def wrenches(self, links: LinkPlacements, lam: Array) -> Array:
         """Return what multipliers, shape (n, m), do to the links, shape (n, njoints, 6).

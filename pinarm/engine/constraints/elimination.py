@@ -37,20 +37,22 @@ class Order:
     pivots: tuple[float, ...]
 
     @classmethod
-    def of(cls, matrix: Array, rank: int) -> Order:
+    def of(cls, matrix: Array, rank: int, reach: Array | float = 1.0) -> Order:
         """Return the order of complete pivoting on rows of length 1.
 
         Args:
             matrix: A at one configuration, shape (m, nv).
             rank: Number of pivots.
+            reach: Length that each row can have, shape (m,); see ``Closure.reach``.
         """
-        length = np.sqrt((matrix * matrix).sum(axis=1, keepdims=True))
-        length[length <= VANISHED * length.max(initial=0.0)] = 1.0
-        left, found = matrix / length, []
+        length = np.sqrt((matrix * matrix).sum(axis=1))
+        counts = length > VANISHED * reach
+        length = np.where(counts, length, 1.0)
+        left, found = matrix * (counts / length)[:, None], []
         for _ in range(rank):
             row, column = divmod(int(np.abs(left).argmax()), matrix.shape[1])
             pivot = float(left[row, column])
-            found.append((row, column, pivot * float(length[row, 0])))
+            found.append((row, column, pivot * float(length[row])))
             left -= np.outer(left[:, column] / pivot, left[row])
             left[row] = 0.0
         rows, columns, pivots = zip(*found, strict=True) if found else ((), (), ())

@@ -58,7 +58,7 @@ class Multipliers:
                 some = rows[start : start + BLOCK]
                 g = closure.at(q[some])[1]
                 force = held[some] - np.vecmat(along[some], g[:, m:])
-                splits = RowDecompositions.of(g[:, :m]) if along.size else closure.splits(q[some], g)
+                splits = RowDecompositions.of(g[:, :m], closure.reach[:m]) if along.size else closure.splits(q[some], g)
                 found[start : start + BLOCK] = splits.multipliers(force)
             return found
 

@@ -10,14 +10,20 @@ import numpy as np
 
 from pinarm.arrays import Array, Indices
 
-RANK = 1e-7
-"""Singular value of G, its rows of length 1, relative to the largest, below which rows count as dependent: closed to
-rounding, a redundant loop leaves 1e-12."""
+UNCLOSED = 1e-9
+"""What redundant rows may leave open, of the extent of the mechanism or in rad: a file with 10 digits says no more. The
+loop is then closed in the sense of least squares, and the result says by how much it is not."""
 
-VANISHED, SMALL = 1e-9, 1e-3
-"""Length of a row of G, relative to the longest, that is 0 but for rounding: what holds a plane linkage in its plane
-vanishes exactly where its axes are those of the world, and leaves 1e-16 where they are not. Where all rows vanish, as
-those of a second bearing, they are compared with a lever of 1 mm."""
+VANISHED = 4e-9
+"""Length of a row of G, relative to the length that it can have, below which it is 0: axes or hinges that are off by
+``UNCLOSED`` leave as much of the rows that hold a plane linkage in its plane, or a shaft in its second bearing."""
+
+RANK = 1e-7
+"""Singular value of G, its rows of length 1, relative to the largest, below which rows count as dependent. What
+``UNCLOSED`` makes of redundant rows stays well below it, so that it changes no rank and is not divided by."""
+
+ACTS = 1e-7
+"""Part of a self-stress of length 1 that acts on a component: what rounding of the file tilts it by stays below."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +50,9 @@ class RowDecomposition:
     rows: Array
 
     @classmethod
-    def of(cls, rows: Array, least: float = RANK) -> RowDecomposition:
-        """Return the parts of the rows G, shape (m, nv)."""
-        ((_, split),) = _alike(rows[None], least)
+    def of(cls, rows: Array, reach: Array | float = 1.0) -> RowDecomposition:
+        """Return the parts of the rows G, shape (m, nv); ``reach`` as in ``RowDecompositions.of``."""
+        ((_, split),) = _alike(rows[None], reach)
         return cls(split.scale[0], split.left[0], split.values[0], split.right[0], split.free[0], rows)
 
     @cached_property
@@ -57,6 +63,13 @@ class RowDecomposition:
     def particular(self, right: Array) -> Array:
         """Return the shortest x with ``G x = right`` in the sense of least squares, shape (.., nv)."""
         return np.asarray(np.vecmat(np.vecmat(self.scale * right, self.left) / self.values, self.right))
+
+    def reached(self, right: Array) -> Array:
+        """Return the part of a right-hand side that some x gives, ``D^-1 U U^T D right``, shape (.., m).
+
+        The rest is that of redundant rows which contradict the others.
+        """
+        return np.asarray(np.matvec(self.left, np.vecmat(self.scale * right, self.left)) / self.scale)
 
     def multipliers(self, force: Array) -> Array:
         """Return the least lam with ``G^T lam = force`` in the sense of least squares, shape (.., m)."""
@@ -80,9 +93,14 @@ class RowDecompositions:
     shape: tuple[int, ...]
 
     @classmethod
-    def of(cls, rows: Array) -> RowDecompositions:
-        """Return the parts of the rows G, shape (n, m, nv)."""
-        return cls(_alike(rows, RANK), rows.shape)
+    def of(cls, rows: Array, reach: Array | float = 1.0) -> RowDecompositions:
+        """Return the parts of rows.
+
+        Args:
+            rows: G, shape (n, m, nv).
+            reach: Length that each row can have, shape (m,); see ``Closure.reach``.
+        """
+        return cls(_alike(rows, reach), rows.shape)
 
     def multipliers(self, force: Array) -> Array:
         """Return what ``RowDecomposition.multipliers`` does, shape (n, m)."""
@@ -96,17 +114,17 @@ class RowDecompositions:
         return values
 
 
-def _alike(rows: Array, least: float) -> list[tuple[Indices, RowDecomposition]]:
+def _alike(rows: Array, reach: Array | float) -> list[tuple[Indices, RowDecomposition]]:
     """Return the parts of G at configurations, shape (n, m, nv), those with the same rank together."""
     n, m, nv = rows.shape
     if not m:
         nothing = np.ones((n, 0)), np.zeros((n, 0, 0)), np.zeros((n, 0)), np.zeros((n, 0, nv))
         return [(np.arange(n), RowDecomposition(*nothing, np.broadcast_to(np.eye(nv), (n, nv, nv)), rows))]
     length = np.sqrt((rows * rows).sum(axis=2))
-    longest = np.maximum(length.max(axis=1, keepdims=True), SMALL)
-    scale = 1.0 / np.where(length > VANISHED * longest, length, 1.0)
-    left, s, vt = np.linalg.svd(rows * scale[:, :, None], full_matrices=m < nv)
-    ranks = (s > least * np.maximum(s[:, :1], 1.0)).sum(axis=1)
+    counts = length > VANISHED * reach
+    scale = 1.0 / np.where(counts, length, 1.0)
+    left, s, vt = np.linalg.svd(rows * (counts * scale)[:, :, None], full_matrices=m < nv)
+    ranks = (s > RANK * s[:, :1]).sum(axis=1)
     found = []
     for r in sorted(set(ranks.tolist())):
         k = np.flatnonzero(ranks == r)

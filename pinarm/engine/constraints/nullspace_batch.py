@@ -15,13 +15,10 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.batch_jacobians import BLOCK, BatchJacobians
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.elimination import Elimination, Order, Row, dense
-from pinarm.engine.constraints.nullspace import RowDecomposition
+from pinarm.engine.constraints.nullspace import VANISHED, RowDecomposition
 
 REGULAR = 1e-4
 """Smallest ratio of singular values of G, its rows of length 1, at which other configurations are eliminated alike."""
-
-DEPENDENT = 1e-9
-"""What a free motion of length 1 may leave of redundant rows, relative to the longest row: rounding leaves 1e-13."""
 
 
 def free_motions(closure: Closure, q: Array) -> Iterator[tuple[Indices, Array]]:
@@ -38,27 +35,30 @@ def free_motions(closure: Closure, q: Array) -> Iterator[tuple[Indices, Array]]:
     for start in range(0, n, BLOCK):
         left = np.arange(start, min(start + BLOCK, n))
         while len(left):
-            freedom = _freedom(measures, np.ascontiguousarray(q[left].T)) if measures else None
+            freedom = _freedom(measures, closure.reach, np.ascontiguousarray(q[left].T)) if measures else None
             if freedom and freedom.served[0]:
                 served, free = freedom.served, freedom.motions[:, freedom.served]
             else:
                 rows = closure.rows(closure.state(q[left[0]]))
-                served, free = np.arange(len(left)) == 0, RowDecomposition.of(rows).free.T[:, None]
+                served, free = np.arange(len(left)) == 0, closure.split(rows).free.T[:, None]
             yield left[served], free
             left = left[~served]
 
 
-def _freedom(measures: BatchJacobians, q: Array) -> BatchNullspace | None:
+def _freedom(measures: BatchJacobians, reach: Array, q: Array) -> BatchNullspace | None:
     """Return the freedom of configurations, shape (nv, n), by the order of the first one; ``None`` if there is none."""
     rows = measures.at(q).rows(range(measures.size))
-    order = regular_order(dense(rows, (measures.size, len(q))))
-    return BatchNullspace.of(rows, order, q.shape) if order else None
+    order = regular_order(dense(rows, (measures.size, len(q))), reach)
+    return BatchNullspace.of(rows, order, q.shape, reach) if order else None
 
 
-def regular_order(matrix: Array) -> Order | None:
-    """Return the order of elimination of G at a configuration, shape (m, nv); ``None`` close to singular ones."""
-    values = RowDecomposition.of(matrix).values
-    return Order.of(matrix, len(values)) if len(values) and values[-1] >= REGULAR * values[0] else None
+def regular_order(matrix: Array, reach: Array) -> Order | None:
+    """Return the order of elimination of G at a configuration, shape (m, nv); ``None`` close to singular ones.
+
+    Also where nothing is to be eliminated; ``reach`` as in ``Closure.reach``.
+    """
+    values = RowDecomposition.of(matrix, reach).values
+    return Order.of(matrix, len(values), reach) if len(values) and values[-1] >= REGULAR * values[0] else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +76,14 @@ class BatchNullspace:
     served: Flags
 
     @classmethod
-    def of(cls, rows: Mapping[int, Row], order: Order, shape: tuple[int, ...]) -> BatchNullspace:
+    def of(cls, rows: Mapping[int, Row], order: Order, shape: tuple[int, ...], reach: Array) -> BatchNullspace:
         """Return the freedom that rows leave.
 
         Args:
             rows: G at the configurations, redundant rows too.
             order: Order of the pivots.
             shape: Of the velocities: (nv, n).
+            reach: Length that each row can have, shape (m,); see ``Closure.reach``.
         """
         nv, n = shape
         with np.errstate(all="ignore"):  # where the order does not serve
@@ -94,10 +95,9 @@ class BatchNullspace:
                     motion[:, j] = x
             served = elimination.sound() & np.isfinite(motions).all(axis=(0, 2))
             motions = _orthonormal(np.where(served[:, None], motions, 0.0))
-        longest = max(float(np.linalg.norm([x[0] for x in row.values()])) for row in rows.values())
         for row in set(rows) - set(order.rows):
             left = sum((x * motions[:, :, j] for j, x in rows[row].items()), np.zeros(1))
-            served &= (np.abs(left) <= DEPENDENT * longest).all(axis=0)
+            served &= (np.abs(left) <= VANISHED * reach[row]).all(axis=0)
         return cls(elimination, motions, served)
 
     def solve(self, mass: Array, force: Array, right: Mapping[int, Array]) -> Array:

@@ -38,11 +38,26 @@ def require_masses(closure: Closure, q: Array, t: float) -> None:
         DynamicsError: Names the joints that move without mass, and the links beyond them.
     """
     mass = mass_matrices(closure.model, q)
-    if not closure.size and _all_definite(mass):
-        return
-    for one, matrix in zip(q, mass, strict=True):
-        rows = closure.rows(closure.state(one))
-        _require(closure.model, RowDecomposition.of(rows).free, matrix, one, t)
+    if closure.size:
+        splits = closure.splits(q, closure.at(q)[1])
+        definite = splits.each(1, _definite_along, mass)[:, 0] > 0.0
+    else:
+        definite = np.full(len(q), _all_definite(mass))
+    for i in np.flatnonzero(~definite):
+        rows = closure.rows(closure.state(q[i]))
+        _require(closure.model, closure.split(rows).free, mass[i], q[i], t)
+
+
+def _definite_along(split: RowDecomposition, mass: Array) -> Array:
+    """Return whether masses, shape (n, nv, nv), are definite along the free motions of all rows, shape (n, 1)."""
+    if not split.free.shape[-1]:
+        return np.ones((len(mass), 1))
+    return np.full((len(mass), 1), _all_definite(split.free.swapaxes(1, 2) @ mass @ split.free), dtype=float)
+
+
+def massive(model: pin.Model) -> bool:
+    """Return whether every body has a mass and moments of inertia: then M is definite in any configuration."""
+    return all(body.mass > 0.0 and np.linalg.eigvalsh(body.inertia)[0] > 0.0 for body in model.inertias[1:])
 
 
 def _all_definite(mass: Array) -> bool:

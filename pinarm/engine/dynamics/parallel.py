@@ -29,8 +29,23 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+_forked = False
+"""Whether this process is a fork of one that had loaded Pinocchio: it lacks the threads that OpenMP still counts on."""
+
+
+def _note_fork() -> None:
+    global _forked
+    _forked = True
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_note_fork)
+
+
 def threads() -> int:
-    """Return how many threads a call may use: all cores, or what ``OMP_NUM_THREADS`` allows."""
+    """Return how many threads a call may use: all cores, or what ``OMP_NUM_THREADS`` allows; one after a fork."""
+    if _forked:
+        return 1
     allowed = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
     return min(cores(), max(1, int(allowed))) if allowed.isdecimal() else cores()
 

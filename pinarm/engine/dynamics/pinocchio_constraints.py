@@ -17,7 +17,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
-from pinarm.engine.constraints.nullspace import RANK
+from pinarm.engine.constraints.nullspace import RANK, VANISHED
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
@@ -30,6 +30,10 @@ PROXIMAL, ITERATIONS = 1e-10, 3
 TOLERANT, REPEATS = 1e-3, 8
 """The same where redundant points are not quite closed, relative to the least eigenvalue of the Delassus matrix that
 is not 0: what contradicts itself by the gap is not magnified, and the iterations find what the rest determines."""
+
+NOISE = 1e-11
+"""Singular value of redundant rows, relative to the largest, that rounding of the file may leave: the proximal term
+lets through 3 ``NOISE**2 / PROXIMAL`` of the acceleration. Loops that are rounded more go by their rows."""
 
 PROJECTION = 1e-8
 """Proximal term of projections; their Newton iteration removes what it leaves."""
@@ -65,8 +69,10 @@ class CoincidentPoints:
         tied = [_points_of(model, constraint) for constraint in closure.constraints]
         if not tied or any(points is None for points in tied):
             return None
-        needed, rank, regularity = _independent(model, data, [point for points in tied for point in points or ()])
-        if _unevenness(model, data, needed, rank) > UNEVEN:
+        needed, rank, regularity = _independent(
+            model, data, [point for points in tied for point in points or ()], VANISHED * max(1.0, closure.extent)
+        )
+        if not needed or _unevenness(model, data, needed, rank) > UNEVEN:
             return None
         points = pin.StdVec_RigidConstraintModel()
         points.extend(needed)
@@ -215,24 +221,29 @@ def _rows(model: pin.Model, data: pin.Data, points: Sequence[pin.RigidConstraint
 
 
 def _independent(
-    model: pin.Model, data: pin.Data, points: Sequence[pin.RigidConstraintModel]
+    model: pin.Model, data: pin.Data, points: Sequence[pin.RigidConstraintModel], least: float
 ) -> tuple[list[pin.RigidConstraintModel], int, float]:
     """Leave out points that add nothing to the rank, at two configurations of no special kind.
 
     Returns:
-        What is left, the rank, and the better regularity of the two.
+        What is left, the rank, and the better regularity of the two; nothing where the rows of those left contradict
+        each other by more than ``NOISE``.
     """
     places = _places(model)
     rows = [_rows(model, data, points, q).reshape(len(points), 3, -1) for q in places]
     bases = [np.zeros((0, model.nv)) for _ in places]
     kept: list[pin.RigidConstraintModel] = []
     for k, point in enumerate(points):
-        grown = [_grown(basis, part[k]) for basis, part in zip(bases, rows, strict=True)]
+        grown = [_grown(basis, part[k], least) for basis, part in zip(bases, rows, strict=True)]
         if any(len(new) > len(old) for new, old in zip(grown, bases, strict=True)):
             kept.append(point)
             bases = grown
-    values = [np.linalg.svd(_rows(model, data, kept, q), compute_uv=False) for q in places]
-    return kept, len(bases[0]), max(float(value[len(bases[0]) - 1] / value[0]) for value in values)
+    if not kept:
+        return [], 0, 0.0
+    values, rank = [np.linalg.svd(_rows(model, data, kept, q), compute_uv=False) for q in places], len(bases[0])
+    if any((value[rank:] > NOISE * value[0]).any() for value in values):
+        return [], 0, 0.0
+    return kept, rank, max(float(value[rank - 1] / value[0]) for value in values)
 
 
 def _places(model: pin.Model) -> list[Array]:
@@ -259,12 +270,12 @@ def _unevenness(model: pin.Model, data: pin.Data, points: Sequence[pin.RigidCons
     return found
 
 
-def _grown(basis: Array, rows: Array) -> Array:
-    """Return orthonormal rows, shape (r, nv), that span those of a basis and further ones."""
+def _grown(basis: Array, rows: Array, least: float) -> Array:
+    """Return orthonormal rows, shape (r, nv), that span those of a basis and further ones that are not 0."""
     left = rows - rows @ basis.T @ basis
     left -= left @ basis.T @ basis  # once more: what is left may be small
     _, s, vt = np.linalg.svd(left, full_matrices=False)
-    return np.vstack([basis, vt[s > RANK * np.linalg.norm(rows)]])
+    return np.vstack([basis, vt[s > max(RANK * float(np.linalg.norm(rows)), least)]])
 
 
 def _inverse_mass(model: pin.Model, data: pin.Data, q: Array) -> Array | None:

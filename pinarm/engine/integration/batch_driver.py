@@ -110,7 +110,8 @@ class _BatchDriver:
             return slope.T
 
         self.ensemble.evaluations[active.number] += 1
-        return first_step(start, end, active.y.T, active.slope.T, rates, method.tolerance, method.tableau.error_order)
+        order, size = method.tableau.error_order, self.interval.size
+        return first_step(start, end, active.y.T, active.slope.T, rates, method.tolerance, order, size)
 
     def slope_at(self, start: Array, t: Array, y: Array, slope: Array) -> None:
         """Project states y at times t, and write their slopes; both of shape (nq + nv, m).
@@ -169,7 +170,7 @@ class _BatchDriver:
     def error(self, h: Array, y: Array, new: Array, slopes: Array) -> Array:
         """Return the errors of steps over the tolerance, shape (m,); the formula is that of ``AdaptiveStepper``."""
         errors = (self.method.tableau.error @ slopes.reshape(len(slopes), -1)).reshape(-1, *y.shape)
-        errors /= self.method.tolerance * (1.0 + np.maximum(np.abs(y), np.abs(new)))
+        errors /= self.method.tolerance * (self.interval.size + np.maximum(np.abs(y), np.abs(new)))
         first, *lower = (errors * errors).sum(axis=1)
         denominator = first + sum(0.01 * square for square in lower)
         usual = first / np.sqrt(np.maximum(denominator * len(y), TINY))

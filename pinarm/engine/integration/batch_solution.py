@@ -102,6 +102,14 @@ class Ensemble:
             raise IntegrationError(self.failures[number], hint=self.method.remedy, partial=solution, t=solution.end)
         return solution
 
+    @property
+    def sizes(self) -> Array:
+        """Largest coordinate or velocity of each motion at the ends of its steps, in SI, shape (b,)."""
+        sizes = np.zeros(len(self.ends))
+        for taken in self.steps:
+            sizes[taken.number] = np.maximum(sizes[taken.number], np.abs(taken.y).max(axis=0, initial=0.0))
+        return sizes
+
     def states(self, t: Array) -> tuple[Array, Array]:
         """Return the states of all motions at the same times.
 

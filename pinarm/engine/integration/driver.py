@@ -18,6 +18,12 @@ PASSED = 1e12
 SHORTEST = 16.0
 """Smallest step, in units in the last place of t: in shorter ones ``t + c h`` of some stage equals t."""
 
+PROBED = 20
+"""Part of the largest number of steps after which the driver looks whether the rest can come to the end."""
+
+HOPELESS = 1000.0
+"""How many times the steps allowed the rest would take, with steps ten times as long, where the driver gives up."""
+
 
 def integrate(
     intervals: Sequence[Interval], manifold: Manifold, q: Array, v: Array, method: Method, *,
@@ -122,8 +128,15 @@ class _Driver:
         solution = self.solution
         if self.h < SHORTEST * math.ulp(max(abs(t), interval.end - interval.start)):
             raise _stuck(solution, t, self.h, self.stepper)
-        if len(solution.steps) + solution.count.rejected >= self.max_steps:
-            raise _too_many(solution, t, self.h, self.max_steps)
+        taken = len(solution.steps) + solution.count.rejected
+        if taken >= self.max_steps or (taken == max(self.max_steps // PROBED, 100) and self.is_hopeless(t)):
+            raise _too_many(solution, t, self.h, taken)
+
+    def is_hopeless(self, t: float) -> bool:
+        """Tell whether steps ten times as long as until now would still be far too many, as with huge velocities."""
+        steps = self.solution.steps
+        longest = 10.0 * max(self.h, (t - steps[0].t) / len(steps)) if steps else 10.0 * self.h
+        return self.solution.intervals[-1].end - t > HOPELESS * self.max_steps * longest
 
 
 def _not_finite(solution: Solution, t: float, y: Array) -> IntegrationError:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -16,6 +16,9 @@ PARTS, REFINEMENTS = 16, 14
 
 NEGLIGIBLE = 1e-14
 """Size of the last coefficients of a series that are rounding, over the largest; they would disturb its roots."""
+
+CONVERGED, MOST_PARTS = 1e-3, 4096
+"""Size of the last coefficients of a series that has converged, over the largest; and most steps tried for it."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,43 @@ def keeps_sign(values: Array) -> Flags:
     """Return for which rows of values at the nodes the Chebyshev series has one sign: ``|c_0| > sum |c_k|``; (m,)."""
     series = values @ _to_series(values.shape[1] // 2).T
     return np.asarray(np.abs(series[:, 0]) > np.abs(series[:, 1:]).sum(axis=1))
+
+
+def resolving_parts(watches: Sequence[Watch], start: float, end: float, parts: int) -> int:
+    """Return into how many equal steps to divide an interval on which nothing moves, so that no crossing is missed.
+
+    On each step up to the first crossing the Chebyshev series of every value at the nodes has to have converged.
+
+    Args:
+        watches: The watched values, which depend on the time only.
+        start: Start of the interval [s].
+        end: Its end [s].
+        parts: Half the number of nodes less one, ``method.subdivisions``.
+    """
+    nothing, count = np.zeros((2 * parts + 1, 0)), 1
+    while count < MOST_PARTS:
+        h = (end - start) / count
+        steps = (start + h * (k + nodes(parts)) for k in range(count))
+        if _shows_all(watches, steps, nothing):
+            break
+        count *= 2
+    return count
+
+
+def _shows_all(watches: Sequence[Watch], steps: Iterable[Array], nothing: Array) -> bool:
+    """Return whether the series of values have converged on all steps up to the first that shows a crossing."""
+    for t in steps:
+        found = [watch.value(t, nothing, nothing) for watch in watches]
+        if not all(_converged(each) for each in found):
+            return False
+        if any((each < 0.0).any() for each in found):
+            break
+    return True
+
+
+def _converged(values: Array) -> bool:
+    series = np.abs(_to_series(len(values) // 2) @ values)
+    return bool(series[-2:].max() <= CONVERGED * series.max())
 
 
 def _brackets(values: Array, direction: int) -> list[tuple[float, float]]:

@@ -21,12 +21,13 @@ def first_step(
     rates: Callable[[Any, Array], Array],
     tolerance: float,
     order: int,
+    size: float = 1.0,
 ) -> Array:
     """Return the first steps of motions [s], shape (...,), each from the slopes at two states.
 
-    With the norm ``|x| = rms(x / (tol (1 + |y|)))``: ``h0 = 0.01 |y| / |f|``, ``d2 = |f(t + h0, y + h0 f) - f| / h0``,
-    ``h1 = (0.01 / max(|f|, d2))^(1 / (order + 1))``, ``h = min(100 h0, h1)``. Source: Hairer, Norsett, Wanner, Solving
-    Ordinary Differential Equations I, section II.4.
+    With the norm ``|x| = rms(x / (tol (size + |y|)))``: ``h0 = 0.01 |y| / |f|``,
+    ``d2 = |f(t + h0, y + h0 f) - f| / h0``, ``h1 = (0.01 / max(|f|, d2))^(1 / (order + 1))``, ``h = min(100 h0, h1)``.
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.4.
 
     Args:
         start: First instant [s].
@@ -34,12 +35,13 @@ def first_step(
         y: Initial states, shape (..., n).
         slope: f(start, y), shape (..., n).
         rates: f, of times of shape (...,) and states.
-        tolerance: Error of a step, relative to ``1 + |y|``.
+        tolerance: Error of a step, relative to ``size + |y|``.
         order: The error behaves like ``h^(order + 1)``.
+        size: See ``Interval.size``.
     """
 
     def norm(x: Array) -> Array:
-        return np.asarray(np.sqrt(np.mean((x / (tolerance * (1.0 + np.abs(y)))) ** 2, axis=-1)))
+        return np.asarray(np.sqrt(np.mean((x / (tolerance * (size + np.abs(y)))) ** 2, axis=-1)))
 
     d0, d1 = norm(y), norm(slope)
     small = np.minimum(d0, d1) < 1e-5

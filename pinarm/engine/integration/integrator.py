@@ -95,6 +95,7 @@ class Interval:
             does not depend on the step (it does where the step began close to a singular position).
         batch: Acceleration of many states at once; ``None`` where only that of one state is known.
         unchecked_batch: ``batch`` without its comparison with ``acceleration``, for callers that compare themselves.
+        size: Errors of a step are relative to ``size + |y|``: 1 in SI, or the size of a motion that is much smaller.
     """
 
     start: float
@@ -106,6 +107,7 @@ class Interval:
     acceleration_of_step: Callable[[float], Acceleration] | None = None
     batch: Accelerations | None = None
     unchecked_batch: Accelerations | None = None
+    size: float = 1.0
 
     def accelerations(self, start: Array, t: Array, q: Array, v: Array) -> Array:
         """Return the accelerations, shape (n, nv), of states at times t in steps from ``start``, both of shape (n,)."""
@@ -258,7 +260,7 @@ class EmbeddedPair(Method, Protocol):
 
     @property
     def tolerance(self) -> float:
-        """Local error per step, relative to ``1 + |y|`` in SI."""
+        """Local error per step, relative to ``size + |y|``; see ``Interval.size``."""
         ...
 
 
@@ -305,6 +307,11 @@ class Solution:
     def end(self) -> float:
         """Last time reached [s]."""
         return self.steps[-1].until if self.steps else self.intervals[0].start
+
+    @property
+    def size(self) -> float:
+        """Largest coordinate or velocity at the ends of its steps, in SI; 0 without steps."""
+        return float(np.abs([step.y for step in self.steps]).max(initial=0.0))
 
     def states(self, t: Array) -> tuple[Array, Array]:
         """Return the states at many times, by dense output.

@@ -50,13 +50,14 @@ class BatchContinuation:
     """Sweeps over the rows of one table.
 
     Args:
-        nv: Number of joints.
         measures: What the constraints measure, then what the prescribed coordinates do.
+        rows: The constraints, and these coordinates.
         own: Number m of rows of the constraints.
     """
 
-    def __init__(self, nv: int, measures: BatchJacobians, own: int) -> None:
-        self.nv, self.measures, self.own = nv, measures, own
+    def __init__(self, measures: BatchJacobians, rows: Closure, own: int) -> None:
+        self.nv, self.measures, self.own = rows.model.nv, measures, own
+        self.reach, self.slack = rows.reach, rows.slack
         self._order: Order | None = None
         self._length = BLOCK
 
@@ -68,8 +69,8 @@ class BatchContinuation:
         """
         if not SIZES[0] < closure.extent < SIZES[1]:
             return None
-        measures = closure.with_guides(prescribed.names, prescribed.coordinates).batch_jacobians
-        return cls(closure.model.nv, measures, closure.size) if measures else None
+        rows = closure.with_guides(prescribed.names, prescribed.coordinates)
+        return cls(rows.batch_jacobians, rows, closure.size) if rows.batch_jacobians else None
 
     def ahead(self, t: Array, w: Array, q: Array, v: Array, a: Array) -> tuple[Array, ...]:
         """Return q, v and a, shape (m, nv), at as many of the instants after the first as surely are on its branch.
@@ -91,7 +92,7 @@ class BatchContinuation:
             found, correction, good = self._newton(order, predicted, wanted[0])
             measured = self.measures.at(found)
             dq, ddq, served = self._rates(order, measured, wanted[1], wanted[2], len(h))
-            good &= self._closed(measured, wanted[0]) & on_branch(h * (dq - slope), correction)
+            good &= self._closed(order, measured, wanted[0]) & on_branch(h * (dq - slope), correction)
             n = self._leading(served, good)
             self._length = _next_length(n, correction)
         return found[:, 1:n].T, dq[:, 1:n].T, ddq[:, 1:n].T
@@ -121,7 +122,7 @@ class BatchContinuation:
             matrix = dense(self.measures.at(q[:, None]).rows(range(shape[0])), shape)
             values = np.linalg.svd(matrix, compute_uv=False)
             if len(values) == self.nv and values[-1] >= REGULAR * values[0]:
-                self._order = Order.of(matrix, self.nv)
+                self._order = Order.of(matrix, self.nv, self.reach)
         return self._order
 
     def _newton(self, order: Order, q: Array, w: Array) -> tuple[Array, Array, Flags]:
@@ -151,11 +152,11 @@ class BatchContinuation:
                 break
         return q, first, good & (left < ROUNDING)
 
-    def _closed(self, measured: EvaluatedJacobians, w: Array) -> Flags:
-        """Return where all rows are closed, those without pivots too, shape (n,)."""
+    def _closed(self, order: Order, measured: EvaluatedJacobians, w: Array) -> Flags:
+        """Return where all rows are closed, shape (n,): those without pivots, which repeat others, but for a slack."""
         gap, closed = measured.gap(), np.ones(w.shape[1], dtype=bool)
-        for x in gap[: self.own]:
-            closed &= np.abs(x) <= CLOSED
+        for row, x in enumerate(gap[: self.own]):
+            closed &= np.abs(x) <= CLOSED + (0.0 if row in order.rows else self.slack[row])
         for x, wanted in zip(gap[self.own :], w, strict=True):
             closed &= np.abs(wanted - x) <= CLOSED * (1.0 + np.abs(wanted))
         return closed

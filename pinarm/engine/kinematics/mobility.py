@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,18 +10,15 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import RowDecomposition
+from pinarm.engine.constraints.nullspace import ACTS, RowDecomposition
+from pinarm.engine.kinematics.loosening import Loosening, loosenings
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.mechanics.loops.lower_pairs import looser
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
 
 COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
-
-ACTS = 1e-8
-"""Part of a self-stress of length 1 that acts on a component: rounding leaves 1e-12."""
 
 
 @dataclass(frozen=True)
@@ -54,31 +51,23 @@ class Mobility:
         """Degree of hyperstatism: rows that repeat others."""
         return self.rows - self.rank
 
-
-@dataclass(frozen=True)
-class Loosening:
-    """A loop joint replaced by one that holds less.
-
-    Attributes:
-        joint: Name of the loop joint.
-        kind: The kind that it would get.
-        degree: Degree of hyperstatism that is left.
-    """
-
-    joint: str
-    kind: str
-    degree: int
+    @property
+    def shared(self) -> str:
+        """What joints share in a way that rigid bodies do not determine, and what to loosen, in one sentence."""
+        parts = [f"{name} ({', '.join(components)})" for name, components in self.undetermined.items()]
+        held = f"hyperstatic of degree {self.degree}, shared by {', '.join(parts)}"
+        return f"{held}; looser: {self.loosenings[0]}" if self.loosenings else held
 
 
 def mobility_of(mechanism: Mechanism, q: Array) -> Mobility:
     """Return what the constraints of a mechanism do at a closed configuration, shape (nq,)."""
     closure = mechanism.closure
     matrix = closure.rows(closure.state(q))
-    split, values = RowDecomposition.of(matrix), closure.values_of(matrix)
+    split, values = closure.split(matrix), closure.values_of(matrix)
     rank, rows = len(split.values), closure.size
     regularity = float(values[rank - 1] / values[0]) if rank else 1.0
-    loosenings = _loosenings(closure, q, rows - rank, rank) if rows > rank else ()
-    return Mobility(mechanism.model.nv, rows, rank, regularity, _undetermined(closure, split, q), loosenings)
+    found = loosenings(closure, q, rows - rank, rank) if rows > rank else ()
+    return Mobility(mechanism.model.nv, rows, rank, regularity, _undetermined(closure, split, q), found)
 
 
 def _undetermined(closure: Closure, split: RowDecomposition, q: Array) -> dict[str, list[str]]:
@@ -101,39 +90,6 @@ def _undetermined(closure: Closure, split: RowDecomposition, q: Array) -> dict[s
 def _acting(turn: Array, wrench: Array) -> list[int]:
     local = np.concatenate([turn.T @ wrench[:3], turn.T @ wrench[3:]])
     return [k for k in range(6) if abs(local[k]) > ACTS]
-
-
-def _loosenings(closure: Closure, q: Array, degree: int, rank: int) -> tuple[Loosening, ...]:
-    """Return the looser kinds of every loop joint that leave the mobility as it is and fewer redundant rows."""
-    found = []
-    for index, joint in enumerate(closure.constraints):
-        if not isinstance(joint, LoopJoint):
-            continue
-        for kind, pair in looser(joint.pair):
-            others = list(closure.constraints)
-            others[index] = replace(joint, kind=kind, pair=pair)
-            changed = Closure.of(closure.model, others)
-            left = RowDecomposition.of(changed.rows(changed.state(q)))
-            if len(left.values) == rank and changed.size - rank < degree:
-                found.append(Loosening(joint.name, kind, changed.size - rank))
-    return tuple(sorted(found, key=lambda one: (one.degree, one.joint, one.kind)))
-
-
-def assembled_near(mechanism: Mechanism, start: dict[str, float]) -> Array:
-    """Return the closed configuration near rough joint coordinates, shape (nq,).
-
-    Raises:
-        AssemblyError: The loops cannot be closed from there.
-    """
-    from pinarm.engine.kinematics.newton import assembled, start_configuration
-    from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-
-    q = start_configuration(mechanism, start)
-    return (
-        assembled(mechanism.closure, PrescribedCoordinates((), (), ()), q, np.zeros(0), 0.0)
-        if mechanism.closure.size
-        else q
-    )
 
 
 def joint_kind(model: pin.Model, index: int) -> str:

@@ -15,10 +15,11 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.closure import SMALL, Closure
+from pinarm.engine.constraints.nullspace import RANK, UNCLOSED, VANISHED
 from pinarm.engine.kinematics.branch_test import ENOUGH, on_branch, part_of_leap
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
-from pinarm.errors import AssemblyError
+from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.ball_joints import configuration
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
@@ -51,6 +52,9 @@ ITERATIONS = 60
 SMALLEST = 1e-9
 """Smallest part of a sample interval that the continuation takes at once: what lies beyond is out of reach."""
 
+CUTS, CUTS_A_ROW = 10_000, 20
+"""Cuts of the intervals between the rows of a table, in all and more for each row; a turn of a crank takes about 30."""
+
 
 def assembled(closure: Closure, prescribed: PrescribedCoordinates, q: Array, w: Array, t: float) -> Array:
     """Return the configuration near q in which the loops are closed and the coordinates have the values w, shape (k,).
@@ -63,12 +67,18 @@ def assembled(closure: Closure, prescribed: PrescribedCoordinates, q: Array, w: 
 
 
 def start_configuration(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
-    """Return the configuration with the given joint coordinates, the others 0, shape (nq,); see ``configuration``.
+    """Return the configuration with the given joint coordinates, shape (nq,); see ``configuration``.
+
+    The others are those that the mechanism file gives as ``start``, or 0.
 
     Raises:
         InputError: A joint does not exist.
     """
-    return configuration(mechanism.model, mechanism.joints, mechanism.balls, start)
+    given = [name for name in mechanism.balls if any(key.startswith(f"{name}.") for key in start)]
+    own = {
+        key: value for key, value in mechanism.start.items() if not any(key.startswith(f"{name}.") for name in given)
+    }
+    return configuration(mechanism.model, mechanism.joints, mechanism.balls, {**own, **start})
 
 
 class NewtonSolver:
@@ -78,13 +88,14 @@ class NewtonSolver:
         self.closure, self.model = closure, closure.model
         self.coordinates = prescribed.coordinates
         owners = self.closure.owners()
+        self.whole = closure.with_guides(prescribed.names, prescribed.coordinates)
         self.names = (*(constraint.name for constraint, _ in owners), *prescribed.names)
         straight = [isinstance(one, Coupling) for one, _ in owners]
         straight += [isinstance(one, LinearCoordinate) for one in prescribed.coordinates]
         self.curved = ~np.array(straight, dtype=bool)
         self.units = [*(one.unit(row) for one, row in owners), *(c.unit for c in prescribed.coordinates)]
         self.measure = closure.length ** np.array([float(one.dimension[0]) for one in self.units])
-        self.scale = closure.scale
+        self.scale, self.cuts = closure.scale, CUTS
         threads = [isinstance(one, LoopJoint) and one.helical(row) for one, row in owners]
         self.sliding = 1.0 - np.array([*threads, *(False for _ in prescribed.coordinates)], dtype=np.float64)
 
@@ -94,9 +105,11 @@ class NewtonSolver:
         return np.concatenate([-self.closure.gap(state), w - reached])
 
     def rows(self, state: Kinematics) -> Array:
-        """Return J in the mechanism's units, shape (m + k, nv)."""
+        """Return J in the mechanism's units, shape (m + k, nv); rows that are 0 but for rounding are 0."""
         own = [coordinate.row(state) for coordinate in self.coordinates]
-        return np.asarray(np.vstack([self.closure.rows(state), *own]) * self.scale / self.measure[:, None])
+        rows = np.vstack([self.closure.rows(state), *own])
+        counts = np.sqrt((rows * rows).sum(axis=1)) > VANISHED * self.whole.reach
+        return np.asarray(rows * self.scale * (counts / self.measure)[:, None])
 
     def moved(self, q: Array, step: Array) -> Array:
         """Return the configuration a step away, which is in the mechanism's units."""
@@ -113,7 +126,7 @@ class NewtonSolver:
         if not self.sliding.all():
             q, _ = self._closest(q, w, self.sliding)
         closest, gap = self._closest(q, w, np.ones(len(self.names)))
-        if self._closed(gap, w):
+        if self._closed(self.closure.state(closest), gap, w):
             return self._polish(closest, w)
         raise self._unreachable(closest, gap, t)
 
@@ -128,14 +141,14 @@ class NewtonSolver:
         state = self.closure.state(q)
         gap, damping = weight * self.gap(state, w), 0.0
         for _ in range(ITERATIONS):
-            if self._closed(gap, w):
+            if self._closed(state, gap, w):
                 break
             rows = weight[:, None] * self.rows(state)
             still = np.zeros(self.model.nv)
             step = np.linalg.lstsq(
                 np.vstack([rows, damping * np.eye(len(still))]),
                 np.concatenate([gap / self.measure, still]),
-                rcond=1e-12,
+                rcond=RANK,
             )[0]
             turning = rows[self.curved].any(axis=0)  # the turns of a screw are many and need no caution
             step *= min(1.0, 0.5 / np.abs(step[turning]).max(initial=1e-300))
@@ -166,8 +179,10 @@ class NewtonSolver:
 
         Raises:
             AssemblyError: The branch cannot be continued.
+            InputError: The rows are too far apart.
         """
         pending, smallest = [to], SMALLEST * abs(to - t)
+        self.cuts += CUTS_A_ROW
         rows = self.rows(self.closure.state(q))
         while pending:
             h = pending[-1] - t
@@ -183,6 +198,9 @@ class NewtonSolver:
                     q, (v, a), t, rows = found, rates, pending.pop(), there
                     continue
             if abs(h) > smallest:
+                self.cuts -= 1
+                if self.cuts < 0:
+                    raise _too_fast(t, to)
                 pending.append(t + part * h)
             else:
                 raise self._unreachable(*self._closest(q, target(to)[0], np.ones(len(self.names))), to)
@@ -207,7 +225,8 @@ class NewtonSolver:
             if not moved < REACH or not (size < CONTRACTION * before or size < ENOUGH):
                 return None
             q = self.moved(q, step)
-        return q if self._closed(self.gap(self.closure.state(q), w), w) else None
+        state = self.closure.state(q)
+        return q if self._closed(state, self.gap(state, w), w) else None
 
     def rates(self, q: Array, dw: Array, ddw: Array, t: float) -> tuple[Any, Any]:
         """Return v and a, each of shape (nv,).
@@ -245,9 +264,14 @@ class NewtonSolver:
             )  # fmt: skip
         return x
 
-    def _closed(self, gap: Array, w: Array) -> bool:
+    def _closed(self, state: Kinematics, gap: Array, w: Array) -> bool:
+        """Return whether a gap is rounding of numbers; of what redundant rows leave open, of the file."""
         wanted = np.concatenate([np.zeros(self.closure.size), np.abs(w)])
-        return bool((np.abs(gap) <= CLOSED * (self.measure * self.closure.coarseness + wanted)).all())
+        strict = CLOSED * (self.measure * self.closure.coarseness + wanted)
+        if (np.abs(gap) <= strict).all() or (np.abs(gap) > strict + self.whole.slack).any():
+            return bool((np.abs(gap) <= strict).all())
+        reached = self.whole.split(self.whole.rows(state)).reached(gap)
+        return bool((np.abs(reached) <= strict).all())
 
     def _unreachable(self, q: Array, gap: Array, t: float) -> AssemblyError:
         owners = list(zip(self.names, self.units, strict=True))
@@ -262,9 +286,27 @@ class NewtonSolver:
         return AssemblyError(
             f"{what}: {worst[0]} {missed} by {sizes[worst]:.3g} {worst[1]}{beside}",
             expected=f"{wanted}; the closest it comes is {format_configuration(self.model, q)}",
-            hint="other values of the law, or another start that chooses the branch",
+            hint="other values of the law, or another start that chooses the branch" + self._out_of_line(gap),
             t=t, q=q, gap=gap,
         )  # fmt: skip
+
+    def _out_of_line(self, gap: Array) -> str:
+        """Return what else to try where a small gap may be that of redundant joints."""
+        if (np.abs(gap) > SMALL * self.whole.reach).any():
+            return ""
+        return (
+            f"; where joints hold more than the motion needs, their places to more digits ({UNCLOSED:g} of the extent, "
+            "or rad, counts as rounding), or a loop joint that holds less"
+        )
+
+
+def _too_fast(t: float, to: float) -> InputError:
+    return InputError(
+        "the rows of the table are too far apart to follow the motion between them: after some "
+        f"{CUTS} steps it has come to {t:.9g} on the way to {to:.9g}",
+        expected="a few turns between two rows",
+        hint="more samples, a shorter range, or a slower law",
+    )
 
 
 def _solve(rows: Array, right: Array) -> Array:

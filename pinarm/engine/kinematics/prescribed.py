@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.nullspace import RowDecomposition
 from pinarm.errors import InputError
 from pinarm.mechanics.ball_joints import ball_coordinates
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
@@ -62,8 +61,9 @@ class PrescribedCoordinates:
         rows = mechanism.closure.size  # redundant ones among them leave more freedom than this says
         if len(self.names) < model.nv - rows:
             raise self._miscounted(mechanism, model.nv - rows)
-        if len(self.names) > model.nv - min(rows, 1):
-            raise self._miscounted(mechanism, model.nv - min(rows, 1))
+        most = model.nv - int(mechanism.closure.ties)
+        if len(self.names) > most:
+            raise self._miscounted(mechanism, most)
 
     def check_mobility(self, mechanism: Mechanism, q: Array) -> None:
         """Raise where there are more or fewer coordinates than the assembled mechanism has degrees of freedom.
@@ -72,7 +72,7 @@ class PrescribedCoordinates:
             InputError: Says which could be added, or how many are too many.
         """
         closure = mechanism.closure
-        mobility = RowDecomposition.of(closure.rows(closure.state(q))).free.shape[1]
+        mobility = closure.split(closure.rows(closure.state(q))).free.shape[1]
         if len(self.names) != mobility:
             raise self._miscounted(mechanism, mobility)
 

@@ -163,7 +163,7 @@ class _Usual:
             t, y = np.array([step.t for step in some]), np.array([step.y for step in some])
             found.append(segment.system.whole(t, y[:, :nq], y[:, nq:])[0])
         values = closure.values_of(closure.at(np.concatenate(found))[1])
-        rank = int((values > RANK * values[:, :1]).sum(axis=1).max())
+        rank = closure.rank(values)
         return cls(closure, rank, float(values[:, rank - 1].max()) if rank else 1.0)
 
     def regularity(self, q: Array) -> float:

@@ -102,7 +102,7 @@ class Contacts:
         target = np.concatenate([np.zeros(self.closure.size), self.prescribed.on(t, t)(t)[1]])
         while True:
             normals = np.eye(model.nv)[[self.bounds[k].joint for k in back]]
-            split = RowDecomposition.of(np.vstack([own, normals]))
+            split = RowDecomposition.of(np.vstack([own, normals]), np.append(rows.reach, np.ones(len(back))))
             after = solve(split, mass, mass @ v, np.concatenate([target, list(back.values())]))
             impulses = split.multipliers(mass @ (after - v))[len(own) :]
             pushes = {k: self.bounds[k].side * impulse for k, impulse in zip(back, impulses, strict=True)}

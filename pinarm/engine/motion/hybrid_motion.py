@@ -7,29 +7,33 @@ or opens a constraint is added or removed. Then the next segment begins.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.friction.switching import Slip
 from pinarm.engine.integration.driver import integrate
-from pinarm.engine.integration.events import Watch
+from pinarm.engine.integration.events import Watch, resolving_parts
 from pinarm.engine.integration.integrator import Interval, Method, Solution, StepsOver
 from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.end_stops import RESTING, Bound, Contacts
 from pinarm.engine.motion.segments import MotionSegment, SegmentedMotion
+from pinarm.engine.motion.stick_slip import FrictionalSystem, StickSlip
 from pinarm.engine.motion.systems import Initial, System, system_of
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
 from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.errors import InputError, IntegrationError, Interrupted, NumericsError
 from pinarm.mechanics.forces.force_element import refusals
+from pinarm.mechanics.friction.contact import FrictionContact
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid
@@ -43,6 +47,18 @@ FirstSegment = Callable[[], Solution]
 
 Held = frozenset[int]
 """Indices of the stops on which joints rest."""
+
+
+class Mode(NamedTuple):
+    """What holds joints on a stretch of the motion.
+
+    Attributes:
+        held: Stops on which joints rest.
+        slip: What joints with friction do.
+    """
+
+    held: Held = frozenset()
+    slip: Slip = Slip()
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +75,9 @@ class HybridSystem:
         watches: Events by name; their values are of states of the mechanism.
         method: The integrator.
         max_steps: Number of steps after which to give up.
+        size: What errors of steps are relative to besides the states; see ``Interval.size``.
+        least_size: The least that they can be relative to; see ``Accuracy.least_size``.
+        frictions: Joints with friction that sticks.
     """
 
     closure: Closure
@@ -70,6 +89,9 @@ class HybridSystem:
     watches: Mapping[str, Watch]
     method: Method
     max_steps: int
+    size: float = 1.0
+    least_size: float = math.inf
+    frictions: tuple[FrictionContact, ...] = ()
     _systems: dict[Held, System] = field(default_factory=dict, repr=False)
 
     def system(self, held: Held = frozenset()) -> System:
@@ -84,13 +106,35 @@ class HybridSystem:
         return self._systems[held]
 
     def _resting(self, held: Held) -> System:
+        return ConstrainedSystem.of(self.closure, self.dynamics, self._with_stops(held))
+
+    def _with_stops(self, held: Held) -> PrescribedCoordinates:
+        """Return the coordinates that follow laws, and those of joints that rest on stops."""
         bounds = [self.bounds[k] for k in sorted(held)]
-        prescribed = PrescribedCoordinates(
+        return PrescribedCoordinates(
             (*self.prescribed.names, *(one.name for one in bounds)),
             (*self.prescribed.coordinates, *(one.coordinate for one in bounds)),
             (*self.prescribed.laws, *(Constant(value=one.limit) for one in bounds)),
         )
-        return ConstrainedSystem.of(self.closure, self.dynamics, prescribed)
+
+    def friction(self, held: Held) -> StickSlip:
+        """Return the joints with friction while joints rest on the given stops."""
+        return StickSlip(self.frictions, self.closure, self.dynamics, self._with_stops(held))
+
+    def stretch(self, mode: Mode, t: float, q: Array, v: Array) -> System:
+        """Return what is integrated in a mode that begins in a state of the mechanism."""
+        if not self.frictions:
+            return self.system(mode.held)
+        friction, span = self.friction(mode.held), self._span(t)
+        held = friction.held(mode.slip, q, lambda: friction.sliding(mode.slip, span).equation.at(t, q, v))
+        inner = (ConstrainedSystem.of(self.closure, self.dynamics, held) if mode.held
+                 else system_of(self.closure, self.dynamics, held, replace(self.initial, q=q, v=v)))  # fmt: skip
+        return FrictionalSystem(friction, mode.slip, inner, self.cuts)
+
+    def _span(self, t: float) -> tuple[float, float]:
+        """Return the interval without jumps from an instant on."""
+        later = [cut for cut in self.cuts[1:] if cut > t]
+        return t, later[0] if later else self.cuts[-1]
 
     def grid(self, t: Array, seams: Iterable[float] = ()) -> Grid:
         """Return the grid of given instants, cut where a law or the motion jumps."""
@@ -131,11 +175,17 @@ class HybridSystem:
 
     @cached_property
     def _intervals(self) -> list[Interval]:
-        return [self.system().interval(self.dynamics, *span) for span in pairwise(self.cuts)]
+        return self._smooth(self.system(), pairwise(self.cuts))
+
+    def _smooth(self, system: System, spans: Iterable[tuple[float, float]]) -> list[Interval]:
+        """Return what a system integrates in spans of time [s] without jumps."""
+        return [replace(system.interval(self.dynamics, *span), size=self.size) for span in spans]
 
     @property
     def batchable(self) -> bool:
         """Whether motions from several initial states can be integrated together."""
+        if self.frictions:
+            return False
         free = self.system().manifold.nv > 0  # what laws determine altogether takes no steps
         return free and self.method.pair is not None and all(interval.batch for interval in self._intervals)
 
@@ -154,7 +204,7 @@ class HybridSystem:
         system, intervals, pair = self.system(), self._intervals, self.method.pair
         if pair is None or not self.batchable:
             return None
-        watches = [_of_mechanism(one, system) for _, one in self._watched(frozenset(), q[0], v[0])]
+        watches = [_of_mechanism(one, system) for _, one in self._watched(Mode(), self.system(), q[0], v[0])]
         return integrate_batch(
             intervals,
             system.manifold,
@@ -184,49 +234,83 @@ class HybridSystem:
             Interrupted: The user interrupted it; likewise.
         """
         motion, t = SegmentedMotion(self.dynamics), self.cuts[0]
+        if self.frictions:
+            self.friction(frozenset()).sliding(Slip(), self._span(t)).equation.require_determined(q)
         approached = [k for k in self.contacts.near(q) if self.bounds[k].side * v[self.bounds[k].joint] < -RESTING]
         if approached:
             v = self.contacts.impact(t, q, v, approached)
-        held = self.pressed(t, q, v)
-        while (end := self.integrate_segment(motion, held, t, q, v, first)) is not None:
+        mode = self.mode(t, q, v)
+        while (end := self.integrate_segment(motion, mode, t, q, v, first)) is not None:
             t, q, v, first = end.t, end.q, end.v, None
-            if end.released is not None:
-                held = held - {end.released}
-                continue
-            if end.hit is None:
+            if end.stops:
                 break
-            bound = self.bounds[end.hit]
-            q[bound.place] = bound.limit
-            v = self.contacts.impact(t, q, v, [end.hit])
-            motion.events.append(EventRecord(bound.name, t, q, v))
-            held = self.pressed(t, q, v)
+            if end.hit is not None:
+                bound = self.bounds[end.hit]
+                q[bound.place] = bound.limit
+                v = self.contacts.impact(t, q, v, [end.hit])
+                motion.events.append(EventRecord(bound.name, t, q, v))
+            v, mode = self.following(mode, end._replace(v=v))
         return motion
 
+    def following(self, mode: Mode, end: SegmentEnd) -> tuple[Array, Mode]:
+        """Return the velocity and the mode after the end of a segment that does not end the run."""
+        t, q, v = end.t, end.q, end.v
+        if end.released is not None:
+            held = mode.held - {end.released}
+            return v, Mode(held, self._slip(held, t, q, v))
+        if end.slip is None:
+            return v, self.mode(t, q, v)
+        v, slip = self.friction(mode.held).switched(self._span(t), q, v, mode.slip, end.slip)
+        return v, Mode(mode.held, slip)
+
+    def _slip(self, held: Held, t: float, q: Array, v: Array) -> Slip:
+        return self.friction(held).start(self._span(t), q, v) if self.frictions else Slip()
+
     def integrate_segment(
-        self, motion: SegmentedMotion, held: Held, t: float, q: Array, v: Array, first: FirstSegment | None = None
-    ) -> _SegmentEnd | None:
-        """Add a segment to the motion; return what ended it before the end of the run."""
-        system, watched = self.system(held), self._watched(held, q, v)
+        self, motion: SegmentedMotion, mode: Mode, t: float, q: Array, v: Array, first: FirstSegment | None = None
+    ) -> SegmentEnd | None:
+        """Add a segment to the motion; return what ended it before the end of the run.
+
+        Where there is friction a segment ends with its interval: a load that jumps may set joints in motion.
+        """
+        system = self.stretch(mode, t, q, v)
+        watched = self._watched(mode, system, q, v)
         spans = [(max(low, t), high) for low, high in pairwise(self.cuts) if high > t]
-        intervals = [system.interval(self.dynamics, *span) for span in spans]
+        spans = spans[:1] if self.frictions else spans
+        intervals = self._smooth(system, spans)
         watches = [_of_mechanism(one, system) for _, one in watched]
         steps = self.max_steps - int(sum(motion.cost()[name] for name in ("steps", "rejected steps")))
-        method = self.method if system.manifold.nv else FixedStep(self.time[1] - self.time[0])
+        method = self.method if system.manifold.nv else self._standing(watches, spans)
         given, steps_over = (intervals, system.manifold, *system.part(q, v), method), self._steps_over(system)
         try:
             solution = first() if first else integrate(*given, max_steps=steps, watches=watches, steps_over=steps_over)
         except (IntegrationError, Interrupted) as error:
             if error.partial.steps:
-                motion.segments.append(MotionSegment(system, error.partial))
+                motion.segments.append(MotionSegment(system, error.partial, self._acting(system)))
             error.partial = motion if motion.segments else None
             self._locate(error, system)
             raise
-        motion.segments.append(MotionSegment(system, solution))
-        return self._note_events(motion, solution, system, [key for key, _ in watched])
+        motion.segments.append(MotionSegment(system, solution, self._acting(system)))
+        end = self._note_events(motion, solution, system, [key for key, _ in watched])
+        if end is None and solution.end < self.cuts[-1]:
+            q, v = (x[0] for x in system.whole(np.array([solution.end]), *solution.states(np.array([solution.end]))))
+            return SegmentEnd(solution.end, q, v)
+        return end
+
+    def _standing(self, watches: Sequence[Watch], spans: Sequence[tuple[float, float]]) -> FixedStep:
+        """Return the method where nothing is left to integrate: as few steps as show all crossings."""
+        if not self.frictions:
+            return FixedStep(self.time[1] - self.time[0])
+        ((start, end),) = spans
+        return FixedStep((end - start) / resolving_parts(watches, start, end, FixedStep.subdivisions))
+
+    def _acting(self, system: System) -> Dynamics:
+        """Return the equation of motion of a segment, with the friction of what slips."""
+        return system.slowed(self.dynamics) if self.frictions else self.dynamics  # type: ignore[attr-defined]
 
     def _note_events(
-        self, motion: SegmentedMotion, solution: Solution, system: System, keys: list[str | int]
-    ) -> _SegmentEnd | None:
+        self, motion: SegmentedMotion, solution: Solution, system: System, keys: list[Key]
+    ) -> SegmentEnd | None:
         """Add the events of the last segment to the motion; return the one that ended it."""
         end = None
         for crossing in solution.crossings:
@@ -234,11 +318,10 @@ class HybridSystem:
             q, v = (rows[0] for rows in system.whole(np.array([t]), crossing.q[None], crossing.v[None]))
             if isinstance(key, str):
                 motion.events.append(EventRecord(key, t, q, v))
-                end = _SegmentEnd(t, q, v) if self.watches[key].stops else None
-            elif key >= 0:
-                end = _SegmentEnd(t, q, v, hit=key)
+                end = SegmentEnd(t, q, v, stops=True) if self.watches[key].stops else None
             else:
-                end = _SegmentEnd(t, q, v, released=~key)
+                hit, released, slip = (key[1] if key[0] == cause else None for cause in CAUSES)
+                end = SegmentEnd(t, q, v, hit, released, slip)
         return end
 
     def _locate(self, error: NumericsError, system: System) -> None:
@@ -259,50 +342,74 @@ class HybridSystem:
 
         return steps_over if forces else None
 
-    def _watched(self, held: Held, q: Array, v: Array) -> list[tuple[str | int, Watch]]:
-        """Return the events, free stops by their index, and those rested on by its complement.
+    def _watched(self, mode: Mode, system: System, q: Array, v: Array) -> list[tuple[Key, Watch]]:
+        """Return the events, and what ends a segment: stops that are hit or let go, joints that stick or break loose.
 
         A joint that leaves its stop from rest does so slower than rounding at first: it is given some slack.
         """
         leaving = self.at_rest(q, v)
-        found: list[tuple[str | int, Watch]] = list(self.watches.items())
+        found: list[tuple[Key, Watch]] = list(self.watches.items())
         for k, bound in enumerate(self.bounds):
             slack = 2.0 * bound.slack if k in leaving else 0.0
-            key, value = (~k, partial(self.push, held, k)) if k in held else (k, partial(_gap, bound, slack))
-            found.append((key, Watch(value, -1, stops=True)))
+            if k in mode.held:
+                found.append((("released", k), Watch(partial(self.push, system, k), -1, stops=True)))
+            else:
+                found.append((("hit", k), Watch(partial(_gap, bound, slack), -1, stops=True)))
+        if self.frictions:
+            switches = self.friction(mode.held).watches(mode.slip, system)  # type: ignore[arg-type]
+            found += [(("slip", index), watch) for index, watch in switches]
         return found
 
-    def push(self, held: Held, k: int, t: Array, q: Array, v: Array) -> Array:
+    def push(self, system: System, k: int, t: Array, q: Array, v: Array) -> Array:
         """Return the push of a stop that is rested on, at many states [N*m or N], shape (n,)."""
         span = (float(t[0]), max(float(t[-1]), float(np.nextafter(t[0], np.inf))))
-        motion = self.system(held).complete(self.dynamics, Grid(t, span, (0, len(t))), q, v)
+        motion = system.complete(self.dynamics, Grid(t, span, (0, len(t))), *system.part(q, v))
         return np.asarray(self.bounds[k].side * motion.tau[:, self.bounds[k].joint])
 
     def at_rest(self, q: Array, v: Array) -> Held:
         """Return the stops that are touched without moving against or away from them."""
         return frozenset(k for k in self.contacts.near(q) if abs(v[self.bounds[k].joint]) <= RESTING)
 
-    def pressed(self, t: float, q: Array, v: Array) -> Held:
-        """Return the stops that a state at rest on them presses against."""
+    def mode(self, t: float, q: Array, v: Array) -> Mode:
+        """Return the stops that a state at rest on them presses against, and what joints with friction begin to do."""
         held = self.at_rest(q, v)
-        while held:
-            pushes = {k: self.push(held, k, np.array([t]), q[None], v[None])[0] for k in held}
-            least = min(pushes, key=pushes.__getitem__)
-            if pushes[least] > 0.0:
-                break
+        while True:
+            mode = Mode(held, self._slip(held, t, q, v))
+            system = self.stretch(mode, t, q, v) if held else None
+            pushes = {k: self.push(system, k, np.array([t]), q[None], v[None])[0] for k in held if system}
+            least = min(pushes, key=pushes.__getitem__, default=None)
+            if least is None or pushes[least] > 0.0:
+                return mode
             held = held - {least}
-        return held
 
 
-@dataclass(frozen=True, eq=False)
-class _SegmentEnd:
-    """What ended a segment: an event that stops the run, a stop that is hit, or one that lets go."""
+Key = str | tuple[str, int]
+"""Name of an event of the user, or what ends a segment: one of ``CAUSES``, and which one it is."""
+
+CAUSES = ("hit", "released", "slip")
+"""Fields of ``SegmentEnd`` that tell why a segment ended."""
+
+
+class SegmentEnd(NamedTuple):
+    """What ended a segment.
+
+    Attributes:
+        t: When [s].
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,).
+        hit: Stop that is hit.
+        released: Stop that lets go.
+        slip: Joint that comes to rest, or the complement of a group of stuck joints that breaks loose.
+        stops: Whether the run ends.
+    """
 
     t: float
     q: Array
     v: Array
     hit: int | None = None
     released: int | None = None
+    slip: int | None = None
+    stops: bool = False
 
 
 def _gap(bound: Bound, slack: float, t: Array, q: Array, v: Array) -> Array:

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, Indices
+from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.segments import SegmentedMotion
+from pinarm.engine.motion.standstill import at_rest, directions, lossy, pace_of
 from pinarm.engine.motion.systems import CompletedStates
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.series import Series
@@ -31,21 +33,40 @@ class IntegratedMotion:
         mechanism: What moves.
         hybrid: What was integrated.
         motion: The integrated states.
+        pace: What rounding of velocities and accelerations is judged against, shape (2, nv); ``None`` where no
+            direction is asked for, or it is not known yet.
     """
 
     mechanism: Mechanism
     hybrid: HybridSystem
     motion: SegmentedMotion
+    pace: Array | None = None
 
     def outcome(self, grid: Grid) -> Outcome:
         """Return the motion with its states at the rows of a grid."""
-        return Outcome(self.at(grid), self, events=tuple(self.motion.events))
+        rows = self.at(grid)
+        if not lossy(self.mechanism):
+            return Outcome(rows, self, events=tuple(self.motion.events))
+        followed = zip(self.hybrid.prescribed.coordinates, self.hybrid.prescribed.laws, strict=True)
+        known = replace(self, pace=pace_of(self.mechanism, rows.v, rows.a, followed, grid))
+        return Outcome(known._directed(rows), known, events=tuple(self.motion.events))
 
     def at(self, grid: Grid) -> Trajectory:
         """Return the states at the rows of a grid; accelerations are those of the equation of motion there."""
         rows = states(self.mechanism, self.hybrid, grid, self.motion.complete(grid))
         alike = np.zeros(len(grid.t), dtype=np.intp)
-        return replace(rows, columns=event_columns(self.hybrid.watches, [self.motion.events], alike))
+        columns = {**rows.columns, **event_columns(self.hybrid.watches, [self.motion.events], alike)}
+        return self._directed(replace(rows, columns=columns))
+
+    def _directed(self, rows: Trajectory) -> Trajectory:
+        """Return states with the directions of the joints, where drives have losses."""
+        if self.pace is None:
+            return rows
+        v, a, inside = rows.v, rows.a, np.zeros_like(rows.v)
+        still = np.flatnonzero(at_rest(v, a, self.pace)[:, lossy(self.mechanism)].any(axis=1))
+        if len(still):
+            inside[still] = self.motion.complete(rows.grid.some(still).moved_inside()).v
+        return replace(rows, directions=directions(v, a, self.pace, rows.grid.sides(), inside))
 
     def positions(self, t: Array) -> Array:
         """Return the configurations at instants, shape (n,), as they were integrated, shape (n, nq)."""
@@ -58,6 +79,7 @@ def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: Compl
         mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau, motion.lam,
         hybrid.system().closure, hybrid.dynamics,
         driven=driven_along(hybrid.prescribed.coordinates, mechanism.model.nv),
+        columns=friction_columns(mechanism.frictions, motion.friction),
     )  # fmt: skip
 
 

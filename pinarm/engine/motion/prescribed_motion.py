@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -14,8 +15,10 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.joint_motion import follow, joint_rates
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.outcome import Outcome, positions_by_interval
+from pinarm.engine.motion.standstill import STANDSTILL, at_rest, directions, law_size, lossy, pace_of, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation
+from pinarm.errors import AssemblyError
 from pinarm.input.units import Unit
 from pinarm.mechanics.laws.motion_law import Grid
 
@@ -62,7 +65,18 @@ class Prescription:
             AssemblyError: A position cannot be reached.
         """
         rows = self.states(grid, start)
-        return Outcome(rows) if rows.numbered else Outcome(rows, PrescribedMotion(self, grid.cuts, grid.t, rows.q))
+        pace = self._pace(rows)
+        rows = self.directed(rows, pace)
+        motion = None if rows.numbered else PrescribedMotion(self, grid.cuts, grid.t, rows.q, pace)
+        return Outcome(rows, motion, notes=tuple(self._notes(rows)))
+
+    def _notes(self, rows: Trajectory) -> list[str]:
+        """Return what is to be said of joints that friction holds."""
+        if not self.mechanism.frictions:
+            return []
+        from pinarm.engine.motion.known_friction import notes_of
+
+        return notes_of(rows)
 
     def states(self, grid: Grid, near: Array) -> Trajectory:
         """Return the states at the rows of a grid, on the branch of a configuration near the first one."""
@@ -79,8 +93,41 @@ class Prescription:
         if self.drives is None:
             return replace(rows, no_efforts=KINEMATIC)
         demand = rows.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], a[part]))
+        if self.mechanism.frictions:
+            from pinarm.engine.motion.known_friction import KnownFriction
+
+            return KnownFriction(rows, self.drives, demand).solved()
         tau, lam = self.drives.efforts(t, q, demand)
         return replace(rows, tau=tau, lam=lam)
+
+    def _pace(self, rows: Trajectory) -> Array | None:
+        """Return what rounding is judged against; ``None`` where no direction is asked for."""
+        if not lossy(self.mechanism) or self.rates is not None:
+            return None
+        followed = zip(self.prescribed.coordinates, self.prescribed.laws, strict=True)
+        return pace_of(self.mechanism, rows.v, rows.a, followed, rows.grid)
+
+    def directed(self, rows: Trajectory, pace: Array | None) -> Trajectory:
+        """Return states with the directions of the joints, where drives have losses."""
+        if not (joints := lossy(self.mechanism)):
+            return rows
+        v, a, inside = rows.v, rows.a, np.zeros_like(rows.v)
+        if pace is None:
+            return replace(rows, directions=directions(v, a, row_paces(self.mechanism, v, a), np.ones(len(v)), inside))
+        still = np.flatnonzero(at_rest(v, a, pace)[:, joints].any(axis=1))
+        inside[still] = self._inside(rows.some(still))
+        return replace(rows, directions=directions(v, a, pace, rows.grid.sides(), inside))
+
+    def _inside(self, rows: Trajectory) -> Array:
+        """Return the velocities a little inside the intervals, from the positions of the rows, shape (n, nv)."""
+        grid, laws = rows.grid.moved_inside(), self.prescribed.laws
+        rates = np.array([grid.evaluate(law)[1] for law in laws]).T
+        sizes, found = np.array([law_size(law, grid)[0] for law in laws]), np.zeros_like(rows.v)
+        for row in np.flatnonzero((np.abs(rates) > STANDSTILL * sizes).any(axis=1)):
+            q, idle = rows.q[row][None], np.zeros_like(sizes)
+            with suppress(AssemblyError):  # a singular position, at which the mechanism stands still as well
+                found[row] = joint_rates(self.mechanism, self.prescribed, q, rates[row], idle)[0][0]
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,16 +139,20 @@ class PrescribedMotion:
         cuts: Bounds of the intervals between jumps.
         t: Values of the parameter at which it has been solved, shape (n,).
         q: Configurations there, shape (n, nq): they tell the branch in their neighbourhood.
+        pace: What rounding of velocities and accelerations is judged against, shape (2, nv); ``None`` where no
+            direction is asked for.
     """
 
     prescription: Prescription
     cuts: Sequence[float]
     t: Array
     q: Array
+    pace: Array | None
 
     def at(self, grid: Grid) -> Trajectory:
         """Return the states at other values of the parameter, on the branch of the nearest solved row."""
-        return self.prescription.states(grid, self.q[np.abs(self.t - grid.t[0]).argmin()])
+        rows = self.prescription.states(grid, self.q[np.abs(self.t - grid.t[0]).argmin()])
+        return self.prescription.directed(rows, self.pace)
 
     def positions(self, t: Array) -> Array:
         """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""

@@ -22,10 +22,12 @@ class MotionSegment:
     Attributes:
         system: What was integrated.
         solution: The integrated states.
+        dynamics: The equation of motion, with the friction of what slips.
     """
 
     system: System
     solution: Solution
+    dynamics: Dynamics
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +54,11 @@ class SegmentedMotion:
         """Return the instants at which one segment meets the next [s]."""
         return [segment.solution.end for segment in self.segments[:-1]]
 
+    @property
+    def size(self) -> float:
+        """Return the largest coordinate or velocity that was integrated, in SI."""
+        return max(segment.solution.size for segment in self.segments)
+
     def complete(self, grid: Grid) -> CompletedStates:
         """Return the motion at the rows of a grid whose intervals do not reach over seams."""
         bounds = np.array(self.seams)
@@ -61,8 +68,10 @@ class SegmentedMotion:
         for number in sorted(set(owners.tolist())):
             segment, local = self.segments[number], grid.part(*np.flatnonzero(owners == number)[[0, -1]])
             motions.append(segment.system.complete(self.dynamics, local, *segment.solution.states(local.t)))
-        q, v, a, tau = map(np.concatenate, zip(*((one.q, one.v, one.a, one.tau) for one in motions), strict=True))
-        return CompletedStates(q, v, a, tau, Multipliers.joined([one.lam for one in motions]))
+        q, v, a, tau, friction = map(
+            np.concatenate, zip(*((one.q, one.v, one.a, one.tau, one.friction) for one in motions), strict=True)
+        )
+        return CompletedStates(q, v, a, tau, Multipliers.joined([one.lam for one in motions]), friction)
 
     def positions(self, t: Array) -> Array:
         """Return the configurations at instants, shape (n,), as they have been integrated, shape (n, nq)."""

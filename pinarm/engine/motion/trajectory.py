@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
@@ -16,6 +16,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit
 from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.friction.contact import slip_rows
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
 
 ROW = "row"
 """Parameter of rows that are only numbered."""
-
-STANDSTILL = 1e-12
-"""Velocity, relative to the largest of the run, that rounding leaves where a motion begins or ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +55,7 @@ class Trajectory:
         q: Configurations, shape (n, nq).
         v: Velocities, shape (n, nv).
         a: Accelerations, shape (n, nv).
-        tau: Efforts of the drives at joints, rotors included [N*m or N], shape (n, nv).
+        tau: Efforts of the drives at joints, what accelerates rotors included [N*m or N], shape (n, nv).
         lam: Multipliers of the constraints, and efforts of drives along task coordinates [N or N*m].
         closure: The constraints that they belong to: those of the mechanism, then guided task coordinates.
         dynamics: The equation of motion with all the forces of the run.
@@ -65,6 +63,8 @@ class Trajectory:
         columns: What the problem found beside the states, by name, a value a row.
         separate: Whether velocities are given row by row, and the rows are not one motion.
         driven: Joints that drives act on, shape (nv,); ``None`` where all efforts are given as they are.
+        directions: Directions of the joints, 1, 0 or -1, where drives have losses, shape (n, nv); see
+            ``motion.standstill``.
     """
 
     mechanism: Mechanism
@@ -82,20 +82,22 @@ class Trajectory:
     columns: Mapping[str, Series] = field(default_factory=dict)
     separate: bool = False
     driven: Flags | None = field(default=None, repr=False)
+    directions: Array | None = field(default=None, repr=False)
 
     @classmethod
     def schema_row(
-        cls, mechanism: Mechanism, parameter: str, measured: Unit, closure: Closure | None = None
+        cls, mechanism: Mechanism, q: Array, parameter: str, measured: Unit, closure: Closure | None = None
     ) -> Trajectory:
-        """Return one row at the neutral configuration: enough to see which quantities there are.
+        """Return one row, at rest: enough to see which quantities there are, and which are determined.
 
         Args:
             mechanism: The mechanism.
+            q: A closed configuration of no special kind, shape (nq,).
             parameter: What runs along the rows.
             measured: Its unit.
             closure: Constraints with the drives along task coordinates; none of these where it is left out.
         """
-        q, idle = np.atleast_2d(pin.neutral(mechanism.model)), np.zeros((1, mechanism.model.nv))
+        q, idle = np.atleast_2d(q), np.zeros((1, mechanism.model.nv))
         dynamics, grid = mechanism.dynamics, Grid(np.zeros(1), (0.0, 0.0), (0, 1))
         closure = closure or mechanism.closure
         lam = Multipliers.known(np.zeros((1, closure.size)), mechanism.closure.size)
@@ -111,15 +113,32 @@ class Trajectory:
 
     def some(self, rows: Indices) -> Trajectory:
         """Return some of the rows, in their order, shape (n,); one may be there several times."""
-        starts = tuple(int(k) for k in np.searchsorted(rows, self.grid.rows))
-        grid = Grid(self.grid.t[rows], self.grid.cuts, starts)
         q, v, a, tau = (array[rows] for array in (self.q, self.v, self.a, self.tau))
         columns = {name: replace(series, values=series.values[rows]) for name, series in self.columns.items()}
-        return replace(self, grid=grid, q=q, v=v, a=a, tau=tau, lam=self.lam.some(rows), columns=columns)
+        directions = None if self.directions is None else self.directions[rows]
+        return replace(
+            self, grid=self.grid.some(rows), q=q, v=v, a=a, tau=tau, lam=self.lam.some(rows), columns=columns,
+            directions=directions,
+        )  # fmt: skip
+
+    @cached_property
+    def friction(self) -> Array:
+        """Friction at the mechanism's contacts, along their slips [N*m or N], shape (n, k); 0 where none is told."""
+        none = np.zeros(len(self))
+        names = [f"{contact.name}.friction" for contact in self.mechanism.frictions]
+        found = [self.columns[name].values if name in self.columns else none for name in names]
+        return np.array(found).reshape(-1, len(self)).T
+
+    @cached_property
+    def friction_loads(self) -> Array:
+        """The same as generalised loads [N*m or N], shape (n, nv)."""
+        if not self.mechanism.frictions:
+            return np.zeros_like(self.v)
+        return np.asarray(np.vecmat(self.friction, slip_rows(self.mechanism.model, self.mechanism.frictions, self.q)))
 
     def intervals(self) -> list[tuple[slice, Dynamics]]:
-        """Return the rows between jumps, each with the dynamics that holds there."""
-        return parts(self.dynamics, self.grid)
+        """Return the rows between jumps, where there are any, each with the dynamics that holds there."""
+        return [(rows, dynamics) for rows, dynamics in parts(self.dynamics, self.grid) if rows.start < rows.stop]
 
     def gather(self, value: Callable[[Dynamics, slice], Array]) -> Array:
         """Return an array over all rows from a function of the dynamics on each interval and its rows."""
@@ -143,15 +162,12 @@ class Trajectory:
         return np.asarray(sum(weight * lam[:, places[name].start] for name, weight in acting.items()))
 
     def direction(self, index: int) -> Array:
-        """Return the sign of a joint's motion at every row, shape (n,).
+        """Return the direction of a joint's motion at every row, 1, 0 or -1, shape (n,).
 
-        At standstill it is that of the motion about to begin, at the end of an interval that of the motion just ended,
-        and 0 at rest. Of a state that is no part of a motion it is that of the motion about to begin.
+        Without ``directions`` the rows are states of their own, exact as given: at standstill it is the direction of
+        the motion about to begin.
         """
+        if self.directions is not None:
+            return self.directions[:, index]
         v, a = self.v[:, index], self.a[:, index]
-        if self.separate:
-            return np.where(v == 0.0, np.sign(a), np.sign(v))
-        standstill = np.abs(v) <= STANDSTILL * np.abs(v).max(initial=0.0)
-        beside = np.sign(a)
-        beside[np.array(self.grid.rows[1:]) - 1] *= -1.0
-        return np.where(standstill, beside, np.sign(v))
+        return np.where(v == 0.0, np.sign(a), np.sign(v))

@@ -9,10 +9,11 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import unit
-from pinarm.mechanics.ball_joints import ANGLES, Ball, BallCoordinate, roll_pitch_yaw
+from pinarm.mechanics.ball_joints import ANGLES, Ball, BallAngle, BallCoordinate, roll_pitch_yaw
 
 VECTORS = {
     "angular_velocity": unit("rad/s"), "angular_acceleration": unit("rad/s^2"), "effort": unit("N*m"),
+    "link_effort": unit("N*m"),
 }  # fmt: skip
 COMPONENTS = ("x", "y", "z", "norm")
 PARTS = (*(f"quaternion.{axis}" for axis in "xyzw"), *ANGLES,
@@ -29,7 +30,7 @@ def ball_quantity(run: Trajectory, ball: Ball, name: str, part: str) -> Series |
         name: Name of the series.
         part: One of ``PARTS``: the quaternion of the link in the joint's placement; roll, pitch and yaw [rad];
             ``angular_velocity``, ``angular_acceleration`` and ``effort`` [rad/s, rad/s^2, N*m], the moment of its
-            drive, without the rotor's own share; ``power`` of that moment [W].
+            drive, its rotor's share included, and ``link_effort`` without that; ``power`` of the first [W].
 
     Raises:
         InputError: The effort is asked of a joint that is moved along the components of its rotation vector.
@@ -45,6 +46,8 @@ def ball_quantity(run: Trajectory, ball: Ball, name: str, part: str) -> Series |
         return Series(name, unit("W"), (_effort(run, ball, name) * ball.vectors(run.v)).sum(axis=1))
     values = {"angular_velocity": run.v, "angular_acceleration": run.a}
     vectors = ball.vectors(values[word]) if word in values else _effort(run, ball, name)
+    if word == "link_effort":
+        vectors = vectors - ball.vectors(run.mechanism.model.armature) * ball.vectors(run.a)
     component = np.linalg.norm(vectors, axis=1) if axis == "norm" else vectors[:, "xyz".index(axis)]
     return Series(name, VECTORS[word], np.asarray(component))
 
@@ -53,8 +56,9 @@ def _effort(run: Trajectory, ball: Ball, name: str) -> Array:
     if run.no_efforts:
         raise InputError(f"'{name}': {run.no_efforts}", hint="kind: inverse")
     coordinates = run.mechanism.coordinates
-    guided = [one for one in run.closure.slices() if isinstance(coordinates.get(one), BallCoordinate)]
-    if any(one.startswith(f"{ball.name}.rotation.") for one in guided):
+    turned = {name: one for name, one in coordinates.items() if isinstance(one, BallCoordinate | BallAngle)}
+    guided = [one for one in run.closure.slices() if one in turned and turned[one].ball == ball]
+    if guided:
         raise InputError(f"'{name}': the drive acts along {', '.join(guided)}",
                          hint=f"joint.{ball.name}.moment.x, or coordinate.{guided[0]}.effort")  # fmt: skip
-    return ball.vectors(run.tau) - ball.vectors(run.mechanism.model.armature) * ball.vectors(run.a)
+    return ball.vectors(run.tau)

@@ -3,14 +3,16 @@
 =============================================  ==================================================================
 ``t``                                          the parameter that runs along the rows
 ``joint.J.position .velocity .acceleration``   of a joint with one coordinate
-``joint.J.effort .power``                      of its drive, without the rotor's own share; of the couplings that move a
-                                               joint without one
-``joint.J.force.x``, ``joint.J.moment.x``      action of the parent on the child, at the joint's origin
+``joint.J.effort .power``                      of its drive, its rotor's share included: ``Mechanism.inverse``; of the
+                                               couplings that move a joint without one
+``joint.J.link_effort``                        what of it reaches the links: without ``armature * acceleration``
+``joint.J.force.x``, ``joint.J.moment.x``      action of the parent on the child, at the child's origin, which slides
+``joint.J.moment.at_parent.x``                 the same moment about the joint's place on the parent (its marker)
 ``joint.J.moment.about.P.x``                   the same moment about the origin of link P
 ``joint.J.quaternion.x``, ``joint.J.roll``     of a ball joint; likewise ``pitch``, ``yaw``
 ``joint.J.angular_velocity.x``                 of a ball joint, in the link's own axes; likewise ``effort.x``
 ``loop.L.force.x``, ``loop.L.moment.x``        action of the first link on the second, at the second one's frame
-``loop.L.angle``                               of a screw: how far frame 2 has turned, whole turns counted
+``loop.L.angle``, ``loop.L.position``          of a loop joint with an axis: how far frame 2 has turned, or slid
 ``coupling.C.effort``                          multiplier of a coupling: effort at its second joint
 ``coupling.C.force.x``, ``.moment.x``          action of its first member on the second, where they touch
 ``coupling.C.tangential .radial .axial``       of the force of teeth; ``.separating`` along the normal of bevel wheels
@@ -25,7 +27,10 @@
 ``momentum.S.linear.x``                        of S: ``all``, or a joint and everything beyond it
 ``momentum.S.angular.about.P.x``               about the origin of link P
 ``dynamic.S.force.x``, ``.moment.about.P.x``   rates of the momenta of the bodies, summed likewise
+``joint.J.friction``, ``loop.L.friction``       friction that sticks, along the coordinate, on the child
+``joint.J.effort.lower .upper``                at rest, between which friction holds: less moves it down, more up
 ``power.gravity``, ``power.F``                 of the weights, and of the force element F
+``power.friction``                             of all friction that sticks
 ``force.F.length .tension``                    of a point spring
 ``force.F.displacement.x``, ``.rotation.x``    of a bushing: of its second frame from the first
 ``force.F.force.x``, ``force.F.moment.x``      action of its first link on the second, at the second one's frame
@@ -35,7 +40,8 @@
 
 Vectors are in world axes; ``.along.B`` before the component gives them in the axes of link B:
 ``point.P.velocity.along.arm_2.x``. The component ``norm`` is the length. Formulas combine quantities with the published
-symbols, the model's arguments and ``g``, the magnitude of gravity. A name with several meanings is refused.
+symbols, the model's arguments, ``g``, the magnitude of gravity, and numbers with units, ``(2e4 N/m)*Y``. A name with
+several meanings is refused.
 """
 
 from __future__ import annotations
@@ -48,6 +54,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.engine.constraints.nullspace import ACTS
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.ball_quantities import PARTS as BALL_PARTS
@@ -62,10 +69,7 @@ from pinarm.input.units import Unit, unit
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.forces.force_element import power
 from pinarm.mechanics.forces.joint_definitions import effort_unit
-from pinarm.mechanics.joints import METRE, RADIAN
-
-UNDETERMINED = 1e-9
-"""What a self-stress of length 1 may add to a component that it does not act on: rounding leaves 1e-13."""
+from pinarm.mechanics.joints import METRE
 
 AXES = ("x", "y", "z", "norm")
 SECOND, JOULE, WATT, NEWTON, NEWTON_METRE = unit("s"), unit("J"), unit("W"), unit("N"), unit("N*m")
@@ -74,7 +78,11 @@ MAX_DEPTH = 50
 TURNS = ("angular_velocity", "angular_acceleration")
 OPERATORS = set("+-*/(), ")
 WRENCH = ("force", "moment")
+AT_PARENT = "at_parent"
+"""Asks for the moment of a joint about its place on the parent: where a joint slides, the child's origin moves."""
+TRANSMITTED = tuple(f"{kind}.{axis}" for kind in (*WRENCH, f"moment.{AT_PARENT}") for axis in AXES)
 RATES = ("position", "velocity", "acceleration")
+EFFORTS = ("effort", "link_effort")
 ENERGIES = ("kinetic", "potential", "total")
 
 
@@ -86,13 +94,20 @@ class Quantities:
         trajectory: The motion.
         symbols: Formulas by name, beside those of the mechanism.
         undetermined: ``refuse``, or ``minimum_norm`` for reactions that rigid bodies do not determine.
+        whole: Those of the whole run where these are of some of its states: it tells what is determined, which a single
+            state may seem to.
     """
 
     trajectory: Trajectory
     symbols: Mapping[str, Expression] = field(default_factory=dict)
     undetermined: str = "refuse"
+    whole: Quantities | None = field(default=None, repr=False)
     _known: dict[str, Series] = field(default_factory=dict, repr=False)
     _open: list[str] = field(default_factory=list, repr=False)
+
+    def of(self, rows: Trajectory) -> Quantities:
+        """Return the quantities of other states of the same motion."""
+        return Quantities(rows, self.symbols, self.undetermined, self.whole or self)
 
     @cached_property
     def reactions(self) -> Reactions:
@@ -107,6 +122,11 @@ class Quantities:
     def passes(self) -> RowKinematics:
         """What is computed row by row, kept once computed."""
         return RowKinematics(self.trajectory)
+
+    @property
+    def parameter(self) -> Series:
+        """What runs along the rows, whatever else has its name."""
+        return Series(self.trajectory.parameter, self.trajectory.unit, self.trajectory.grid.t)
 
     def __getitem__(self, name: str) -> Series:
         """Return a quantity by its name, a symbol, or a formula of them.
@@ -127,11 +147,12 @@ class Quantities:
             self.trajectory.parameter, "g", *self.symbols, *mechanism.symbols,
             *mechanism.arguments, *mechanism.coordinates, *self.trajectory.columns,
             *(f"joint.{name}.{part}" for name in mechanism.joints
-              for part in (*RATES, "effort", "power", *(f"{kind}.{axis}" for kind in WRENCH for axis in AXES))),
+              for part in (*RATES, *EFFORTS, "power", *TRANSMITTED)),
             *(f"joint.{name}.{part}" for name in mechanism.balls
-              for part in (*BALL_PARTS, *(f"{kind}.{axis}" for kind in WRENCH for axis in AXES))),
+              for part in (*BALL_PARTS, *TRANSMITTED)),
             *(f"loop.{name}.{kind}.{axis}" for name in self.reactions.loops for kind in WRENCH for axis in AXES),
-            *(f"loop.{name}.angle" for name in self.reactions.screws),
+            *(f"loop.{name}.{part}" for name in self.reactions.loops for part in ("angle", "position")
+              if f"{name}.{part}" in mechanism.coordinates),
             *(f"coupling.{name}.{part}" for name, one in self.reactions.couplings.items()
               for part in coupling_parts(one)),
             *(f"coordinate.{name}.{rate}" for name in mechanism.coordinates for rate in RATES),
@@ -142,16 +163,17 @@ class Quantities:
             *(f"energy.{name}.{part}" for name in sets[1:] for part in ENERGIES[:2]),
             *(f"momentum.{name}.{part}.{axis}" for name in sets for part in ("linear", "angular") for axis in AXES),
             *(f"dynamic.{name}.{part}.{axis}" for name in sets for part in WRENCH for axis in AXES),
-            "power.gravity", *(f"power.{name}" for name in self.trajectory.dynamics.forces),
+            "power.gravity", *(["power.friction"] if mechanism.frictions else []),
+            *(f"power.{name}" for name in self.trajectory.dynamics.forces),
             *(f"force.{name}.{part}{axis}" for name, force in self.trajectory.dynamics.forces.items()
               for part, one in force.measures().items() for axis in ([f".{x}" for x in AXES] if one.vector else [""])),
         ]  # fmt: skip
 
     def _find(self, name: str) -> Series:
         mechanism, rows = self.trajectory.mechanism, len(self.trajectory)
-        if name == self.trajectory.parameter:
-            return Series(name, self.trajectory.unit, self.trajectory.grid.t)
         self._require_one_meaning(name)
+        if name == self.trajectory.parameter:
+            return self.parameter
         for symbols in (self.symbols, mechanism.symbols):
             if name in symbols:
                 return self._evaluate(name, symbols[name])
@@ -180,19 +202,33 @@ class Quantities:
         Raises:
             InputError: Says for which.
         """
-        mechanism = self.trajectory.mechanism
+        run, mechanism = self.trajectory, self.trajectory.mechanism
         known, arguments = {*self.symbols, *mechanism.symbols}, mechanism.arguments
+        coordinate = mechanism.coordinates.get(name)
+        swept = coordinate is not None and coordinate.unit == run.unit  # that coordinate itself runs along the rows
         named = {
             "a symbol": name in known,
             "an argument of the model": name in arguments,
-            "a coordinate": name in mechanism.coordinates,
-            "what runs along the rows": name == self.trajectory.parameter and name not in mechanism.coordinates,
+            "a coordinate": coordinate is not None,
+            "what runs along the rows": name == run.parameter and not swept,
+            "a quantity of the mechanism": (coordinate is not None or name in known) and self._is_quantity(name),
             "a constant": name in ("g", *CONSTANTS) and name not in known and name not in arguments,
         }
         meanings = [meaning for meaning, holds in named.items() if holds]
         if len(meanings) > 1:
             hint = f"coordinate.{name}.position, or another name" if named["a coordinate"] else "another name"
             raise InputError(f"'{name}' is {' and '.join(meanings)}", expected="one meaning for each name", hint=hint)
+
+    def _is_quantity(self, name: str) -> bool:
+        """Tell whether a name is that of a quantity, whatever else is called so."""
+        kind, _, rest = name.partition(".")
+        if kind not in _KINDS or not rest:
+            return False
+        try:
+            _KINDS[kind](self, name, self._words(rest))
+        except InputError:
+            return False
+        return True
 
     @cached_property
     def _dotted(self) -> set[str]:
@@ -240,9 +276,24 @@ class Quantities:
         return np.asarray(expression.evaluate({inner: series.values for inner, series in found.items()}), float)
 
     def _operands(self, expression: Expression) -> dict[str, Series]:
+        self._require_units(expression)
         for inner in expression.names:
             self._require_one_meaning(inner)
         return {inner: self[inner] for inner in expression.names if not _is_constant(inner, self)}
+
+    def _require_units(self, expression: Expression) -> None:
+        """Raise where what reads as a number with a unit may be a product of names whose ``*`` was forgotten.
+
+        Raises:
+            InputError: All the words of the unit are names here.
+        """
+        mechanism = self.trajectory.mechanism
+        names = {"g", *self.symbols, *mechanism.symbols, *mechanism.arguments, *mechanism.coordinates}
+        for number in expression.measured:
+            if number.words <= names:
+                said = " and ".join(f"'{word}'" for word in sorted(number.words))
+                raise InputError(f"'{number.text}' is a number with a unit, and {said} a name here too",
+                                 expected="a * before the name, or a unit that is none, such as mm for m")  # fmt: skip
 
     def _unknown(self, name: str) -> InputError:
         available = self.names()
@@ -263,11 +314,13 @@ class Quantities:
         if part in RATES and len(words) == 2:
             return self._rate_of(name, words[0], part)
         self._require_efforts(name)
-        if part in ("effort", "power") and len(words) == 2:
-            effort, doubt = self._effort(joint.v), self._effort_doubt(name, joint.v)
-            if part == "effort":
-                return Series(name, effort_unit(joint), effort, doubt)
-            return Series(name, WATT, effort * self.trajectory.v[:, joint.v], doubt)
+        if part in EFFORTS and len(words) == 2:
+            armature = float(mechanism.model.armature[joint.v]) if part == "link_effort" else 0.0
+            effort = self.trajectory.effort(joint.v) - armature * self.trajectory.a[:, joint.v]
+            return Series(name, effort_unit(joint), effort, self._effort_doubt(name, joint.v))
+        if part == "power" and len(words) == 2:
+            values = self.trajectory.effort(joint.v) * self.trajectory.v[:, joint.v]
+            return Series(name, WATT, values, self._effort_doubt(name, joint.v))
         return self._transmitted(name, words, joint.index)
 
     def _transmitted(self, name: str, words: list[str], index: int) -> Series:
@@ -276,22 +329,24 @@ class Quantities:
         if len(words) < 3 or words[1] not in WRENCH:
             raise self._unknown(name)
         found = self.reactions
-        added, opened = [stressed[:, index] for stressed in found.stressed_joints], found.open_wrenches(index)
-        for wrench in opened:
-            if self._acts(self._wrench_component(name, words, found.origins[:, index], wrench)):
+        added, about = [stressed[:, index] for stressed in found.stressed_joints], found.origins[:, index]
+        if words[1:3] == ["moment", AT_PARENT]:
+            about, words = found.markers(index), [*words[:2], *words[3:]]
+        for wrench in [] if self.whole else found.open_wrenches(index):
+            if self._acts(self._wrench_component(name, words, found.origins[:, index], wrench, about)):
                 raise InputError(f"'{name}': {found.left_open[index]}", expected="a joint before or beyond them",
                                  hint=SAY_HOW)  # fmt: skip
-        return self._wrench(name, words, found.origins[:, index], found.joints[:, index], added)
+        return self._wrench(name, words, found.origins[:, index], found.joints[:, index], added, about)
 
     def _of_loop(self, name: str, words: list[str]) -> Series:
         found = self.reactions
-        if words[1:] == ["angle"] and words[0] in found.screws:
-            return Series(name, RADIAN, found.angle(words[0]))
+        if words[0] in found.loops and words[1:] in (["angle"], ["position"]):
+            return self._rate_of(name, ".".join(words), "position")
         if words[0] not in found.loops or len(words) < 3 or words[1] not in WRENCH:
             raise self._unknown(name)
         self._require_efforts(name)
         origins, wrench = found.loop_origins(words[0]), found.loop(words[0])
-        return self._wrench(name, words, origins, wrench, found.stressed_loop(words[0]))
+        return self._wrench(name, words, origins, wrench, found.stressed_loop(words[0]), origins)
 
     def _of_coupling(self, name: str, words: list[str]) -> Series:
         found, part = self.reactions, ".".join(words[1:2])
@@ -308,27 +363,32 @@ class Quantities:
                              hint=SAY_HOW)  # fmt: skip
         if part in WRENCH:
             points, wrench, stressed = found.transmitted(words[0])
-            return self._wrench(name, words, points, wrench, stressed)
+            return self._wrench(name, words, points, wrench, stressed, points)
         if part not in known.parts():
             raise self._unknown(name)
         return Series(name, known.parts()[part], known.part(part, lam), self._doubt(name, added))
 
-    def _wrench(self, name: str, words: list[str], origins: Array, wrench: Array, added: list[Array]) -> Series:
-        """Return a component of a wrench, unless self-stresses can add anything to it."""
-        values, *stressed = (self._wrench_component(name, words, origins, one) for one in (wrench, *added))
+    def _wrench(
+        self, name: str, words: list[str], origins: Array, wrench: Array, added: list[Array], about: Array
+    ) -> Series:
+        """Return a component of a wrench at ``origins``, unless self-stresses can add anything to it.
+
+        Moments are about the points ``about``, shape (n, 3), where the name gives none.
+        """
+        values, *stressed = (self._wrench_component(name, words, origins, each, about) for each in (wrench, *added))
         return Series(name, NEWTON if words[1] == "force" else NEWTON_METRE, values, self._doubt(name, stressed))
 
-    def _wrench_component(self, name: str, words: list[str], origins: Array, wrench: Array) -> Array:
+    def _wrench_component(self, name: str, words: list[str], origins: Array, wrench: Array, about: Array) -> Array:
         """Return the component of wrenches at origins that a name asks for, shape (n,)."""
         if words[1] == "force":
             return self._component(name, words, wrench[:, :3])
-        arm = origins - self._about(name, words, origins)
+        arm = origins - self._about(name, words, about)
         return self._component(name, words, wrench[:, 3:] + np.cross(arm, wrench[:, :3]))
 
     @staticmethod
     def _acts(component: Array) -> bool:
         """Tell whether wrenches of length 1 act on a component, given what they add to it, shape (n,)."""
-        return bool(np.abs(component).max(initial=0.0) > UNDETERMINED)
+        return bool(np.abs(component).max(initial=0.0) > ACTS)
 
     def _doubt(self, name: str, added: list[Array]) -> str:
         """Return what is in doubt about a component: nothing where self-stresses add nothing to it.
@@ -336,22 +396,30 @@ class Quantities:
         Raises:
             InputError: They do, and the scenario does not ask for the least values.
         """
+        if self.whole:
+            return self.whole[name].doubt
         doubt = ""
         if any(self._acts(part) for part in added):
             doubt = f"hyperstatic of degree {len(added)}: rigid bodies do not determine it"
             if self.undetermined != "minimum_norm":
-                raise InputError(f"'{name}': {doubt}", expected="a component that is determined, or a joint loosened",
-                                 hint="undetermined: minimum_norm, for the least multipliers")  # fmt: skip
+                raise self._hyperstatic(name, doubt)
         return doubt
+
+    def _hyperstatic(self, name: str, doubt: str) -> InputError:
+        """Return the refusal of a component that is not determined, with the joints that share it."""
+        from pinarm.engine.kinematics.mobility import mobility_of
+
+        found = mobility_of(self.trajectory.mechanism, self.trajectory.q[0])
+        shared = f", only what {', '.join(found.undetermined)} carry together" if found.undetermined else ""
+        looser = f": {found.loosenings[0]}" if found.loosenings else ""
+        return InputError(
+            f"'{name}': {doubt}{shared}", expected=f"a component that is determined, or looser joints{looser}",
+            hint="undetermined: minimum_norm, for the least multipliers",
+        )  # fmt: skip
 
     def _require_efforts(self, name: str) -> None:
         if self.trajectory.no_efforts:
             raise InputError(f"'{name}': {self.trajectory.no_efforts}", hint="kind: inverse")
-
-    def _effort(self, v: int) -> Array:
-        """Return the effort between the links, without what accelerates the drive's own rotor."""
-        armature = float(self.trajectory.mechanism.model.armature[v])
-        return self.trajectory.effort(v) - armature * self.trajectory.a[:, v]
 
     def _effort_doubt(self, name: str, v: int) -> str:
         """Return what is in doubt about the effort of a joint that couplings move; nothing where it has a drive."""
@@ -409,9 +477,9 @@ class Quantities:
         if words[1] == "speed":
             return Series(name, unit("rad/s"), speed)
         self._require_efforts(name)
-        a = self.trajectory.a[:, index]
-        torque = drive.torque(self._effort(index), self.trajectory.direction(index), a)
-        torque = np.where(self.trajectory.tau[:, index] == 0.0, 0.0, torque)  # off: what moves its rotor loses nothing
+        a, effort = self.trajectory.a[:, index], self.trajectory.tau[:, index]
+        torque = drive.torque(effort - drive.armature * a, self.trajectory.direction(index), a)
+        torque = np.where(effort == 0.0, 0.0, torque)  # off: what moves its rotor loses nothing
         return Series(name, NEWTON_METRE, torque) if words[1] == "torque" else Series(name, WATT, torque * speed)
 
     def _of_energy(self, name: str, words: list[str]) -> Series:
@@ -440,8 +508,11 @@ class Quantities:
 
     def _beyond(self, name: str, of: str) -> list[int]:
         """Return the joints of ``all``, or a joint and those beyond it."""
-        model = self.trajectory.mechanism.model
+        mechanism, model = self.trajectory.mechanism, self.trajectory.mechanism.model
         if of == "all":
+            if of in mechanism.joints or of in mechanism.balls:
+                raise InputError(f"'{name}': 'all' is a joint, and the whole mechanism", expected="one meaning",
+                                 hint="another name of the joint")  # fmt: skip
             return list(range(1, model.njoints))
         return [int(joint) for joint in model.subtrees[self._index(name, of)]]
 
@@ -457,6 +528,9 @@ class Quantities:
         if words == ["gravity"]:
             return Series(name, WATT, self.passes.gravity_power)
         run, wanted = self.trajectory, ".".join(words)
+        if words == ["friction"] and run.mechanism.frictions:
+            self._require_efforts(name)
+            return Series(name, WATT, (run.friction_loads * run.v).sum(axis=1))
         if wanted not in run.dynamics.forces:
             raise self._unknown(name)
         values = run.gather(
@@ -467,7 +541,7 @@ class Quantities:
     def _of_force(self, name: str, words: list[str]) -> Series:
         run, force = self.trajectory, self.trajectory.dynamics.forces.get(words[0])
         measure = force.measures().get(".".join(words[1:2])) if force else None
-        if measure is None or (len(words) > 2) != measure.vector or "about" in words:
+        if measure is None or (len(words) > 2) != measure.vector or "about" in words[2:]:
             raise self._unknown(name)
 
         def values(dynamics: Dynamics, rows: slice) -> Array:
@@ -479,9 +553,9 @@ class Quantities:
 
     def _about(self, name: str, words: list[str], otherwise: Array) -> Array:
         """Return the points that a moment is asked about, shape (n, 3)."""
-        if "about" not in words[:-2]:
+        if "about" not in words[2:-2]:
             return otherwise
-        return self.passes.frame(words[words.index("about") + 1])[:, 0]
+        return self.passes.frame(words[words.index("about", 2) + 1])[:, 0]
 
     def _component(self, name: str, words: list[str], vectors: Array) -> Array:
         """Return the component of vectors that the last word names, in the axes that ``along`` names."""

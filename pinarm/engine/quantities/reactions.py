@@ -9,22 +9,27 @@ known leave components open likewise.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cached_property
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.checks.balance import demands
-from pinarm.engine.constraints.nullspace import RowDecomposition
+from pinarm.engine.constraints.constraint import GuidedCoordinate
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.couplings.left_open import OpenReaction, left_open
+from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
+from pinarm.mechanics.friction.contact import LoopContact
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.mechanics.loops.screw import counted_angle
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.loops.relative import LoopCoordinate
 
 SAMPLE = 64
 """Largest number of rows at which self-stresses are looked for: they belong to the structure, not to an instant."""
@@ -44,7 +49,6 @@ class Reactions:
         self.run, self.model, self.closure = run, run.mechanism.model, run.closure
         self.loops = {one.name: one for one in self.closure.constraints if isinstance(one, LoopJoint)}
         self.couplings = {one.name: one for one in self.closure.constraints if isinstance(one, Coupling)}
-        self.screws = [name for name, loop in self.loops.items() if loop.kind == "screw"]
 
     @cached_property
     def _links(self) -> LinkPlacements:
@@ -58,6 +62,16 @@ class Reactions:
     def origins(self) -> Array:
         """Places of the joints' origins [m], world axes, shape (n, njoints, 3)."""
         return np.concatenate([self.links(rows).places for rows in _blocks(0, len(self.run))])
+
+    def markers(self, joint: int) -> Array:
+        """Return the places of a joint on its parent [m], world axes, shape (n, 3): its origin where it does not slide.
+
+        Args:
+            joint: Pinocchio's joint index.
+        """
+        parent, place = self.model.parents[joint], self.model.jointPlacements[joint].translation
+        blocks = (self.links(rows) for rows in _blocks(0, len(self.run)))
+        return np.concatenate([links.places[:, parent] + links.turns[:, parent] @ place for links in blocks])
 
     @cached_property
     def multipliers(self) -> Array:
@@ -98,6 +112,9 @@ class Reactions:
                     found[k, joint] += wrench
         if self.closure.size:
             found += self.closure.wrenches(self.links(rows), self.multipliers[rows])
+        for contact, f in zip(run.mechanism.frictions, run.friction.T, strict=True):
+            for joint, wrench in contact.wrenches(self.links(rows), f[rows]).items():
+                found[:, joint] += wrench
         return found
 
     def figures(self) -> dict[str, float]:
@@ -130,18 +147,44 @@ class Reactions:
         return np.asarray(np.stack([missed, terms], axis=1)[:, :, 1:])
 
     def loop(self, name: str) -> Array:
-        """Return the wrench of a loop joint's first link on its second, at frame 2, world axes, shape (n, 6)."""
-        return self._loop(name, self.multipliers)
+        """Return the wrench of a loop joint's first link on its second, at frame 2, world axes, shape (n, 6).
+
+        Friction, springs, efforts and drives along the joint's own coordinates are part of it, as they are of joints of
+        the tree.
+        """
+        held = self._loop(name, self.multipliers)
+        for coordinate, effort in self._own_efforts(name):
+            blocks = _blocks(0, len(self.run))
+            held += np.concatenate([coordinate.way.wrench(self.links(rows), effort[rows, None]) for rows in blocks])
+        every = np.arange(len(self.run))
+        for contact, f in zip(self.run.mechanism.frictions, self.run.friction.T, strict=True):
+            if isinstance(contact, LoopContact) and contact.joint.name == name:
+                held += contact.slip.wrench(self.links(every), f[:, None])
+        return held
+
+    def _own_efforts(self, name: str) -> Iterator[tuple[LoopCoordinate, Array]]:
+        """Yield the coordinates of a loop joint with efforts along them, of drives and force elements, shape (n,)."""
+        from pinarm.mechanics.loops.relative import LoopCoordinate
+
+        run, guides = self.run, self.closure.constraints[len(self.run.mechanism.constraints) :]
+        for one in guides:
+            guided = one.coordinate if isinstance(one, GuidedCoordinate) else None
+            if isinstance(guided, LoopCoordinate) and guided.loop == name:
+                yield guided, self.multipliers[:, self.closure.slices()[one.name].start]
+        for key, force in run.dynamics.forces.items():
+            along = force.coordinate if isinstance(force, AlongCoordinate) else None
+            if isinstance(along, LoopCoordinate) and along.loop == name:
+                yield along, run.gather(partial(self._efforts, key))
+
+    def _efforts(self, name: str, dynamics: Dynamics, rows: slice) -> Array:
+        run, force = self.run, dynamics.forces[name]
+        assert isinstance(force, AlongCoordinate)
+        return force.efforts(run.grid.t[rows], run.q[rows], run.v[rows])
 
     def loop_origins(self, name: str) -> Array:
         """Return the places of a loop joint's second frame [m], world axes, shape (n, 3)."""
         frame = self.loops[name].second
         return np.concatenate([self.links(rows).frame(frame)[1] for rows in _blocks(0, len(self.run))])
-
-    def angle(self, name: str) -> Array:
-        """Return how far a screw has turned, whole turns counted [rad], shape (n,)."""
-        blocks = _blocks(0, len(self.run))
-        return np.concatenate([counted_angle(self.loops[name], self.links(rows)) for rows in blocks])
 
     def _loop(self, name: str, lam: Array) -> Array:
         rows, part = np.zeros((len(lam), 6)), self.closure.slices()[name]
@@ -188,7 +231,7 @@ class Reactions:
         found: list[Array] = []
         sampled = np.linspace(0, len(run) - 1, min(len(run), SAMPLE if m else 0)).astype(int)
         for i in sampled:
-            split = RowDecomposition.of(closure.rows(closure.state(run.q[i]))[:m])
+            split = run.mechanism.closure.split(closure.rows(closure.state(run.q[i]))[:m])
             free = split.scale[:, None] * split.redundant
             free /= np.linalg.norm(free, axis=0)
             while len(found) < free.shape[1]:

@@ -16,14 +16,17 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import accelerations
+from pinarm.engine.dynamics.masses import require_masses
+from pinarm.engine.motion.standstill import directions, lossy, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.broadcasting import LeadingAxes
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
-from pinarm.engine.statics.actuation import actuation, everywhere
+from pinarm.engine.statics.actuation import Actuation, actuation, everywhere
 from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.ball_joints import configuration, places_of, unit_of, velocities_of
+from pinarm.mechanics.friction.contact import slip_rows
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.mechanics.loading.pinocchio_layout import UNIT
 
@@ -139,22 +142,56 @@ def _quantities(
     q, still = given["q"], np.zeros((len(given["q"]), mechanism.model.nv))
     v, tau, after = given.get("v", still), given.get("tau"), float(np.nextafter(t, np.inf))
     dynamics, closure = mechanism.dynamics.on(t, after), mechanism.closure
-    a = given.get("a", still) if tau is None else _forward(dynamics, closure, t, q, v, tau)
+    columns, loads = _friction(mechanism, dynamics, t, q, v, tau)
+    a = given.get("a", still) if tau is None else _forward(mechanism, dynamics, t, q, v, tau + loads)
     _check_closed(closure, leading, q, v, a)
-    grid = Grid(np.full(len(q), float(t)), (float(t), after), (0, len(q)))
-    run = Trajectory(
-        mechanism, "t", unit("s"), grid, q, v, a, still, Multipliers.zero(len(q), closure.size), closure,
-        mechanism.dynamics, separate=True,
-    )  # fmt: skip
+    run = _rows(mechanism, t, q, v, a)
     demand = dynamics.inverse(t, q, v, a)
+    if lossy(mechanism):
+        terms = a if tau is None else np.maximum(np.abs(a), np.abs(_forward(mechanism, dynamics, t, q, v, still)))
+        paces = row_paces(mechanism, v, terms)  # efforts that hold leave accelerations of their rounding
+        run = replace(run, directions=directions(v, a, paces, np.ones(len(q)), still))
     if tau is not None:
-        lam = Multipliers.least(closure, q, demand - tau, np.zeros((len(q), 0)))
-        return Quantities(replace(run, tau=tau, lam=lam))
+        lam = Multipliers.least(closure, q, demand - tau - loads, np.zeros((len(q), 0)))
+        return Quantities(replace(run, tau=tau, lam=lam, columns=columns))
     acting = actuation(mechanism, drives, drives) if drives else everywhere(mechanism)
     if acting is None:
         return Quantities(replace(run, no_efforts=NO_DRIVES))
-    tau, lam = acting.efforts(grid.t, q, demand)
-    return Quantities(replace(run, tau=tau, lam=lam, closure=acting.closure, driven=acting.driven))
+    return Quantities(_driven(replace(run, closure=acting.closure, driven=acting.driven), acting, demand))
+
+
+def _driven(run: Trajectory, acting: Actuation, demand: Array) -> Trajectory:
+    """Return states with the efforts of drives, and with friction that sticks."""
+    if run.mechanism.frictions:
+        from pinarm.engine.motion.known_friction import KnownFriction
+
+        return KnownFriction(run, acting, demand).solved()
+    tau, lam = acting.efforts(run.grid.t, run.q, demand)
+    return replace(run, tau=tau, lam=lam)
+
+
+def _friction(
+    mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Array, tau: Array | None
+) -> tuple[dict[str, Series], Array]:
+    """Return friction that sticks under efforts as columns, and as generalised loads, shape (n, nv)."""
+    if tau is None or not mechanism.frictions:
+        return {}, np.zeros_like(v)
+    from pinarm.engine.friction.columns import friction_columns
+    from pinarm.engine.friction.given_efforts import friction_under
+
+    friction = friction_under(mechanism.frictions, dynamics, mechanism.closure, t, q, v, tau)
+    loads = np.vecmat(friction, slip_rows(mechanism.model, mechanism.frictions, q))
+    return friction_columns(mechanism.frictions, friction), loads
+
+
+def _rows(mechanism: Mechanism, t: float, q: Array, v: Array, a: Array) -> Trajectory:
+    """Return states of their own as a table, without efforts."""
+    closure = mechanism.closure
+    grid = Grid(np.full(len(q), float(t)), (float(t), float(np.nextafter(t, np.inf))), (0, len(q)))
+    return Trajectory(
+        mechanism, "t", unit("s"), grid, q, v, a, np.zeros_like(v), Multipliers.zero(len(q), closure.size), closure,
+        mechanism.dynamics, separate=True,
+    )  # fmt: skip
 
 
 def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence[str], t: float) -> Array:
@@ -169,6 +206,9 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
     _check_unit(mechanism, leading, q)
     demand = mechanism.dynamics.on(t, np.nextafter(t, np.inf)).inverse(t, q, v, a)
     _check_closed(mechanism.closure, leading, q, v, a)
+    if mechanism.frictions:
+        rows = _rows(mechanism, t, q, v, a)
+        return leading.unfold(_driven(replace(rows, closure=acting.closure), acting, demand).tau)
     return leading.unfold(acting.efforts(np.full(len(q), float(t)), q, demand)[0])
 
 
@@ -178,7 +218,8 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
     given = {} if tau is None else {"tau": (tau, nv)}
     leading, (q, v, *efforts) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), **given)
     _check_unit(mechanism, leading, q)
-    a = _forward(dynamics, mechanism.closure, t, q, v, efforts[0] if efforts else np.zeros_like(v))
+    tau = efforts[0] if efforts else np.zeros_like(v)
+    a = _forward(mechanism, dynamics, t, q, v, tau + _friction(mechanism, dynamics, t, q, v, tau)[1])
     _check_closed(mechanism.closure, leading, q, v, a)
     return leading.unfold(a)
 
@@ -196,8 +237,15 @@ def _check_unit(mechanism: Mechanism, leading: LeadingAxes, q: Array) -> None:
             raise InputError(said, expected="(x, y, z, w) of length 1", hint="configurations({...}) makes them")
 
 
-def _forward(dynamics: Dynamics, closure: Closure, t: float, q: Array, v: Array, tau: Array) -> Array:
-    """Return the accelerations under efforts, shape (n, nv): of open chains by ``aba``."""
+def _forward(mechanism: Mechanism, dynamics: Dynamics, t: float, q: Array, v: Array, tau: Array) -> Array:
+    """Return the accelerations under efforts, shape (n, nv): of open chains by ``aba``.
+
+    Raises:
+        DynamicsError: Something without mass is free to move.
+    """
+    if not mechanism.massive:
+        require_masses(mechanism.closure, q, t)
+    closure = mechanism.closure
     return accelerations(dynamics, closure, t, q, v, tau) if closure.size else dynamics.forward(t, q, v, tau)
 
 

@@ -7,7 +7,7 @@ drive acts along. With T a basis of the motions that the constraints allow, ``G 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
@@ -50,6 +50,10 @@ class Actuation(Protocol):
         """
         ...
 
+    def coordinates(self, mechanism: Mechanism) -> Mapping[str, Coordinate]:
+        """Return the coordinates that the drives act along, by name."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class DriveAtEveryJoint:
@@ -69,6 +73,10 @@ class DriveAtEveryJoint:
     def efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
         """Return the demand itself."""
         return demand, Multipliers.zero(len(demand), 0)
+
+    def coordinates(self, mechanism: Mechanism) -> Mapping[str, Coordinate]:
+        """Return those of all joints."""
+        return {name: mechanism.coordinates[name] for name in mechanism.joints}
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +113,11 @@ class DriveAtEveryLeader:
         tau = demand - lam @ rows
         tau[:, self.followers] = 0.0
         return tau, Multipliers.known(lam, self.closure.size)
+
+    def coordinates(self, mechanism: Mechanism) -> Mapping[str, Coordinate]:
+        """Return those of the joints that mimic no other."""
+        leaders = (name for name, joint in mechanism.joints.items() if joint.v not in self.followers)
+        return {name: mechanism.coordinates[name] for name in leaders}
 
 
 def actuation(mechanism: Mechanism, drives: Sequence[str], prescribed: Sequence[str]) -> Actuation:

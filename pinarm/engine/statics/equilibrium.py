@@ -95,7 +95,7 @@ class ForceBalance:
         for name in held:
             with within(Key(name)):
                 coordinates.append(mechanism.coordinate(name))
-        if len(held) + min(mechanism.closure.size, 1) >= model.nv:
+        if len(held) + int(mechanism.closure.ties) >= model.nv:
             raise InputError("every coordinate is held: nothing is left to balance", hint="kind: statics")
         laws = tuple(Constant(value=float(value)) for value in held.values())
         prescribed, others = PrescribedCoordinates(tuple(held), tuple(coordinates), laws).linear_last()
@@ -118,7 +118,7 @@ class ForceBalance:
 
     def split(self, q: Array) -> RowDecomposition:
         """Return the rows of what is held, taken apart at a configuration."""
-        return RowDecomposition.of(self.rows.rows(self.rows.state(q)))
+        return self.rows.split(self.rows.rows(self.rows.state(q)))
 
     def basis(self, q: Array, like: Array | None = None) -> Array:
         """Return the free motions at q, shape (nv, nu): orthonormal, and turned to those of another configuration.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspace_batch import free_motions
 from pinarm.errors import DynamicsError, InputError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, driven_along
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
 
 CARRIED = 1e-9
 """Largest part of a load that no drive carries, relative to the load: rounding leaves 1e-13."""
@@ -39,9 +43,13 @@ class SelectedDrives:
     closure: Closure
 
     @property
-    def coordinates(self) -> dict[str, Coordinate]:
+    def named(self) -> dict[str, Coordinate]:
         """What drives act along, by name: joints and sums of them first."""
         return {**self.joints, **self.tasks}
+
+    def coordinates(self, mechanism: Mechanism) -> Mapping[str, Coordinate]:
+        """Return what drives act along, by name."""
+        return self.named
 
     @property
     def driven(self) -> Flags:
@@ -57,7 +65,7 @@ class SelectedDrives:
             DynamicsError: The efforts are not determined: at a dead point, or as there are too many drives.
             InputError: The drives cannot carry the load.
         """
-        effort, good, k = np.empty((len(q), len(self.coordinates))), np.empty(len(q), dtype=bool), len(self.joints)
+        effort, good, k = np.empty((len(q), len(self.named))), np.empty(len(q), dtype=bool), len(self.joints)
         for places, free in free_motions(self.own, q):
             effort[places], good[places] = _carried(*self._system(q[places], demand[places], free))
         if not good.all():
@@ -69,7 +77,7 @@ class SelectedDrives:
 
     def _system(self, q: Array, demand: Array, free: Array) -> tuple[Array, Array, Array]:
         """Return ``(S T)^T``, shape (n, f, d), the load ``T^T demand``, shape (n, f), and the least singular value."""
-        rows = rows_of(self.own.model, list(self.coordinates.values()), q)
+        rows = rows_of(self.own.model, list(self.named.values()), q)
         least = WEAK * np.linalg.norm(rows, axis=2).max(axis=1, initial=0.0)
         return np.einsum("fnj,ndj->nfd", free, rows), np.einsum("fnj,nj->nf", free, demand), least
 
@@ -78,7 +86,7 @@ class SelectedDrives:
         ((_, free),) = free_motions(self.own, q)
         (ways,), (load,), (least,) = self._system(q, demand, free)
         u, s, vt = np.linalg.svd(ways)
-        names, freedom, r = list(self.coordinates), len(load), int((s >= least).sum())
+        names, freedom, r = list(self.named), len(load), int((s >= least).sum())
         if len(names) > r:
             shares = np.abs(vt[r:]).max(axis=0)
             weak = [name for name, share in zip(names, shares, strict=True) if share > 1e-6]

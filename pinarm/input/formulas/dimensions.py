@@ -10,6 +10,7 @@ from typing import Any
 
 from pinarm.errors import UnitError
 from pinarm.input.formulas.grammar import CONSTANTS, interpret, look_up
+from pinarm.input.formulas.measured_numbers import MeasuredNumber
 from pinarm.input.units import DIMENSIONLESS, Unit
 
 BatchJacobians = Sequence["Measure"]
@@ -61,6 +62,8 @@ class _Units:
     rules: Mapping[str, Rule]
 
     def constant(self, value: Any) -> Measure:
+        if isinstance(value, MeasuredNumber):
+            return Measure(Unit(1.0, value.unit.dimension))
         return Measure(DIMENSIONLESS, Fraction(repr(value)))
 
     def name(self, name: str) -> Measure:

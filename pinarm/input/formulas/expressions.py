@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from typing import Any
@@ -13,6 +13,7 @@ import numpy as np
 from pinarm.errors import ExpressionError
 from pinarm.input.formulas.dimensions import Rule, pure, ratio, root, same, sign, unit_of
 from pinarm.input.formulas.grammar import CONSTANTS, MANY, Grammar, interpret, look_up, names_in, read_tree
+from pinarm.input.formulas.measured_numbers import MeasuredNumber
 from pinarm.input.units import Unit
 
 
@@ -24,11 +25,13 @@ class Expression:
         text: The formula as written.
         tree: Its syntax tree.
         names: The names in it, constants such as ``pi`` included: a given name takes precedence over them.
+        measured: The numbers with a unit in it.
     """
 
     text: str
     tree: ast.expr = field(repr=False, compare=False)
     names: frozenset[str] = field(repr=False, compare=False)
+    measured: tuple[MeasuredNumber, ...] = field(default=(), repr=False, compare=False)
 
     @classmethod
     def parse(cls, text: str) -> Expression:
@@ -38,7 +41,9 @@ class Expression:
             ExpressionError: The text is not a formula, or too long.
         """
         tree = read_tree(text, FORMULA)
-        return cls(text.strip(), tree, frozenset(names_in(tree, FORMULA)))
+        constants: Iterator[Any] = (node.value for node in ast.walk(tree) if isinstance(node, ast.Constant))
+        measured = tuple(value for value in constants if isinstance(value, MeasuredNumber))
+        return cls(text.strip(), tree, frozenset(names_in(tree, FORMULA)), measured)
 
     def evaluate(self, names: Mapping[str, Any]) -> Any:
         """Return the value: a float or bool where all the names are numbers, else an array.
@@ -74,7 +79,7 @@ class _Values:
     names: Mapping[str, Any]
 
     def constant(self, value: Any) -> Any:
-        return np.float64(value)
+        return np.float64(value.value if isinstance(value, MeasuredNumber) else value)
 
     def name(self, name: str) -> Any:
         value = np.asarray(look_up(name, self.names, CONSTANTS))
@@ -157,5 +162,5 @@ _FUNCTIONS: Mapping[str, _Function] = {
 }  # fmt: skip
 _RULES = {name: entry.rule for name, entry in _FUNCTIONS.items()}
 
-FORMULA = Grammar((int, float), {name: (entry.least, entry.most) for name, entry in _FUNCTIONS.items()})
+FORMULA = Grammar((int, float, MeasuredNumber), {name: (entry.least, entry.most) for name, entry in _FUNCTIONS.items()})
 """The language of scenario files."""

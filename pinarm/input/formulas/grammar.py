@@ -1,8 +1,8 @@
 """The grammar of formulas: a checked subset of Python's expressions, evaluated by an ``Algebra``.
 
-Numbers, names with dots, ``+ - * / // % **``, comparisons, ``and or not``, ``a if test else b``, and a fixed table of
-functions. Python parses the text, but nothing is compiled or run: the tree is checked node by node, and an
-``Algebra`` (of values, of units) then gives each node its meaning.
+Numbers, with units where a language has them (``measured_numbers``), names with dots, ``+ - * / // % **``, comparisons,
+``and or not``, ``a if test else b``, and a fixed table of functions. Python parses the text, but nothing is compiled or
+run: the tree is checked node by node, and an ``Algebra`` (of values, of units) then gives each node its meaning.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from functools import lru_cache, partial
 from typing import Any, Protocol, TypeVar
 
 from pinarm.errors import ExpressionError, Location, PinarmError, choices
+from pinarm.input.formulas.measured_numbers import MeasuredNumber, find_measured
 
 MAX_LENGTH = 2000
 MAX_DEPTH = 200
@@ -137,15 +138,36 @@ def read_tree(text: str, grammar: Grammar) -> ast.expr:
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the formula is too long: {len(text)} characters", expected=f"at most {MAX_LENGTH}")
     try:
-        tree = ast.parse(text, mode="eval").body
+        measured = find_measured(text) if MeasuredNumber in grammar.literals else []
+    except ExpressionError as error:
+        raise _in_words(error, text) from None
+    try:
+        tree = ast.parse(_without_units(text, measured), mode="eval").body
     except SyntaxError as error:
         place = Location("", 1, max(error.offset or 1, 1), width=1)
         problem = ExpressionError(f"this is not a formula: {error.msg}", expected=_LANGUAGE, hint=_syntax_hint(text))
         raise _in_words(problem.at(place), text) from None
     except (ValueError, RecursionError, MemoryError, OverflowError) as error:
         raise ExpressionError(f"this is not a formula: {error or 'nested too deeply'}", expected=_LANGUAGE) from None
+    _put_back(tree, text, measured)
     _check(tree, grammar, text)
     return tree
+
+
+def _without_units(text: str, measured: Sequence[tuple[int, MeasuredNumber]]) -> str:
+    """Return the text with ``0`` and blanks in place of numbers with units: everything else stays at its column."""
+    for start, number in measured:
+        text = f"{text[:start]}{'0'.ljust(len(number.text))}{text[start + len(number.text) :]}"
+    return text
+
+
+def _put_back(tree: ast.expr, text: str, measured: Sequence[tuple[int, MeasuredNumber]]) -> None:
+    """Put numbers with units into a tree, at the columns from which they were taken."""
+    numbers = {len(text[:start].encode()): number for start, number in measured}
+    for node in ast.walk(tree) if numbers else ():
+        if isinstance(node, ast.Constant) and node.col_offset in numbers:
+            number = numbers[node.col_offset]
+            node.value, node.end_col_offset = number, node.col_offset + len(number.text)  # type: ignore[assignment]
 
 
 _BLANKS = {ord("\n"): " ", ord("\r"): " ", ord("\t"): " "}
@@ -167,6 +189,8 @@ def _check(tree: ast.expr, grammar: Grammar, text: str) -> None:
         try:
             if depth > MAX_DEPTH or count > MAX_NODES:
                 raise ExpressionError("the formula is nested too deeply or has too many parts", hint="smaller formulas")
+            if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+                _check_digits(text.encode()[node.col_offset : node.end_col_offset])
             pending += [(part, depth + 1) for part in _parts(node, grammar)]
         except ExpressionError as error:
             raise _in_words(error.at(_place(node)), text) from None
@@ -203,6 +227,11 @@ def _check_literal(value: Any, grammar: Grammar) -> None:
         raise ExpressionError(f"a {type(value).__name__} is not allowed in a formula", expected="numbers and names")
     if isinstance(value, int | float) and not abs(value) < (MAX_INTEGER if isinstance(value, int) else math.inf):
         raise ExpressionError("this number is too large", expected="integers below 2**64, others below 1e308")
+
+
+def _check_digits(number: bytes) -> None:
+    if b"_" in number:
+        raise ExpressionError("a number has no '_' between its digits", hint=number.replace(b"_", b"").decode())
 
 
 def _check_call(function: str, count: int, grammar: Grammar) -> None:

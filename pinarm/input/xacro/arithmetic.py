@@ -6,6 +6,7 @@ import math
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from pinarm.errors import ExpressionError
@@ -122,6 +123,12 @@ def _round(value: float, digits: int = 0) -> float:
     return round(value, max(-20, min(20, digits))) if digits else round(value)
 
 
+def _number(kind: Callable[[Any], float], value: Any) -> float:
+    if isinstance(value, str) and (not value.isascii() or "_" in value):
+        raise ValueError(f"not a decimal number: {value[:40]!r}")
+    return kind(value)
+
+
 _UNARY: Mapping[str, Callable[[Any], Any]] = {"+": operator.pos, "-": operator.neg, "not": operator.not_}
 _OPERATIONS: Mapping[str, Callable[[Any, Any], Any]] = {
     "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "//": operator.floordiv,
@@ -141,7 +148,8 @@ _MATH: dict[str, tuple[Callable[..., Any], int, int]] = {
 }  # fmt: skip
 _PYTHON: dict[str, tuple[Callable[..., Any], int, int]] = {
     "abs": (abs, 1, 1), "min": (min, 2, MANY), "max": (max, 2, MANY), "round": (_round, 1, 2), "len": (len, 1, 1),
-    "int": (int, 1, 1), "float": (float, 1, 1), "str": (str, 1, 1), "bool": (bool, 1, 1),
+    "int": (partial(_number, int), 1, 1), "float": (partial(_number, float), 1, 1),
+    "str": (str, 1, 1), "bool": (bool, 1, 1),
 }  # fmt: skip
 _FUNCTIONS = {
     **_MATH, **_PYTHON, **{f"math.{name}": entry for name, entry in _MATH.items()},

@@ -5,10 +5,10 @@ from __future__ import annotations
 import keyword
 import re
 import threading
-import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from xml.dom.minidom import Document, Element, Node
 
 MAX_STEPS = 200_000
-"""Largest number of evaluations and copied nodes."""
-MAX_SECONDS = 5.0
-"""Time limit: operations on the tree are quadratic in the number of siblings."""
+"""Largest number of steps: evaluations, copied nodes and attributes, searches among siblings; about 5 s."""
+SIBLINGS = 500
+"""Siblings that are searched in the time of one step; the trees of xacro have their children in lists."""
 
 _LOCK = threading.Lock()
 _TOKEN = re.compile(r"\$(\$+[{(])|\$\{([^}]*)\}|\$\(([^)]*)\)|([^$]+|\$[^{($]+|\$$)")
@@ -73,7 +73,7 @@ class Expander:
         self.element: Element | None = None
         self.snippet = ""
         self.depth = self.steps = self.size = 0
-        self.deadline = time.monotonic() + MAX_SECONDS
+        self.copies = _Copies(self._spend)
 
     def run(self, path: Path) -> Expansion:
         """Return the expansion; every failure is a located ``PinarmError``."""
@@ -119,7 +119,7 @@ class Expander:
 
     def _spend(self, steps: int = 1) -> None:
         self.steps += steps
-        if self.steps > MAX_STEPS or time.monotonic() > self.deadline:
+        if self.steps > MAX_STEPS:
             raise ModelError("the expansion does not come to an end", hint="fewer macros, properties and elements")
 
     def _descend(self, levels: int = 1) -> None:
@@ -144,11 +144,11 @@ class Expander:
         lines = Survey.of(text, source).lines
         document = minidom.parseString(text)
         for element, line in zip(document.getElementsByTagName("*"), lines, strict=True):
-            element.setUserData("place", (filename, line), _KEEP)
-        self._count_copies(document)
+            element.setUserData("place", (filename, line), self.copies)
+        self._count_created(document)
         return document
 
-    def _count_copies(self, document: Document) -> None:
+    def _count_created(self, document: Document) -> None:
         def counted(create: Callable[..., Any]) -> Callable[..., Any]:
             def created(*arguments: Any) -> Any:
                 self._spend()
@@ -156,7 +156,7 @@ class Expander:
 
             return created
 
-        for name in ("createElementNS", "createTextNode", "createComment"):
+        for name in ("createTextNode", "createComment", "createCDATASection", "createProcessingInstruction"):
             setattr(document, name, counted(getattr(document, name)))
 
     def eval_all(self, node: Element, macros: Any, symbols: Any) -> None:
@@ -178,13 +178,35 @@ class Expander:
         return bool(self.plain["handle_macro_call"](node, macros, symbols))
 
     def replace_node(self, node: Element, by: Any, content_only: bool = False) -> None:
-        """Replace an element by trees or by their children; xacro's own version is quadratic in their number."""
+        """Replace an element by trees or by their children, in one step however many they are.
+
+        xacro's own version searches among all siblings for each of them.
+        """
         parent: Any = node.parentNode
-        for tree in by if isinstance(by, list) else [by] if by is not None else []:
-            for child in list(tree.childNodes) if content_only else [tree]:
-                self._spend()
-                parent.insertBefore(child, node)
-        parent.removeChild(node)
+        trees = by if isinstance(by, list) else [by] if by is not None else []
+        children = [child for tree in trees for child in (tree.childNodes if content_only else [tree])]
+        siblings = parent.childNodes
+        self._spend(1 + len(children) + len(siblings) // SIBLINGS)
+        place = siblings.index(node)
+        siblings[place : place + 1] = children
+        row = [node.previousSibling, *children, node.nextSibling]
+        for left, right in pairwise(row):
+            if left is not None:
+                left.nextSibling = right
+            if right is not None:
+                right.previousSibling = left
+        for child in children:
+            child.parentNode = parent
+        node.parentNode = node.previousSibling = node.nextSibling = None
+
+    def remove_previous_comments(self, node: Element) -> None:
+        """Remove the comments that stand before an element; each costs a search among its siblings."""
+        parent: Any = node.parentNode
+        passed, before = 1, node.previousSibling
+        while before is not None and before.nodeType != node.ELEMENT_NODE:
+            passed, before = passed + 1, before.previousSibling
+        self._spend(passed * (1 + len(parent.childNodes) // SIBLINGS))
+        self.plain["remove_previous_comments"](node)
 
     def check_attrs(self, tag: Element, required: list[str], optional: list[str]) -> list[Any]:
         """Fetch attributes; this is where xacro begins with each element of its own."""
@@ -278,15 +300,20 @@ class Expander:
         """Say nothing: errors carry their place."""
 
 
-class _Keep:
-    """Copies the location of an element to its copies."""
+@dataclass(frozen=True)
+class _Copies:
+    """Counts the copies of elements and gives them the locations of these.
 
-    def handle(self, operation: int, key: str, data: Any, src: Node, dst: Node) -> None:
+    Attributes:
+        spend: Counts steps.
+    """
+
+    spend: Callable[[int], None]
+
+    def handle(self, operation: int, key: str, data: Any, src: Any, dst: Node) -> None:
         """Be called by the DOM for each copy."""
+        self.spend(1 + len(src.attributes))
         dst.setUserData(key, data, self)
-
-
-_KEEP = _Keep()
 
 
 def _one_line(error: Exception) -> str:

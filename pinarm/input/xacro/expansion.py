@@ -8,10 +8,10 @@ included files lie under the root, and every step counts against a budget. Other
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from pinarm.errors import InputError, Location, ModelError, choices
+from pinarm.errors import InputError, choices
 from pinarm.input.roots import NO_PACKAGES, contained_file
 from pinarm.input.xacro.expander import Expansion
 from pinarm.input.xacro.expression_tape import CLOSE, OPEN, Number
@@ -32,6 +32,7 @@ def expand(
 
     Raises:
         ModelError: The model is malformed, does something that is not allowed, or is too large.
+        UnknownArgument: It has no argument of a given name.
         InputError: A file is missing or lies elsewhere, or an expression is wrong.
     """
     source = str(path)
@@ -40,10 +41,10 @@ def expand(
     if path.suffix != ".xacro":
         text = read(path, source, MAX_BYTES)
         if not Survey.of(text, source).is_xacro:
-            _check_declared(given, {}, source)
+            check_declared(given, {})
             return Expansion(text, {})
     expansion = expanded(Request(path, source, root, packages, given))
-    _check_declared(given, expansion.arguments, source)
+    check_declared(given, expansion.arguments)
     return expansion
 
 
@@ -55,8 +56,26 @@ def _argument(name: str, value: float | str) -> Number | str:
     return plain
 
 
-def _check_declared(given: Mapping[str, object], declared: Mapping[str, object], source: str) -> None:
-    for name in sorted(given.keys() - declared.keys()):
+class UnknownArgument(InputError):
+    """An argument that a model does not have.
+
+    Args:
+        name: Its name.
+        declared: The names that there are.
+    """
+
+    def __init__(self, name: str, declared: Iterable[str]) -> None:
         expected, hint = choices(name, declared, most=40)
-        problem = ModelError(f"the model has no argument '{name}'", expected=expected, hint=hint)
-        raise problem.at(Location(source))
+        super().__init__(f"the model has no argument '{name}'", expected=expected, hint=hint)
+        self.name = name
+
+
+def check_declared(given: Iterable[str], declared: Mapping[str, object]) -> None:
+    """Refuse names that are not among the arguments of a model.
+
+    Raises:
+        UnknownArgument: One is not.
+    """
+    for name in sorted(given):
+        if name not in declared:
+            raise UnknownArgument(name, declared)

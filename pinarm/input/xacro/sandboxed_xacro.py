@@ -5,7 +5,8 @@ from __future__ import annotations
 import importlib.util
 import re
 import sys
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -20,7 +21,7 @@ _DISARMED = ("open", "eval", "compile", "os", "glob", "load_yaml", "safe_eval", 
 """Names of xacro that are set to ``None``: the replacements do not need them, and any other use fails."""
 OURS = (
     "check_attrs", "eval_all", "eval_text", "get_include_files", "handle_macro_call", "is_valid_name", "parse",
-    "print_location", "replace_node", "reqd_attrs", "warning",
+    "print_location", "remove_previous_comments", "replace_node", "reqd_attrs", "warning",
 )  # fmt: skip
 _NEEDED = (
     *OURS, "LEXER", "NameSpace", "Table", "XacroException", "_global_symbols", "all_includes", "filestack",
@@ -33,6 +34,11 @@ def _version(site: Path) -> str:
     """Return the version of the xacro installed in a folder; its name says it (importlib.metadata takes 20 ms)."""
     names = [folder.name for folder in site.glob("xacro-*.dist-info")]
     return names[0].removeprefix("xacro-").removesuffix(".dist-info") if len(names) == 1 else "of unknown version"
+
+
+def _literal(plain: Callable[[Any], Any], value: Any) -> Any:
+    """Turn text into the number that it is, as xacro does; but digits of other scripts are text."""
+    return value if isinstance(value, str) and not value.isascii() and value[0] != "'" else plain(value)
 
 
 @cache
@@ -62,5 +68,6 @@ def private_xacro() -> tuple[ModuleType, dict[str, Any]]:
         minidom.Element.writexml = writexml  # type: ignore[method-assign]  # which xacro replaces for everyone
     if missing := [name for name in _NEEDED if not hasattr(module, name)]:
         raise ModelError(f"this xacro {version} has no {missing[0]}: it is not known to be contained", hint=hint)
+    module.Table._eval_literal = staticmethod(partial(_literal, module.Table._eval_literal))
     vars(module).update(dict.fromkeys(_DISARMED), re_macro_arg=_MACRO_PARAMETER, _global_symbols={})
     return module, {name: getattr(module, name) for name in OURS}

@@ -6,7 +6,6 @@ result; from then on other numbers are filled in, as long as every file has the 
 
 from __future__ import annotations
 
-import re
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -22,8 +21,6 @@ WAYS = 8
 """Largest number of templates of one model: each path through branches that depend on numbers has its own."""
 MODELS = 32
 """Largest number of models in the cache; the least recently used ones are dropped."""
-
-_COMMENT = re.compile("<!--.*?-->", re.DOTALL)
 
 Text = tuple[tuple[str, ...], tuple[int, ...]]
 """Texts, and the registers whose values go between them."""
@@ -101,7 +98,7 @@ class Template:
         expander, expansion = request.expand(tape, marked)
         xml = marks(expansion.xml)
         Survey.of(",".join(xml[0]), request.source)  # which is no XML where a name of an element has a mark in it
-        if any(OPEN in text for text in (*expansion.warnings, *_COMMENT.findall(expansion.xml))):
+        if any(OPEN in text for text in (*expansion.warnings, *_comments(expansion.xml))):
             raise ModelError(UNRECORDABLE)
         texts = dict.fromkeys(expander.includes.values()) | expander.texts
         arguments = {name: marks(text) for name, text in expansion.arguments.items()}
@@ -129,6 +126,15 @@ class Template:
         )
         bound("characters", len(xml), MAX_BYTES)
         return Expansion(xml, dict(zip(self.arguments, arguments, strict=True)), self.warnings)
+
+
+def _comments(xml: str) -> Iterator[str]:
+    """Yield the comments of a text."""
+    begin = xml.find("<!--")
+    while begin >= 0:
+        end = xml.find("-->", begin)
+        yield xml[begin : end if end >= 0 else len(xml)]
+        begin = xml.find("<!--", end) if end >= 0 else -1
 
 
 def _text(path: Path) -> str | None:

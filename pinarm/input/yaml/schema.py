@@ -92,6 +92,10 @@ class Measured(float):
             raise InputError(f"{number:g} is out of bounds", expected=bound)
         return measured
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how another process makes the same number: the class with its bounds has no name there."""
+        return _plain, (float(self), self.unit)
+
     def check(self, expected: Unit) -> None:
         """Raise where the written unit has another dimension than the expected one.
 
@@ -100,6 +104,13 @@ class Measured(float):
         """
         if self.unit is not None and self.unit.dimension != expected.dimension:
             raise UnitError(f"'{self.unit}' is not a unit of this quantity", expected=f"a unit such as {expected}")
+
+
+def _plain(number: float, written: Unit | None) -> Measured:
+    """Return a number with its unit; a struct that it is a field of gives it the class of the field."""
+    measured = Measured(number)
+    measured.unit = written
+    return measured
 
 
 def _unit_of(value: object) -> Unit | None:
@@ -118,7 +129,7 @@ def quantity(text: str = "", **expected: float | None) -> Any:
 
 AnyQuantity, NotNegative, Positive = quantity(), quantity(least=0.0), quantity(above=0.0)
 Level, Rate, SecondRate, ThirdRate = quantity(order=0), quantity(order=1), quantity(order=2), quantity(order=3)
-Time, Duration = quantity("s"), quantity("s", above=0.0)
+Time, Duration, Pause = quantity("s"), quantity("s", above=0.0), quantity("s", least=0.0)
 Abscissa, Extent, Pulsation = quantity(along=1), quantity(along=1, above=0.0), quantity(along=-1)
 Angle, Length = quantity("rad"), quantity("m", least=0.0)
 Force, Moment, Acceleration = quantity("N"), quantity("N*m"), quantity("m/s^2", least=0.0)

@@ -69,7 +69,7 @@ class Coupling:
         known = self.transmission
         if known is None:
             return {}
-        return {body: _outwards(links, known.carrier, wrench) for body, wrench in known.wrenches(lam[:, 0]).items()}
+        return {body: outwards(links, known.carrier, wrench) for body, wrench in known.wrenches(lam[:, 0]).items()}
 
     def transmitted(self, links: LinkPlacements, lam: Array) -> tuple[Array, Array]:
         """Return where the second member is acted on [m], (n, 3), and [f; m] on it there, world axes, (n, 6).
@@ -78,12 +78,12 @@ class Coupling:
         """
         known = self.transmission
         assert known is not None
-        wrench = _outwards(links, known.carrier, known.wrenches(lam[:, 0])[known.second])
+        wrench = outwards(links, known.carrier, known.wrenches(lam[:, 0])[known.second])
         point = links.places[:, known.carrier] + np.matvec(links.turns[:, known.carrier], known.point)
         return point, np.concatenate([wrench[:, :3], wrench[:, 3:] - crossed(point, wrench[:, :3])], axis=1)
 
 
-def _outwards(links: LinkPlacements, carrier: int, wrench: Array) -> Array:
+def outwards(links: LinkPlacements, carrier: int, wrench: Array) -> Array:
     """Return wrenches [f; m] at the world's origin from those in the frame of a joint, shape (n, 6)."""
     turn, place = links.turns[:, carrier], links.places[:, carrier]
     force, moment = np.matvec(turn, wrench[:, :3]), np.matvec(turn, wrench[:, 3:])

@@ -45,8 +45,16 @@ class JointSpring(InputStruct, frozen=True, tag_field="kind", tag="joint_spring"
                             self.rest * one)  # fmt: skip
 
 
-class JointFriction(InputStruct, frozen=True, tag_field="kind", tag="joint_friction"):
-    """Dry friction between a joint's two links, regularised: see ``DryFriction``."""
+class RegularisedFriction(InputStruct, frozen=True, tag_field="kind", tag="regularised_friction"):
+    """Dry friction between a joint's two links, regularised: ``-friction tanh(v / creep)``; see ``DryFriction``.
+
+    It never sticks. For friction that does, see ``friction`` in the mechanism file.
+
+    Attributes:
+        joint: Joint that it acts in.
+        friction: Largest load [N*m or N].
+        creep: Velocity below which it gives way [rad/s or m/s].
+    """
 
     joint: str
     friction: NotNegative

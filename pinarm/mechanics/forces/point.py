@@ -127,7 +127,8 @@ class TwoPointSpring(ForceElement):
 
     ``tension = stiffness (l - free_length) + damping l' + force``, positive where it pulls the points together.
     Potential energy ``stiffness (l - free_length)^2 / 2 + force (l - free_length)``, dissipated power
-    ``damping l'^2``. Where the points meet the line has no direction.
+    ``damping l'^2``. Where the points meet the line has no direction, and the spring no load, unless its pull is
+    ``stiffness l``: that is ``stiffness d`` as a vector, with d from one point to the other, and 0 there.
 
     Attributes:
         model: Pinocchio's model.
@@ -221,9 +222,9 @@ class TwoPointSpring(ForceElement):
         else:
             placed = self.chain.placed(states.T, np.cos(states.T), np.sin(states.T))
             lengths, rows = np.sqrt(dot(placed.p, placed.p)), np.zeros((len(states), self.model.nv))
-            if not lengths.all():
+            if not lengths.all() and not self._passes_zero:
                 raise self._meeting(states[lengths.argmin()])
-            for j, x in placed.along(placed.p / lengths).items():
+            for j, x in placed.along(placed.p / np.where(lengths == 0.0, 1.0, lengths)).items():
                 rows[:, j] = x
         return np.broadcast_to(lengths, len(states)).reshape(q.shape[:-1]), rows.reshape(*q.shape[:-1], -1)
 
@@ -234,10 +235,15 @@ class TwoPointSpring(ForceElement):
         end, two = second(q)
         apart = end - begin
         length = float(apart.dot(apart)) ** 0.5
-        if length == 0.0:
+        if length == 0.0 and not self._passes_zero:
             raise self._meeting(q)
-        direction = apart / length
+        direction = apart / (length or 1.0)
         return length, direction, direction.dot(two - one)
+
+    @property
+    def _passes_zero(self) -> bool:
+        """Whether the load is defined where the points meet: of a spring of free length 0, and nothing else."""
+        return not (self.free_length or self.force or self.damping)
 
     @cached_property
     def _ends(self) -> tuple[End, End]:

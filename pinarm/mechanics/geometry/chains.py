@@ -66,7 +66,7 @@ class Chain:
         path = [(j, -1.0) for j in reversed(up) if j not in down] + [(j, 1.0) for j in down if j not in up]
         stages, between, axes = [], start.placement.inverse(), np.eye(3)
         for joint, direction in path:
-            screw = _screw(model.joints[joint])
+            screw = screw_of(model.joints[joint])
             if screw is None or model.joints[joint].idx_q != model.joints[joint].idx_v:
                 return None
             if direction > 0.0:
@@ -173,7 +173,7 @@ def _present(row: dict[int, Array]) -> dict[int, Array]:
     return {index: x for index, x in row.items() if len(x) > 1 or x[0]}
 
 
-def _screw(joint: pin.JointModel) -> tuple[bool, Array] | None:
+def screw_of(joint: pin.JointModel) -> tuple[bool, Array] | None:
     """Return whether a joint is revolute, and its axis in joint axes; ``None`` if neither revolute nor prismatic."""
     if joint.nq != 1 or joint.nv != 1:
         return None

@@ -16,7 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, check_unit, measured_fields
@@ -31,6 +31,10 @@ SECOND = unit("s")
 
 ROUNDING = 1e-12
 """Difference of instants, relative to the duration, below which they are the same instant."""
+
+INSIDE = 1e-3
+"""Part of an interval by which ``Grid.moved_inside`` moves its rows: a law that starts with a jerk, or with the fifth
+power of the time, has left rest there by 1e-6 or 1e-12 of its range, and has not turned back yet."""
 
 JUMP = 1e-9
 """Difference of two sides, relative to the size of s, s' or s'', below which there is no jump."""
@@ -196,6 +200,28 @@ class Grid:
         parts = [law.on(start, end)(self.t[rows]) for start, end, rows in self.intervals()]
         s, ds, dds = (np.concatenate([part[k] for part in parts]) for k in range(3))
         return s, ds, dds
+
+    def some(self, rows: Indices) -> Grid:
+        """Return the grid of some of the rows, in their order, shape (n,); the intervals stay."""
+        return Grid(self.t[rows], self.cuts, tuple(int(k) for k in np.searchsorted(rows, self.rows)))
+
+    def sides(self) -> Array:
+        """Return -1 for rows at the end of their interval, 1 for all others, shape (n,)."""
+        starts, ends = self._bounds()
+        span = np.abs(ends - starts)
+        return np.where((np.abs(ends - self.t) <= ROUNDING * span) & (span > 0.0), -1.0, 1.0)
+
+    def moved_inside(self) -> Grid:
+        """Return the grid with every row a little later, or earlier where its interval ends before."""
+        starts, ends = self._bounds()
+        step = INSIDE * (ends - starts)
+        past = np.sign(step) * (self.t + step - ends) > 0.0
+        return Grid(np.where(past, self.t - step, self.t + step), self.cuts, self.rows)
+
+    def _bounds(self) -> tuple[Array, Array]:
+        """Return where the interval of every row starts and ends, each of shape (n,)."""
+        counts = np.diff(self.rows)
+        return np.repeat(self.cuts[:-1], counts), np.repeat(self.cuts[1:], counts)
 
     def part(self, first: int, last: int) -> Grid:
         """Return the intervals from the first to the last of the given indices."""

@@ -7,6 +7,7 @@ Coordinates are MuJoCo's, except that free and ball joints count from the pose i
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
@@ -15,23 +16,44 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.errors import ModelError
+from pinarm.input.xml_names import check_names, counted
+from pinarm.input.xml_text import MAX_LINKS, bound
+from pinarm.mechanics.loading.mjcf_actuators import with_actuators
 from pinarm.mechanics.loading.mjcf_geoms import geom_inertia
 from pinarm.mechanics.loading.mjcf_joints import elements_of, joint_chain
+from pinarm.mechanics.loading.mjcf_names import GENERATED, MJCF
 from pinarm.mechanics.loading.mjcf_settings import Attributes, Settings, number, numbers
-from pinarm.mechanics.loading.model_tree import Mimic, Tree, TreeJoint, checked_mimics, inertia, inertia_defect, several
+from pinarm.mechanics.loading.model_tree import (
+    Mimic,
+    Tree,
+    TreeJoint,
+    checked_mimics,
+    inertia,
+    inertia_defect,
+    several,
+)
 
 WORLD = "world"
-GENERATED = ("replicate", "attach", "composite", "flexcomp", "flex", "plugin")
-"""Elements from which MuJoCo generates bodies."""
 
 
 @dataclass
 class _Reader:
-    """What has been read while walking through the bodies."""
+    """What has been read while walking through the bodies.
+
+    Attributes:
+        settings: Conventions of the model.
+        links: Inertia of every body.
+        joints: Joints by name, depth-first.
+        nameless: Number of bodies without a name by their parent.
+        sites: Named points, as joints that hold them.
+        defects: As in ``Tree``.
+        notes: What is not modelled -> names.
+    """
 
     settings: Settings
     links: dict[str, pin.Inertia] = field(default_factory=lambda: {WORLD: pin.Inertia.Zero()})
-    joints: list[TreeJoint] = field(default_factory=list)
+    joints: dict[str, TreeJoint] = field(default_factory=dict)
+    nameless: Counter[str] = field(default_factory=Counter)
     sites: list[TreeJoint] = field(default_factory=list)
     defects: list[str] = field(default_factory=list)
     notes: dict[str, list[str]] = field(default_factory=dict)
@@ -40,25 +62,40 @@ class _Reader:
         """Add a name to a note that several elements may share."""
         self.notes.setdefault(what, []).append(name)
 
+    def add(self, joint: TreeJoint) -> None:
+        """Add a joint.
+
+        Raises:
+            ModelError: There is one of its name, or there are too many.
+        """
+        if joint.name in self.joints:
+            raise ModelError(f"two joints have the name '{joint.name}'", expected="a name of its own for each")
+        self.joints[joint.name] = joint
+        bound("bodies, joints and sites", len(self.joints) + len(self.sites), MAX_LINKS)
+
 
 def mjcf_tree(model: Element) -> Tree:
     """Return the tree of a ``<mujoco>`` element whose includes are resolved.
 
     Raises:
-        ModelError: A number, mass or axis is invalid, or the model has a part that would move it and is not supported:
-            loops, generated bodies.
+        ModelError: A name, number, mass or axis is invalid, or the model has a part that would move it and is not
+            supported: loops, generated bodies.
     """
+    unread = check_names(model, MJCF)
     settings = Settings.of(model)
     reader = _Reader(settings)
     for world in model.findall("worldbody"):
         _bodies(reader, world, WORLD, pin.SE3.Identity(), "", moves=False)
     sites = [site for site in reader.sites if site.child not in reader.links]  # points, unless a body is called so
     links = {**_scaled(reader.links, settings.total_mass), **{site.child: pin.Inertia.Zero() for site in sites}}
-    mimics, orphans = checked_mimics([*_couplings(model, reader)], {joint.name: joint.kind for joint in reader.joints})
+    joints = with_actuators(settings, model, reader.joints, reader.notes)
+    mimics, orphans = checked_mimics([*_couplings(model, reader)], {name: joint.kind for name, joint in joints.items()})
     gravity = np.zeros(3) if "gravity" in settings.off else settings.gravity
     notes = [f"{what}: {several(names)}" for what, names in reader.notes.items()]
+    if unread:
+        notes.append(f"not read: {counted(unread)}")
     return Tree(
-        model.get("model", ""), links, (*reader.joints, *sites), mimics, gravity, (*reader.defects, *orphans),
+        model.get("model", ""), links, (*joints.values(), *sites), mimics, gravity, (*reader.defects, *orphans),
         (*notes, *_unread(model)),
     )  # fmt: skip
 
@@ -77,13 +114,16 @@ def _bodies(reader: _Reader, element: Element, parent: str, frame: pin.SE3, chil
             if name := given.get("name"):
                 place = frame * _site(reader.settings, given, f"site '{name}'")
                 reader.sites.append(_fixed(f"{name}_fixed", parent, name, place))
+                bound("bodies, joints and sites", len(reader.joints) + len(reader.sites), MAX_LINKS)
         elif child.tag == "body":
             _body(reader, child, parent, frame, childclass, moves)
 
 
 def _body(reader: _Reader, body: Element, parent: str, frame: pin.SE3, childclass: str, moves: bool) -> None:
-    count = sum(link.startswith(f"{parent}_body") for link in reader.links)
-    name = body.get("name") or f"{parent}_body{count + 1}"
+    name = body.get("name")
+    if not name:
+        reader.nameless[parent] += 1
+        name = f"{parent}_body{reader.nameless[parent]}"
     if name in reader.links:
         raise ModelError(f"two bodies have the name '{name}'", expected="a name of its own for each")
     where, settings = f"body '{name}'", reader.settings
@@ -96,11 +136,9 @@ def _body(reader: _Reader, body: Element, parent: str, frame: pin.SE3, childclas
     joints = [*elements_of(settings, body, childclass, "joint", "freejoint")]
     reader.links[name] = pin.Inertia.Zero()
     if not joints:
-        reader.joints.append(_fixed(f"{name}_fixed", parent, name, place))
+        reader.add(_fixed(f"{name}_fixed", parent, name, place))
     for joint in joint_chain(settings, joints, parent, name, place, reader.notes):
-        if any(joint.name == other.name for other in reader.joints):
-            raise ModelError(f"two joints have the name '{joint.name}'", expected="a name of its own for each")
-        reader.joints.append(joint)
+        reader.add(joint)
     moves = moves or bool(joints)
     reader.links[name] = _inertia(reader, body, childclass, where, moves)
     _bodies(reader, body, name, pin.SE3.Identity(), childclass, moves=moves)
@@ -126,7 +164,9 @@ def _inertia(reader: _Reader, body: Element, childclass: str, where: str, moves:
     if settings.source == "inertial" or (settings.source == "auto" and inertials):
         if not inertials:
             raise ModelError(f"{where}: it has no <inertial>, and inertiafromgeom is false")
-        return _bounded(reader, _inertial(inertials[0].given, settings, where), where)
+        if len(inertials) > 1:
+            raise ModelError(f"{where}: it has {len(inertials)} <inertial>", expected="one, of all its mass")
+        return _bounded(reader, inertials[0].frame.act(_inertial(inertials[0].given, settings, where)), where)
     total = pin.Inertia.Zero()
     for geom in elements_of(settings, body, childclass, "geom"):
         shape = geom_inertia(geom.given, settings, f"{where}: geom '{geom.given.get('name', '')}'")
@@ -172,10 +212,11 @@ def _couplings(model: Element, reader: _Reader) -> Iterator[Mimic]:
     Raises:
         ModelError: An equality closes a loop, or couples by a curve.
     """
+    drawn = {joint.name: joint.drawn for joint in reader.joints.values()}
     for element in (element for section in model.findall("equality") for element in section):
         given = reader.settings.attributes(element, "", "equality")
         name = given.get("name") or given.get("joint1") or given.get("body1") or given.get("site1") or "without name"
-        if given.get("active", "true") == "false" or "equality" in reader.settings.off:
+        if given.get("active", "true") == "false" or reader.settings.off & {"equality", "constraint"}:
             continue
         if element.tag != "joint":
             raise ModelError(f"equality '{name}': a <{element.tag}> that ties bodies together is not read",
@@ -186,7 +227,6 @@ def _couplings(model: Element, reader: _Reader) -> Iterator[Mimic]:
         if leader is None or curve[2:].any():
             raise ModelError(f"{where}: it couples by a curve or holds a joint, which is not read",
                              expected="two joints, and polycoef with at most two numbers")  # fmt: skip
-        drawn = {joint.name: joint.drawn for joint in reader.joints}
         ends = [drawn.get(joint, 0.0) for joint in (follower, leader)]
         yield Mimic(follower, leader, float(curve[1]), float(curve[0] + ends[0] - curve[1] * ends[1]))
 
@@ -204,7 +244,10 @@ def _unread(model: Element) -> Iterator[str]:
         yield "geoms do not touch: contacts are not modelled"
     for section, meant in (
         ("tendon", "tendons are not modelled"),
-        ("actuator", "actuators are not modelled: efforts come from laws, drives and loads"),
+        (
+            "actuator",
+            "actuators only have armature and damping: efforts come from laws, drives and loads",
+        ),
         ("keyframe", "keyframes are not used: the scenario says how a motion begins"),
     ):
         names = [element.get("name") or element.tag for part in model.findall(section) for element in part]

@@ -16,16 +16,9 @@ from pinarm.mechanics.loading.model_tree import Bounds, Kind, TreeJoint
 
 KINDS: dict[str, Kind] = {"hinge": "revolute", "slide": "prismatic", "ball": "ball", "free": "floating"}
 
-KNOWN = frozenset({
-    "name", "class", "type", "pos", "axis", "range", "limited", "actuatorfrcrange", "actuatorfrclimited", "ref",
-    "springref", "stiffness", "damping", "armature", "frictionloss", "group", "user", "margin", "solreflimit",
-    "solimplimit", "solreffriction", "solimpfriction",
-})  # fmt: skip
-"""Attributes of joints that are applied, or have no part in the motion of rigid bodies."""
-
 SWITCHES: dict[str, frozenset[str]] = {
     "stiffness": frozenset({"passive", "spring"}), "damping": frozenset({"passive", "damper"}),
-    "frictionloss": frozenset({"frictionloss"}), "armature": frozenset(),
+    "frictionloss": frozenset({"frictionloss", "constraint"}), "armature": frozenset(),
 }  # fmt: skip
 """Coefficients of joints, and the flags of the model that switch them off."""
 
@@ -92,19 +85,30 @@ def joint_chain(
         parent, place = child, pin.SE3.Identity()
 
 
+def coefficient(given: Attributes, key: str, settings: Settings, where: str) -> float:
+    """Return one of the coefficients in ``SWITCHES``; 0 where it is not given, or the model disables it.
+
+    Raises:
+        ModelError: It is negative.
+    """
+    value = number(given, key, where, 0.0)
+    if value < 0.0:
+        raise ModelError(f"{where}: its {key} is negative")
+    return 0.0 if SWITCHES[key] & settings.off else value
+
+
 def _joint(settings: Settings, part: BodyElement, name: str, kind: Kind, notes: dict[str, list[str]]) -> TreeJoint:
     """Return a joint in its body frame, with the forces and limits of its attributes."""
     where, given = f"joint '{name}'", part.given
-    for key in sorted(given.keys() - KNOWN):
-        if key != "springdamper" or numbers(given, key, where, 2).any():
-            notes.setdefault(f"the joints' {key} is not modelled", []).append(name)
     axis = numbers(given, "axis", where, 3, (0.0, 0.0, 1.0))
     if not axis.any():
         raise ModelError(f"{where}: its axis is 0 0 0", expected="three numbers, not all zero")
     axis = part.frame.rotation @ axis / np.linalg.norm(axis)
-    stiffness, damping, friction, armature = (_force(given, key, settings, where) for key in SWITCHES)
+    stiffness, damping, friction, armature = (coefficient(given, key, settings, where) for key in SWITCHES)
     joint = TreeJoint(name, kind, "", "", pin.SE3.Identity(), axis, stiffness=stiffness, damping=damping,
                       friction=friction, armature=armature)  # fmt: skip
+    if "springdamper" in given:
+        joint = _tuned(joint, given, settings, where)
     if kind == "floating":
         return joint
     anchor = pin.SE3(np.eye(3), part.frame.act(numbers(given, "pos", where, 3, (0.0, 0.0, 0.0))))
@@ -131,12 +135,20 @@ def _measured(settings: Settings, joint: TreeJoint, given: Attributes, where: st
     return replace(joint, offset=back * joint.offset, bounds=bounds, rest=rest, drawn=drawn)
 
 
-def _force(given: Attributes, key: str, settings: Settings, where: str) -> float:
-    """Return a force coefficient; 0 where the model disables this kind of force."""
-    value = number(given, key, where, 0.0)
-    if value < 0.0:
-        raise ModelError(f"{where}: its {key} is negative")
-    return 0.0 if SWITCHES[key] & settings.off else value
+def _tuned(joint: TreeJoint, given: Attributes, settings: Settings, where: str) -> TreeJoint:
+    """Return a joint whose spring and damper follow from time constant T and damping ratio D, as ``springdamper`` says.
+
+    With the inertia m of the joint at the reference pose they are ``m / (T D)^2`` and ``2 m / T``, in place of those
+    that are given.
+    """
+    constant, ratio = numbers(given, "springdamper", where, 2)
+    if not constant and not ratio:
+        return joint
+    if constant <= 0.0 or ratio <= 0.0:
+        raise ModelError(f"{where}: springdamper='{given['springdamper']}'", expected="two positive numbers, or 0 0")
+    stiffness = 0.0 if SWITCHES["stiffness"] & settings.off else 1.0 / (constant * ratio) ** 2
+    damping = 0.0 if SWITCHES["damping"] & settings.off else 2.0 / constant
+    return replace(joint, stiffness=0.0, damping=0.0, tuned_stiffness=stiffness, tuned_damping=damping)
 
 
 def _range(given: Attributes, key: str, switch: str, settings: Settings, where: str) -> Array:

@@ -12,12 +12,17 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import ModelError, choices
+from pinarm.input.numbers import decimal
+from pinarm.mechanics.loading.mjcf_names import ACTUATORS
 from pinarm.mechanics.loading.model_tree import from_z
 
 Attributes = Mapping[str, str]
 
+ACTUATOR = "actuator"
+"""Entry of the attributes that all kinds of actuators have in common in a class."""
+
 ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
-SWITCHES = {"gravity", "passive", "spring", "damper", "frictionloss", "equality"}
+SWITCHES = {"gravity", "passive", "spring", "damper", "frictionloss", "constraint", "equality"}
 
 
 @dataclass(frozen=True)
@@ -163,7 +168,7 @@ def numbers(given: Attributes, key: str, where: str, count: int, default: Sequen
         return np.array(default, float)
     text = given[key]
     try:
-        values = np.array([float(part) for part in text.replace("_", "?").split()])
+        values = np.array([decimal(part) for part in text.split()])
     except ValueError:
         values = np.empty(0)
     if len(values) != count or not np.isfinite(values).all():
@@ -203,7 +208,8 @@ def _class(element: Element, above: Mapping[str, Attributes]) -> Iterator[tuple[
     own = dict(above)
     for child in element:
         if child.tag != "default":
-            own[child.tag] = {**own.get(child.tag, {}), **child.attrib}
+            kind = ACTUATOR if child.tag in ACTUATORS else child.tag
+            own[kind] = {**own.get(kind, {}), **child.attrib}
     yield element.get("class", "main"), own
     for child in element.findall("default"):
         if "class" not in child.attrib:

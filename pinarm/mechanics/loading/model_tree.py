@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
@@ -57,6 +59,8 @@ class TreeJoint:
         rest: Coordinate at which that spring is free [rad or m]; 0 for joints with several coordinates.
         armature: Rotor inertia reflected to the joint [kg*m^2 or kg], the same in all directions.
         drawn: Coordinate of the reference pose of the model [rad or m].
+        tuned_stiffness: Further stiffness, per inertia that the joint has at the reference pose [1/s^2].
+        tuned_damping: Further damping, likewise [1/s].
     """
 
     name: str
@@ -73,6 +77,8 @@ class TreeJoint:
     rest: float = 0.0
     armature: float = 0.0
     drawn: float = 0.0
+    tuned_stiffness: float = 0.0
+    tuned_damping: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -127,7 +133,12 @@ def inertia(mass: float, centre: Array, moments: Array) -> pin.Inertia:
         mass: Mass [kg].
         centre: Centre of mass in link axes [m], shape (3,).
         moments: Inertia matrix about the centre of mass, link axes [kg*m^2], shape (3, 3).
+
+    Raises:
+        ModelError: The mass or a moment is not finite.
     """
+    if not (math.isfinite(mass) and np.isfinite(moments).all()):
+        raise ModelError("a mass, or a moment of inertia, is beyond all numbers", hint="sizes and masses below 1e50")
     body = pin.Inertia(mass, centre, np.zeros((3, 3)))
     body.inertia = moments
     return body
@@ -155,10 +166,13 @@ def checked_mimics(mimics: Iterable[Mimic], joints: Mapping[str, Kind]) -> tuple
     """Return the couplings whose leaders exist, and a note on each of the others.
 
     Raises:
-        ModelError: A joint follows itself, directly or through others, or a joint without exactly one coordinate.
+        ModelError: A joint follows itself, directly or through others, or a joint without exactly one coordinate, or
+            has two couplings.
     """
     leaders = {mimic.joint: mimic.of for mimic in mimics}
     kept, orphans = [], []
+    if twice := [joint for joint, count in Counter(mimic.joint for mimic in mimics).items() if count > 1]:
+        raise ModelError(f"joint '{twice[0]}' follows other joints twice", expected="one coupling for each joint")
     for mimic in mimics:
         if mimic.of not in joints:
             close = choices(mimic.of, joints)[1]

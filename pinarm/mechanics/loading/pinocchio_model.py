@@ -50,7 +50,8 @@ class RobotModel:
     Attributes:
         model: Pinocchio's model; joints depth-first, limits that are not given are infinite.
         xml: The text of the file.
-        forces: Springs, damping and dry friction of the joints, by name.
+        forces: Springs and damping of the joints, and regularised dry friction, by name.
+        friction: Dry friction of joints with one coordinate, by name, which sticks [N*m or N].
         mimics: Joints that the file couples to others.
         loops: Joints that close loops of the tree, by name.
         gravity: Gravity field of the file [m/s^2], world axes, shape (3,); ``None`` where it gives none.
@@ -60,6 +61,7 @@ class RobotModel:
     model: pin.Model
     xml: str
     forces: Mapping[str, ForceElement] = field(default_factory=dict)
+    friction: Mapping[str, float] = field(default_factory=dict)
     mimics: tuple[Mimic, ...] = ()
     loops: Mapping[str, Loop] = field(default_factory=dict)
     gravity: Array | None = None
@@ -67,7 +69,7 @@ class RobotModel:
 
 
 def build_model(
-    xml: str, *, base: Base | None = None, defects: Defects = "refused", creep: float = CREEP
+    xml: str, *, base: Base | None = None, defects: Defects = "refused", creep: float | None = None
 ) -> RobotModel:
     """Build the model of a URDF or MJCF text.
 
@@ -75,12 +77,13 @@ def build_model(
         xml: The text.
         base: Whether the root is fixed or floating; as in the file if ``None``.
         defects: Whether impossible inertias, and joints that mimic a missing one, are refused, or used and noted.
-        creep: Velocity below which the regularised dry friction decreases [rad/s or m/s].
+        creep: Velocity below which dry friction decreases that is to be regularised [rad/s or m/s]; ``None`` where it
+            sticks. That of ball joints is regularised in any case.
 
     Raises:
         ModelError: The text is no model, or has an invalid mass, inertia, axis or other number.
     """
-    tree = _with_base(_read(xml), base)
+    tree = _with_base(_tuned(_read(xml)), base)
     if tree.defects and defects == "refused":
         raise ModelError(tree.defects[0], hint="mend the model, or say 'defects: noted' in the mechanism file")
     model = _assembled(tree)
@@ -89,14 +92,21 @@ def build_model(
         *(f"{defect}; taken as written" for defect in tree.defects), *tree.notes, *_massless(model),
         *_said(tree, creep),
     ]  # fmt: skip
-    return RobotModel(model, xml, forces, tree.mimics, gravity=tree.gravity, notes=tuple(notes))
+    sticking = {} if creep else {part.name: part.friction for part in _rubbing(tree) if part.kind != "ball"}
+    return RobotModel(model, xml, forces, sticking, tree.mimics, gravity=tree.gravity, notes=tuple(notes))
 
 
 def _read(xml: str) -> Tree:
     try:
-        root = ElementTree.fromstring(xml)
+        return _tree(ElementTree.fromstring(xml))
     except ElementTree.ParseError as error:
         raise ModelError(f"the model is not XML: {error}") from None
+    except ArithmeticError as error:
+        problem = f"a number that follows from the model is beyond all numbers ({error})"
+        raise ModelError(problem, hint="sizes and masses below 1e50") from None
+
+
+def _tree(root: ElementTree.Element) -> Tree:
     if root.tag == "mujoco":
         from pinarm.mechanics.loading.mjcf import mjcf_tree  # not paid for by others
 
@@ -104,6 +114,41 @@ def _read(xml: str) -> Tree:
     if root.tag != "robot":
         raise ModelError(f"the model begins with <{root.tag}>", expected="<robot> (URDF, xacro) or <mujoco> (MJCF)")
     return urdf_tree(root)
+
+
+def _tuned(tree: Tree) -> Tree:
+    """Return the tree with numbers for the springs and dampers that are given per inertia of their joint.
+
+    The inertia of a joint is the harmonic mean of its ``1 / (M^-1)_ii`` at the reference pose, as in MuJoCo.
+
+    Raises:
+        ModelError: Such a joint moves no mass.
+    """
+    if not any(joint.tuned_stiffness or joint.tuned_damping for joint in tree.joints):
+        return tree
+    model, drawn = _assembled(tree), {joint.name: joint.drawn for joint in tree.joints}
+    q = pin.neutral(model)
+    for name, made in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
+        if made.nq == 1:
+            q[made.idx_q] = drawn.get(name, 0.0)
+    upper = np.triu(pin.crba(model, model.createData(), q))
+    mass = upper + np.triu(upper, 1).T
+    try:
+        mobility = np.diag(np.linalg.inv(mass))
+    except np.linalg.LinAlgError:
+        raise ModelError("springdamper needs a mass that its joint moves", expected="masses beyond every joint",
+                         hint="stiffness and damping in its place") from None  # fmt: skip
+    return replace(tree, joints=tuple(_with_numbers(model, joint, mobility) for joint in tree.joints))
+
+
+def _with_numbers(model: pin.Model, joint: TreeJoint, mobility: Array) -> TreeJoint:
+    """Return a joint with the stiffness and damping that it has with the diagonal of M^-1, shape (nv,)."""
+    if not joint.tuned_stiffness and not joint.tuned_damping:
+        return joint
+    parts = [model.joints[model.getJointId(part.name)] for part in _parts(joint)]
+    inertia = 1.0 / np.concatenate([mobility[part.idx_v : part.idx_v + part.nv] for part in parts]).mean()
+    stiffness, damping = inertia * joint.tuned_stiffness, inertia * joint.tuned_damping
+    return replace(joint, stiffness=joint.stiffness + stiffness, damping=joint.damping + damping)
 
 
 def _with_base(tree: Tree, base: Base | None) -> Tree:
@@ -209,8 +254,14 @@ def _parts(joint: TreeJoint) -> Iterator[TreeJoint]:
                       offset=drawn * joint.offset)  # fmt: skip
 
 
-def _passive(model: pin.Model, tree: Tree, creep: float) -> dict[str, ForceElement]:
-    """Return the springs, damping and dry friction of the joints as force elements: Pinocchio does not apply them."""
+def _rubbing(tree: Tree) -> list[TreeJoint]:
+    """Return the simple joints with dry friction."""
+    parts = (part for joint in tree.joints for part in _parts(joint))
+    return [part for part in parts if part.friction and part.kind != "fixed"]
+
+
+def _passive(model: pin.Model, tree: Tree, creep: float | None) -> dict[str, ForceElement]:
+    """Return springs, damping and regularised friction of the joints as elements: Pinocchio does not apply them."""
     parts = {part.name: part for joint in tree.joints for part in _parts(joint)}
     of = [(parts[model.names[made.id]], made) for made in model.joints[1:]]
     if not any(joint.damping or joint.friction or joint.stiffness for joint, _ in of):
@@ -220,13 +271,14 @@ def _passive(model: pin.Model, tree: Tree, creep: float) -> dict[str, ForceEleme
     damping, friction = (
         np.array([getattr(joint, key) for joint, made in of for _ in range(made.nv)]) for key in ("damping", "friction")
     )
-    damped, rubbed = np.flatnonzero(damping), np.flatnonzero(friction)
+    regularised = [creep is not None or joint.kind == "ball" for joint, made in of for _ in range(made.nv)]
+    damped, rubbed = np.flatnonzero(damping), np.flatnonzero(friction * regularised)
     forces: dict[str, ForceElement] = {}
     if len(damped):
         none = np.zeros(len(damped))
         forces["joint damping"] = SpringDamper(damped, damped, none, damping[damped], none)
     if len(rubbed):
-        forces["joint friction"] = DryFriction(rubbed, friction[rubbed], np.full(len(rubbed), creep))
+        forces["joint friction"] = DryFriction(rubbed, friction[rubbed], np.full(len(rubbed), creep or CREEP))
     single = [(joint, made) for joint, made in of if joint.stiffness and made.nv == 1]
     if single:
         q, v = (np.array([getattr(made, key) for _, made in single]) for key in ("idx_q", "idx_v"))
@@ -246,11 +298,12 @@ def _massless(model: pin.Model) -> Iterator[str]:
         yield f"nothing beyond {listed('joint', names)} has a mass"
 
 
-def _said(tree: Tree, creep: float) -> Iterator[str]:
-    rubbed = [joint.name for joint in tree.joints if joint.friction and joint.kind != "fixed"]
+def _said(tree: Tree, creep: float | None) -> Iterator[str]:
+    rubbed = [joint.name for joint in _rubbing(tree) if creep or joint.kind == "ball"]
     if rubbed:
-        yield (f"dry friction F of {listed('joint', rubbed)} is regularised, F tanh(v / {creep:g}), v in rad/s or m/s: "
-               f"a joint that ought to stick under a load creeps, with {creep:g} atanh(load / F)")  # fmt: skip
+        slow = creep or CREEP
+        yield (f"dry friction F of {listed('joint', rubbed)} is regularised, F tanh(v / {slow:g}), v in rad/s or m/s: "
+               f"a joint that ought to stick under a load creeps, with {slow:g} atanh(load / F)")  # fmt: skip
     several = [joint for joint in tree.joints if joint.kind in ("ball", "planar", "floating")]
     if limited := [joint.name for joint in several if joint.bounds != Bounds()]:
         yield f"limits of {listed('joint', limited)} are not watched: they have several coordinates"

@@ -12,6 +12,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.errors import ModelError, choices
+from pinarm.input.numbers import decimal, is_decimal
+from pinarm.input.xml_names import check_names, counted
 from pinarm.mechanics.loading.model_tree import (
     Bounds,
     Kind,
@@ -24,6 +26,7 @@ from pinarm.mechanics.loading.model_tree import (
     listed,
     several,
 )
+from pinarm.mechanics.loading.urdf_names import check_once, urdf_names
 
 KINDS: Mapping[str, Kind] = {
     "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "planar": "planar",
@@ -41,8 +44,11 @@ def urdf_tree(robot: Element) -> Tree:
     Joints are ordered depth-first, those of one link by name, as in Pinocchio's own reader.
 
     Raises:
-        ModelError: The links and joints form no tree, or a mass, axis or other number is invalid.
+        ModelError: A name is none of URDF, an element stands twice, the links and joints form no tree, or a mass, axis
+            or other number is invalid.
     """
+    unread = check_names(robot, urdf_names(robot))
+    check_once(robot)
     defects: list[str] = []
     notes: list[str] = []
     links = {name: _inertia(link, name, defects, notes) for name, link in _named(robot, "link").items()}
@@ -51,10 +57,12 @@ def urdf_tree(robot: Element) -> Tree:
     root, order = _ordered(links, joints)
     mimics, orphans = checked_mimics([*_mimics(elements)], {name: joint.kind for name, joint in joints.items()})
     notes += _limit_notes(elements, joints)
-    if any(float(spring.text or 0) for spring in robot.iter("springStiffness") if _is_number(spring.text)):
+    if any(float(spring.text or 0) for spring in robot.iter("springStiffness") if is_decimal(spring.text)):
         notes.append("springs that the model gives to its joints for Gazebo are not modelled")
     if geared := [*_geared(robot)]:
         notes.append(f"gears and rotors of transmissions are modelled as 'drives' only: {several(geared)}")
+    if unread:
+        notes.append(f"not read: {counted(unread)}")
     bodies = {root: links[root], **{joint.child: links[joint.child] for joint in order}}
     return Tree(robot.get("name", ""), bodies, order, mimics, None, (*defects, *orphans), tuple(notes))
 
@@ -63,7 +71,7 @@ def _geared(robot: Element) -> Iterator[str]:
     """Yield the names of the transmissions with a gear ratio or a rotor inertia."""
     idle = {"mechanicalReduction": 1.0, "motorInertia": 0.0}
     for transmission in robot.findall("transmission"):
-        if any(element.tag in idle and _is_number(element.text) and abs(float(element.text or 0)) != idle[element.tag]
+        if any(element.tag in idle and is_decimal(element.text) and abs(float(element.text or 0)) != idle[element.tag]
                for element in transmission.iter()):  # fmt: skip
             yield transmission.get("name", "without name")
 
@@ -81,12 +89,9 @@ def _named(robot: Element, tag: str) -> dict[str, Element]:
 
 
 def _inertia(link: Element, name: str, defects: list[str], notes: list[str]) -> pin.Inertia:
-    where, inertials = f"link '{name}'", link.findall("inertial")
-    if not inertials:
+    where, inertial = f"link '{name}'", link.find("inertial")
+    if inertial is None:
         return pin.Inertia.Zero()
-    if len(inertials) > 1:
-        raise ModelError(f"{where}: it has {len(inertials)} <inertial>", expected="one, of all its mass")
-    inertial = inertials[0]
     mass = _number(inertial.find("mass"), "value", f"{where}: mass")
     if mass < 0.0:
         raise ModelError(f"{where}: the mass is negative ({mass:g} kg)")
@@ -224,7 +229,7 @@ def _vector(element: Element | None, key: str, where: str, default: Vector | Non
     if text is None and default is not None:
         return default
     try:
-        x, y, z = (float(part) for part in (text or "").split())
+        x, y, z = (decimal(part) for part in (text or "").split())
     except ValueError:
         x = y = z = math.nan
     if not math.isfinite(x) or not math.isfinite(y) or not math.isfinite(z):
@@ -245,17 +250,9 @@ def _number(element: Element | None, key: str, where: str, default: float | None
         if default is None:
             raise ModelError(f"{where} is missing")
         return default
-    if not _is_number(text):
-        raise ModelError(f"{where}: '{text}' is not a number")
-    number = float(text)
+    if not is_decimal(text):
+        raise ModelError(f"{where}: '{text}' is not a number", expected="a decimal number such as -1.5e-3")
+    number = decimal(text)
     if not math.isfinite(number):
         raise ModelError(f"{where}: '{text}' is not a finite number")
     return number
-
-
-def _is_number(text: str | None) -> bool:
-    try:
-        float(text or "")
-    except ValueError:
-        return False
-    return "_" not in (text or "")

@@ -9,10 +9,9 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.yaml.schema import Lead
-from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import Axes, combined, dot
 from pinarm.mechanics.joints import Direction, unit_vector
-from pinarm.mechanics.loops.loop_joints import LoopDefinition, LoopJoint
+from pinarm.mechanics.loops.loop_joints import LoopDefinition
 from pinarm.mechanics.loops.lower_pairs import LowerPair, Tilt, normals
 
 
@@ -82,11 +81,3 @@ class Thread:
     def _at(self, p: Array) -> Array:
         """Return u and v, each of shape (3,), or (3, 1) for many configurations."""
         return self.across.reshape(2, 3, *(1,) * (p.ndim - 1))
-
-
-def counted_angle(joint: LoopJoint, links: LinkPlacements) -> Array:
-    """Return how far frame 2 of a screw has turned in frame 1, whole turns counted [rad], shape (n,)."""
-    assert isinstance(joint.pair, LowerPair)
-    assert isinstance(joint.pair.rotation, Thread)
-    (turn, origin), (_, place) = links.frame(joint.first), links.frame(joint.second)
-    return joint.pair.rotation.angle(np.vecmat(place - origin, turn).T)

@@ -20,8 +20,9 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion, positions_by_interval
+from pinarm.engine.motion.standstill import law_directions, lossy
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
-from pinarm.mechanics.ball_joints import ball_coordinates, balls_of
+from pinarm.mechanics.ball_joints import ball_angles, ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.forces import ForceElement
@@ -146,16 +147,28 @@ class ReducedMechanism:
         """Return the coordinates that no removed joint has a part in, but for those of frames, which all stay."""
         gone = list(self.removed.laws)
         found = {
-            name: self._sum(model, one) if isinstance(one, LinearCoordinate) else one
+            name: self._sum(model, one) if isinstance(one, LinearCoordinate) else self._counting(model, one)
             for name, one in self.whole.coordinates.items()
             if not (isinstance(one, LinearCoordinate) and one.weights[gone].any())
         }  # fmt: skip
-        return {**found, **ball_coordinates(model, balls_of(model))}
+        balls = balls_of(model)
+        return {**found, **ball_coordinates(model, balls), **ball_angles(balls)}
 
     def _coupling(self, model: pin.Model, one: Coupling) -> Coupling:
         """Return a coupling of the part, its forces as efforts: reactions are asked of the whole."""
         follower = None if one.follower is None else int(np.searchsorted(self.kept_v, one.follower))
         return replace(one, coordinate=self._sum(model, one.coordinate), follower=follower, transmission=None)
+
+    def _counting(self, model: pin.Model, one: Coordinate) -> Coordinate:
+        """Return a coordinate of frames; of an angle at a loop joint, joints that are removed count as they stand."""
+        from pinarm.mechanics.loops.relative import TurnedAbout  # most have none
+
+        turns = one.turns if isinstance(one, TurnedAbout) else None
+        if not isinstance(one, TurnedAbout) or turns is None:
+            return one
+        gone = list(self.removed.laws)
+        held = float(turns.weights[gone] @ self.configuration[turns.places[gone]])
+        return replace(one, turns=self._sum(model, turns), offset=one.offset + held)
 
     def _sum(self, model: pin.Model, one: LinearCoordinate) -> LinearCoordinate:
         places = np.zeros(model.nv, dtype=np.intp)
@@ -190,7 +203,7 @@ class ReducedMechanism:
         driven = None if run.driven is None else self._driven(run.driven)
         back = replace(
             run, mechanism=self.whole, q=q, v=v, a=a, tau=tau, closure=closure,
-            dynamics=Dynamics.of(self.whole.model, self.forces), driven=driven,
+            dynamics=Dynamics.of(self.whole.model, self.forces), driven=driven, directions=self._directions(run),
         )  # fmt: skip
         if run.no_efforts:
             return replace(back, lam=self._multipliers(run.lam, np.zeros((n, len(self.removed.couplings)))))
@@ -201,6 +214,17 @@ class ReducedMechanism:
         found = np.zeros(self.whole.model.nv, dtype=bool)
         found[self.kept_v] = part
         found[self.answered] = True
+        return found
+
+    def _directions(self, run: Trajectory) -> Array | None:
+        """Return the directions of the joints of the whole, those that are removed by their laws, shape (n, nv)."""
+        if not lossy(self.whole):
+            return None
+        found = np.zeros((len(run), self.whole.model.nv))
+        if run.directions is not None:
+            found[:, self.kept_v] = run.directions
+        for i, law in self.removed.laws.items():
+            found[:, i] = law_directions(law, run.grid)
         return found
 
     def _with_efforts(self, run: Trajectory) -> Trajectory:

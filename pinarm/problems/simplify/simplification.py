@@ -80,7 +80,7 @@ class Simplification:
             InputError: The problem has a mistake.
         """
         declared = problem.declaration()
-        if declared is None:
+        if declared is None or mechanism.frictions:  # which of them stick is decided for all joints together
             return cls.whole(problem, mechanism)
         from pinarm.problems.simplify.model_reduction import ReducedMechanism
         from pinarm.problems.simplify.removal import KnownMotion, known_laws, removable

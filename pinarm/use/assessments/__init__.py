@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 KINDS = {
     "shaking": ("shaking", "Shaking"),
+    "sizing": ("sizing.sizing", "Sizing"),
 }
 """Key of a scenario -> module and class. A new one is a class, an entry here, and the key in ``ScenarioFile``."""
 
@@ -45,8 +46,9 @@ class Assessment(Protocol):
 
 if TYPE_CHECKING:  # mypy compares the classes with the protocol, which are imported by name
     from pinarm.use.assessments.shaking import Shaking
+    from pinarm.use.assessments.sizing.sizing import Sizing
 
-    _ASSESSMENTS: tuple[type[Assessment], ...] = (Shaking,)
+    _ASSESSMENTS: tuple[type[Assessment], ...] = (Shaking, Sizing)
 
 
 def assessment_class(key: str) -> type[Any]:

@@ -36,7 +36,7 @@ COARSEST, FINEST, SETTLED = 256, 2**15, 1e-7
 """Points of an interval for percentiles, at first and at most; change, relative to the range of x, at which doubling
 their number ends."""
 
-_PERCENTILE = re.compile(r"p(\d{1,3}(?:\.\d{1,3})?)")
+_PERCENTILE = re.compile(r"p([0-9]{1,3}(?:\.[0-9]{1,3})?)")
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,10 @@ from pinarm.input.units import read_quantity
 from pinarm.input.yaml.schema import InputStruct, in_si
 from pinarm.use.result.curve_figures import FIGURES, is_figure
 
-Verdict = Literal["agrees", "rounding", "reading", "misprint"]
+Verdict = Literal["agrees", "rounding", "reading", "misprint", "model_error"]
+ERRATA = ("misprint", "model_error")
+"""Verdicts on what is wrong in print."""
+
 PLACES = ("all", "start", "end", "max", "min", "largest")
 
 
@@ -31,8 +34,11 @@ class Expectation(InputStruct, frozen=True):
             digit, and a formula to 1e-10.
         published: What is printed, with its digits and unit, as text.
         published_formula: What is printed, where it is a formula.
-        because: A formula that gives the printed number from the rounded figures that its authors used.
-        verdict: What is claimed of the published figure; a ``reading`` was taken off a plot.
+        because: A formula that gives the printed figure from what its authors used: rounded figures, a misprinted one,
+            or the wrong assumption of a ``model_error``, which needs it.
+        verdict: What is claimed of the published figure; a ``reading`` was taken off a plot, a ``model_error`` is
+            printed as its authors meant it, from a model that leaves out or misplaces something.
+        erratum: Name of a misprint or model error; entries with one name, in all scenarios that are checked, are one.
         source: Where the value or the published figure comes from.
         note: What to know.
     """
@@ -48,6 +54,7 @@ class Expectation(InputStruct, frozen=True):
     published_formula: str | None = None
     because: str | None = None
     verdict: Verdict = "agrees"
+    erratum: str = ""
     note: str = ""
 
     def check(self) -> None:
@@ -71,7 +78,15 @@ class Expectation(InputStruct, frozen=True):
         if self.value is None and self.formula is None and self.published is None and self.published_formula is None:
             raise InputError("an expectation needs a value, a formula or a published figure")
         if self.verdict != "agrees" and self.value is None and self.formula is None:
-            raise InputError(f"a {self.verdict} can only be confirmed by an independent value or formula")
+            said = self.verdict.replace("_", " ")
+            raise InputError(f"a {said} can only be confirmed by an independent value or formula")
+        if self.verdict == "model_error" and self.because is None:
+            raise InputError(
+                "a model error is confirmed by what it assumes", expected="because: the formula of that model"
+            )
+        if self.erratum and self.verdict not in ERRATA:
+            raise InputError(f"an erratum is a misprint or a model error, not '{self.verdict}'",
+                             expected="verdict: misprint, or model_error")  # fmt: skip
 
     def check_names(self, quantities: Quantities) -> None:
         """Check its names and units against the quantities of a run.

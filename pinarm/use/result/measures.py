@@ -5,6 +5,7 @@ RESIDUALS = {
     "power": "balance of power along the motion, relative to its terms",
     "energy": "energy that nothing accounts for, relative to the energy exchanged",
     "return trip": "accelerations from the efforts by forward dynamics, relative to the largest",
+    "friction": "law of friction with the reactions of the rows, relative to the largest friction",
     "bodies": "Newton's and Euler's equations of every body with the reactions, relative to their terms",
 }
 CLOSURES = {
@@ -17,9 +18,13 @@ MEASURES = {
     **CLOSURES,
     "regularity": "smallest singular value of the loops' rows relative to the largest: 0 at a singular position",
     "least regular at": "where along the run that is",
+    "e-folding": "time in which errors grow e-fold [s], where their growth is seen and exponential",
     "condition": "condition number of the mass matrix of the free motions, scaled to a diagonal of ones",
 }
 """Figures that tell the accuracy of a run, and what they mean."""
+
+NOT_ESTIMATED = "not estimated"
+"""What stands for the global error of an integrated motion where none was asked for: residuals do not bound it."""
 
 COSTS = ("steps", "evaluations", "rejected steps", "steps at the noise floor")
 """Figures that count work; what is neither is part of the answer."""

@@ -7,12 +7,14 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
+from pinarm.engine.checks.balance import LOST
 from pinarm.engine.checks.limits import Excess, excesses
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
@@ -23,8 +25,8 @@ from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
-from pinarm.use.result.measures import COSTS, MEASURES
-from pinarm.use.result.row_lookup import Lookup
+from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED
+from pinarm.use.result.row_lookup import Lookup, unreached
 from pinarm.use.result.run_number import RunNumber
 
 if TYPE_CHECKING:
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import ScenarioFile
     from pinarm.use.show.plot import Picture
     from pinarm.use.show.replay.page import Replay
+    from pinarm.use.store.transfer import TransferredResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +53,8 @@ class Result:
         quantities: Everything that can be asked of the run, by name.
         figures: Measured accuracy and cost, by name.
         folder: Folder of the scenario file; paths in it are relative to that.
-        errors: Estimate of the global error of each output, relative to its scale (see ``output_scales``); empty where
-            none was asked for.
+        errors: Bound of the global error of each output, relative to its scale (see ``output_scales``), that holds in
+            99 of 100 cases; empty where none was asked for.
         setting: How the motion was integrated, and what the estimate rests on, in words.
         removals: Joints of the mechanism that were not solved for.
         assessments: What the scenario asks to conclude from it, by key.
@@ -72,14 +75,24 @@ class Result:
 
     @property
     def error(self) -> float | None:
-        """Largest of the estimated errors; none where none was asked for."""
+        """Largest of the bounds of errors; none where none was asked for."""
         return max(self.errors.values()) if self.errors else None
 
     @property
     def missed(self) -> bool:
-        """Whether the error is not below the target of the scenario."""
+        """Whether the error is not below the target of the scenario, or contradicted."""
         target = self.content.accuracy.target
-        return target is not None and not (self.error is not None and self.error <= target)
+        reached = self.error is not None and target is not None and self.error <= target
+        return target is not None and (not reached or bool(self.contradiction))
+
+    @property
+    def contradiction(self) -> str:
+        """What contradicts the bound of the error; empty where nothing does, or there is none."""
+        energy = self.figures.get("energy", 0.0)
+        if self.error is None or energy < LOST or self.error > CONTRADICTED * energy:
+            return ""
+        return (f"{energy:.2g} of the energy exchanged is not accounted for, though two solutions agree to "
+                f"{self.error:.1e}: neither is the motion of the mechanism")  # fmt: skip
 
     @property
     def trajectory(self) -> Trajectory:
@@ -98,6 +111,11 @@ class Result:
             InputError: There is no such quantity; the message lists what there is.
         """
         return self.quantities[name]
+
+    @property
+    def parameter(self) -> Series:
+        """What runs along the rows, such as the time ``t``."""
+        return self.quantities.parameter
 
     def __len__(self) -> int:
         return len(self.trajectory)
@@ -135,8 +153,9 @@ class Result:
 
     def columns(self) -> list[Series]:
         """Return the parameter and the outputs of the scenario."""
-        names = dict.fromkeys([self.trajectory.parameter, *self.content.outputs])
-        return [self[name] for name in names]
+        outputs = dict.fromkeys(self.content.outputs)
+        own = self.parameter
+        return [own, *(series for series in map(self.quantities.__getitem__, outputs) if series.name != own.name)]
 
     def to_dataframe(self) -> DataFrame:
         """Return the outputs as a pandas table, one row per instant, units in the headings."""
@@ -192,6 +211,11 @@ class Result:
         from pinarm.use import views
 
         return views.save(self, Path(folder), plots=plots)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how another process makes the same result; see ``store.transfer``."""
+        transfer = import_module("pinarm.use.store.transfer")  # which needs scenarios, and these need results
+        return _result_again, (transfer.TransferredResult.of(self),)
 
     def _repr_html_(self) -> str:
         """Return numbers, plots and the replay, for notebooks; saved ones keep them."""
@@ -274,8 +298,11 @@ class Result:
     def _accuracy(self) -> dict[str, Any]:
         """Return what was measured, and where it was asked for, the estimate of the global error."""
         measured: dict[str, Any] = {name: self.figures[name] for name in self.figures if name in MEASURES}
+        if "evaluations" in self.figures and not self.errors:
+            measured["error"] = NOT_ESTIMATED
         if self.errors:
             measured |= {"error": self.error, "error of outputs": dict(self.errors), "setting": self.setting}
+            measured |= {"contradiction": self.contradiction} if self.contradiction else {}
         if self.content.accuracy.target is not None:
             measured |= {"target": self.content.accuracy.target, "target reached": not self.missed}
         return measured
@@ -294,11 +321,14 @@ class Result:
     def notes(self) -> list[str]:
         """Return what is not modelled as the files have it, which outputs are one choice of many, and what to doubt.
 
-        The last of these are a method of integration that does not suit the motion, and angles of very many turns.
+        Places of the answer key that the run does not come to are among them. The last are a method of integration that
+        does not suit the motion, and angles of very many turns.
         """
-        doubts = [f"{series.name}: least multipliers; {series.doubt}" for series in self.columns() if series.doubt]
         run = self.trajectory
-        said = [*run.mechanism.notes, *doubts, *self.outcome.notes, *coarse_angles(run.mechanism.joints, run.q)]
+        doubts = [f"{series.name}: least multipliers; {series.doubt}" for series in self.columns() if series.doubt]
+        coarse = coarse_angles(run.mechanism.joints, run.q)
+        missed = unreached(self.quantities, self.content.expect)
+        said = [*run.mechanism.notes, *doubts, *self.outcome.notes, *missed, *coarse]
         return list(dict.fromkeys(said))  # a result that is read from a folder brings its own along
 
     def excesses(self) -> list[Excess]:
@@ -313,6 +343,14 @@ class Result:
         text = json.dumps([relevant, described, mechanism.xml], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
+
+def _result_again(parts: TransferredResult) -> Result:
+    return parts.result()
+
+
+CONTRADICTED = 0.01
+"""Error over unaccounted energy, both relative, below which they contradict each other: the energy has twice the error
+of the velocities that hold most of it, and outputs that hardly depend on these may have less."""
 
 PLATEAU = 1e-12
 """Relative difference below which neighbouring rows share an extreme: the first of them is named."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,8 +13,11 @@ from pinarm.arrays import Array
 from pinarm.engine.motion.outcome import SolvedMotion, on_interval
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import InputError, Key, within
+from pinarm.errors import InputError, Key, PinarmError, within
 from pinarm.input.yaml.schema import in_si
+
+if TYPE_CHECKING:
+    from pinarm.use.result.expectation import Expectation
 
 POINTS, ROUNDS = 17, 14
 """A bracket is cut in 16 parts 14 times: 16^14 is beyond the digits of a double, so it ends at rounding."""
@@ -28,6 +33,27 @@ SAME = 1e-9
 
 Spot = tuple[int, float]
 """An interval of the run and a value of its parameter within it."""
+
+
+class NotReached(InputError):
+    """A place that a run does not come to."""
+
+
+def unreached(quantities: Quantities, key: Sequence[Expectation]) -> list[str]:
+    """Return a note on each place of an answer key that lies beyond all rows of a run.
+
+    Entries that have another mistake are passed over: ``validate`` and ``check`` say what it is.
+    """
+    places: dict[str, list[str]] = {}
+    for number, entry in enumerate(key, 1):
+        for along, text in entry.instant().items():
+            with suppress(PinarmError):
+                rows = quantities[along]
+                value, slack = in_si(text, rows.unit), 1e-12 * float(np.ptp(rows.values))
+                if not rows.values.min() - slack <= value <= rows.values.max() + slack:
+                    places.setdefault(f"{along} = {text}", []).append(str(number))
+    return [f"{place} is not reached in this run; entry {', '.join(numbers)} of expect asks for it"
+            for place, numbers in places.items()]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +87,7 @@ class Lookup:
             rows = self.run.some(np.full(len(t), interval))
         else:
             rows = on_interval(self.motion, self.run.grid.cuts, interval, t)
-        return Quantities(rows, self.quantities.symbols)
+        return self.quantities.of(rows)
 
     def at(self, where: str | dict[str, str | int | float], name: str) -> Quantities:
         """Return the quantities of one row: the place that ``where`` names.
@@ -126,11 +152,11 @@ class Lookup:
             raise InputError(f"'{occurrence}' is no occurrence", expected="a whole number from 1")
         instants = sorted({round(t, 14) for _, t in spots}, key=lambda t: [round(s, 14) for _, s in spots].index(t))
         if not instants:
-            raise InputError(f"{text} is not reached in this run")
+            raise NotReached(f"{text} is not reached in this run")
         if len(instants) > 1 and "occurrence" not in where:
             raise InputError(f"{text} is reached {len(instants)} times", expected=f"occurrence: 1 to {len(instants)}")
         if occurrence > len(instants):
-            raise InputError(f"{text} is reached {len(instants)} times only", expected=f"at most {len(instants)}")
+            raise NotReached(f"{text} is reached {len(instants)} times only", expected=f"at most {len(instants)}")
         chosen = [spot for spot in spots if round(spot[1], 14) == instants[occurrence - 1]]
         sides = [self._row(*chosen[0]), self._row(*chosen[-1])]
         side = where.get("side")

@@ -10,6 +10,7 @@ import numpy as np
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
+from pinarm.input.numbers import is_whole
 from pinarm.use.result.curve_figures import FIGURES, figure, figure_unit, is_figure
 from pinarm.use.result.row_lookup import Lookup
 
@@ -60,8 +61,8 @@ class RunNumber:
         if not all(len(pair) == 2 and all(pair) for pair in pairs):
             raise InputError(problem.message, expected=f"{EXAMPLES}; figures are {', '.join(FIGURES)}, p0 to p100")
         keys: dict[str, str | int | float] = {pair[0]: pair[1] for pair in pairs}
-        if str(keys.get("occurrence", "")).isdecimal():
-            keys["occurrence"] = int(keys["occurrence"])
+        if is_whole(occurrence := str(keys.get("occurrence", ""))):
+            keys["occurrence"] = int(occurrence)
         return cls(quantity, keys, quantity)
 
     @property

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -16,6 +16,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import residual_figures
+from pinarm.engine.checks.unclosed import unclosed
 from pinarm.engine.mechanism import Mechanism, mechanism_document, read_mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
@@ -79,6 +80,7 @@ class ScenarioFile(InputStruct, frozen=True):
         outputs: Quantities of the table and the plots.
         numbers: Numbers of the run to tell, such as ``C_B @ rms``: see ``RunNumber.read``.
         shaking: Shaking force and moment on the frame; see ``assessments.shaking``.
+        sizing: Motor and gear of a drive, out of a catalogue; see ``assessments.sizing``.
         modelled: ``required``, what the question requires: joints that it holds still are locked, and dropped those
             that it moves and nothing depends on; or the ``whole`` mechanism. The answer is the same.
         undetermined: What to do with reactions that rigid bodies do not determine: ``refuse`` them, or give those of
@@ -101,6 +103,7 @@ class ScenarioFile(InputStruct, frozen=True):
     symbols: dict[str, str] = {}
     numbers: list[str] = []
     shaking: Any = None
+    sizing: Any = None
     modelled: Literal["required", "whole"] = "required"
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"
     accuracy: Accuracy = msgspec.field(default_factory=Accuracy)
@@ -151,6 +154,19 @@ class Scenario:
         content = document.validate(ScenarioFile)
         return cls(document, content, _problem(document, content.problem), _assessments(document, content), folder)
 
+    @classmethod
+    def of_data(cls, data: Mapping[str, Any], path: Path) -> Scenario:
+        """Return the scenario of plain data, as if it had been read from a file.
+
+        Raises:
+            InputError: It has a mistake.
+        """
+        return cls.of(Document(str(path), path, dict(data), {}, {}), path.parent)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how another process makes the same scenario: from its text, since what is built from it has functions."""
+        return _read_again, (self.document, self.folder.absolute(), self.seed)
+
     def varied(self, values: Values) -> Scenario:
         """Return the scenario with other values.
 
@@ -175,7 +191,8 @@ class Scenario:
     @property
     def name(self) -> str:
         """Name of the file without its ending."""
-        return self.document.path.stem if self.document.path else "scenario"
+        stem = self.document.path.stem if self.document.path else ""
+        return stem.strip(". ") or "scenario"  # ``...yaml`` has the stem ``..``, which is another folder
 
     @cached_property
     def mechanism(self) -> Mechanism:
@@ -242,13 +259,8 @@ class Scenario:
         if self.content.find:
             return self._solve_found(self.content.find)
         try:
-            with np.errstate(all="ignore"):  # what is not finite is found in the results, and said in words
+            with _failures_in_words():
                 return self._solve_once()
-        except np.linalg.LinAlgError as error:
-            raise DynamicsError(
-                f"the equations of this mechanism have no solution ({error})",
-                hint="numbers of ordinary size, and a mass for whatever is free to move",
-            ) from error
         except NumericsError as error:
             if isinstance(error.partial, Outcome):
                 error.partial = self.result(error.partial)
@@ -307,8 +319,13 @@ class Scenario:
             NumericsError: It is not finite.
         """
         measured = {**solved.figures, **power_balance(solved.rows), **residual_figures(solved.rows, solved.motion)}
+        if solved.rows.mechanism.frictions:
+            from pinarm.engine.quantities.friction_law import friction_figures
+
+            measured |= friction_figures(solved.rows)
         removals = self.simplification.removals if solved is not whole else ()
-        result = replace(self.result(whole), figures=measured, removals=removals)
+        noted = replace(whole, notes=(*whole.notes, *unclosed(whole.rows)))
+        result = replace(self.result(noted), figures=measured, removals=removals)
         for index, name in enumerate(self.content.outputs):
             with self.document.locating("outputs", index):
                 result.require_finite(name)
@@ -331,9 +348,9 @@ class Scenario:
         Raises:
             PinarmError: Something is wrong; the message says where.
         """
-        self.problem.prepare(self.mechanism, self._place)
-        quantities = self.quantities()
-        with np.errstate(all="ignore"):
+        with _failures_in_words():
+            self.problem.prepare(self.mechanism, self._place)
+            quantities = self.quantities()
             for index, name in enumerate(self.content.outputs):
                 with self.document.locating("outputs", index):
                     quantities[name]
@@ -367,6 +384,10 @@ class Scenario:
 
     def _place(self, *path: str | int) -> AbstractContextManager[None]:
         return self.document.locating("problem", *path)
+
+
+def _read_again(document: Document, folder: Path, seed: int | None) -> Scenario:
+    return replace(Scenario.of(document, folder), seed=seed)
 
 
 def _varied(document: Document, folder: Path, values: Values) -> Document:
@@ -413,6 +434,28 @@ def _assessments(document: Document, content: ScenarioFile) -> dict[str, Assessm
     """Validate the parts of the document that ask for assessments, each by its class."""
     asked = (key for key in KINDS_OF_ASSESSMENT if getattr(content, key) is not None)
     return {key: document.validate(assessment_class(key), key) for key in asked}
+
+
+@contextmanager
+def _failures_in_words() -> Iterator[None]:
+    """Raise in words what linear algebra and Python's numbers raise; what is not finite is found in the results.
+
+    Raises:
+        DynamicsError: A matrix is singular, or a number is beyond 1e308.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except np.linalg.LinAlgError as error:
+        raise DynamicsError(
+            f"the equations of this mechanism have no solution ({error})",
+            hint="numbers of ordinary size, and a mass for whatever is free to move",
+        ) from error
+    except ArithmeticError as error:
+        raise DynamicsError(
+            f"a number of this run is too large or too small to be computed with ({error})",
+            hint="numbers of ordinary size: their squares, too, lie between 1e-308 and 1e308",
+        ) from error
 
 
 CHECKABLE = 1e150

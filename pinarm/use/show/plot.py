@@ -22,6 +22,8 @@ from pinarm.engine.series import Series
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import in_si
 from pinarm.use.result.curve_figures import is_figure
+from pinarm.use.result.expectation import ERRATA
+from pinarm.use.result.row_lookup import NotReached
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -73,7 +75,7 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
         against: The quantity along the horizontal axis; the run's parameter where it is left out.
     """
     run = result.trajectory
-    along = result[against or run.parameter]
+    along = result[against] if against else result.parameter
     scale, measured = shown(along)
     keys = answer_key(result, along.name)
     with matplotlib.rc_context(STYLE):
@@ -138,26 +140,32 @@ class Printed:
         quantity: What it was published of.
         x: Where along the plot, in SI; an array over the rows for a published formula.
         y: The figure, in SI, likewise.
-        misprint: Whether it is confirmed to be one.
+        verdict: What is claimed of it.
     """
 
     quantity: str
     x: float | Array
     y: float | Array
-    misprint: bool
+    verdict: str
 
 
 def answer_key(result: Result, along: str) -> list[Printed]:
-    """Return what was published of a run and can be drawn over its curves: figures at one row, formulas over all."""
+    """Return what was published of a run and can be drawn over its curves: figures at one row, formulas over all.
+
+    A figure for a place that the run does not come to is left out.
+    """
     found = []
     for entry in result.content.expect:
         if entry.published_formula is not None and entry.at == "all":
             figures = np.broadcast_to(result.quantities.figure(entry.published_formula), len(result))
-            found.append(Printed(entry.quantity, result[along].values, figures, entry.verdict == "misprint"))
+            found.append(Printed(entry.quantity, result[along].values, figures, entry.verdict))
         elif entry.published is not None and not _over_run(entry.at):
-            row = result.lookup.at(entry.at, entry.quantity)
+            try:
+                row = result.lookup.at(entry.at, entry.quantity)
+            except NotReached:  # as the notes say
+                continue
             printed = in_si(entry.published, row[entry.quantity].unit)
-            found.append(Printed(entry.quantity, float(row[along].values[0]), printed, entry.verdict == "misprint"))
+            found.append(Printed(entry.quantity, float(row[along].values[0]), printed, entry.verdict))
     return found
 
 
@@ -167,15 +175,16 @@ def _over_run(at: str | dict[str, str | int | float]) -> bool:
 
 
 def _mark(axis: Axes, series: Series, printed: list[Printed], scale: float) -> None:
-    """Draw published figures over a curve: circles where they hold, crosses and dashes where they are misprints."""
+    """Draw published figures over a curve: circles where they hold, crosses and dashes where they are wrong."""
     own, _ = shown(series)
     labelled: set[str] = set()
     for one in printed:
-        curve = isinstance(one.y, np.ndarray)
-        label = ("printed formula" if curve else "published") + (", a misprint" if one.misprint else "")
+        curve, wrong = isinstance(one.y, np.ndarray), one.verdict in ERRATA
+        label = "printed formula" if curve else "published"
+        label += f", a {one.verdict.replace('_', ' ')}" if wrong else ""
         axis.plot(
-            one.x / scale, one.y / own, color=WRONG if one.misprint else "black", linewidth=1.0, fillstyle="none",
-            linestyle="--" if curve else "none", marker="" if curve else "x" if one.misprint else "o",
+            one.x / scale, one.y / own, color=WRONG if wrong else "black", linewidth=1.0, fillstyle="none",
+            linestyle="--" if curve else "none", marker="" if curve else "x" if wrong else "o",
             label=None if label in labelled else label,
         )  # fmt: skip
         labelled.add(label)
@@ -184,7 +193,7 @@ def _mark(axis: Axes, series: Series, printed: list[Printed], scale: float) -> N
 
 
 WRONG = "#D00000"
-"""Colour of misprints; the shape of their marks tells them apart too."""
+"""Colour of what is wrong in print; the shape of their marks tells them apart too."""
 
 
 def shown(series: Series) -> tuple[float, Unit | None]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from pinarm.engine.series import Series
 from pinarm.errors import printable
 from pinarm.problems.simplify.simplification import removal_lines
-from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, RESIDUALS
+from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, NOT_ESTIMATED, RESIDUALS
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -88,15 +89,20 @@ def _number_line(series: Series, error: float) -> str:
 
 
 def _error_lines(result: Result) -> list[str]:
-    """Return what is known of the global error, and whether it is below its target."""
+    """Return what is known of the global error, how fast it grows, and whether it is below its target."""
     if result.error is None:
-        return []
+        integrated = "evaluations" in result.figures
+        return [f"global error: {NOT_ESTIMATED}; residuals do not bound it, --verify does"] if integrated else []
     target = result.content.accuracy.target
     worst = max(result.errors, key=lambda name: result.errors[name])
     where = f", largest in {worst}" if len(result.errors) > 1 else ""
-    line = f"error: {result.error:.1e} of the largest value{where} ({result.setting})"
-    verdict = "reached" if not result.missed else "MISSED"
-    return [line] + ([f"target {target:g}: {verdict}"] if target is not None else [])
+    bound = f"below {result.error:.1e} of the largest value in 99 of 100 cases" if isfinite(result.error) else "unknown"
+    lines = [f"global error: {bound}{where} ({result.setting})"]
+    if "e-folding" in result.figures:
+        lines.append(f"errors grow e-fold every {result.figures['e-folding']:.2g} s")
+    lines += [f"CONTRADICTION: {result.contradiction}"] if result.contradiction else []
+    verdict = "MISSED" if result.missed else "reached"
+    return lines + ([f"target {target:g}: {verdict}"] if target is not None else [])
 
 
 def _accuracy_lines(figures: Mapping[str, float], parameter: str) -> list[str]:

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from pinarm.engine.series import Series
+from pinarm.input.numbers import DECIMAL
 from pinarm.use.store.files import cell
 
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_NUMBER = re.compile(DECIMAL)
 QUANTILES = {"5 %": 0.05, "median": 0.5, "95 %": 0.95}
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from pinarm.errors import InputError
@@ -31,7 +32,7 @@ def examples(folder: str | Path = "pinarm-examples") -> Path:
     Raises:
         InputError: The folder cannot be written, or pinarm was installed without these files.
     """
-    target, source = Path(folder), _source()
+    target, source = Path(folder), example_files()
     try:
         target.mkdir(parents=True, exist_ok=True)
         (target / ".pinarm-root").touch()
@@ -45,8 +46,8 @@ def examples(folder: str | Path = "pinarm-examples") -> Path:
     return target
 
 
-def _source() -> Path:
-    """Return the folder that holds the folders that are copied.
+def example_files() -> Path:
+    """Return the folder that holds models, scenarios and examples.
 
     Raises:
         InputError: There is none.
@@ -71,6 +72,7 @@ def _files(source: Path) -> Iterator[Path]:
 
 
 def _copy(source: Path, target: Path) -> None:
-    if not target.exists():
-        target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(source, target)
+    """Copy a file where nothing stands, not even a link that leads nowhere."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with suppress(FileExistsError), open(source, "rb") as read, open(target, "xb") as written:
+        shutil.copyfileobj(read, written)

@@ -1,4 +1,4 @@
-"""Files of results: written whole or not at all, and the same bytes for the same content."""
+"""Contents of files of results: the same bytes for the same content."""
 
 from __future__ import annotations
 
@@ -13,35 +13,42 @@ from typing import Any
 
 import numpy as np
 
+from pinarm.errors import InputError
+
 
 def write(path: Path, text: str) -> None:
-    """Write through a file beside it, so that an interruption leaves the old file whole."""
+    """Write a new file; what appears whole is the folder that it is written in (``whole_folder``)."""
     write_parts(path, [text.encode()])
 
 
 def write_parts(path: Path, parts: Iterable[bytes]) -> None:
-    """Write pieces one after the other; see ``write``."""
-    draft = path.with_name(f".{path.name}.part")
-    with open(draft, "wb") as stream:
+    """Write a new file of pieces one after the other."""
+    with open(path, "xb") as stream:
         stream.writelines(parts)
-    draft.replace(path)
 
 
 def write_arrays(path: Path, arrays: dict[str, Any]) -> None:
-    """Write an npz file whose bytes depend on the arrays only; any name will do."""
-    draft = path.with_name(f".{path.name}.part")
-    with zipfile.ZipFile(draft, "w") as archive:
+    """Write a new npz file whose bytes depend on the arrays only; any name will do."""
+    with zipfile.ZipFile(path, "x") as archive:
         for name, array in arrays.items():
             with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as stream:
                 np.lib.format.write_array(stream, array, allow_pickle=False)
-    draft.replace(path)
 
 
 def yaml_text(data: Any) -> str:
-    """Return plain data as YAML, its keys in the order they have; every reader takes its texts for text."""
+    """Return plain data as YAML, its keys in the order they have; every reader takes its texts for text.
+
+    Raises:
+        InputError: A text is none in Unicode, such as the name of a folder that is not UTF-8.
+    """
     import yaml
 
-    return str(yaml.dump(data, Dumper=_dumper(), sort_keys=False, allow_unicode=True, width=WIDTH))
+    try:
+        return str(yaml.dump(data, Dumper=_dumper(), sort_keys=False, allow_unicode=True, width=WIDTH))
+    except UnicodeEncodeError as error:
+        name = str(error.object).encode(errors="surrogateescape").decode(errors="replace")
+        hint = "another name for it, or results in a folder below: -o DIR"
+        raise InputError(f"the name {name} is no text that a file of results can hold", hint=hint) from None
 
 
 @cache

@@ -5,7 +5,9 @@ Only files in the folder are read, and the tables that its laws of motion name.
 
 from __future__ import annotations
 
-import json
+import io
+import math
+import os
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,17 +15,21 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.mechanism import Mechanism, read_mechanism
 from pinarm.engine.motion.outcome import Outcome, SolvedMotion
+from pinarm.engine.motion.standstill import lossy
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.simplify.simplification import Removal
+from pinarm.use.output.folder import complete_folder
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
@@ -31,7 +37,7 @@ from pinarm.use.scenario.scenario import Scenario
 if TYPE_CHECKING:
     from pinarm.use.show.replay.page import Replay
 
-NEEDED = ("scenario.yaml", "mechanism.yaml", "trajectory.npz", "summary.json")
+NEEDED = ("scenario.yaml", "mechanism.yaml", "trajectory.npz", "summary.json", "manifest.json")
 """Files without which a folder is no result."""
 
 AGAIN = "run the scenario again: python -m pinarm run SCENARIO -o DIR"
@@ -52,11 +58,12 @@ def restore(folder: str | Path) -> Result:
         if not (folder / name).is_file():
             problem = f"{folder} is no result: it has no {name}" if folder.is_dir() else f"there is no folder {folder}"
             raise InputError(problem, expected="a folder that 'pinarm run' wrote", hint=AGAIN)
-    summary, arrays = _summary(folder / "summary.json"), _arrays(folder / "trajectory.npz")
-    scenario = Scenario.load(folder / "scenario.yaml")
+    with complete_folder(folder):
+        summary, arrays = _summary(folder / "summary.json"), _arrays(folder / "trajectory.npz")
+        scenario = Scenario.load(folder / "scenario.yaml")
+        mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
     content = scenario.content
-    mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
-    rows, figures = _rows(scenario, mechanism, arrays), summary["figures"]
+    rows, figures = trajectory_of(scenario, mechanism, arrays), summary["figures"]
     outcome = Outcome(rows, None if rows.numbered else SolvedAnew(scenario, mechanism, rows.grid.cuts))
     quantities = Quantities(rows, scenario.symbols, content.undetermined)
     name, kind = str(summary["scenario"]), scenario.problem.kind
@@ -91,7 +98,11 @@ def replay(
 
 def _summary(path: Path) -> dict[str, Any]:
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        with open(path, "rb") as stream:
+            raw = stream.read(MOST_SUMMARY + 1)
+        if len(raw) > MOST_SUMMARY:
+            raise ValueError(f"it has more than {MOST_SUMMARY} bytes")
+        found = msgspec.json.decode(raw)
         accuracy = found["accuracy"]
         figures = {name: accuracy[name] for name in accuracy if name in MEASURES} | found["cost"] | found["findings"]
         errors = {name: float("inf") if x is None else x for name, x in accuracy.get("error of outputs", {}).items()}
@@ -102,7 +113,7 @@ def _summary(path: Path) -> dict[str, Any]:
         removals = tuple(Removal(**one) for one in found["not solved for"])
         return {"scenario": found["scenario"], "notes": notes, "removals": removals, "figures": figures,
                 "errors": errors, "setting": str(accuracy.get("setting", ""))}  # fmt: skip
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise InputError(f"{path} is no summary of a run ({error})", hint=AGAIN) from None
 
 
@@ -113,14 +124,47 @@ def _arrays(path: Path) -> dict[str, Array]:
         InputError: They are missing, or the states are no finite numbers.
     """
     try:
-        with np.load(path, allow_pickle=False) as arrays:
-            found = {name: np.asarray(arrays[f"state.{name}"], float) for name in (*STATE, "further")}
-            found["guides"] = arrays["state.guides"].astype(str)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        with zipfile.ZipFile(path) as archive:
+            lossy_drives = ["directions"] if "state.directions.npy" in archive.namelist() else []
+            found = {name: _array(archive, f"state.{name}") for name in (*STATE, "further", "guides", *lossy_drives)}
+        found = {name: array.astype(str if name == "guides" else float) for name, array in found.items()}
+    except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, SyntaxError) as error:
         raise InputError(f"{path} does not hold the states of a run ({error})", hint=AGAIN) from None
-    if not all(np.isfinite(found[name]).all() for name in STATE):
+    if not all(np.isfinite(found[name]).all() for name in (*STATE, "directions") if name in found):
         raise InputError(f"the states in {path} are not finite")
     return found
+
+
+def _array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
+    """Return an array of an npz file whose arrays are not compressed: none is larger than the file.
+
+    Raises:
+        ValueError: It is compressed, or its heading promises other than it holds.
+        KeyError: There is none of that name.
+    """
+    entry = archive.getinfo(f"{name}.npy")
+    size = os.fstat(archive.fp.fileno()).st_size if archive.fp else 0
+    if entry.compress_type != zipfile.ZIP_STORED or entry.file_size != entry.compress_size or entry.file_size > size:
+        raise ValueError(f"{name} is compressed, or larger than the file")
+    raw = archive.read(entry)
+    stream = io.BytesIO(raw)
+    read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    version = np.lib.format.read_magic(stream)
+    if version not in read:
+        raise ValueError(f"{name} has another version of its format")
+    shape, in_columns, kind = read[version](stream)
+    if kind.hasobject or min(shape, default=0) < 0 or math.prod(shape) * kind.itemsize != len(raw) - stream.tell():
+        raise ValueError(f"{name} does not hold what its heading says")
+    if kind.kind not in NUMBERS_AND_TEXT:
+        raise ValueError(f"{name} holds neither numbers nor text")
+    return np.frombuffer(raw, kind, offset=stream.tell()).reshape(shape, order="F" if in_columns else "C")
+
+
+MOST_SUMMARY = 20_000_000
+"""Bytes of a summary: a thousand times those of the longest here."""
+
+NUMBERS_AND_TEXT = "fiuU"
+"""Kinds of numpy's types that the arrays of a result have."""
 
 
 def _mechanism(folder: Path, scenario: Scenario) -> Mechanism:
@@ -167,8 +211,8 @@ class SolvedAnew:
         return self._motion.positions(t)
 
 
-def _rows(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
-    """Return the states of a result.
+def trajectory_of(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
+    """Return the states of a result; see ``states``.
 
     Raises:
         InputError: The arrays are not those of this mechanism.
@@ -179,15 +223,18 @@ def _rows(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array])
     first, (nq, nv) = problem.schema_row(mechanism), (mechanism.model.nq, mechanism.model.nv)
     wanted = {"q": (n, nq), "v": (n, nv), "a": (n, nv), "tau": (n, nv), "lam": (n, closure.size), "t": (n,)}
     wanted |= {"further": (len(first.columns), n)} if first.columns else {}
+    if "directions" in arrays or (lossy(mechanism) and not first.separate):
+        wanted["directions"] = (n, nv)
     grid = Grid(arrays["t"], tuple(arrays["cuts"].tolist()), tuple(int(row) for row in arrays["rows"]))
-    if n == 0 or any(arrays[name].shape != shape for name, shape in wanted.items()) or not _fits(grid):
+    shapes = {name: arrays[name].shape for name in wanted if name in arrays}
+    if n == 0 or shapes != wanted or not _fits(grid):
         raise InputError("the states of this result are not those of its model", hint=AGAIN)
     columns = {name: replace(series, values=row)
                for (name, series), row in zip(first.columns.items(), arrays["further"], strict=False)}  # fmt: skip
     lam = Multipliers.known(arrays["lam"], mechanism.closure.size)
     return replace(
         first, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], tau=arrays["tau"], lam=lam,
-        closure=closure, columns=columns,
+        closure=closure, columns=columns, directions=arrays.get("directions"),
     )  # fmt: skip
 
 

@@ -1,4 +1,7 @@
-"""A result as a folder of files. The same input gives the same bytes; only ``timing.json`` differs from run to run."""
+"""A result as a folder of files. The same input gives the same bytes.
+
+Only ``timing.json``, and so its digest in ``manifest.json``, differs from run to run.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +17,11 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import Source
+from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.mechanics.loading.pinocchio_model import file_suffix
+from pinarm.use.output.folder import whole_folder
 from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
 
 if TYPE_CHECKING:
@@ -29,56 +34,34 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
 
     The folder gets ``scenario.yaml`` (as resolved: it can be run again), ``mechanism.yaml`` and the model (the
     mechanism with its arguments filled in), ``summary.json``, ``trajectory.csv``, ``trajectory.npz``, and with
-    ``plots`` a picture per output. With the tables that its laws name, it is all that ``restore`` needs.
+    ``plots`` a picture per output; ``manifest.json`` has the digests of all. With the tables that its laws name, it is
+    all that ``restore`` needs. An earlier result is replaced; of anything else see ``whole_folder``.
 
     Raises:
-        InputError: The folder cannot be written.
-    """
-    summary, columns = json_text(result.summary()) + "\n", result.columns()  # before anything is overwritten
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        _clear(result, folder)
-        mechanism = result.trajectory.mechanism
-        model = f"model{file_suffix(mechanism.xml)}"
-        write(folder / "summary.json", summary)  # first: by it the next run knows a folder that was left half written
-        write(folder / "scenario.yaml", _resolved(result, folder))
-        write(folder / "mechanism.yaml", mechanism_text(mechanism.source, folder, model))
-        write(folder / model, _model(mechanism, folder))
-        write_parts(folder / "trajectory.csv", csv(columns))
-        write_arrays(folder / "trajectory.npz", arrays(result, columns))
-        for section in result.sections.values():
-            for table in section.tables:
-                write(folder / f"{section.key}_{table.name}.csv", table_csv(table))
-        if timing:
-            write(folder / "timing.json", json_text(timing) + "\n")
-    except OSError as error:
-        raise InputError(f"the result cannot be written to {folder}: {error.strerror}") from None
-    if plots:
-        from pinarm.use.show.plot import save_plots
-
-        save_plots(result, folder)
-    return folder
-
-
-def _clear(result: Result, folder: Path) -> None:
-    """Remove what an earlier run left in the folder, and nothing else.
-
-    Raises:
-        InputError: The folder holds a scenario or a model that is not a result's, such as the input itself.
+        InputError: The folder cannot be written, or holds files that are not an earlier result's.
     """
     scenario = folder / "scenario.yaml"
-    if any((folder / name).exists() for name in OWN) and not (folder / "summary.json").exists():
-        raise InputError(f"{folder} holds files of the same names that are no result", hint="another folder: -o DIR")
     if scenario.exists() and scenario.resolve() == (result.folder / f"{result.name}.yaml").resolve():
         raise InputError(f"the result would overwrite its own input {scenario}", hint="another folder: -o DIR")
-    for name in (*OWN, "summary.json", "timing.json", "replay.html", "replay.png"):
-        (folder / name).unlink(missing_ok=True)
-    for plot in (folder / "plots").glob("*.png"):
-        plot.unlink()
-    if (folder / "partial").is_dir():
-        import shutil
+    with whole_folder(folder, "result") as draft:
+        columns, mechanism = result.columns(), result.trajectory.mechanism
+        model = f"model{file_suffix(mechanism.xml)}"
+        write(draft / "summary.json", json_text(result.summary()) + "\n")
+        write(draft / "scenario.yaml", _resolved(result, folder))
+        write(draft / "mechanism.yaml", mechanism_text(mechanism.source, folder, model))
+        write(draft / model, _model(mechanism, folder))
+        write_parts(draft / "trajectory.csv", csv(columns))
+        write_arrays(draft / "trajectory.npz", arrays(result, columns))
+        for section in result.sections.values():
+            for each in section.tables:
+                write(draft / f"{section.key}_{each.name}.csv", table_csv(each))
+        if timing:
+            write(draft / "timing.json", json_text(timing) + "\n")
+        if plots:
+            from pinarm.use.show.plot import save_plots
 
-        shutil.rmtree(folder / "partial")
+            save_plots(result, draft)
+    return folder
 
 
 def table_csv(table: SectionTable) -> str:
@@ -86,10 +69,6 @@ def table_csv(table: SectionTable) -> str:
     lines = [",".join(cell(heading) for heading in table.headings())]
     lines += [",".join(cell(each) if isinstance(each, str) else repr(each) for each in row) for row in table.rows]
     return "\n".join(lines) + "\n"
-
-
-OWN = ("scenario.yaml", "mechanism.yaml", "model.urdf", "model.xml", "trajectory.csv", "trajectory.npz")
-"""Files of a result, beside the summary that marks the folder as one."""
 
 
 CHUNK = 50_000
@@ -115,15 +94,20 @@ def _lines(table: Array) -> bytes:
 
 def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
     """Return the outputs by name, their units, and what is behind them as ``state.q`` and so on."""
-    run = result.trajectory
     units = np.array([[series.name, str(series.unit or "?")] for series in columns])
-    state = {
-        "state.q": run.q, "state.v": run.v, "state.a": run.a, "state.tau": run.tau, "state.units": units,
-        "state.t": run.grid.t, "state.cuts": np.array(run.grid.cuts), "state.rows": np.array(run.grid.rows),
-        "state.lam": np.asarray(run.lam), "state.further": np.array([series.values for series in run.columns.values()]),
-        "state.guides": np.array([one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]], str),
+    behind = {f"state.{name}": array for name, array in {**states(result.trajectory), "units": units}.items()}
+    return {**behind, **{series.name: np.asarray(series.values) for series in columns}}
+
+
+def states(run: Trajectory) -> dict[str, Any]:
+    """Return the arrays from which ``restore`` makes the states of a run again, for the same scenario."""
+    guides = [one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]]
+    return {
+        "q": run.q, "v": run.v, "a": run.a, "tau": run.tau, "t": run.grid.t, "cuts": np.array(run.grid.cuts),
+        "rows": np.array(run.grid.rows), "lam": np.asarray(run.lam), "guides": np.array(guides, str),
+        "further": np.array([series.values for series in run.columns.values()]),
+        **({} if run.directions is None else {"directions": run.directions}),
     }  # fmt: skip
-    return {**state, **{series.name: np.asarray(series.values) for series in columns}}
 
 
 def _resolved(result: Result, folder: Path) -> str:
@@ -152,7 +136,8 @@ def mechanism_text(source: Source, folder: Path, model: str) -> str:
     return yaml_text({**data, "robot": model, **base, "defects": source.defects})
 
 
-_MESH = re.compile(r"""(<mesh\b[^>]*?\bfilename\s*=\s*)(["'])(?!\w+://|/)(.*?)\2""", re.DOTALL)
+_MESH = re.compile(r"""(<mesh\b[^<>]*?\bfilename\s*=\s*)(["'])(?!\w+://|/)([^<]*?)\2""")
+"""A search ends at the next element: over a comment of many beginnings it would take quadratic time."""
 
 
 def _model(mechanism: Mechanism, folder: Path) -> str:
@@ -170,4 +155,6 @@ def _moved(data: Any, source: Path, target: Path) -> Any:
     moved = {key: _moved(value, source, target) for key, value in data.items()}
     if data.get("law") == "table":
         moved["file"] = os.path.relpath(source / data["file"], target)
+    if isinstance(data.get("catalogue"), str):
+        moved["catalogue"] = os.path.relpath(source / data["catalogue"], target)
     return moved

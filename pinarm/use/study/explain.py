@@ -6,8 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pinarm.engine.kinematics.mobility import Mobility, assembled_near, joint_kind, mobility_of
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.kinematics.closed_configurations import beside, closed_anywhere, closed_near, generic
+from pinarm.engine.kinematics.mobility import Mobility, joint_kind, mobility_of
 from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import AssemblyError
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import Values
 from pinarm.mechanics.couplings.coupling import Coupling
@@ -80,7 +85,7 @@ class Explanation:
         lines += [f"  {name}: {', '.join(parts)}" for name, parts in found.undetermined.items()]
         best: dict[str, str] = {}
         for one in found.loosenings:
-            best.setdefault(one.joint, f"  {one.joint} as {one.kind}: degree {one.degree}")
+            best.setdefault(one.changes[0][0], f"  {one}")
         if opened:
             lines += ["left open by couplings:", *opened]
         return [*lines, *(["what could be loosened without more mobility:", *best.values()] if best else [])]
@@ -115,6 +120,8 @@ class Explanation:
 def explain(path: str | Path, values: Values | None = None) -> Explanation:
     """Return the structure of a scenario's mechanism where its motion begins, or of a model near its zero position.
 
+    Where that is a singular position it is that of a closed one beside it.
+
     Args:
         path: A scenario, a mechanism file, a model file, or the name of a robot.
         values: Other values than those of the scenario (see ``pinarm.load``), or of the mechanism file (see
@@ -126,8 +133,27 @@ def explain(path: str | Path, values: Values | None = None) -> Explanation:
     file = Path(path)
     if file.suffix in (".yaml", ".yml") and "problem" in (Document.read(file).data or {}):
         scenario = Scenario.load(file, values)
-        q, whole = run(scenario).trajectory.q[0], scenario.mechanism
-        return Explanation(whole, mobility_of(whole, q), "where the motion begins", scenario.simplification.removals)
+        q, whole = run(scenario).trajectory.q, scenario.mechanism
+        some = [q[k] for k in np.unique(np.linspace(0, len(q) - 1, ROWS).astype(int))]
+        return _explained(whole, some, "where the motion begins", scenario.simplification.removals)
     mechanism = Mechanism.load(path, values=values)
-    q = assembled_near(mechanism, {})
-    return Explanation(mechanism, mobility_of(mechanism, q), "in the closed position nearest to zero")
+    try:
+        q, where = closed_near(mechanism, {}), "in the closed position nearest to zero"
+    except AssemblyError as error:
+        found, where = closed_anywhere(mechanism), "in a closed position far from zero"
+        if found is None:
+            raise error
+        q = found
+    where = "in the closed position nearest to the file's start" if mechanism.start else where
+    return _explained(mechanism, beside(mechanism, q), where)
+
+
+def _explained(mechanism: Mechanism, q: Sequence[Array], where: str, removals: Sequence[Removal] = ()) -> Explanation:
+    """Return the structure at the first of some closed configurations that is of no special kind."""
+    judged = generic(mechanism, q)
+    first = where if judged is q[0] else f"beside a singular position, which is {where}"
+    return Explanation(mechanism, mobility_of(mechanism, judged), first, removals)
+
+
+ROWS = 9
+"""Number of rows of a scenario's motion among which the usual mobility is looked for."""

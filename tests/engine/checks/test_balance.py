@@ -13,7 +13,7 @@ from pinarm.engine.integration.integrator import Interval
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.mechanism import Mechanism
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
-from pinarm.mechanics.laws import Constant, Harmonic, Polynomial, Trapezoid
+from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Polynomial, Trapezoid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
@@ -121,6 +121,22 @@ class TestPowerBalance:
         motion = {"first": Harmonic(amplitude=1.0, pulsation=2.0), "second": Harmonic(amplitude=1.0, pulsation=3.0)}
         run = solve(Inverse(time=TimeGrid(end=1.0, samples=21), motion=motion), geared)
         assert max(power_balance(run).values()) < HONEST
+
+    def test_a_steady_precession_exchanges_no_power(self, mechanism, chain):
+        """The gyroscopic moment is at right angles to both speeds: only rounding is left to compare rounding with."""
+        ring = {"mass": 0.0, "inertia": (0.0, 0.0, 0.0)}
+        disk = {"name": "spin", "axis": "0 0 1", "inertia": (0.1, 0.1, 0.2)}
+        rings = ({"name": "precession", "axis": "0 0 1", **ring}, {"name": "nutation", "axis": "1 0 0", **ring})
+        gyroscope = mechanism(chain(*rings, disk))
+        speeds = {"precession": 3.0, "spin": 50.0}
+        motion = {name: ConstantSpeed(speed=speed) for name, speed in speeds.items()}
+        motion["nutation"] = Constant(value=0.7)
+        run = solve(Inverse(time=TimeGrid(end=1.0, samples=101), motion=motion), gyroscope)
+        moment = 3.0 * np.sin(0.7) * (0.2 * (50.0 + 3.0 * np.cos(0.7)) - 0.1 * 3.0 * np.cos(0.7))
+        assert np.abs(run.tau) == pytest.approx(np.tile([0.0, moment, 0.0], (101, 1)), rel=1e-12, abs=1e-12)
+        assert power_balance(run)["power"] < HONEST
+        slipping = dataclasses.replace(run, tau=run.tau + np.array([0.0, 0.0, 1e-6 * moment]))
+        assert power_balance(slipping)["power"] > 1e-8
 
     def test_nothing_moves_and_nothing_pulls(self, mechanism, chain):
         still = mechanism(chain({"name": "first"}), gravity="none")

@@ -66,3 +66,24 @@ def test_many_configurations_are_each_as_alone_whatever_their_rank() -> None:
     found = solve_each(together, mass, force, right)
     for k in range(5):
         assert found[k] == pytest.approx(solve(RowDecomposition.of(rows[k]), mass[k], force[k], right[k]), abs=1e-10)
+
+
+def test_a_right_hand_side_is_parted_into_what_some_motion_gives_and_what_contradicts_it() -> None:
+    rows = rows_of(3, 5)
+    split, right = RowDecomposition.of(rows), GENERATOR.normal(size=5)
+    reached = split.reached(right)
+    assert rows @ split.particular(right) == pytest.approx(reached, abs=1e-9 * np.abs(right).max())
+    assert split.reached(reached) == pytest.approx(reached, abs=1e-9)
+    assert split.scale * (right - reached) @ split.left == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-12, 1e-9])
+def test_rows_that_are_0_but_for_the_rounding_of_a_file_determine_nothing(tilt: float) -> None:
+    """Two rows that determine, and one, of an angle, that a tilt leaves beside them; in 1 m and in 1 mm."""
+    for extent in (1.0, 1e-3):
+        rows, reach = np.vstack([extent * np.eye(3)[:2], [tilt, tilt, tilt]]), np.array([extent, extent, 1.0])
+        split = RowDecomposition.of(rows, reach)
+        assert split.values == pytest.approx([1.0, 1.0])
+        assert np.abs(split.free[:, 0]) == pytest.approx([0.0, 0.0, 1.0])
+        assert np.abs(split.multipliers(extent * np.array([1.0, 2.0, 0.0]))) == pytest.approx([1.0, 2.0, 0.0], abs=1e-5)
+    assert RowDecomposition.of(np.full((5, 1), tilt)).values.size == 0

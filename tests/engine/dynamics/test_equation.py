@@ -19,7 +19,7 @@ from pinarm.engine.constraints.nullspace_batch import BatchNullspace, regular_or
 from pinarm.engine.dynamics.coordinate_partition import CoordinatePartition
 from pinarm.engine.dynamics.equation import accelerations, solve
 from pinarm.engine.dynamics.pinocchio_constraints import PointConstraints
-from pinarm.engine.kinematics.mobility import assembled_near
+from pinarm.engine.kinematics.closed_configurations import closed_near
 
 MODELS = Path(pinarm.__file__).parents[1] / "models"
 CLOSED = {
@@ -39,7 +39,7 @@ ACCURATE = 1e-9
 def state(name: str, seed: int) -> tuple[Mechanism, np.ndarray, np.ndarray, np.ndarray]:
     """Return a mechanism in a closed state with random velocities that the loops allow, and random efforts."""
     mechanism = Mechanism.load(MODELS / name / "mechanism.yaml")
-    q = assembled_near(mechanism, CLOSED[name])
+    q = closed_near(mechanism, CLOSED[name])
     rows = mechanism.closure.rows(mechanism.closure.state(q))
     v, tau = np.random.default_rng(seed).normal(size=(2, mechanism.model.nv))
     return mechanism, q, v - np.linalg.pinv(rows, rcond=1e-9) @ (rows @ v), tau
@@ -73,11 +73,13 @@ class TestLoops:
         measures = BatchJacobians.of(mechanism.model, closure.constraints)
         assert measures is not None
         rows = measures.at(q[:, None]).rows(range(measures.size))
-        order = regular_order(dense(rows, (measures.size, len(q))))
+        order = regular_order(dense(rows, (measures.size, len(q))), closure.reach)
         assert order is not None
         mass, force = dynamics.mass_matrices(q[None]), tau[None] - dynamics.inverse(0.0, q, v, np.zeros_like(v))
         drift = measures.at(q[:, None]).drift(range(measures.size), v[:, None])
-        (a,) = BatchNullspace.of(rows, order, (len(q), 1)).solve(mass, force, {row: -x for row, x in drift.items()})
+        (a,) = BatchNullspace.of(rows, order, (len(q), 1), closure.reach).solve(
+            mass, force, {row: -x for row, x in drift.items()}
+        )
         (right,) = accelerations(dynamics, closure, 0.0, q[None], v[None], tau[None])
         assert a == pytest.approx(right, abs=ACCURATE * np.abs(right).max())
 

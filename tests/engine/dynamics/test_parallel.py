@@ -1,5 +1,9 @@
 """Calls on many states, on one core and on all."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -59,3 +63,27 @@ class TestThreads:
         monkeypatch.setattr(parallel, "cores", lambda: 3)
         monkeypatch.setenv("OMP_NUM_THREADS", said)
         assert parallel.threads() == found
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+def test_a_forked_process_takes_one_thread():
+    """OpenMP counts on threads that a fork does not have, and would wait for them for ever."""
+    script = (
+        "import multiprocessing, numpy, pinocchio\n"
+        "from pinarm.engine.dynamics import parallel\n"
+        "parallel.cores, parallel.MANY = (lambda: 2), 1\n"
+        "model = pinocchio.buildSampleModelManipulator()\n"
+        "states = numpy.random.default_rng(0).normal(size=(3, 500, model.nv))\n"
+        "own = parallel.Parallel(model)\n"
+        "first, known = own.rnea(*states), parallel.threads()\n"
+        "def child(out):\n"
+        "    out.put((parallel.threads(), numpy.array_equal(own.rnea(*states), first)))\n"
+        "context = multiprocessing.get_context('fork')\n"
+        "out = context.Queue()\n"
+        "process = context.Process(target=child, args=(out,), daemon=True)\n"
+        "process.start()\n"
+        "print(known, *out.get(timeout=20))\n"
+    )
+    environment = {**os.environ, "OMP_NUM_THREADS": "2"}
+    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, timeout=60)
+    assert done.stdout.split() == ["2", "1", "True"], done.stderr

@@ -25,7 +25,8 @@ def solve(problem, mechanism):
 
 @pytest.fixture
 def arm(mechanism, chain):
-    return mechanism(chain({"name": "arm", "axis": "0 1 0", "com": "0.5 0 0"}))
+    drives = {"motor": {"joint": "arm", "efficiency": 0.5}}
+    return mechanism(chain({"name": "arm", "axis": "0 1 0", "com": "0.5 0 0"}), drives=drives)
 
 
 @pytest.fixture

@@ -188,7 +188,66 @@ def test_a_symbol_for_a_coordinate_is_refused_and_one_for_a_constant_taken(run):
     assert (Quantities(run, {"pi": Expression.parse("3")})["2*pi"].values == 6.0).all()
 
 
+def test_a_stiffness_among_the_symbols_does_not_hang_on_the_speed():
+    mechanism = Mechanism.load(MODELS / "olive_vibrator_small_angle" / "mechanism.yaml")
+    rates = np.random.default_rng(3).normal(scale=100.0, size=(5, mechanism.model.nv))
+    found = mechanism.at(np.zeros((5, mechanism.model.nq)), rates)["k1"]
+    assert found.values.tolist() == [2e4] * 5
+    assert str(found.unit) == "N/m"
+
+
 def test_a_misspelt_name_comes_with_the_right_one(found):
     with pytest.raises(InputError) as caught:
         found["joint.O.efort"]
     assert caught.value.hint == "joint.O.effort"
+
+
+SLIDE = """<robot name="slide"><link name="base"/><link name="carriage"><inertial><mass value="2"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial></link><joint name="{0}" type="prismatic">
+<parent link="base"/><child link="carriage"/><origin xyz="0.1 0 0.2"/><axis xyz="1 0 0"/>
+<limit effort="0" velocity="0"/>
+</joint></robot>"""
+
+
+def slide(folder, joint):
+    (folder / "slide.urdf").write_text(SLIDE.format(joint))
+    return solve(Mechanism.load(folder / "slide.urdf"), {joint: Harmonic(mean=0.5, amplitude=0.4, pulsation=2.0)})
+
+
+def test_the_moment_of_a_sliding_joint_is_about_the_child_or_at_the_parent(tmp_path):
+    """The weight hangs at the carriage: about the joint's place on the parent its arm is the way slid."""
+    run = slide(tmp_path, "s")
+    found, way = Quantities(run), run.q[:, 0]
+    assert found["joint.s.moment.y"].values == pytest.approx(0.0, abs=1e-14)
+    assert found["joint.s.moment.at_parent.y"].values == pytest.approx(-2.0 * G * way, abs=1e-13)
+    assert found["joint.s.moment.about.base.y"].values == pytest.approx(  # the drive's force has an arm of 0.2 m
+        -2.0 * G * (way + 0.1) + 0.2 * 2.0 * run.a[:, 0], abs=1e-13
+    )
+
+
+@pytest.mark.parametrize(
+    ("joint", "asked", "message"),
+    [
+        ("t", "t", "'t' is a coordinate and what runs along the rows"),
+        ("t", "2*t", "'t' is a coordinate and what runs along the rows"),
+        ("energy.total", "energy.total", "'energy.total' is a coordinate and a quantity of the mechanism"),
+        ("all", "momentum.all.linear.x", "'momentum.all.linear.x': 'all' is a joint, and the whole mechanism"),
+    ],
+)
+def test_a_joint_with_the_name_of_something_else_is_not_taken_for_it(tmp_path, joint, asked, message):
+    run = slide(tmp_path, joint)
+    found = Quantities(run)
+    with pytest.raises(InputError) as caught:
+        found[asked]
+    assert caught.value.message == message
+    assert found[f"joint.{joint}.position"].values == pytest.approx(run.q[:, 0], abs=0.0)
+    assert found.parameter.values == pytest.approx(run.grid.t, abs=0.0)
+
+
+@pytest.mark.parametrize("joint", ["along", "about", "joint", "e", "sin", "norm", "position", "1e3", "-t"])
+def test_words_of_the_language_may_name_a_joint(tmp_path, joint):
+    run = slide(tmp_path, joint)
+    found = Quantities(run)
+    assert found[joint].values == pytest.approx(run.q[:, 0], abs=0.0)
+    assert found[f"joint.{joint}.force.z"].values == pytest.approx(2.0 * G, abs=1e-13)
+    assert found[f"joint.{joint}.moment.about.base.x"].values == pytest.approx(0.0, abs=1e-13)

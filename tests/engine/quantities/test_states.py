@@ -9,7 +9,7 @@ import pytest
 import pinarm
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import InputError, PinarmError
+from pinarm.errors import DynamicsError, InputError, PinarmError
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
@@ -172,11 +172,64 @@ def test_what_contradicts_itself_is_refused(arm, states):
 
 
 @pytest.mark.parametrize("call", ["inverse", "forward", "at"])
-def test_a_quaternion_that_is_none_is_refused(mechanism, chain, call):
-    free = mechanism(chain({"name": "first"}), base="floating")
+def test_a_quaternion_that_is_none_is_refused(call):
+    free = Mechanism.load("ur5", values={"base": "floating"})
     q, still = np.vstack([free.configurations({})] * 2), np.zeros((2, free.model.nv))
     ask = getattr(free, call)
     ask(q, still, still)
     q[1, free.balls["root"].q :][:4] *= 2.0
     with pytest.raises(InputError, match="row 1: the quaternion of 'root' has the length 2"):
         ask(q, still, still)
+
+
+IDLE = """<robot name="idle"><link name="base"/><link name="arm"><inertial><origin xyz="0.5 0 0"/><mass value="1"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial></link><link name="hand"/><link name="finger"/><link name="tip"/>
+<joint name="a" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint>
+<joint name="b" type="continuous"><parent link="arm"/><child link="hand"/><origin xyz="1 0 0"/><axis xyz="0 1 0"/>
+</joint><joint name="c" type="continuous"><parent link="hand"/><child link="finger"/><origin xyz="1 0 0"/>
+<axis xyz="0 1 0"/></joint><joint name="d" type="fixed"><parent link="finger"/><child link="tip"/>
+<origin xyz="1 0 0"/></joint></robot>"""
+
+
+class TestABranchWithoutMass:
+    """Its accelerations are undetermined: aba divides 0 by 0, or rounding by rounding."""
+
+    @pytest.fixture
+    def idle(self, tmp_path):
+        (tmp_path / "idle.urdf").write_text(IDLE)
+        return Mechanism.load(tmp_path / "idle.urdf")
+
+    @pytest.mark.parametrize("rows", [1, 40])
+    def test_it_is_named(self, idle, rows):
+        q, v, tau = np.random.default_rng(3).normal(size=(3, rows, 3))
+        for solve in (lambda: idle.forward(q, v, tau), lambda: idle.at(q, v, tau=tau), lambda: idle.forward(q, v)):
+            with pytest.raises(DynamicsError, match=r"joints? .*b.* can move without mass, carrying .*hand"):
+                solve()
+
+    def test_the_inverse_needs_no_masses(self, idle):
+        q, v, a = np.random.default_rng(3).normal(size=(3, 4, 3))
+        assert np.isfinite(idle.inverse(q, v, a)).all()
+
+    @pytest.mark.parametrize("rows", [1, 40])
+    def test_it_is_named_in_a_loop_that_leaves_it_free(self, tmp_path, rows):
+        """The tip stays in a plane: one of the two joints without mass moves freely."""
+        (tmp_path / "idle.urdf").write_text(IDLE)
+        tie = "{kind: point_on_plane, between: [base, tip], axis: y}"
+        (tmp_path / "m.yaml").write_text(f"pinarm: 1\nrobot: idle.urdf\nloops: {{plane: {tie}}}\n")
+        with pytest.raises(DynamicsError, match="can move without mass"):
+            Mechanism.load(tmp_path / "m.yaml").forward(np.full((rows, 3), 0.3), np.zeros((rows, 3)))
+
+    @pytest.mark.parametrize("rows", [1, 40])
+    def test_a_loop_that_holds_it_is_enough(self, tmp_path, rows):
+        """The tip is held at a point: a crank with mass falls as alone while it hangs, whatever is tied to it."""
+        (tmp_path / "idle.urdf").write_text(IDLE)
+        ties = (
+            "{level: {kind: point_on_plane, between: [base, tip]}, side: "
+            "{kind: point_on_plane, between: [base, tip], axis: x}}"
+        )
+        (tmp_path / "m.yaml").write_text(f"pinarm: 1\nrobot: idle.urdf\nloops: {ties}\n")
+        held = Mechanism.load(tmp_path / "m.yaml")
+        crank, third = 0.4, 2.0 * np.pi / 3  # an equilateral triangle: the coupler and the rocker are bars without mass
+        q = np.tile([crank, third, third], (rows, 1))
+        a = held.forward(q, np.zeros((rows, 3)))
+        assert a[:, 0] == pytest.approx(0.5 * 9.81 * np.cos(crank) / (0.01 + 0.25), rel=1e-12)

@@ -150,13 +150,13 @@ def test_arguments_are_exact_and_must_be_declared(tmp_path: Path) -> None:
     assert 'v="0.1"' in expanded(tmp_path, body, mass=0.1).xml
     assert expanded(tmp_path, body, mass=3).arguments == {"mass": "3"}
     assert expanded(tmp_path, body, mass="heavy").arguments == {"mass": "heavy"}
-    with pytest.raises(ModelError, match=r"no argument 'mas'[\s\S]*one of mass[\s\S]*try: mass"):
+    with pytest.raises(InputError, match=r"no argument 'mas'[\s\S]*one of mass[\s\S]*try: mass"):
         expanded(tmp_path, body, mas=1)
     with pytest.raises(InputError, match="finite"):
         expanded(tmp_path, body, mass=float("nan"))
     plain = tmp_path / "plain.urdf"
     plain.write_text("<robot name='r'/>")
-    with pytest.raises(ModelError, match="no argument 'mass'"):
+    with pytest.raises(InputError, match="no argument 'mass'"):
         expand(plain, {"mass": 1}, root=tmp_path)
 
 

@@ -66,7 +66,10 @@ def test_leaders_carry_what_their_followers_demand(pair):
     q, v, a, their_q, their_v, their_a = states(pair, np.random.default_rng(0))
     tau, data = robot.inverse(q, v, a), theirs.createData()
     expected = [pin.rnea(theirs, data, *row) for row in zip(their_q, their_v, their_a, strict=True)]
-    dissipated = np.array([load @ spread for load in robot.dynamics.loads(0.0, q, v)])  # they ignore damping
+    loads = robot.dynamics.loads(0.0, q, v)  # they ignore damping and friction
+    for one in robot.frictions:
+        loads[:, one.v] -= one.law.constant * np.sign(v[:, one.v])
+    dissipated = np.array([load @ spread for load in loads])
     found = tau @ spread + dissipated
     assert found == pytest.approx(np.array(expected), rel=1e-11, abs=1e-11 * np.abs(expected).max())
     assert not tau[:, [one.follower for one in robot.constraints]].any()

@@ -6,9 +6,12 @@ import pinocchio as pin
 import pytest
 
 from pinarm.errors import InputError
+from pinarm.mechanics import forces
+from pinarm.mechanics.coordinates import Distance, PointCoordinate, coordinates_of
 from pinarm.mechanics.forces import Force
+from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring
 from pinarm.mechanics.forces.bushing import Bushing, DampingRates, SpringRates
-from pinarm.mechanics.forces.joint_definitions import JointEffort, JointFriction, JointSpring, TorqueSpeed
+from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 from pinarm.mechanics.laws import Constant, Harmonic, SpeedPoints, Spline, Trapezoid
 
@@ -30,9 +33,9 @@ SAMPLES = {
         JointEffort(joint="turn", over="turn", effort=Spline(points=[(-1.0, 4.0), (0.3, -6.0), (1.2, 9.0)])),
         JointEffort(joint="slide", over="turn", period=0.7, effort=Harmonic(amplitude=8.0, pulsation=3.0)),
     ],
-    JointFriction: [
-        JointFriction(joint="turn", friction=3.0, creep=0.4),
-        JointFriction(joint="slide", friction=20.0),
+    RegularisedFriction: [
+        RegularisedFriction(joint="turn", friction=3.0, creep=0.4),
+        RegularisedFriction(joint="slide", friction=20.0),
     ],
     TorqueSpeed: [
         TorqueSpeed(joint="turn", curve=[(-1.0, 9.0), (0.0, 6.0), (1.5, 5.0), (3.0, -1.0)]),
@@ -56,9 +59,21 @@ SAMPLES = {
         Wrench(point="slide_link", force=(3.0, -8.0, 5.0), axes="turn_link",
                factor=Harmonic(mean=1.0, amplitude=0.7, pulsation=5.0)),
     ],
+    CoordinateSpring: [
+        CoordinateSpring(coordinate="apart", stiffness=90.0, damping=7.0, rest=0.4),
+        CoordinateSpring(coordinate="across", stiffness=90.0, rest=-0.1),
+        CoordinateSpring(coordinate="turn", stiffness=30.0, damping=0.7, rest=0.2),
+    ],
+    CoordinateEffort: [
+        CoordinateEffort(coordinate="across", effort=Harmonic(mean=1.0, amplitude=9.0, pulsation=2.0)),
+        CoordinateEffort(coordinate="apart", effort=Constant(value=8.0)),
+    ],
 }  # fmt: skip
-AT_JOINTS = [force for forces in SAMPLES.values() for force in forces if hasattr(force, "joint")]
-AT_POINTS = [force for forces in SAMPLES.values() for force in forces if not hasattr(force, "joint")]
+ALONG = {"apart": Distance(between=("post", "slide_link")), "across": PointCoordinate("slide_link", (1.0, 2.0, 1.0))}
+AT_JOINTS = [force for samples in SAMPLES.values() for force in samples if hasattr(force, "joint")]
+AT_POINTS = [
+    force for samples in SAMPLES.values() for force in samples if isinstance(force, PointSpring | Bushing | Wrench)
+]
 at_joints = pytest.mark.parametrize(
     "force", AT_JOINTS, ids=lambda force: f"{type(force).__struct_config__.tag} {force.joint}"
 )
@@ -83,12 +98,12 @@ def load(element, t, q, v):
 
 def bound(force, model, joints):
     """Return the element of a force on an interval between two breakpoints of every sample."""
-    return force.bind(model, joints).on(0.1, 0.9)
+    return forces.bound(force, model, joints, coordinates_of(model, joints, ALONG)).on(0.1, 0.9)
 
 
 def test_every_force_of_the_union_has_a_sample():
     assert set(SAMPLES) == set(MEMBERS)
-    assert all(type(force) is member for member, forces in SAMPLES.items() for force in forces)
+    assert all(type(force) is member for member, samples in SAMPLES.items() for force in samples)
 
 
 @every_force
@@ -168,6 +183,19 @@ def test_wrenches_on_the_links_make_up_the_load(force, model, joints, t):
     names = {model.names[joint] for joint in wrenches}
     ends = (force.point,) if isinstance(force, Wrench) else force.between
     assert names == {"universe" if end == "post" else end.removesuffix("_link") for end in ends}
+
+
+def test_a_spring_along_a_distance_is_a_spring_between_the_points(model, joints):
+    along = CoordinateSpring(coordinate="apart", stiffness=90.0, damping=7.0, rest=0.4)
+    between = PointSpring(between=("post", "slide_link"), stiffness=90.0, damping=7.0, free_length=0.4)
+    q, v = motion(0.4)
+    one, other = (bound(force, model, joints) for force in (along, between))
+    assert load(one, 0.4, q, v) == pytest.approx(load(other, 0.4, q, v), abs=1e-13)
+    assert one.potential_energy(q) == pytest.approx(other.potential_energy(q), abs=1e-13)
+    wrenches, right = one.wrenches(0.4, q, v), other.wrenches(0.4, q, v)
+    assert wrenches.keys() == right.keys()
+    for joint, wrench in wrenches.items():
+        assert wrench == pytest.approx(right[joint], abs=1e-13)
 
 
 @pytest.mark.parametrize("force", SAMPLES[PointSpring], ids=range(len(SAMPLES[PointSpring])))

@@ -5,7 +5,7 @@ import pytest
 from pinarm.errors import InputError, UnitError
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import Measured
-from pinarm.mechanics.forces.joint_definitions import JointEffort, JointFriction, JointSpring, TorqueSpeed
+from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
 from pinarm.mechanics.forces.point import PointSpring
 from pinarm.mechanics.laws import Harmonic
 
@@ -61,7 +61,7 @@ def test_friction_and_curves_check_their_units_against_the_joint(model, joints, 
         two = {"curve": [(0.0, 0.0), (measured(1.0, rate), measured(1.0, effort))]}
         if what.endswith("curve"):
             return TorqueSpeed(joint=joint, **two)
-        return JointFriction(joint=joint, **one)
+        return RegularisedFriction(joint=joint, **one)
 
     right, wrong = units[joint], units[other]
     element(*right).bind(model, joints)
@@ -81,4 +81,4 @@ def test_springs_and_dampers_that_give_energy_away_are_refused(field):
 @pytest.mark.parametrize(("field", "value"), [("friction", -1.0), ("creep", 0.0), ("creep", -1.0)])
 def test_friction_that_drives_is_refused(field, value):
     with pytest.raises(ValueError, match="out of bounds"):
-        JointFriction(joint="turn", **{"friction": 1.0, field: value})
+        RegularisedFriction(joint="turn", **{"friction": 1.0, field: value})

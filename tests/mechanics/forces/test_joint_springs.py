@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pinarm.mechanics.forces.joint_definitions import CREEP, JointFriction, JointSpring
+from pinarm.mechanics.forces.joint_definitions import CREEP, JointSpring, RegularisedFriction
 
 from .test_force_element import SAMPLES, load
 
@@ -11,7 +11,7 @@ from .test_force_element import SAMPLES, load
 @pytest.mark.parametrize("creep", [None, 0.02])
 def test_friction_is_its_bound_far_above_creep_and_gives_way_below(model, joints, creep):
     given = {} if creep is None else {"creep": creep}
-    element = JointFriction(joint="turn", friction=3.0, **given).bind(model, joints)
+    element = RegularisedFriction(joint="turn", friction=3.0, **given).bind(model, joints)
     scale = CREEP if creep is None else creep
 
     def at(rate):

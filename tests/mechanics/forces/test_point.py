@@ -87,17 +87,33 @@ def test_point_spring_on_a_pendulum_by_hand(held, ends, theta):
     assert pull == pytest.approx(np.concatenate([expected, np.cross(point, expected)]), abs=1e-12)
 
 
-@pytest.mark.parametrize("act", [
-    lambda element, q, v: load(element, 0.0, q, v), lambda element, q, v: element.wrenches(0.0, q, v),
-    lambda element, q, v: element.potential_energy(q), lambda element, q, v: element.dissipated_power(0.0, q, v),
-])  # fmt: skip
-def test_points_that_meet_are_refused(chain, act):
+@pytest.fixture
+def meeting(chain):
+    """A pendulum whose tip is at the hook at 0."""
     ends = "".join(
         f'<link name="{name}"/><joint name="to_{name}" type="fixed"><parent link="{parent}"/><child link="{name}"/>'
         f'<origin xyz="0.8 0 0"/></joint>' for name, parent in (("tip", "arm_link"), ("hook", "base"))
     )  # fmt: skip
-    model = build_model(chain({"name": "arm"}).replace("</robot>", f"{ends}</robot>")).model
-    element = PointSpring(between=("tip", "hook"), stiffness=1.0, damping=1.0).bind(model, joints_of(model))
+    return build_model(chain({"name": "arm"}).replace("</robot>", f"{ends}</robot>")).model
+
+
+@pytest.mark.parametrize("n", [1, 3, 20])
+def test_a_spring_of_free_length_zero_pulls_through_zero(meeting, n):
+    """Its energy is k l^2 / 2 with l = 2 * 0.8 sin(theta / 2): the load -0.64 k sin(theta), 0 where the points meet."""
+    element = PointSpring(between=("tip", "hook"), stiffness=40.0).bind(meeting, joints_of(meeting))
+    theta = np.linspace(0.0, 1.0, n)[:, None]
+    found = load(element, np.zeros(n), theta, np.ones((n, 1)))
+    assert found == pytest.approx(-0.64 * 40.0 * np.sin(theta), abs=1e-13)
+    assert element.potential_energy(theta) == pytest.approx(0.64 * 40.0 * (1.0 - np.cos(theta[:, 0])), abs=1e-13)
+    assert not any(wrench.any() for wrench in element.wrenches(0.0, theta[0], np.ones(1)).values())
+
+
+@pytest.mark.parametrize("act", [
+    lambda element, q, v: load(element, 0.0, q, v), lambda element, q, v: element.wrenches(0.0, q, v),
+    lambda element, q, v: element.potential_energy(q), lambda element, q, v: element.dissipated_power(0.0, q, v),
+])  # fmt: skip
+def test_points_that_meet_are_refused(meeting, act):
+    element = PointSpring(between=("tip", "hook"), stiffness=1.0, damping=1.0).bind(meeting, joints_of(meeting))
     with pytest.raises(
         DynamicsError, match=r"points tip and hook of a two-point spring meet: .* where arm = 0 rad"
     ) as caught:

@@ -131,7 +131,7 @@ class TestTable:
 
     def test_what_is_no_text_is_refused(self, tmp_path):
         (tmp_path / "table.csv").write_bytes(b"t [s],x [m]\n0,\xff\xfe\n1,1\n")
-        with pytest.raises(InputError, match="not CSV text"):
+        with pytest.raises(InputError, match="cannot be read as UTF-8 text"):
             table(tmp_path)
 
     def test_a_missing_file_is_refused_with_the_one_that_was_meant(self, tmp_path):

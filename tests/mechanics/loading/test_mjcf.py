@@ -16,6 +16,7 @@ HERE = Path(__file__).parent / "mujoco"
 MUJOCO = json.loads((HERE / "chain.json").read_text())
 SPHERE = '<geom size="0.1"/>'
 HINGE = '<joint name="j"/>'
+UNIT = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
 
 
 def body(inside, name="b", attributes=""):
@@ -96,7 +97,10 @@ class TestAgainstMujoco:
     def test_dry_friction_at_full_speed(self, chain, state):
         q, _, index = state
         fast, tau = np.ones(chain.model.nv), np.zeros(chain.model.nv)
-        chain.forces["joint friction"].add_load(0.0, q, fast, tau)
+        for contact in chain.frictions:
+            tau[contact.v] = -contact.law.constant
+        if "joint friction" in chain.forces:  # of ball joints
+            chain.forces["joint friction"].add_load(0.0, q, fast, tau)
         assert tau[index] == pytest.approx(-np.array(MUJOCO["frictionloss"]), abs=1e-15)
 
     def test_places_of_the_bodies(self, chain, state):
@@ -125,12 +129,16 @@ def test_gravity_is_that_of_the_file_unless_the_mechanism_says_otherwise(tmp_pat
 
 def test_flags_switch_forces_off():
     joint = '<joint name="j" stiffness="1" damping="2" frictionloss="3"/>'
-    everything = build_model(model(body(joint + SPHERE))).forces
-    assert set(everything) == {"joint springs", "joint damping", "joint friction"}
+
+    def forces(text):
+        return set(build_model(text, creep=1e-3).forces)
+
+    assert forces(model(body(joint + SPHERE))) == {"joint springs", "joint damping", "joint friction"}
     for flag, left in (("spring", {"joint damping", "joint friction"}), ("passive", {"joint friction"}),
-                       ("frictionloss", {"joint springs", "joint damping"})):  # fmt: skip
+                       ("frictionloss", {"joint springs", "joint damping"}),
+                       ("constraint", {"joint springs", "joint damping"})):  # fmt: skip
         flags = f'<option><flag {flag}="disable"/></option>'
-        assert set(build_model(model(body(joint + SPHERE), before=flags)).forces) == left
+        assert forces(model(body(joint + SPHERE), before=flags)) == left
 
 
 def test_a_coupling_by_an_equality_counts_from_the_references():
@@ -156,6 +164,86 @@ def test_a_coupling_that_its_class_switches_off_is_none():
     equality = '<equality><joint joint1="a" joint2="b"/></equality>'
     assert build_model(model(*two, before=off + equality)).mimics == ()
     assert len(build_model(model(*two, before=off + equality.replace("joint1", 'class="on" joint1'))).mimics) == 1
+
+
+def mass_matrix(robot):
+    upper = np.triu(pin.crba(robot.model, robot.model.createData(), pin.neutral(robot.model)))
+    return upper + np.triu(upper, 1).T
+
+
+def load(robot, v):
+    """Return the load of the forces at the neutral configuration, shape (nv,)."""
+    tau = np.zeros(robot.model.nv)
+    for force in robot.forces.values():
+        force.add_load(0.0, pin.neutral(robot.model), np.full(robot.model.nv, v), tau)
+    return tau
+
+
+def test_an_inertial_stands_in_its_frame():
+    """MuJoCo 4.0.0: body_ipos (2, 0, 0), and M = 9."""
+    inside = '<frame pos="1 0 0" euler="0 90 0"><inertial pos="0 0 1" mass="2" diaginertia="1 2 3"/></frame>'
+    robot = build_model(model(body(HINGE + inside)))
+    assert robot.model.inertias[1].lever == pytest.approx([2.0, 0.0, 0.0], abs=1e-15)
+    assert mass_matrix(robot) == pytest.approx(np.array([[9.0]]), abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("joint", "before", "actuator", "mass", "passive"),
+    [
+        ('armature="0.1" damping="0.2"', "", '<motor joint="j" armature="0.5" gear="3"/>', 5.6, -0.2),
+        ('damping="0.2"', "", '<position joint="j" kp="2" damping="0.7" gear="3"/>', 1.0, -6.5),
+        ('damping="0.2"', '<option><flag damper="disable"/></option>',
+         '<motor joint="j" damping="0.7" armature="1" gear="3"/>', 10.0, 0.0),
+        ('damping="0.2"', '<option><flag actuation="disable"/></option>',
+         '<motor joint="j" damping="0.7" armature="1" gear="3"/>', 10.0, -6.5),
+        ("", "", '<motor joint="j" armature="1"/><motor jointinparent="j" armature="2"/>', 4.0, 0.0),
+        ("", '<default><position armature="0.25" gear="2"/><motor armature="1"/></default>',
+         '<motor joint="j" damping="0.7"/>', 5.0, -2.8),
+        ("", '<default><default class="c"><position armature="0.25" gear="2"/></default></default>',
+         '<motor joint="j" damping="0.7" class="c"/>', 2.0, -2.8),
+        ('type="ball" damping="0.2"', "", '<motor joint="j" damping="0.7" armature="1" gear="2 1 0"/>', 5.0, -3.0),
+        ('type="slide"', "", '<motor joint="j" armature="1" gear="2"/>', 5.0, 0.0),
+    ],
+)  # fmt: skip
+def test_rotors_and_dampers_of_actuators_are_at_their_joints(joint, before, actuator, mass, passive):
+    """The last two are what MuJoCo 4.0.0 computes: M, and qfrc_passive with all velocities 1."""
+    xml = model(body(f'<joint name="j" {joint}/>{UNIT}'), before=f"{before}<actuator>{actuator}</actuator>")
+    robot = build_model(xml)
+    assert mass_matrix(robot) == pytest.approx(mass * np.eye(robot.model.nv), abs=1e-14)
+    assert load(robot, 1.0) == pytest.approx(np.full(robot.model.nv, passive), abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "before", "stiffness", "damping"),
+    [
+        (body('<joint name="j" springdamper="0.5 0.7" stiffness="3" damping="4"/>' + UNIT), "", [8.163265306122451],
+         [4.0]),
+        (body('<joint name="j" springdamper="0 0" stiffness="3"/>' + UNIT), "", [3.0], [0.0]),
+        (body('<joint name="j" springdamper="0.5 0.7" armature="2"/>' + UNIT), "", [24.48979591836735], [12.0]),
+        (body('<joint name="j" springdamper="0.5 0.7"/>' + UNIT),
+         '<actuator><motor joint="j" armature="1" gear="3"/></actuator>', [81.63265306122451], [40.0]),
+        (body('<joint name="j" springdamper="0.5 0.7"/>' + UNIT), '<option><flag damper="disable"/></option>',
+         [8.163265306122451], [0.0]),
+        (body('<joint name="j" springdamper="0.5 0.7"/>' + UNIT + body(
+            '<joint name="k" type="slide" axis="0 1 0" springdamper="0.2 1"/>' + UNIT, "c", 'pos="1 0 0"')), "",
+         [16.326530612244902, 16.66666666666666], [8.0, 6.666666666666666]),
+        (body('<joint name="j" type="ball" springdamper="0.5 0.7"/>'
+              '<inertial pos="0 0 0" mass="1" diaginertia="1 1.1 1.2"/>'), "",
+         [8.92998083211185], 3 * [4.375690607734806]),
+    ],
+)  # fmt: skip
+def test_a_spring_and_damper_by_time_constant_and_damping_ratio(bodies, before, stiffness, damping):
+    """Figures are jnt_stiffness, and dof_damping where no flag switches it off, of MuJoCo 4.0.0."""
+    robot = build_model(model(bodies, before=before))
+    springs = [force.stiffness for name, force in robot.forces.items() if "spring" in name]
+    assert np.hstack(springs) == pytest.approx(stiffness, rel=1e-14)
+    assert load(robot, 1.0) == pytest.approx(-np.array(damping), rel=1e-14)
+
+
+def test_a_constraint_that_the_model_switches_off_is_no_coupling():
+    two = body('<joint name="a"/>' + SPHERE), body('<joint name="b"/>' + SPHERE, "c")
+    off = '<option><flag constraint="disable"/></option><equality><joint joint1="a" joint2="b"/></equality>'
+    assert build_model(model(*two, before=off)).mimics == ()
 
 
 def test_least_masses_and_moments_are_kept():
@@ -193,6 +281,9 @@ def test_a_base_of_a_file_may_be_set_free():
         ('<joint name="j" damping="-1"/>' + SPHERE, "joint 'j': its damping is negative"),
         ('<joint name="j" stiffness="1 2"/>' + SPHERE, "joint 'j': stiffness='1 2' is not what is read here"),
         ('<joint name="j" range="1 -1"/>' + SPHERE, "joint 'j': range='1 -1'"),
+        ('<joint name="j" springdamper="0.1 0"/>' + SPHERE, "joint 'j': springdamper='0.1 0'"),
+        ('<joint name="j" springdamper="0.1 1"/>', "springdamper needs a mass that its joint moves"),
+        (HINGE + UNIT + "<frame>" + UNIT + "</frame>", "body 'b': it has 2 <inertial>"),
         ('<joint name="j" class="soft"/>' + SPHERE, "there is no default class 'soft'"),
         (HINGE + HINGE + SPHERE, "two joints have the name 'j'"),
         (HINGE + '<freejoint name="f"/>' + SPHERE, "body 'b': a free joint stands alone, in a body of the world"),
@@ -212,6 +303,10 @@ def test_a_base_of_a_file_may_be_set_free():
         (HINGE + '<inertial pos="0 0 0" mass="1" quat="1 0 0 0" euler="0 0 1"/>',
          "body 'b': inertial: its orientation is given by quat and euler"),
         (HINGE + SPHERE + "<composite/>", "in 'b': <composite> is not read"),
+        ('<joint name="j" possition="1 0 0"/>' + SPHERE, "<joint> 'j' has no attribute 'possition'"),
+        (HINGE + '<geom size="0.1" masss="2"/>', "<geom> in <body> 'b' has no attribute 'masss'"),
+        (HINGE + "<geeom/>", "<body> 'b' contains no <geeom>"),
+        (HINGE + SPHERE + "<frame><inertia/></frame>", "<frame> in <body> 'b' contains no <inertia>"),
         (HINGE + SPHERE + '<replicate count="3"/>', "in 'b': <replicate> is not read"),
     ],
 )  # fmt: skip
@@ -224,11 +319,18 @@ def test_what_no_body_or_joint_can_have_is_refused(inside, message):
     [
         ('<compiler coordinate="global"/>', "the model has global coordinates"),
         ('<compiler eulerseq="xyq"/>', "eulerseq is 'xyq'"),
+        ('<compiler angel="radian"/>', "<compiler> has no attribute 'angel'"),
+        ('<option gravty="0 0 0"/>', "<option> has no attribute 'gravty'"),
+        ('<option><flag grvity="disable"/></option>', "<flag> in <option> has no attribute 'grvity'"),
+        ('<default><joint dampng="1"/></default>', "<joint> in <default> has no attribute 'dampng'"),
+        ('<optoin gravity="0 0 0"/>', "<mujoco> contains no <optoin>"),
         ('<compiler angle="turns"/>', "<compiler>: angle is 'turns'"),
         ('<option gravity="0 0"/>', "<option>: gravity='0 0' is not what is read here"),
         ("<default><default/></default>", "a default class has no name"),
         ('<equality><connect body1="b" anchor="0 0 0"/></equality>',
          "equality 'b': a <connect> that ties bodies together is not read"),
+        ('<actuator><motor name="m" joint="jj"/></actuator>', "actuator 'm': there is no joint 'jj'"),
+        ('<actuator><motor name="m" joint="j" damping="-1"/></actuator>', "actuator 'm': its damping is negative"),
         ('<equality><joint joint1="j"/></equality>',
          "equality 'j': it couples by a curve or holds a joint, which is not read"),
         ('<equality><joint joint1="j" joint2="j"/></equality>', "joint 'j' mimics itself: j -> j"),
@@ -244,14 +346,16 @@ def test_sections_that_would_change_the_motion_are_refused(before, message):
     [
         (HINGE + SPHERE, "", "geoms do not touch: contacts are not modelled"),
         (HINGE + SPHERE, '<actuator><motor name="m" joint="j"/></actuator>',
-         "actuators are not modelled: efforts come from laws, drives and loads: m"),
+         "actuators only have armature and damping: efforts come from laws, drives and loads: m"),
+        (HINGE + SPHERE, '<tendon/><actuator><motor tendon="t" armature="1"/></actuator>',
+         "armature and damping beyond joints are not modelled: actuator 'motor'"),
         (HINGE + SPHERE, '<tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon>',
          "tendons are not modelled: t"),
         (HINGE + SPHERE, '<option density="1.2"/>', "the forces of a medium (density) are not modelled"),
         (HINGE + SPHERE, '<keyframe><key name="home" qpos="1"/></keyframe>',
          "keyframes are not used: the scenario says how a motion begins: home"),
-        ('<joint name="j" springdamper="0.1 1"/>' + SPHERE, "", "the joints' springdamper is not modelled: j"),
-        ('<joint name="j" novelty="1"/>' + SPHERE, "", "the joints' novelty is not modelled: j"),
+        ('<joint name="j" springyield="1"/>' + SPHERE, "", "not read: springyield of <joint>"),
+        (HINGE + SPHERE, '<sensor><clock/></sensor><contact/>', "not read: <contact>, <sensor>"),
         ('<joint name="j" type="ball" range="0 30"/>' + SPHERE, "", "the range of ball joints is not watched: j"),
         ('<joint name="j" ref="30"/>' + SPHERE, "", "drawn at their ref, but begin at 0 where nothing is said: j"),
         (HINGE + SPHERE + body(SPHERE, "c", 'gravcomp="1"'), "", "gravity compensation is not modelled: c"),
@@ -267,3 +371,22 @@ def test_every_root_of_a_file_is_read():
     """Pinocchio's own reader takes the first only."""
     roots = (body(f'<joint name="j{k}"/>{SPHERE}', f"b{k}", f'pos="{k} 0 0"') for k in range(3))
     assert list(build_model(model(*roots)).model.names)[1:] == ["j0", "j1", "j2"]
+
+
+def test_an_unknown_name_is_told_with_its_line(tmp_path):
+    text = model("\n" + body(HINGE + '\n  <geom size="0.1" masss="2"/>'))
+    (tmp_path / "m.xml").write_text(text)
+    with pytest.raises(ModelError) as caught:
+        Mechanism.load(tmp_path / "m.xml")
+    assert (caught.value.location.line, caught.value.location.column) == (3, 20)
+    assert caught.value.hint == "mass"
+
+
+def test_a_joint_that_follows_twice_is_refused():
+    equality = '<equality><joint joint1="a" joint2="b"/><joint joint1="a" joint2="b"/></equality>'
+    two = body('<joint name="a"/>' + SPHERE), body('<joint name="b"/>' + SPHERE, "c")
+    assert "joint 'a' follows other joints twice" in refusal(model(*two, before=equality)).message
+
+
+def test_a_geom_whose_inertia_is_beyond_all_numbers_is_refused():
+    assert "beyond all numbers" in refusal(model(body(HINGE + '<geom size="1e200"/>'))).message

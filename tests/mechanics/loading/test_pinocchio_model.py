@@ -120,6 +120,8 @@ def test_damping_belongs_to_its_own_joint(mechanism, chain):
 
 def test_what_is_not_modelled_is_noted(chain):
     xml = chain(PENDULUM, {**PENDULUM, "name": "second"}).replace('damping="0.0"', 'damping="0" friction="0.2"', 1)
-    notes = build_model(xml).notes
-    assert any(note.startswith("dry friction F of joint arm is regularised, F tanh(v / 0.001)") for note in notes)
+    notes = build_model(xml, creep=0.002).notes
+    assert any(note.startswith("dry friction F of joint arm is regularised, F tanh(v / 0.002)") for note in notes)
+    sticking = build_model(xml)
+    assert (sticking.notes, sticking.friction, sticking.forces.keys()) == ((), {"arm": 0.2}, set())
     assert build_model(chain(PENDULUM)).notes == ()

@@ -88,3 +88,16 @@ def test_slides_are_coordinates_and_pins_close_the_loop() -> None:
     linkage = Linkage.of(drawn)
     assert [one.name for one in linkage.tree] == ["O", "P", "s"]
     assert [one.name for one in linkage.closing] == ["Q"]
+
+
+def test_a_drawing_has_no_arguments(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text(SOUND)
+    with pytest.raises(InputError, match="no argument 'mass'"):
+        pinarm.Mechanism.load(tmp_path / "m.yaml", {"mass": 1.0})
+
+
+def test_a_loop_joint_beside_the_drawing_has_a_name_of_its_own(tmp_path: Path) -> None:
+    extra = "loops: {B: {kind: revolute, between: [crank, rocker]}}\n"
+    (tmp_path / "m.yaml").write_text(SOUND + extra)
+    with pytest.raises(InputError, match=r"m\.yaml:13:.*the drawing has a loop joint 'B' already"):
+        pinarm.Mechanism.load(tmp_path / "m.yaml")

@@ -20,7 +20,7 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         file = tmp_path / "shipped" / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(name, encoding="utf-8")
-    monkeypatch.setattr(module, "_source", lambda: tmp_path / "shipped")
+    monkeypatch.setattr(module, "example_files", lambda: tmp_path / "shipped")
     return tmp_path / "shipped"
 
 

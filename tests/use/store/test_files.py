@@ -1,7 +1,10 @@
+import os
+
 import pytest
 import yaml
 from ruamel.yaml import YAML
 
+from pinarm.errors import InputError
 from pinarm.input.yaml.parser import Builder
 from pinarm.use.store.files import yaml_text
 
@@ -29,6 +32,11 @@ def test_numbers_and_what_is_empty_are_read_as_they_were():
     data = {"deep": [[1, [2, []]], {}, {"a": {}, "b": [], "c": {"d": [inner]}}], "last": 3}
     assert Builder(yaml_text(data), "written").build() == data
     assert YAML(typ="safe", pure=True).load(yaml_text(data)) == data
+
+
+def test_a_name_that_is_no_unicode_is_refused_in_words():
+    with pytest.raises(InputError, match="is no text that a file of results can hold"):
+        yaml_text({"mechanism": os.fsdecode(b"../\xff\xfe/arm.yaml")})
 
 
 def test_what_needs_no_quotes_has_none():

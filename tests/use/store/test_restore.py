@@ -1,5 +1,6 @@
 """A result read back from its folder is the result."""
 
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 import pinarm
+from pinarm.cli.main import main
 from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.use.store.restore import restore
@@ -116,3 +118,67 @@ def test_relative_meshes_are_found_from_the_folder(folder: Path, scenario: Calla
     page = restore(saved).replay()
     assert page.notes == ()
     assert page.html == result.replay().html
+
+
+def rewritten(path: Path, name: str, raw: bytes, compression: int = zipfile.ZIP_STORED) -> None:
+    """Write an npz file again with other bytes for one of its arrays."""
+    with zipfile.ZipFile(path) as archive:
+        parts = {each: archive.read(each) for each in archive.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for each, content in {**parts, name: raw}.items():
+            archive.writestr(each, content, compression if each == name else zipfile.ZIP_STORED)
+
+
+def npy(shape: str, kind: str = "<f8", data: bytes = b"") -> bytes:
+    head = f"{{'descr': {kind}, 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+    return b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head + data
+
+
+@pytest.mark.parametrize(("raw", "said"), [
+    (npy("(1000000000000,)", "'<f8'", bytes(8)), "does not hold what its heading says"),
+    (npy("(-1, -8)", "'<f8'", bytes(64)), "does not hold what its heading says"),
+    (npy("(1000000000000, 0)", "'<f8'"), "not those of its model"),
+    (npy("(1,)", "'|O'", b"cos\nsystem\n"), "does not hold what its heading says"),
+    (npy("(1,)", "'<M8[s]'", bytes(8)), "neither numbers nor text"),
+    (npy("(1,)", "[('a', '<f8')]", bytes(8)), "neither numbers nor text"),
+    (npy("(" * 500 + ")" * 500, "'<f8'"), "does not hold the states"),
+    (npy("(1,)", "__import__('os')"), "does not hold"),
+    (b"\x93NUMPY\x09\x00", "another version"), (b"", "does not hold the states"),
+])  # fmt: skip
+def test_an_array_that_promises_more_than_it_holds_is_refused(
+    scenario: Callable[..., Any], folder: Path, raw: bytes, said: str
+) -> None:
+    saved = scenario("inverse").run().save(folder / "out", plots=False)
+    rewritten(saved / "trajectory.npz", "state.q.npy", raw)
+    with pytest.raises(InputError, match=said):
+        restore(saved)
+
+
+def test_an_array_that_unpacks_to_more_than_the_file_is_refused(scenario: Callable[..., Any], folder: Path) -> None:
+    saved = scenario("inverse").run().save(folder / "out", plots=False)
+    rewritten(saved / "trajectory.npz", "state.q.npy", npy("(9, 100000)", "'<f8'", bytes(7_200_000)), 8)
+    assert (saved / "trajectory.npz").stat().st_size < 30_000
+    with pytest.raises(InputError, match="is compressed"):
+        restore(saved)
+
+
+@pytest.mark.parametrize("summary", ["[" * 100_000, '{"accuracy":' * 50_000, " " * 20_000_001, "9" * 100_000, "NaN"])
+def test_a_summary_meant_to_harm_is_refused(scenario: Callable[..., Any], folder: Path, summary: str) -> None:
+    saved = scenario("inverse").run().save(folder / "out", plots=False)
+    (saved / "summary.json").write_text(summary)
+    with pytest.raises(InputError, match="is no summary of a run"):
+        restore(saved)
+
+
+def test_a_replay_in_the_folder_goes_through_no_link(
+    scenario: Callable[..., Any], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    saved = scenario("inverse").run().save(folder / "out", plots=False)
+    (folder / "mine").write_text("mine")
+    for name in ("replay.html", ".replay.html.part", ".summary.json.part"):
+        (saved / name).symlink_to(folder / "mine")
+    assert main(["replay", str(saved)]) == 2
+    assert "is not a regular file" in capsys.readouterr().err
+    (saved / "replay.html").unlink()
+    assert main(["replay", str(saved)]) == main(["replay", str(saved)]) == 0
+    assert (folder / "mine").read_text() == "mine"

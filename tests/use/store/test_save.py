@@ -72,6 +72,28 @@ def test_arguments_in_other_units_than_si_stay_what_they_are(tmp_path: Path) -> 
     assert summary["arguments"]["L"] == {"value": 0.4, "unit": "m"}
 
 
+ROD = """\
+<robot name="rod" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="m" default="1"/>
+  <xacro:arg name="l0" default="0.5"/><link name="base"/><link name="rod"><inertial><origin xyz="$(arg l0) 0 0"/>
+  <mass value="$(arg m)"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="pin" type="continuous"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/></joint></robot>
+"""
+
+
+@pytest.mark.parametrize("declared", ["", "arguments: {m: kg}", "arguments: {m: kg, l0: m}"])
+def test_a_result_can_be_run_again_whichever_arguments_its_mechanism_declares(tmp_path: Path, declared: str) -> None:
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "rod.urdf.xacro").write_text(ROD)
+    (tmp_path / "rod.yaml").write_text(f"pinarm: 1\nrobot: rod.urdf.xacro\n{declared}\n")
+    (tmp_path / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: rod.yaml\narguments: {m: 2 kg}\n"
+        "problem: {kind: statics, hold: {pin: 0 deg}}\noutputs: [joint.pin.effort]\n"
+    )
+    saved = pinarm.load(tmp_path / "s.yaml").run().save(tmp_path / "out", plots=False)
+    again = pinarm.load(saved / "scenario.yaml").run()
+    assert again["joint.pin.effort"].values == pytest.approx([-9.81 * 2.0 * 0.5], rel=1e-12)  # -m g l0
+
+
 def test_csv_keeps_every_digit(scenario: Callable[..., Any], folder: Path) -> None:
     result = scenario("forward").run()
     text = (result.save(folder / "out", plots=False) / "trajectory.csv").read_text(encoding="utf-8")

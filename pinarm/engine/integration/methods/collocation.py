@@ -64,7 +64,7 @@ class Collocation:
     Hairer, Lubich, Wanner, Geometric Numerical Integration, sections VIII.6.1 and VIII.6.2.
 
     Attributes:
-        tolerance: Local error per window, relative to ``1 + |y|`` in SI; good values 1e-5 to 1e-13.
+        tolerance: Local error per window, relative to ``size + |y|``, see ``Interval.size``; good values 1e-5 to 1e-13.
         nodes: Number of nodes s of a window.
     """
 
@@ -157,17 +157,19 @@ class CollocationStepper:
     def first(self, h: float) -> float:
         """Return the window proposed in the previous interval, or one from two slopes."""
         start, end, order = self.interval.start, self.interval.end, len(self.window.t) - 1
-        return h or float(first_step(start, end, self.y, self.slope, self._slope, self.tolerance, order))
+        return h or float(
+            first_step(start, end, self.y, self.slope, self._slope, self.tolerance, order, self.interval.size)
+        )
 
     def attempt(self, t: float, h: float) -> float:
         """Compute a window from the present state; return its error over the tolerance, inf without convergence.
 
         ``e = h / (2s - 1) rms(sqrt(c_(s-1)^2 + 0.01 c_(s-2)^2))`` with the Legendre coefficients c of the slopes over
-        ``tol (1 + |y|)``.
+        ``tol (size + |y|)``.
         """
         window, self.t = self.window, t
         window.begin(t, h, self.y, self._guess(t, h))
-        scale = self.tolerance * (1.0 + np.abs(self.y))
+        scale = self.tolerance * (self.interval.size + np.abs(self.y))
         if not self._converge(h / scale[self.manifold.nq :]):
             return np.inf
         if not self._agrees():
@@ -187,7 +189,8 @@ class CollocationStepper:
         """Sweep until the remaining change is below ``ENOUGH``; return whether the sweeps converged.
 
         Args:
-            unit: ``h / (tol (1 + |v|))``, shape (nv,): from changes of acceleration to those of v over the tolerance.
+            unit: ``h / (tol (size + |v|))``, shape (nv,): from changes of acceleration to those of v
+                over the tolerance.
         """
         window, change, together, least, before, first = self.window, self.window.change, self.together, 0.0, 0.0, 0.0
         unit = unit / change.size**0.5

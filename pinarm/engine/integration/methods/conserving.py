@@ -35,7 +35,7 @@ class Conserving:
     1e-9, for 1e-14.
 
     Attributes:
-        tolerance: Local error per step, relative to ``1 + |y|`` in SI; good values 1e-7 to 1e-12.
+        tolerance: Local error per step, relative to ``size + |y|``, see ``Interval.size``; good values 1e-7 to 1e-12.
     """
 
     tolerance: float

@@ -17,6 +17,7 @@ from pinarm.engine.integration.first_step import first_step
 from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution, Step
 from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, TINY, growth, shrinkage
 from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4, Tableau
+from pinarm.errors import MethodError
 
 NOISE = 1e-6
 """Error of a step, relative to ``1 + |y|``, up to which amplified rounding near a singular position explains it."""
@@ -33,8 +34,11 @@ HALVES = np.array([0.0, 0.5, 1.0])
 SAMPLE = 40
 """Number of fixed steps that are repeated as two half steps to estimate their error."""
 
+MOST_STEPS = 1e8
+"""Largest number of fixed steps of an interval; that many take half a day."""
+
 COARSE = 1e-3
-"""Error of a fixed step, relative to ``1 + |y|``, from which it is reported as too large."""
+"""Error of a fixed step, relative to ``size + |y|``, from which it is reported as too large."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +55,8 @@ class Adaptive:
     TOMS 29 (2003), section 2.
 
     Attributes:
-        tolerance: Local error per step, relative to ``1 + |y|`` in SI; good values 1e-6 to 1e-12, for DOPRI5 1e-3 to
-            1e-7.
+        tolerance: Local error per step, relative to ``size + |y|``, see ``Interval.size``; good values 1e-6 to 1e-12,
+            for DOPRI5 1e-3 to 1e-7.
         tableau: The coefficients.
     """
 
@@ -162,10 +166,10 @@ class FixedStep:
 
     def diagnose(self, solution: Solution) -> list[str]:
         """Return notes where a step and its two halves differ, or where steps may have stepped over a load."""
-        error, t = 0.0, 0.0
+        error, t, size = 0.0, 0.0, min(solution.size, 1.0)
         for index in np.unique(np.linspace(0, len(solution.steps) - 1, SAMPLE).astype(int)):
             step = solution.steps[index]
-            difference = self._error(solution, step)
+            difference = self._error(solution, step, size)
             if not difference <= error:  # NaN included
                 error, t = difference, step.t
         over = solution.count.stepped_over
@@ -175,11 +179,11 @@ class FixedStep:
         return [
             *stepped_over,
             f"step too large: at t = {t:.6g} s a step of {self.name} over {self.step:g} s errs by {error:.1e}, "
-            f"relative to 1 + |y|; {self.remedy}",
+            f"relative to {size:.3g} + |y|; {self.remedy}",
         ]
 
-    def _error(self, solution: Solution, step: Step) -> float:
-        """Return the largest difference between a step and its two halves, relative to ``1 + |y|``.
+    def _error(self, solution: Solution, step: Step, size: float) -> float:
+        """Return the largest difference between a step and its two halves, relative to ``size + |y|``.
 
         For order p it is the error of the step up to a factor ``1 - 2^-p``.
         """
@@ -190,7 +194,8 @@ class FixedStep:
             stages.advance(step.t + 0.5 * half * step.h, 0.5 * step.h)
             stages.move()
         whole = step.y + step.h * (tableau.b @ step.slopes[: tableau.stages])
-        return float((np.abs(whole - stages.y) / (1.0 + np.abs(stages.y))).max(initial=0.0))
+        apart, scale = np.abs(whole - stages.y), size + np.abs(stages.y)
+        return float((apart / scale).max(initial=0.0)) if size else 0.0
 
 
 class Stages:
@@ -301,7 +306,9 @@ class AdaptiveStepper:
         self.count.evaluations += 1
         interval, order = self.stages.interval, self.tableau.error_order
         slope, rates = self.stages.slopes[0], self.stages.rates
-        return float(first_step(interval.start, interval.end, self.y, slope, rates, self.tolerance, order))
+        return float(
+            first_step(interval.start, interval.end, self.y, slope, rates, self.tolerance, order, interval.size)
+        )
 
     def attempt(self, t: float, h: float) -> float:
         """Compute a step from the present state; return its error over the tolerance."""
@@ -315,12 +322,12 @@ class AdaptiveStepper:
     def _error(self, h: float) -> float:
         """Return the error of the step over the tolerance; Hairer, Norsett, Wanner, section II.10, eq. (10.17).
 
-        ``e = |h| rms(error @ k / (tol (1 + max(|y|, |y_new|))))``; with a second estimate e3 of lower order it is
+        ``e = |h| rms(error @ k / (tol (size + max(|y|, |y_new|))))``; with a second estimate e3 of lower order it is
         ``e5^2 / sqrt(e5^2 + 0.01 e3^2)``, which has the order of the step.
         """
         errors = np.dot(self.tableau.error, self.stages.slopes, out=self.errors)
         scale = np.maximum(*np.abs(self.stages.ends, out=self.sizes))
-        scale += 1.0
+        scale += self.stages.interval.size
         errors /= scale
         squares = [float(row.dot(row)) for row in errors]
         factor = abs(h) / self.tolerance / len(scale) ** 0.5
@@ -369,8 +376,17 @@ class FixedStepper:
         self.count.evaluations += 1
 
     def first(self, h: float) -> float:
-        """Return the step that divides the interval evenly."""
+        """Return the step that divides the interval evenly.
+
+        Raises:
+            MethodError: The interval takes more steps than anybody can wait for.
+        """
         length = self.stages.interval.end - self.stages.interval.start
+        if length > MOST_STEPS * self.longest:
+            raise MethodError(
+                f"steps of {self.longest:g} s are too short for {length:g} s", expected=f"at most {MOST_STEPS:g} steps",
+                hint=f"step: {length / 1000.0:.1g} s, or an adaptive method",
+            )  # fmt: skip
         self.h = length / math.ceil(length / self.longest * (1.0 - 1e-12))
         return self.h
 

@@ -44,7 +44,7 @@ class Radau:
     differential equations solved by Radau methods, J. Comput. Appl. Math. 111 (1999), for more stages.
 
     Attributes:
-        tolerance: Local error per step, relative to ``1 + |y|`` in SI; good values 1e-5 to 1e-10.
+        tolerance: Local error per step, relative to ``size + |y|``, see ``Interval.size``; good values 1e-5 to 1e-10.
         stages: Number s, odd.
     """
 
@@ -133,7 +133,9 @@ class RadauStepper:
     def first(self, h: float) -> float:
         """Return the step proposed in the previous interval, or one from two slopes."""
         start, end, order = self.interval.start, self.interval.end, len(self.method.c)
-        return h or float(first_step(start, end, self.y, self.slope, self.rates, self.tolerance, order))
+        return h or float(
+            first_step(start, end, self.y, self.slope, self.rates, self.tolerance, order, self.interval.size)
+        )
 
     def attempt(self, t: float, h: float) -> float:
         """Compute a step from the present state; return its error over the tolerance, NaN without convergence."""
@@ -162,7 +164,7 @@ class RadauStepper:
         ``r = forth @ (f(y + Z) - inverse @ Z / h)``, and ``Z += Re(back @ w)``. The first guess extrapolates the
         collocation polynomial of the last step.
         """
-        method, scale = self.method, self.tolerance * (1.0 + np.abs(self.y))
+        method, scale = self.method, self.tolerance * (self.interval.size + np.abs(self.y))
         x = 1.0 + method.c * h / self.last_h if self.last_h else method.c
         self.z = (x[:, None] ** np.arange(1, len(x) + 1)) @ (method.powers @ self.last_z) - self.last_z[-1]
         before, self.promise = 0.0, max(self.promise, 1e-16) ** 0.8
@@ -190,7 +192,7 @@ class RadauStepper:
         nq, method = self.manifold.nq, self.method
         self.new = self.y + self.z[-1]
         self.new[:nq] = self.manifold.project(self.new[:nq])
-        scale = self.tolerance * (1.0 + np.maximum(np.abs(self.y), np.abs(self.new)))
+        scale = self.tolerance * (self.interval.size + np.maximum(np.abs(self.y), np.abs(self.new)))
         filtered, inner = self.systems[0].real, method.eigenvalues[0].real / h * (method.error @ self.z)
         error = filtered @ (inner + self.slope)
         size = _size(error / scale)

@@ -43,15 +43,19 @@ class BatchRows:
     Attributes:
         measures: What the constraints measure, then what the prescribed coordinates do.
         own: Number of rows of the constraints.
+        reach: Length that every row can have, shape (m,); see ``Closure.reach``.
+        slack: What every row may leave open where it repeats others, shape (m,).
     """
 
     measures: BatchJacobians
     own: int
+    reach: Array
+    slack: Array
 
     @classmethod
     def of(cls, rows: Closure, own: int) -> BatchRows | None:
         """Return the rows of a closure; ``None`` where something cannot be had at many configurations."""
-        return cls(rows.batch_jacobians, own) if rows.batch_jacobians else None
+        return cls(rows.batch_jacobians, own, rows.reach, rows.slack) if rows.batch_jacobians else None
 
     def solve(self, dynamics: Dynamics, t: Array, w: Array, q: Array, v: Array) -> Solved | None:
         """Return the closed states nearest to given ones, with accelerations and the efforts of prescribed coordinates.
@@ -70,14 +74,13 @@ class BatchRows:
             return None
         every, measured, still = range(self.measures.size), self.measures.at(q.T), np.zeros_like(v)
         rows = measured.rows(every)
-        order = regular_order(dense(rows, (len(every), q.shape[1])))
+        order = regular_order(dense(rows, (len(every), q.shape[1])), self.reach)
         if order is None:
             return None
-        q, solved = self._closed(
-            measured, BatchNullspace.of(rows, order, q.T.shape), dynamics.mass_matrices(q), w[0], q
-        )
+        freedom = BatchNullspace.of(rows, order, q.T.shape, self.reach)
+        q, solved = self._closed(measured, freedom, dynamics.mass_matrices(q), w[0], q)
         measured, mass = self.measures.at(q.T), dynamics.mass_matrices(q)
-        freedom = BatchNullspace.of(measured.rows(every), order, q.T.shape)
+        freedom = BatchNullspace.of(measured.rows(every), order, q.T.shape, self.reach)
         v = freedom.solve(mass, np.einsum("nij,nj->ni", mass, v), dict(enumerate(w[1], self.own)))
         right = {row: -x for row, x in measured.drift(every, v.T).items()}
         right |= {row: x + right.get(row, 0.0) for row, x in enumerate(w[2], self.own)}
@@ -98,13 +101,14 @@ class BatchRows:
         """Return the closed configurations nearest to given ones, and which of them are closed.
 
         The distance is measured by the masses. Newton's method with the rows and the masses of the given
-        configurations, which are nearly closed.
+        configurations, which are nearly closed. Rows that repeat others follow these, and may leave the slack open.
         """
-        still = np.zeros_like(q)
+        still, slack = np.zeros_like(q), self.slack[:, None].copy()
+        slack[list(freedom.elimination.order.rows)] = 0.0
         for _ in range(ITERATIONS):
             gap = self._gap(measured, w)
             limit = CLOSED * (1.0 + np.abs(w).max(axis=0, initial=0.0)) + TURNED * np.abs(q).max(axis=1)
-            closed = np.abs(gap).max(axis=0) <= limit
+            closed = (np.abs(gap) - slack).max(axis=0) <= limit
             q = q + freedom.solve(mass, still, dict(enumerate(gap)))
             if closed[freedom.served].all():
                 break

@@ -17,7 +17,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.batch_jacobians import BLOCK
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
-from pinarm.engine.constraints.nullspace import RANK, RowDecomposition, RowDecompositions
+from pinarm.engine.constraints.nullspace import RANK, VANISHED, RowDecomposition, RowDecompositions
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.dynamics.equation import solve, solve_each
 from pinarm.engine.dynamics.mass_matrix import mass_matrices, mass_matrix
@@ -97,9 +97,9 @@ class ConstrainedSystem:
         """Raise where the loops allow velocities for an instant only, as of two bars in one line between fixed ends."""
         state = self.rows.state(q, v)
         rows, right = self.rows.rows(state), self.rates(ddw) - self.rows.drift(state)
-        left = np.abs(rows @ RowDecomposition.of(rows).particular(right) - right)
-        rounding = ROUNDING * float(np.abs(v).max(initial=0.0)) ** 2
-        if left.max(initial=0.0) > LASTING * np.abs(right).max(initial=0.0) + rounding:
+        left = np.abs(rows @ self.rows.split(rows).particular(right) - right)
+        rounding = np.maximum(ROUNDING, VANISHED * self.rows.reach) * float(np.abs(v).max(initial=0.0)) ** 2
+        if (left > LASTING * np.abs(right).max(initial=0.0) + rounding).any():
             worst = left.max()
             torn = dict.fromkeys(
                 one.name for (one, _), x in zip(self.rows.owners(), left, strict=True) if x > 0.1 * worst
@@ -112,7 +112,7 @@ class ConstrainedSystem:
 
     def _check_independent(self, rows: Array) -> None:
         k = len(self.prescribed.names)
-        if k and len(RowDecomposition.of(rows).values) < len(RowDecomposition.of(rows[: self.own.size]).values) + k:
+        if k and len(self.rows.split(rows).values) < len(self.own.split(rows[: self.own.size]).values) + k:
             raise InputError(
                 f"the laws of {', '.join(self.prescribed.names)} and the loops determine the same motion twice",
                 expected="laws that leave the loops their freedom",
@@ -127,12 +127,13 @@ class ConstrainedSystem:
         nv, mass = model.nv, mass_matrix(model, q)
         rows, right = self.rows.rows(self.rows.state(q)), self.rates(dw)
         given = np.eye(nv)[list(initial.velocities)]
-        split = RowDecomposition.of(rows)
+        split = self.rows.split(rows)
         x, scale = split.particular(right), 1.0 / self.rows.scale[list(initial.velocities)]
         left = initial.v[list(initial.velocities)] - given @ x
         ways = np.linalg.lstsq(scale[:, None] * (given @ split.free), scale * left, rcond=RANK)[0]
         values = given @ (x + split.free @ ways)
-        return solve(RowDecomposition.of(np.vstack([rows, given])), mass, np.zeros(nv), np.concatenate([right, values]))
+        whole = RowDecomposition.of(np.vstack([rows, given]), np.append(self.rows.reach, np.ones(len(given))))
+        return solve(whole, mass, np.zeros(nv), np.concatenate([right, values]))
 
     def rates(self, targets: Array) -> Array:
         """Return the right-hand side of the rows: 0 for the constraints, then what the laws ask for, shape (.., k)."""
@@ -167,6 +168,7 @@ class ConstrainedSystem:
         for _ in range(ITERATIONS):
             gaps, matrices = rows.at(q)
             gaps, splits = values - gaps, rows.splits(q, matrices)
+            gaps = self._closable(gaps, splits, whole)
             torn = np.abs(gaps).max(axis=1)
             if polished or (torn <= ROUNDED * whole).all():
                 return q, solve_each(splits, mass, np.matvec(mass, v), self.rates(dw)), splits
@@ -175,6 +177,13 @@ class ConstrainedSystem:
             polished = bool((excess <= 0.0).all())
         worst = int(excess.argmax())
         raise self._open(float(t[worst]), q[worst], gaps[worst])
+
+    def _closable(self, gaps: Array, splits: RowDecompositions, whole: Array) -> Array:
+        """Return gaps, shape (n, m), without what redundant rows leave open as the file is rounded."""
+        size, strict = np.abs(gaps), CLOSED * whole[:, None]
+        if (size <= strict).all() or (size > self.rows.slack + strict).any():
+            return gaps
+        return splits.each(self.rows.size, RowDecomposition.reached, gaps)
 
     def _open(self, t: float, q: Array, gap: Array) -> AssemblyError:
         owners = [(one.name, one.unit(row)) for one, row in self.rows.owners()]

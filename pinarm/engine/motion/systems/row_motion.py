@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.nullspace import RowDecomposition, RowDecompositions
+from pinarm.engine.constraints.nullspace import RowDecompositions
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
@@ -50,7 +50,7 @@ class RowMotion:
         rows, right = closure.rows(state), -closure.drift(state)
         right[len(right) - len(ddw) :] += ddw
         force = dynamics.loads(t, q, v) - pin.nonLinearEffects(dynamics.model, dynamics.data, q, v)
-        a = solve(RowDecomposition.of(rows), mass_matrix(dynamics.model, q), force, right)
+        a = solve(closure.split(rows), mass_matrix(dynamics.model, q), force, right)
         if t == self.t:
             require_closed_accelerations(rows, a, right, t, q)
         return a

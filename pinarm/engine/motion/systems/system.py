@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
+
+import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
@@ -40,6 +42,7 @@ class CompletedStates:
         a: Accelerations, shape (n, nv).
         tau: Efforts of the drives at joints [N*m or N], shape (n, nv).
         lam: Multipliers of the constraints [N or N*m].
+        friction: Friction that sticks, along the slips of k joints [N*m or N], shape (n, k).
     """
 
     q: Array
@@ -47,6 +50,7 @@ class CompletedStates:
     a: Array
     tau: Array
     lam: Multipliers
+    friction: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 class System(Protocol):

@@ -10,12 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.use.show.replay.surfaces import Triangles, joined
+from pinarm.use.show.replay.surfaces import Triangles, check_size, joined
 
 Element = ElementTree.Element
 Colour = tuple[float, float, float, float]
@@ -23,7 +24,13 @@ Part = tuple[Array, Triangles, Colour | None]
 """Vertices, shape (n, 3), triangles, shape (m, 3), and their colour."""
 
 MOST_NODES = 10_000
-"""Nodes of a scene, instances followed: a file of a few lines can name any number of them."""
+"""Nodes of a scene and surfaces in them, instances followed: a file of a few lines can name any number of them."""
+
+DEEPEST = 50
+"""Nodes in nodes, instances followed."""
+
+MOST_ELEMENTS = 200_000
+"""Elements of a file: each takes a hundred bytes of memory and more."""
 
 
 def read_collada(path: Path) -> list[Part]:
@@ -36,7 +43,33 @@ def read_collada(path: Path) -> list[Part]:
     raw = path.read_bytes()
     if b"<!DOCTYPE" in raw or b"<!ENTITY" in raw:
         raise ValueError("it declares entities")
-    return list(_File(ElementTree.fromstring(raw)).parts())
+    return list(_File(_root(raw)).parts())
+
+
+def _root(raw: bytes) -> Element:
+    """Return the tree of a file, whose elements are counted while it is read.
+
+    Raises:
+        ValueError: They are too many.
+        ElementTree.ParseError: It is no XML.
+    """
+    parser: Any = ElementTree.XMLPullParser(["start"])  # whose types are those of all kinds of events
+    first: Element | None = None
+    count = 0
+    for begin in range(0, len(raw), CHUNK):
+        parser.feed(raw[begin : begin + CHUNK])
+        for _, element in parser.read_events():
+            first, count = first if first is not None else element, count + 1
+        if count > MOST_ELEMENTS:
+            raise ValueError(f"it has more than {MOST_ELEMENTS} elements")
+    parser.close()
+    if first is None:
+        raise ValueError("it is empty")
+    return first
+
+
+CHUNK = 1 << 16
+"""Bytes that are read at once."""
 
 
 @dataclass
@@ -49,7 +82,8 @@ class _File:
         for element in self.root.iter():
             element.tag = element.tag.rpartition("}")[2]
         self.ids = {element.get("id"): element for element in self.root.iter() if element.get("id")}
-        self.visited = 0
+        self.visited = self.corners = 0
+        self.surfaces: dict[int, tuple[Array, Triangles]] = {}
 
     def parts(self) -> Iterator[Part]:
         """Yield the triangles of the scene."""
@@ -62,10 +96,13 @@ class _File:
     def _named(self, element: Element | None, key: str = "url") -> Element | None:
         return self.ids.get(element.get(key, "").removeprefix("#")) if element is not None else None
 
-    def _node(self, node: Element, outer: Array, depth: int = 0) -> Iterator[Part]:
+    def _visit(self, depth: int = 0) -> None:
         self.visited += 1
-        if self.visited > MOST_NODES or depth > 50:
-            raise ValueError("its nodes are too many")
+        if self.visited > MOST_NODES or depth > DEEPEST:
+            raise ValueError("its nodes are too many, or nested too deeply")
+
+    def _node(self, node: Element, outer: Array, depth: int = 0) -> Iterator[Part]:
+        self._visit(depth)
         placement = outer
         for element in node:
             if element.tag in _TRANSFORMS:
@@ -80,6 +117,7 @@ class _File:
                 yield from self._node(shared, placement, depth + 1)
 
     def _geometry(self, instance: Element, placement: Array) -> Iterator[Part]:
+        self._visit()
         geometry = self._named(instance)
         mesh = geometry.find("mesh") if geometry is not None else None
         if mesh is None:
@@ -88,12 +126,26 @@ class _File:
         for part in mesh:
             if part.tag not in ("triangles", "polylist", "polygons"):
                 continue
+            self._visit()
             symbol = part.get("material", "")
-            points, corners = self._positions(part), _triangles(part)
+            points, corners = self._surface(part)
             if np.linalg.det(placement[:3, :3]) < 0.0:  # a mirror image: what was outside stays outside
                 corners = corners[:, ::-1]
             vertices = points @ placement[:3, :3].T + placement[:3, 3]
             yield *joined(vertices, corners), self._colour(bound.get(symbol, symbol))
+
+    def _surface(self, part: Element) -> tuple[Array, Triangles]:
+        """Return the vertices and triangles of a part, of which a scene may have any number of copies.
+
+        Raises:
+            ValueError: All of them have too many triangles.
+        """
+        if id(part) not in self.surfaces:
+            self.surfaces[id(part)] = self._positions(part), _triangles(part)
+        points, corners = self.surfaces[id(part)]
+        self.corners += corners.size
+        check_size(self.corners)
+        return points, corners
 
     def _positions(self, part: Element) -> Array:
         vertices = self._named(_input(part, "VERTEX"), "source")
@@ -136,6 +188,9 @@ def _triangles(part: Element) -> Triangles:
     if part.tag == "polylist":
         counts = np.array((part.findtext("vcount") or "").split(), np.int64).tolist()
     corners = np.concatenate([*lists, np.zeros(0, np.int64)])
+    if min(counts, default=0) < 0 or sum(counts) > len(corners):
+        raise ValueError("its polygons have fewer corners than they say")
+    check_size(3 * sum(max(n - 2, 0) for n in counts))
     starts = np.cumsum([0, *counts])[:-1]
     fans = [(corners[s], corners[s + k], corners[s + k + 1]) for s, n in zip(starts, counts, strict=True)
             for k in range(1, n - 1)]  # fmt: skip

@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.engine.constraints.nullspace import ACTS
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.quantities.names import UNDETERMINED
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.errors import InputError, choices
 from pinarm.mechanics.forces.bushing import LinearBushing
@@ -221,11 +221,10 @@ def _positions(run: Trajectory, frame: int) -> Array:
 
 
 def _torques(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
-    """Yield the efforts of the drives between the links, about or along the axes of their joints."""
+    """Yield the efforts of the drives, about or along the axes of their joints."""
     for joint in run.mechanism.joints.values():
         node = nodes[joint.index]
-        effort = run.tau[:, joint.v] - float(run.mechanism.model.armature[joint.v]) * run.a[:, joint.v]
-        yield Arrow("torques", BodyPoint(joint.index, np.zeros(3)), node.kind == "turn", effort, node.axis)
+        yield Arrow("torques", BodyPoint(joint.index, np.zeros(3)), node.kind == "turn", run.tau[:, joint.v], node.axis)
 
 
 def _reactions(run: Trajectory, nodes: Sequence[Node]) -> Iterator[Arrow]:
@@ -250,6 +249,6 @@ def _reaction(at: BodyPoint, forces: Array, added: Sequence[Array]) -> Arrow:
         added: What each self-stress adds to it, each of shape (n, 3).
     """
     _, sizes, axes = np.linalg.svd(np.concatenate([np.zeros((3, 3)), *added]), full_matrices=False)
-    free = axes[sizes > UNDETERMINED]
+    free = axes[sizes > ACTS]
     left = forces - forces @ free.T @ free if len(free) < 3 else np.zeros_like(forces)
     return Arrow("reactions", at, False, left, partial=len(free) > 0)

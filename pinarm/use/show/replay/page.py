@@ -18,6 +18,7 @@ from pinarm.arrays import Array, Indices
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
+from pinarm.use.output.folder import write_file
 from pinarm.use.show.replay import overlays
 from pinarm.use.show.replay.framing import Framing, framing
 from pinarm.use.show.replay.meshes import thinned
@@ -56,17 +57,13 @@ class Replay:
     notes: tuple[str, ...] = ()
 
     def save(self, path: str | Path) -> Path:
-        """Write the page to a file and return its path.
+        """Write the page to a file and return its path; see ``write_file``.
 
         Raises:
             InputError: The file cannot be written.
         """
         path = Path(path)
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(self.html, encoding="utf-8", newline="\n")
-        except OSError as error:
-            raise InputError(f"the replay cannot be written to {path}: {error.strerror}") from None
+        write_file(path, [self.html.encode()])
         return path
 
     def _repr_html_(self) -> str:

@@ -7,11 +7,13 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.errors import InputError, PinarmError
 from pinarm.input.units import read_quantity
+from pinarm.use.output.folder import write_file
 from pinarm.use.show.replay.chromium import browser
 from pinarm.use.show.replay.page import Replay
 
@@ -49,10 +51,7 @@ def picture(replay: Replay, value: float, target: Path) -> Path:
         shown.open(replay.save(Path(folder) / "replay.html"), f"#t={value!r}")
         shown.evaluate(f"replay.show({value!r})")
         raw = shown.screenshot()
-    try:
-        target.write_bytes(raw)
-    except OSError as error:
-        raise InputError(f"the picture cannot be written to {target}: {error.strerror}") from None
+    write_file(target, [raw])
     return target
 
 
@@ -77,13 +76,14 @@ def video(
         raise InputError(f"{fps:g} pictures a second at speed {speed:g}", expected="positive numbers, at most 240 fps")
     with browser() as shown, tempfile.TemporaryDirectory() as folder:
         shown.open(replay.save(Path(folder) / "replay.html"), "#t=0")
+        encoded = Path(folder) / "video.mp4"
         frames = 1 + round(shown.evaluate("replay.player.seconds()") * fps / speed)
         if frames > MOST_FRAMES:
             raise InputError(f"the video would have {frames} pictures", expected=f"at most {MOST_FRAMES}",
                              hint="a higher --speed, or a lower --fps")  # fmt: skip
         encoder = subprocess.Popen(
             [program, "-y", "-loglevel", "error", "-f", "image2pipe", "-c:v", "png", "-framerate", f"{fps:g}",
-             "-i", "-", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4", str(target)],
+             "-i", "-", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4", str(encoded)],
             stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
         )  # fmt: skip
         assert encoder.stdin is not None
@@ -97,10 +97,16 @@ def video(
         finally:
             progress("")
             _, complaint = encoder.communicate()
-    if encoder.returncode:
-        last = complaint.decode(errors="replace").strip().splitlines()[-1:] or ["it does not say why"]
-        raise PinarmError(f"ffmpeg could not write {target}: {last[0]}")
+        if encoder.returncode:
+            last = complaint.decode(errors="replace").strip().splitlines()[-1:] or ["it does not say why"]
+            raise PinarmError(f"ffmpeg could not write {target}: {last[0]}")
+        with open(encoded, "rb") as stream:
+            write_file(target, iter(partial(stream.read, CHUNK), b""))
     return target
+
+
+CHUNK = 1 << 20
+"""Bytes of a video that are copied at once."""
 
 
 def ffmpeg() -> str:

@@ -15,6 +15,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import InputError, ModelError, PinarmError
+from pinarm.input.numbers import decimal, is_decimal
 from pinarm.input.roots import contained_file, example_robot_data, root_of
 from pinarm.use.show.replay.meshes import Mesh, read_mesh
 
@@ -97,12 +98,12 @@ def visuals(mechanism: Mechanism) -> Visuals:
     """Return what a model draws."""
     robot, model = ElementTree.fromstring(mechanism.xml), mechanism.model
     frames = {frame.name: frame for frame in model.frames if frame.type == pin.FrameType.BODY}
-    palette = dict(_materials(robot))
     shapes: list[Shape] = []
     notes: list[str] = []
+    palette = dict(_materials(robot, notes))
     missing: set[int] = set()
     meshes: dict[Path, list[Mesh]] = {}  # a leg's mesh serves four times
-    for link in robot.iter("link"):
+    for link in robot.findall("link"):
         frame = frames[str(link.get("name"))]
         for visual in link.findall("visual"):
             try:
@@ -115,11 +116,17 @@ def visuals(mechanism: Mechanism) -> Visuals:
     return Visuals(tuple(shapes), frozenset(bare), tuple(dict.fromkeys(notes)))
 
 
-def _materials(robot: ElementTree.Element) -> Iterator[tuple[str, Colour]]:
+def _materials(robot: ElementTree.Element, notes: list[str]) -> Iterator[tuple[str, Colour]]:
+    """Yield the colours of the materials by name; a note says of which there is none."""
     for material in robot.findall("material"):
-        colour = _colour(material)
+        name = str(material.get("name"))
+        try:
+            colour = _colour(material)
+        except InputError as error:
+            notes.append(f"material {name} is not drawn as its file says: {error.message}")
+            continue
         if colour:
-            yield str(material.get("name")), colour
+            yield name, colour
 
 
 def _colour(material: ElementTree.Element | None) -> Colour | None:
@@ -158,7 +165,7 @@ def _visual(
     elif element.tag == "box":
         yield Shape(node, placement, "box", tuple(_positive(_numbers(element.get("size", ""), 3))), colour)
     elif element.tag in ("cylinder", "capsule"):
-        size = _positive(np.array([float(element.get("radius", "nan")), float(element.get("length", "nan"))]))
+        size = _positive(np.concatenate([_numbers(element.get(key, ""), 1) for key in ("radius", "length")]))
         yield Shape(node, placement, "cylinder" if element.tag == "cylinder" else "capsule", tuple(size), colour)
     elif element.tag == "sphere":
         yield Shape(node, placement, "sphere", tuple(_positive(_numbers(element.get("radius", ""), 1))), colour)
@@ -181,7 +188,7 @@ def _origin(element: ElementTree.Element | None) -> pin.SE3:
 
 
 def _numbers(text: str, count: int) -> Array:
-    numbers = np.array([float(part) for part in text.split()])
+    numbers = np.array([decimal(part) if is_decimal(part) else np.nan for part in text.split()])
     if numbers.shape != (count,) or not np.isfinite(numbers).all():
         raise InputError(f"'{text}' is not what a visual needs here", expected=f"{count} finite numbers")
     return numbers

@@ -31,7 +31,7 @@ def solved(scenario: Scenario) -> Result:
 
 
 def verified(scenario: Scenario) -> Result:
-    """Return the result of a scenario with the global error of its outputs estimated, and all its rows checked.
+    """Return the result of a scenario with a bound of its outputs' global errors, and all its rows checked.
 
     Raises:
         PinarmError: See ``solved``.
@@ -44,5 +44,4 @@ def verified(scenario: Scenario) -> Result:
     result = replace(result, figures={**result.figures, **checked})
     if result.errors:
         return result
-    errors, setting = estimate_errors(scenario, result)
-    return replace(result, errors=errors, setting=setting)
+    return estimate_errors(scenario, result)

@@ -11,7 +11,13 @@ from pinarm.engine.integration.methods import METHODS, MethodName
 from pinarm.engine.integration.methods.explicit import LIMITED
 from pinarm.errors import NumericsError
 from pinarm.problems.forward import Forward
-from pinarm.use.study.accuracy.error_estimate import estimate_errors, output_differences
+from pinarm.use.study.accuracy.error_estimate import (
+    BOUND,
+    estimate_errors,
+    output_differences,
+    unaccounted_energy,
+    with_errors,
+)
 from pinarm.use.study.accuracy.integration_settings import Ladder, format_setting, step_limit, with_setting
 
 if TYPE_CHECKING:
@@ -37,7 +43,7 @@ TRIED: tuple[MethodName, ...] = tuple(
 
 
 def reach_target(scenario: Scenario) -> Result:
-    """Return the result of the cheapest setting whose estimated error is at most the scenario's target.
+    """Return the result of the cheapest setting whose error is at most the scenario's target, by its bound.
 
     Tolerances are tried by decades, steps by halves, of the method that the scenario names, or of several. The price is
     the number of evaluations. All solutions that serve as comparison are solved with other last digits, each with its
@@ -94,8 +100,7 @@ def _guess(ladder: Ladder, target: float) -> int:
 def _as_it_is(scenario: Scenario) -> Result:
     """Return the result of a problem that no setting changes."""
     result = with_setting(scenario, {}).solve()
-    errors, setting = estimate_errors(scenario, result)
-    return replace(result, content=scenario.content, data=scenario.document.data, errors=errors, setting=setting)
+    return replace(estimate_errors(scenario, result), content=scenario.content, data=scenario.document.data)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +112,7 @@ class _Search:
         ladder: The settings.
         most: Number of steps that no solution may exceed.
         runs: Rung -> solution with other last digits; none where it failed.
-        errors: Rung -> estimated error.
+        errors: Rung -> bound of the error; see ``error_estimate.BOUND``.
     """
 
     scenario: Scenario
@@ -149,10 +154,11 @@ class _Search:
         return self.run(min(rung + self.ladder.finer, self.ladder.last))
 
     def error(self, rung: int) -> float:
-        """Return the estimated error at a rung; infinite where a solution failed."""
+        """Return the bound of the error at a rung, no less than its energy shows; infinite where a solution failed."""
         if rung not in self.errors:
             one, two = self.run(rung), self.finer(rung)
-            self.errors[rung] = max(output_differences(one, two).values()) if one and two else np.inf
+            self.errors[rung] = np.inf if one is None or two is None else max(
+                BOUND * max(output_differences(one, two).values()), unaccounted_energy(one))  # fmt: skip
         return self.errors[rung]
 
     def best_rung(self, target: float) -> int:
@@ -187,9 +193,7 @@ class _Search:
         """Return the result of the rung found, of the mechanism as it is."""
         rung = self.best_rung(target)
         chosen = self.ladder.setting(rung)
-        result, two = with_setting(self.scenario, chosen).solve(), self.finer(rung)
-        errors = output_differences(result, two) if two else dict.fromkeys(result.content.outputs, np.inf)
-        verdict = "cheapest" if max(errors.values()) <= target else "best"
-        setting = f"{format_setting(chosen)}, the {verdict} of {tried} settings tried"
-        content, data = self.scenario.content, self.scenario.document.data
-        return replace(result, content=content, data=data, errors=errors, setting=setting)
+        result = with_errors(with_setting(self.scenario, chosen).solve(), self.finer(rung), format_setting(chosen))
+        result = replace(result, content=self.scenario.content, data=self.scenario.document.data)
+        verdict = "best" if result.missed else "cheapest"
+        return replace(result, setting=f"{result.setting}, the {verdict} of {tried} settings tried")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pinarm.errors import InputError
 from pinarm.input.yaml.values import Values
+from pinarm.use.output.folder import whole_folder
 from pinarm.use.scenario.scenario import Scenario, load
 from pinarm.use.store.files import json_text, write
 from pinarm.use.study.accuracy.setting_errors import (
@@ -41,7 +42,7 @@ class Tradeoff:
     variants: list[Variant] = field(default_factory=list)
 
     def recommended(self) -> dict[float, TriedSetting | None]:
-        """Return the cheapest setting for every wanted error."""
+        """Return the cheapest setting for every wanted error, with a margin; see ``recommended_setting``."""
         bound = self.reference.bound if self.reference else 0.0
         return {wanted: recommended_setting(self.points, bound, wanted) for wanted in WANTED}
 
@@ -68,15 +69,12 @@ class Tradeoff:
         """Write ``tradeoff.json`` and the plots; return the folder.
 
         Raises:
-            InputError: The folder cannot be written.
+            InputError: The folder cannot be written, or holds files that are not an earlier trade-off's.
         """
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            write(folder / "tradeoff.json", json_text(self.summary()) + "\n")
-        except OSError as error:
-            raise InputError(f"the trade-off cannot be written to {folder}: {error.strerror}") from None
-        for name, figure in self.plots().items() if plots else ():
-            figure.savefig(folder / f"{name}.png", metadata={"Software": None})
+        with whole_folder(folder, "trade-off") as draft:
+            write(draft / "tradeoff.json", json_text(self.summary()) + "\n")
+            for name, figure in self.plots().items() if plots else ():
+                figure.savefig(draft / f"{name}.png", metadata={"Software": None})
         return folder
 
     def plots(self) -> dict[str, Picture]:

@@ -80,7 +80,7 @@ def outputs(trade: Tradeoff) -> Picture:
             if variant.result is None:
                 continue
             run, look = variant.result.trajectory, {"color": COLOURS[(k - 1) % len(COLOURS)], "linestyle": "--"}
-            along, measured = shown(variant.result[run.parameter])
+            along, measured = shown(variant.result.parameter)
             for name, axis in zip(names, axes, strict=True):
                 scale, unit = shown(variant.result[name])
                 values = variant.result[name].values / scale

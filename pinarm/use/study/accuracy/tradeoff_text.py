@@ -33,11 +33,11 @@ def settings(trade: Tradeoff) -> list[list[str]]:
 
 
 def advice(trade: Tradeoff) -> list[str]:
-    """Return what errors were measured against, and the cheapest setting for every wanted error."""
+    """Return what errors were measured against, and the cheapest setting for every wanted error, with a margin."""
     assert trade.reference
     return [
         f"reference: {trade.reference.words}; known to {trade.reference.bound:.1e}",
-        *(f"for {wanted:g}: {point.setting}" if point else f"for {wanted:g}: no setting tried"
+        *(f"for {wanted:g}: {point.setting}; every finer one too" if point else f"for {wanted:g}: no setting tried"
           for wanted, point in trade.recommended().items()),
     ]  # fmt: skip
 

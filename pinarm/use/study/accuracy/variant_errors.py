@@ -10,7 +10,8 @@ import numpy as np
 from pinarm.errors import InputError, NumericsError
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
-from pinarm.use.study.accuracy.error_estimate import common_rows, output_scales
+from pinarm.use.study.accuracy.common_rows import common_rows
+from pinarm.use.study.accuracy.error_estimate import output_scales
 from pinarm.use.study.accuracy.solved import solved
 
 

@@ -1,9 +1,10 @@
-"""Comparing a run with its answer key, and telling agreements, roundings and misprints apart.
+"""Comparing a run with its answer key, and telling agreements, roundings, misprints and errors of models apart.
 
 A misprint is confirmed only when the computed number equals the independent value and differs from the published one
-beyond its printed digits. A rounding is confirmed when the printed number is one unit off in its last digit, or when it
-comes out of the rounded figures that its authors used; a reading off a plot when it is within 2 %. Anything else that
-differs is a miss.
+beyond its printed digits; where ``because`` says how it came about, that must lead to what is printed. An error of the
+model is confirmed likewise, by the formula of that model. A rounding is confirmed when the printed number is one unit
+off in its last digit, or when it comes out of the rounded figures that its authors used; a reading off a plot when it
+is within 2 %. Anything else that differs is a miss.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from pinarm.input.yaml.values import Values
 from pinarm.use.result.curve_figures import figure, is_figure
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.result import Result
+from pinarm.use.result.row_lookup import NotReached
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run, scenarios
 
@@ -52,7 +54,7 @@ class Finding:
         independent: The independent value, ``None`` where none is given.
         published: The published number, ``None`` where none is given.
         error: Largest difference to the independent value, relative to it.
-        verdict: ``agrees``, ``rounding``, ``reading``, ``misprint`` or ``MISS``.
+        verdict: ``agrees``, ``rounding``, ``reading``, ``misprint``, ``model_error`` or ``MISS``.
         reason: Why it is a miss.
     """
 
@@ -102,8 +104,16 @@ def check(scenario: Scenario | str | Path, values: Values | None = None, *, resu
         solved = result or run(one)
         for index, expectation in enumerate(one.content.expect):
             with one.document.locating("expect", index):
-                findings.append(compare(solved, expectation))
+                findings.append(_found(solved, expectation))
     return Findings(findings)
+
+
+def _found(result: Result, expectation: Expectation) -> Finding:
+    """Compare a result with one expectation; a place that the run does not come to is a miss."""
+    try:
+        return compare(result, expectation)
+    except NotReached as error:
+        return Finding(result.name, expectation, None, np.nan, None, None, None, "MISS", error.message)
 
 
 def compare(result: Result, expectation: Expectation) -> Finding:
@@ -176,9 +186,9 @@ def _published(
         with within("published_formula"):
             formula = np.broadcast_to(quantities.figure(expectation.published_formula), values.shape)
         difference = np.abs(values - formula)
-        worst = int(difference.argmax())
-        agree = bool((difference <= FORMULA * np.abs(formula).max()).all())
-        return float(formula[worst]), not agree, False
+        worst, slack = int(difference.argmax()), FORMULA * float(np.abs(formula).max())
+        agree = bool((difference <= slack).all())
+        return float(formula[worst]), not agree, _follows(quantities, expectation, formula, slack)
     if expectation.published is None:
         return None, False, False
     with within("published"):
@@ -186,9 +196,16 @@ def _published(
     distance = float(np.abs(values - printed).max())
     explained = distance <= (READING * abs(printed) if expectation.verdict == "reading" else 2 * half)
     if expectation.because is not None:
-        with within("because"):
-            explained = bool(np.abs(quantities.figure(expectation.because) - printed).max() <= half)
+        explained = _follows(quantities, expectation, printed, half)
     return printed, not distance <= half, explained
+
+
+def _follows(quantities: Quantities, expectation: Expectation, printed: Array | float, slack: float) -> bool:
+    """Tell whether what the entry says of its authors' way, if anything, leads to what is printed."""
+    if expectation.because is None:
+        return False
+    with within("because"):
+        return bool(np.abs(quantities.figure(expectation.because) - printed).max() <= slack)
 
 
 def _verdict(expectation: Expectation, independent: bool, met: bool, off: bool, explained: bool) -> tuple[str, str]:
@@ -202,8 +219,8 @@ def _verdict(expectation: Expectation, independent: bool, met: bool, off: bool, 
         return "MISS", "it differs from the published figure, and there is no independent value to decide"
     if claim == "agrees":
         return "MISS", "it differs from the published figure beyond its printed digits"
-    if claim in ("rounding", "reading") and not explained:
-        return "MISS", f"claimed as {claim}, but that does not lead to the printed digits"
+    if not explained and (claim in ("rounding", "reading") or expectation.because is not None):
+        return "MISS", f"claimed as {claim.replace('_', ' ')}, but that does not lead to the printed digits"
     return claim, ""
 
 

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from pinarm.errors import printable
 from pinarm.input.units import Unit, read_quantity
-from pinarm.use.result.expectation import Expectation
+from pinarm.use.result.expectation import ERRATA, Expectation
 
 if TYPE_CHECKING:
     from pinarm.use.study.answers.check import Finding
 
 HEADING = ("scenario", "quantity", "at", "computed", "independent", "published", "difference", "verdict")
 LOOKS = {"agrees": ("= agrees", "green"), "rounding": ("~ rounding", "cyan"), "reading": ("~ reading", "cyan"),
-         "misprint": ("! misprint", "bold yellow"), "MISS": ("X MISS", "bold red")}  # fmt: skip
+         "misprint": ("! misprint", "bold yellow"), "model_error": ("! model error", "bold yellow"),
+         "MISS": ("X MISS", "bold red")}  # fmt: skip
 """Verdicts: how they are written, and their colour."""
 
 WIDE = 200
@@ -63,10 +64,22 @@ def remarks(findings: Sequence[Finding]) -> list[str]:
     """Return why findings are a miss, and how many there are of each verdict."""
     lines = [printable(f"MISS {one.scenario}: {one.expectation.quantity}: {one.reason}")
              for one in findings if not one.ok]  # fmt: skip
-    counts = {verdict: sum(one.verdict == verdict for one in findings) for verdict in LOOKS}
-    return [
-        *lines, "; ".join(f"{count} {verdict}" for verdict, count in counts.items() if count) or "nothing to check",
-    ]  # fmt: skip
+    return [*lines, "; ".join(said for verdict in LOOKS if (said := _counted(findings, verdict))) or "nothing to check"]
+
+
+def errata(findings: Iterable[Finding], verdict: str) -> int:
+    """Return how many misprints, or model errors, there are: those that entries give one name count once."""
+    alike = [finding.expectation.erratum for finding in findings if finding.verdict == verdict]
+    return alike.count("") + len({name for name in alike if name})
+
+
+def _counted(findings: Sequence[Finding], verdict: str) -> str:
+    """Return how many findings of a verdict there are, and of how many errata they are; empty for none."""
+    count, words = sum(one.verdict == verdict for one in findings), verdict.replace("_", " ")
+    different = errata(findings, verdict) if verdict in ERRATA else count
+    if different < count:
+        return f"{different} {words} in {count} entries"
+    return f"{count} {words}" if count else ""
 
 
 def plain(finding: Finding) -> dict[str, Any]:
@@ -75,8 +88,8 @@ def plain(finding: Finding) -> dict[str, Any]:
     return {
         "scenario": finding.scenario, "quantity": entry.quantity, "at": entry.at, "unit": str(finding.unit or "?"),
         "computed": finding.computed, "independent": finding.independent, "published": entry.published,
-        "difference": finding.error, "verdict": finding.verdict, "reason": finding.reason, "source": entry.source,
-        "note": entry.note,
+        "difference": finding.error, "verdict": finding.verdict, "erratum": entry.erratum, "reason": finding.reason,
+        "source": entry.source, "note": entry.note,
     }  # fmt: skip
 
 

@@ -153,22 +153,21 @@ class Batch:
         Raises:
             InputError: The folder cannot be written, or holds something else.
         """
-        from pinarm.use.study.batch.batch_files import empty, headings, saved, write_table
+        from pinarm.use.output.folder import whole_folder
+        from pinarm.use.study.batch.batch_files import headings, saved, write_table
 
         outputs = list(dict.fromkeys(self.question.scenario.content.outputs))
         known, home = self._require(outputs), Path(folder)
         columns = headings([known[name] for name in outputs])
         numbers, errors = np.empty((len(self), len(columns))), dict[int, str]()
-        try:
-            empty(home)
-            for part, lines in self._answers(partial(saved, folder=home)):
+        with whole_folder(home, "batch") as draft:
+            (draft / "motions").mkdir()
+            for part, lines in self._answers(partial(saved, folder=draft.resolve())):
                 numbers[part] = [line for line, _ in lines]
                 errors |= {part.start + k: why for k, (_, why) in enumerate(lines) if why}
             filled = [replace(series, values=x) for series, x in zip(columns, numbers.T, strict=True)]
             known_columns = [series for series in filled if not np.isnan(series.values).all()]
-            write_table(self._table(known_columns, errors), home)
-        except OSError as error:
-            raise InputError(f"the batch cannot be written to {home}: {error.strerror}") from None
+            write_table(self._table(known_columns, errors), draft)
         return home
 
     def _table(self, numbers: Sequence[Series], errors: Mapping[int, str]) -> ReducedTable:

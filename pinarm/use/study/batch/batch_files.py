@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, NumericsError
+from pinarm.errors import NumericsError
 from pinarm.input.units import DIMENSIONLESS
 from pinarm.use.result.measures import COSTS, MEASURES
 from pinarm.use.result.result import Result
@@ -19,9 +19,6 @@ from pinarm.use.study.batch.reduced_table import ReducedTable
 
 WORTH = (*(name for name in MEASURES if name != "least regular at"), *COSTS)
 """Figures of every motion: what it is worth, and what it cost."""
-
-OWN = ("motions.csv", "motions.npz", "summary.json")
-"""Files beside those of the motions; the first marks the folder as a batch's."""
 
 Line = tuple[list[float], str]
 """The numbers of a motion, and why it could not be followed to its end."""
@@ -47,20 +44,6 @@ def _saved(block: Block, number: int, folder: Path) -> Line:
     extremes = [x for series in written[1:] for x in (series.values.min(), series.values.max())]
     line = [float(x) for x in (*extremes, *(result.figures.get(name, np.nan) for name in WORTH))]
     return [np.nan if why else x for x in line], why
-
-
-def empty(folder: Path) -> None:
-    """Make the folder, without what an earlier batch left in it.
-
-    Raises:
-        InputError: It holds something else, or cannot be made.
-    """
-    if any((folder / name).exists() for name in (*OWN, "motions")) and not (folder / OWN[0]).exists():
-        raise InputError(f"{folder} holds files of the same names that are no batch", expected="another folder")
-    (folder / "motions").mkdir(parents=True, exist_ok=True)
-    for path in (*(folder / name for name in OWN[1:]), *(folder / "motions").glob("[0-9]*.*")):
-        path.unlink(missing_ok=True)
-    write(folder / OWN[0], "")
 
 
 def write_table(table: ReducedTable, folder: Path) -> None:

@@ -14,6 +14,7 @@ from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integration.batch_solution import Ensemble
 from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.motion.small_motions import finer_size
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
@@ -107,8 +108,12 @@ class Block:
 
     @cached_property
     def whole(self) -> Ensemble | None:
-        """Return the motions where they are integrated together from end to end."""
-        return None if self.question.hybrid.bounds else self.ensemble
+        """Return the motions where they are integrated together from end to end; none may have to be followed finer."""
+        hybrid, ensemble = self.question.hybrid, self.ensemble
+        if hybrid.bounds or ensemble is None:
+            return None
+        small = any(finer_size(hybrid, size) is not None for size in ensemble.sizes.tolist())
+        return None if small else ensemble
 
     def run(self, number: int) -> Result:
         """Return the result of one motion, with its accuracy.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -77,8 +78,8 @@ class Cases:
         """
         cases = cls(tuple(axes))
         paths = [column.path for column in cases.columns()]
-        if twice := {path for path in paths if paths.count(path) > 1}:
-            raise InputError(f"'{sorted(twice)[0]}' is varied twice", expected="each path once")
+        if twice := [path for path, times in Counter(paths).items() if times > 1]:
+            raise InputError(f"'{min(twice)}' is varied twice", expected="each path once")
         if not paths or not 0 < len(cases) <= MOST:
             raise InputError(f"the sweep has {len(cases) if paths else 0} cases", expected=f"1 to {MOST}")
         return cases

@@ -13,13 +13,13 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
+from pinarm.use.output.folder import check_replaceable
 from pinarm.use.study.sweep.axes import Cases, Value
 from pinarm.use.study.sweep.cases import WORTH, Row, Task, solve_case
-from pinarm.use.study.sweep.journal import Journal, Sources, task_digest
+from pinarm.use.study.sweep.journal import JOURNAL, Journal, Sources, task_digest
 from pinarm.use.study.sweep.process_pool import WorkerDeath, distribute
 
 UNSOLVED = "not solved"
-JOURNAL = "journal.jsonl"
 
 Progress = Callable[[int, int, int], None]
 """Called with how many cases are done, how many of them failed, and how many there are."""
@@ -66,7 +66,7 @@ class Solving:
         if folder is None:
             self._solve(workers, None)
             return
-        with closing(open_journal(folder, self.task)) as journal:
+        with closing(open_journal(folder, self.task, self.numbers.shape[1])) as journal:
             self._solve(workers, journal)
 
     def _solve(self, workers: int, journal: Journal | None) -> None:
@@ -115,21 +115,15 @@ def _solve_job(task: Task, job: Job) -> Row:
     return solve_case(task, job[2])
 
 
-def open_journal(folder: Path, task: Task) -> Journal:
+def open_journal(folder: Path, task: Task, width: int) -> Journal:
     """Open the journal of a sweep's folder.
 
     Raises:
         InputError: The folder cannot be made, or holds something else.
     """
+    check_replaceable(folder, "sweep", beside=(JOURNAL,))
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        entries = {entry.name for entry in folder.iterdir()}
     except OSError as error:
         raise InputError(f"the sweep cannot be written to {folder}: {error.strerror}") from None
-    if JOURNAL not in entries and entries & OWN:
-        raise InputError(f"{folder} holds files of the same names that are no sweep", hint="another folder: -o DIR")
-    return Journal(folder / JOURNAL, task_digest(task))
-
-
-OWN = {"sweep.yaml", "cases.csv", "cases.npz", "cases.parquet", "summary.json", "plots"}
-"""What is written beside the journal, whose presence marks the folder as a sweep's."""
+    return Journal(folder / JOURNAL, task_digest(task), width)

@@ -149,6 +149,8 @@ def solve_case(task: Task, values: Mapping[str, Value]) -> Row:
             result = run(Scenario.of(varied(task.document, values), task.folder))
             numbers = [number for entry in task.wanted for number in entry.numbers(result)]
             quadrature = [error / abs(number) for number, error in numbers if error and number]
+            if result.contradiction:
+                return Row((), result.contradiction, _names(files))
             if result.missed:
                 target = result.content.accuracy.target
                 return Row(

@@ -1,8 +1,9 @@
 """What a sweep has finished, in a file that is only ever added to, so that an interrupted sweep goes on.
 
-A line of JSON is a set of files with the digests of their contents, or a case: the digest of everything else that
-determines its numbers, the set of files that it refers to, and its row. A case is known where both are as they were. A
-last line that was cut short is passed over.
+The first line says what the file is. Each further line of JSON is a set of files with the digests of their contents, or
+a case: the digest of everything else that determines its numbers, the set of files that it refers to, and its row. A
+case is known where both are as they were. A line that was cut short, changed, or is no such entry is passed over, and
+its case solved again.
 """
 
 from __future__ import annotations
@@ -11,16 +12,31 @@ import fcntl
 import hashlib
 import json
 import os
+import stat
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from urllib.parse import quote, unquote_to_bytes
 
+import msgspec
 import numpy as np
 
 from pinarm.errors import InputError
 from pinarm.use.study.sweep.axes import Value
 from pinarm.use.study.sweep.cases import Row, Task
+
+JOURNAL = "journal.jsonl"
+"""Its name in the folder of a sweep."""
+
+HEAD = b'{"journal": "pinarm sweep", "format": 1}\n'
+"""Its first line."""
+
+MOST_LINE = 10_000_000
+"""Bytes of a line: a hundred times those of a row of a thousand numbers."""
+
+MOST_BYTES, CHUNK = 2_000_000_000, 1 << 20
+"""Of a file that a case refers to, and how many are read at once."""
 
 SYNC = 1.0
 """Seconds after which lines are forced to the disk: what a power failure may cost."""
@@ -53,7 +69,6 @@ class Sources:
 
     def __init__(self) -> None:
         self.stamps: dict[str, tuple[int, int] | None] = {}
-        self.sets: dict[tuple[str, ...], str] = {}
 
     def check(self, files: tuple[str, ...]) -> None:
         """Raise where a file has changed since a case first referred to it.
@@ -68,16 +83,55 @@ class Sources:
                 raise InputError(f"the file {file} has changed while the sweep ran", hint=hint)
 
     def content(self, files: tuple[str, ...]) -> dict[str, str]:
-        """Return the digests of what is in files; empty for one that does not exist."""
-        return {file: hashlib.sha256(Path(file).read_bytes()).hexdigest() if _stamp(file) else "" for file in files}
+        """Return the digests of what is in files; empty for what is no file that a case could refer to."""
+        return {file: _file_digest(file) for file in files}
 
 
 def _stamp(file: str) -> tuple[int, int] | None:
     try:
         state = os.stat(file)
-    except OSError:
+    except (OSError, ValueError):
         return None
     return state.st_mtime_ns, state.st_size
+
+
+def _file_digest(file: str) -> str:
+    """Return the digest of a regular file of ordinary size; empty for a device, a pipe, or what cannot be read."""
+    try:
+        with open(os.open(file, os.O_RDONLY | os.O_NONBLOCK), "rb", buffering=0) as stream:
+            state = os.fstat(stream.fileno())
+            if not stat.S_ISREG(state.st_mode) or state.st_size > MOST_BYTES:
+                return ""
+            content = hashlib.sha256()
+            for _ in range(0, state.st_size, CHUNK):  # and no more: files of /proc have no end
+                content.update(stream.read(CHUNK) or b"")
+            return content.hexdigest()
+    except (OSError, ValueError):
+        return ""
+
+
+class JournalEntry(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A line.
+
+    Attributes:
+        set: Digest of a set of files.
+        files: Its files, with the digests of their contents; of a line that is a case, nothing.
+        case: Digest of a case.
+        numbers: Its row; null for numbers that are not finite.
+        error: Why it failed.
+        seal: Digest of the other fields, so that a line that was changed is known.
+    """
+
+    set: str
+    files: dict[str, str] | None = None
+    case: str = ""
+    numbers: tuple[float | None, ...] = ()
+    error: str = ""
+    seal: str = ""
+
+    def sealed(self) -> JournalEntry:
+        """Return the entry with its seal."""
+        return msgspec.structs.replace(self, seal=digest(msgspec.to_builtins(msgspec.structs.replace(self, seal=""))))
 
 
 class Journal:
@@ -86,40 +140,68 @@ class Journal:
     Args:
         path: The file, which need not exist.
         task: The digest of the sweep's task.
+        width: How many numbers the row of a case has.
 
     Raises:
-        InputError: It cannot be written, or another sweep is writing it.
+        InputError: It cannot be written, is no journal, or another sweep is writing it.
     """
 
-    def __init__(self, path: Path, task: str) -> None:
-        self.task, self.synced, self.sets = task, time.monotonic(), dict[tuple[str, ...], str]()
+    def __init__(self, path: Path, task: str, width: int) -> None:
+        self.path, self.task, self.width = path, task, width
+        self.synced, self.sets = time.monotonic(), dict[tuple[str, ...], str]()
         try:
-            self.file = open(path, "a+b", buffering=0)  # noqa: SIM115  (closed by close)
-        except OSError as error:
-            raise InputError(f"the journal {path} cannot be written ({error.strerror})") from None
+            flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK
+            self.file = open(os.open(path, flags, 0o666), "a+b", buffering=0)  # noqa: SIM115  (closed by close)
+        except (OSError, ValueError) as error:
+            said = "it is a symbolic link" if path.is_symlink() else getattr(error, "strerror", None) or str(error)
+            raise InputError(f"the journal {path} cannot be written ({said})") from None
+        try:
+            self._lock()
+            self.offsets = self._read()
+        except BaseException:
+            self.file.close()
+            raise
+
+    def _lock(self) -> None:
+        if not stat.S_ISREG(os.fstat(self.file.fileno()).st_mode):
+            raise InputError(f"the journal {self.path} is no regular file", hint="another folder: -o DIR")
         try:
             fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            self.file.close()
-            raise InputError(f"another sweep is writing to {path.parent}", expected="a folder of its own") from None
+            raise InputError(
+                f"another sweep is writing to {self.path.parent}", expected="a folder of its own"
+            ) from None
         except OSError:
             pass  # there are file systems without locks
-        self.offsets = self._read()
+
+    def _begin(self) -> None:
+        """Write the first line, or raise where a file of somebody else has another."""
+        self.file.seek(0)
+        first = self.file.read(len(HEAD)) or b""
+        if first != HEAD and HEAD.startswith(first):  # new, or cut short
+            self.file.truncate(0)
+            self._append(HEAD)
+        elif first != HEAD:
+            raise InputError(f"{self.path} is no journal of a sweep", hint="another folder: -o DIR, or move it away")
 
     def _read(self) -> dict[str, int]:
         """Return where the cases stand that are known and whose files are as they were."""
-        sources, sets, offsets, position = Sources(), dict[str, bool](), dict[str, int](), 0
-        self.file.seek(0)
+        sources, sets, offsets, position = Sources(), dict[str, bool](), dict[str, int](), len(HEAD)
+        self._begin()
+        line = HEAD
         with open(self.file.fileno(), "rb", closefd=False) as lines:
-            for line in lines:
+            lines.seek(position)
+            while line := lines.readline(MOST_LINE):
                 entry = _entry(line)
-                if "files" in entry:
-                    sets[entry["set"]] = sources.content(tuple(entry["files"])) == entry["files"]
-                elif sets.get(entry.get("set", "")):
-                    offsets[entry["case"]] = position
+                if entry and entry.files is not None:
+                    names = tuple(os.fsdecode(unquote_to_bytes(name)) for name in entry.files)
+                    sets[entry.set] = _quoted(sources.content(names)) == entry.files
+                elif entry and sets.get(entry.set) and len(entry.numbers) == (0 if entry.error else self.width):
+                    offsets[entry.case] = position
                 position += len(line)
-        if position and not line.endswith(b"\n"):
-            self.file.write(b"\n")
+        self.file.seek(-1, os.SEEK_END)
+        if self.file.read(1) != b"\n":
+            self._append(b"\n")
         return offsets
 
     def key(self, values: Mapping[str, Value]) -> str:
@@ -132,34 +214,55 @@ class Journal:
             return None
         with open(self.file.fileno(), "rb", closefd=False) as lines:
             lines.seek(self.offsets[key])
-            entry = _entry(lines.readline())
-        return Row(tuple(np.nan if number is None else number for number in entry["numbers"]), entry["error"])
+            entry = _entry(lines.readline(MOST_LINE))
+        if entry is None or entry.case != key:
+            return None
+        return Row(tuple(np.nan if number is None else number for number in entry.numbers), entry.error)
 
     def add(self, key: str, row: Row, sources: Sources) -> None:
-        """Write down a case that is finished."""
+        """Write down a case that is finished.
+
+        Raises:
+            InputError: There is no room for it.
+        """
         if row.files not in self.sets:
-            content = sources.content(row.files)
+            content = _quoted(sources.content(row.files))
             self.sets[row.files] = digest(content)
-            self._write({"set": self.sets[row.files], "files": content})
-        numbers = [number if np.isfinite(number) else None for number in row.numbers]
-        self._write({"case": key, "set": self.sets[row.files], "numbers": numbers, "error": row.error})
+            self._append(_line(JournalEntry(self.sets[row.files], content)))
+        numbers = tuple(float(number) if np.isfinite(number) else None for number in row.numbers)
+        self._append(_line(JournalEntry(self.sets[row.files], case=key, numbers=numbers, error=row.error)))
         if time.monotonic() - self.synced > SYNC:
             os.fsync(self.file.fileno())
             self.synced = time.monotonic()
 
-    def _write(self, entry: dict[str, Any]) -> None:
-        self.file.write(json.dumps(entry).encode() + b"\n")
+    def _append(self, line: bytes) -> None:
+        try:
+            while line:
+                line = line[self.file.write(line) :]
+        except OSError as error:
+            hint = "the same command again, when there is room: it goes on from there"
+            raise InputError(f"the journal {self.path} cannot be written ({error.strerror})", hint=hint) from None
 
     def close(self) -> None:
         """Force what was written to the disk."""
-        os.fsync(self.file.fileno())
+        with suppress(OSError):
+            os.fsync(self.file.fileno())
         self.file.close()
 
 
-def _entry(line: bytes) -> dict[str, Any]:
-    """Return what a line says; nothing where it was cut short."""
+def _quoted(content: Mapping[str, str]) -> dict[str, str]:
+    """Return digests by names that JSON can hold, which the system's need not be."""
+    return {quote(os.fsencode(name), safe="/: "): found for name, found in content.items()}
+
+
+def _line(entry: JournalEntry) -> bytes:
+    return msgspec.json.encode(entry.sealed()) + b"\n"
+
+
+def _entry(line: bytes) -> JournalEntry | None:
+    """Return what a line says; nothing where it was cut short or changed."""
     try:
-        entry = json.loads(line)
-    except ValueError:
-        return {}
-    return entry if isinstance(entry, dict) else {}
+        entry = msgspec.json.decode(line, type=JournalEntry)
+        return entry if entry.seal == entry.sealed().seal else None
+    except (ValueError, RecursionError):
+        return None

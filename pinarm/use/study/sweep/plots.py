@@ -157,8 +157,6 @@ def save_plots(sweep: Sweep, folder: Path) -> list[Path]:
     """Write a picture for every result into ``plots/``; return the files."""
     folder = folder / "plots"
     folder.mkdir(exist_ok=True)
-    for old in folder.glob("*.png"):
-        old.unlink()
     files = []
     for number, series in enumerate(sweep.results()[:PICTURES], 1):
         name = re.sub(r"[^A-Za-z0-9_.-]+", "_", series.name).strip("_")[:40]

@@ -12,10 +12,11 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.series import Series
-from pinarm.errors import InputError
+from pinarm.use.output.folder import whole_folder
 from pinarm.use.result.measures import CLOSURES, RESIDUALS
 from pinarm.use.store import case_columns as columns
 from pinarm.use.store.files import json_text, write, write_arrays, yaml_text
+from pinarm.use.study.sweep.journal import JOURNAL
 
 if TYPE_CHECKING:
     from pinarm.use.study.sweep.sweep import Sweep
@@ -35,22 +36,19 @@ def save(sweep: Sweep, folder: Path, *, plots: bool = True) -> Path:
     result.
 
     Raises:
-        InputError: The folder cannot be written.
+        InputError: The folder cannot be written, or holds files that are not an earlier sweep's.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write(folder / "sweep.yaml", yaml_text(_definition(sweep, folder)))
-        write(folder / "cases.csv", csv(sweep))
-        write_arrays(folder / "cases.npz", columns.arrays(list(sweep.table.values()), sweep.errors))
+    with whole_folder(folder, "sweep", beside=(JOURNAL,)) as draft:
+        write(draft / "sweep.yaml", yaml_text(_definition(sweep, folder)))
+        write(draft / "cases.csv", csv(sweep))
+        write_arrays(draft / "cases.npz", columns.arrays(list(sweep.table.values()), sweep.errors))
         if find_spec("pyarrow"):
-            _write_parquet(sweep, folder / "cases.parquet")
-        write(folder / "summary.json", json_text(summary(sweep)) + "\n")
-    except OSError as error:
-        raise InputError(f"the sweep cannot be written to {folder}: {error.strerror}") from None
-    if plots:
-        from pinarm.use.study.sweep.plots import save_plots
+            _write_parquet(sweep, draft / "cases.parquet")
+        write(draft / "summary.json", json_text(summary(sweep)) + "\n")
+        if plots:
+            from pinarm.use.study.sweep.plots import save_plots
 
-        save_plots(sweep, folder)
+            save_plots(sweep, draft)
     return folder
 
 
@@ -77,9 +75,7 @@ def _write_parquet(sweep: Sweep, path: Path) -> None:
 
     found: dict[str, Any] = {series.label: series.values for series in sweep.table.values()}
     found["error"] = [sweep.errors.get(case, "") for case in range(len(sweep))]
-    draft = path.with_name(f".{path.name}.part")
-    pyarrow.parquet.write_table(pyarrow.table(found), draft)
-    draft.replace(path)
+    pyarrow.parquet.write_table(pyarrow.table(found), path)
 
 
 def summary(sweep: Sweep) -> dict[str, Any]:

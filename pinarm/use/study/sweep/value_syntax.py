@@ -14,7 +14,7 @@ or in that which the mechanism declares for the argument; where neither has one 
 
 from __future__ import annotations
 
-import csv
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -23,17 +23,23 @@ from pathlib import Path
 import numpy as np
 
 from pinarm.errors import InputError, Location
-from pinarm.input.units import unit
+from pinarm.input.csv_rows import rows, split_heading
+from pinarm.input.numbers import DECIMAL, is_whole, leading_number
+from pinarm.input.units import MAX_QUANTITY, unit
 from pinarm.use.study.sweep.axes import MOST, Axis, Column, Distribution, Number
 
 UnitOf = Callable[[str], str]
 """The unit of bare numbers at a path, empty for none."""
 
-_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_ITEM = re.compile(rf"\s*({_NUMBER})\s*((?:[^\W\d_]|[°%]|1/).*?)?\s*")
-_GRID = re.compile(rf"\s*({_NUMBER})\s*:\s*({_NUMBER})\s*:\s*(\d{{1,9}})\s*(.*?)\s*")
-_DISTRIBUTION = re.compile(rf"\s*(normal|uniform|tolerance)\s*\(\s*({_NUMBER})\s*,\s*({_NUMBER})\s*\)\s*(.*?)\s*")
-_HEADING = re.compile(r"\s*([^\[\]]+?)\s*(?:\[([^\[\]]*)\])?\s*")
+_UNIT = re.compile(r"[^\W\d_]|[°%]|1/")
+"""How the unit after a number begins."""
+_BETWEEN = r"\s*+{}\s*+".format
+_GRID = re.compile(rf"({DECIMAL}){_BETWEEN(':')}({DECIMAL}){_BETWEEN(':')}([0-9]{{1,9}}+)\s*+(.*)")
+_PAIR = rf"({DECIMAL}){_BETWEEN(',')}({DECIMAL})"
+_DISTRIBUTION = re.compile(rf"(normal|uniform|tolerance){_BETWEEN('[(]')}{_PAIR}{_BETWEEN('[)]')}(.*)")
+"""Of stripped text; no repetition gives back what it took, so that they take linear time."""
+SHOWN = 60
+"""Characters of a value that a message repeats."""
 _TRUTH: Mapping[str, bool] = {"true": True, "false": False}
 
 
@@ -56,13 +62,16 @@ def read_axis(path: str, given: object, unit_of: UnitOf) -> Axis | Distribution:
                     f"'{given}' are no values", expected="a list, an array, or text such as '20:100:81 kg'"
                 )
             return Axis((_column(path, [str(item) for item in items], unit_of),))
+        given = given.strip()
         if found := _DISTRIBUTION.fullmatch(given):
             return _distribution(path, found, unit_of)
         if found := _GRID.fullmatch(given):
             return Axis((_grid(path, found, unit_of),))
         if "(" in given or ":" in given:
-            raise InputError(f"'{given}' are no values", expected="20:100:81 kg, 20, 40 kg, or normal(40, 2) kg",
-                             hint="the unit once, at the end")  # fmt: skip
+            raise InputError(
+                f"'{given[:SHOWN]}' are no values", expected="20:100:81 kg, 20, 40 kg, or normal(40, 2) kg",
+                hint="the unit once, at the end",
+            )  # fmt: skip
         return Axis((_column(path, given.split(","), unit_of, last=True),))
     except InputError as error:
         raise error.at(Location(f"--over {path}={given}"[:200])) from None
@@ -83,23 +92,26 @@ def _grid(path: str, found: re.Match[str], unit_of: UnitOf) -> Column:
         raise InputError(f"'{found[0].strip()}' is no grid", expected="two different ends and at least 2 values")
     values: list[Number] = np.linspace(start, end, count).tolist()
     measured = _unit(path, found[4], unit_of)
-    if not measured and _whole(found[1]) and _whole(found[2]) and all(value == round(value) for value in values):
+    if not measured and is_whole(found[1]) and is_whole(found[2]) and all(value == round(value) for value in values):
         values = [round(value) for value in values]
     return Column(path, values, measured)
 
 
 def _column(path: str, items: Sequence[str], unit_of: UnitOf, *, last: bool = False) -> Column:
     """Return the values that texts say; with ``last`` a unit at the end of the last one is that of all."""
-    found = [_ITEM.fullmatch(item) for item in items]
+    found = [_item(item) for item in items]
     words = [item.strip() for item in items]
     if not any(found) and all(words):
         return Column(path, [_TRUTH.get(word, word) for word in words])
     numbers, units = [], []
-    for item, match in zip(words, found, strict=True):
-        if match is None:
-            raise InputError(f"'{item}' is no number, as others are", expected="all numbers, or all words")
-        units.append(match[2] or "")
-        numbers.append(int(match[1]) if _whole(match[1]) and not match[2] else float(match[1]))
+    for item, parts in zip(words, found, strict=True):
+        if parts is None:
+            raise InputError(f"'{item[:SHOWN]}' is no number, as others are", expected="all numbers, or all words")
+        number, written = parts
+        if not math.isfinite(float(number)):
+            raise InputError(f"'{item[:SHOWN]}' is beyond all numbers", expected="numbers below 1e308")
+        units.append(written)
+        numbers.append(int(number) if is_whole(number) and not written else float(number))
     if last and not any(units[:-1]):
         units = [units[-1]] * len(units)
     if len(set(units)) == 1:
@@ -113,15 +125,17 @@ def _column(path: str, items: Sequence[str], unit_of: UnitOf, *, last: bool = Fa
     return Column(path, [number * factor for number, factor in zip(numbers, factors, strict=True)], units[0])
 
 
+def _item(text: str) -> tuple[str, str] | None:
+    """Return number and unit of a value as text; ``None`` where it is a word."""
+    parts = leading_number(text) if len(text.strip()) <= MAX_QUANTITY else None
+    return parts if parts and (not parts[1] or _UNIT.match(parts[1])) else None
+
+
 def _unit(path: str, written: str, unit_of: UnitOf) -> str:
     if written:
         unit(written)  # raises where there is no such unit
     text = written or unit_of(path)
     return "" if text == "1" else text
-
-
-def _whole(text: str) -> bool:
-    return text.lstrip("+-").isdigit()
 
 
 def read_cases(path: Path, unit_of: UnitOf) -> Axis:
@@ -130,25 +144,25 @@ def read_cases(path: Path, unit_of: UnitOf) -> Axis:
     Raises:
         InputError: The file cannot be read or is no such table; the message says where.
     """
-    try:
-        with open(path, newline="", encoding="utf-8-sig") as stream:
-            heads, *rows = [row for row in csv.reader(stream) if row] or [[]]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"the cases cannot be read ({error})").at(Location(str(path))) from None
-    if not heads or not rows:
-        raise InputError("there are no cases", expected="a heading and at least one line").at(Location(str(path)))
-    for line, row in enumerate(rows, 2):
+    table = rows(path, str(path))
+    _, heads = next(table, (1, []))
+    texts: list[list[str]] = [[] for _ in heads]
+    for line, row in table:
         if len(row) != len(heads) or not all(cell.strip() for cell in row):
             place = Location(str(path), line, 1, ",".join(row))
             raise InputError("a value is missing, or one too many", expected=f"{len(heads)} values").at(place)
+        for column, cell in zip(texts, row, strict=True):
+            column.append(cell)
+    if not any(texts):
+        raise InputError("there are no cases", expected="a heading and at least one line").at(Location(str(path)))
     columns = []
-    for index, head in enumerate(heads):
-        with_unit = _HEADING.fullmatch(head)
+    for head, cells in zip(heads, texts, strict=True):
+        heading = split_heading(head)
         try:
-            if with_unit is None:
+            if heading is None or not heading[0]:
                 raise InputError(f"'{head}' is no heading", expected="a path and its unit: arguments.m_A [kg]")
-            measured = _unit(with_unit[1], with_unit[2] or "", unit_of)
-            columns.append(_column(with_unit[1], [row[index] for row in rows], partial(_same, measured)))
+            measured = _unit(heading[0], heading[1] or "", unit_of)
+            columns.append(_column(heading[0], cells, partial(_same, measured)))
         except InputError as error:
             raise error.at(Location(str(path), 1, 1, ",".join(heads))) from None
     return Axis(tuple(columns))

@@ -1,5 +1,6 @@
 """Meshes are read as other readers read them, refused where they are damaged, and thinned without losing their form."""
 
+import resource
 from pathlib import Path
 
 import coal
@@ -73,3 +74,60 @@ def test_thinning_keeps_the_form() -> None:
     assert 1000 < len(mesh.triangles) <= 5000
     assert volume(mesh.vertices, mesh.triangles) == pytest.approx(4 / 3 * np.pi, rel=0.05)
     assert np.ptp(mesh.vertices, axis=0) == pytest.approx(2.0, rel=0.05)
+
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+MESH = """<COLLADA><library_geometries><geometry id="g"><mesh><source id="p">
+<float_array>0 0 0 1 0 0 0 1 0</float_array></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+PARTS</mesh></geometry>
+</library_geometries><library_visual_scenes><visual_scene id="s"><node>NODES</node></visual_scene>
+</library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
+PART = '<triangles><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>'
+POLYGON = '<polylist><input semantic="VERTEX" source="#v"/><vcount>COUNTS</vcount><p>0 1 2</p></polylist>'
+INSTANCE = '<instance_geometry url="#g"/>'
+
+
+def scene(parts: str = PART, nodes: str = INSTANCE) -> str:
+    return MESH.replace("PARTS", parts).replace("NODES", nodes)
+
+
+HOSTILE = {
+    "newlines.stl": lambda: "solid\n" + "\n" * 20_000_000,
+    "newlines.obj": lambda: TRIANGLE + "\n" * 20_000_000 + "f 1 2 9\n",
+    "vertices.stl": lambda: "solid\n" + "vertex " * 3_000_000,
+    "spaces.stl": lambda: "solid\n" + "vertex" + " " * 20_000_000 + "1",
+    "face.obj": lambda: TRIANGLE + "f" + " 1" * 10_000_000,
+    "faces.obj": lambda: TRIANGLE + ("f" + " 1" * 400_000 + "\n") * 6,
+    "elements.dae": lambda: "<COLLADA>" + "<a/>" * 2_000_000 + "</COLLADA>",
+    "nested.dae": lambda: "<COLLADA>" + "<a>" * 300_000,
+    "instances.dae": lambda: scene(nodes=INSTANCE * 20_000),
+    "copies.dae": lambda: scene(PART * 900, INSTANCE * 900),
+    "counts.dae": lambda: scene(POLYGON.replace("COUNTS", "999999999")),
+    "negative.dae": lambda: scene(POLYGON.replace("COUNTS", "-3 6")),
+}
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is looked up in /proc")
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=pytest.mark.slow) if name in ("faces.obj", "copies.dae", "instances.dae") else name
+    for name in HOSTILE
+])  # fmt: skip
+def test_a_file_meant_to_harm_is_refused_within_bounds(tmp_path: Path, name: str) -> None:
+    """The process gets a gigabyte more than it has: about what the largest mesh that is allowed takes."""
+    (tmp_path / name).write_text(HOSTILE[name]())
+    limits = resource.getrlimit(resource.RLIMIT_AS)
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + 2**30, limits[1]))
+    try:
+        with pytest.raises(InputError, match=r"cannot be read|no triangles"):
+            read_mesh(tmp_path / name)
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, limits)
+
+
+def test_what_the_attacks_are_made_of_is_read(tmp_path: Path) -> None:
+    (tmp_path / "a.dae").write_text(scene(PART + POLYGON.replace("COUNTS", "3"), 2 * INSTANCE))
+    (tmp_path / "a.obj").write_text(TRIANGLE + "\n\nf -3 -2 -1\n")
+    assert [len(mesh.triangles) for mesh in read_mesh(tmp_path / "a.dae")] == [1, 1, 1, 1]
+    assert [len(mesh.triangles) for mesh in read_mesh(tmp_path / "a.obj")] == [2]

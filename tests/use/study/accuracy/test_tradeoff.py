@@ -55,12 +55,29 @@ def test_errors_of_settings_are_those_against_the_closed_form(scenario):
 
 def test_the_cheapest_setting_that_is_good_enough_is_recommended():
     """Not the most accurate, and none whose error the reference cannot tell from the wanted one."""
-    tried = [TriedSetting("m", name, {"x": error, "y": 0.0}, cost, 1.0)
-             for name, error, cost in [("a", 1e-2, 10), ("b", 1e-7, 90), ("c", 9e-7, 80), ("d", 1e-12, 500)]
-             ]  # fmt: skip
-    assert recommended_setting(tried, 1e-13, 1e-6).setting == "c"
-    assert recommended_setting(tried, 5e-7, 1e-6).setting == "b"
+    tried = tried_settings(m=[(1e-2, 10), (3e-7, 80), (1e-7, 90), (1e-12, 500)])
+    assert recommended_setting(tried, 1e-13, 1e-6).setting == "m1"
+    assert recommended_setting(tried, 5e-7, 1e-6).setting == "m2"
     assert recommended_setting(tried, 1e-13, 1e-13) is None
+
+
+def tried_settings(**errors_and_costs):
+    """Settings of methods, the coarsest first, from their errors and evaluations."""
+    return [TriedSetting(method, f"{method}{k}", {"x": error, "y": 0.0}, cost, 1.0)
+            for method, settings in errors_and_costs.items() for k, (error, cost) in enumerate(settings)]  # fmt: skip
+
+
+def test_a_setting_that_is_good_by_luck_is_not_recommended():
+    """A finer one errs more: errors that cancel in this motion do not in the next. What failed says so itself."""
+    lucky = [(1e-4, 10), (9.8e-3, 20), (1e-4, 30), (1e-5, 40)]
+    assert recommended_setting(tried_settings(m=lucky), 1e-13, 1e-3).setting == "m2"
+    assert recommended_setting(tried_settings(m=lucky, n=[(2e-4, 25)]), 1e-13, 1e-3).setting == "n0"
+    assert recommended_setting(tried_settings(m=[*lucky, (np.inf, 0)]), 1e-13, 1e-3).setting == "m2"
+    assert recommended_setting(tried_settings(m=[*lucky, (2e-3, 50)]), 1e-13, 1e-3) is None
+
+
+def test_a_recommended_setting_has_a_margin():
+    assert recommended_setting(tried_settings(m=[(0.9e-3, 10), (0.3e-3, 20)]), 1e-13, 1e-3).setting == "m1"
 
 
 def test_the_error_of_a_simplified_model_is_that_of_the_closed_forms(scenario):

@@ -11,6 +11,7 @@ import pytest
 import pinarm
 from pinarm.errors import InputError
 from pinarm.use.study.answers.check import Finding, misses
+from pinarm.use.study.answers.verdict_table import errata, remarks
 
 
 @pytest.fixture
@@ -26,7 +27,7 @@ def entry(**fields: str) -> str:
     return ", ".join(f"{key}: {value}" for key, value in {"quantity": "M", "at": "max", **fields}.items())
 
 
-AGREES, ROUNDING, MISPRINT, MISS = "agrees", "rounding", "misprint", "MISS"
+AGREES, ROUNDING, MISPRINT, MODEL_ERROR, MISS = "agrees", "rounding", "misprint", "model_error", "MISS"
 
 
 @pytest.mark.parametrize(
@@ -57,6 +58,14 @@ AGREES, ROUNDING, MISPRINT, MISS = "agrees", "rounding", "misprint", "MISS"
         ({"formula": "M*sin(alpha)", "published": "12.0 N*m", "verdict": MISPRINT}, MISPRINT),
         ({"value": "20.00 N*m", "published": "20.0 N*m", "verdict": MISPRINT}, MISS),
         ({"value": "12.0 N*m", "published": "12.0 N*m", "verdict": MISPRINT}, MISS),
+        # a reason, where it is given, leads to what is printed
+        ({"value": "20.00 N*m", "published": "12.0 N*m", "verdict": MISPRINT, "because": "2*6"}, MISPRINT),
+        ({"value": "20.00 N*m", "published": "12.0 N*m", "verdict": MISPRINT, "because": "2*6.1"}, MISS),
+        # claims: an error of the model follows from that model, and the independent value confirms the computed one
+        ({"value": "20.00 N*m", "published": "12.0 N*m", "verdict": MODEL_ERROR, "because": "2*6"}, MODEL_ERROR),
+        ({"value": "20.00 N*m", "published": "12.0 N*m", "verdict": MODEL_ERROR, "because": "2*6.1"}, MISS),
+        ({"value": "20.00 N*m", "published": "20.0 N*m", "verdict": MODEL_ERROR, "because": "2*10"}, MISS),
+        ({"value": "12.0 N*m", "published": "12.0 N*m", "verdict": MODEL_ERROR, "because": "2*6"}, MISS),
         # formulas, at every row
         ({"at": "all", "formula": "M"}, AGREES), ({"at": "all", "formula": "M*(1 + 1e-9)"}, MISS),
         ({"at": "all", "formula": "M*(1 + 1e-9)", "rtol": "1e-8"}, AGREES),
@@ -67,6 +76,10 @@ AGREES, ROUNDING, MISPRINT, MISS = "agrees", "rounding", "misprint", "MISS"
         ({"at": "all", "published_formula": "20*cos(alpha)"}, MISS),
         ({"at": "all", "formula": "M", "published_formula": "20*cos(alpha)", "verdict": MISPRINT}, MISPRINT),
         ({"at": "all", "formula": "M", "published_formula": "20*sin(alpha)", "verdict": MISPRINT}, MISS),
+        ({"at": "all", "formula": "M", "published_formula": "10*sin(alpha)", "verdict": MODEL_ERROR,
+          "because": "M/2"}, MODEL_ERROR),
+        ({"at": "all", "formula": "M", "published_formula": "10*sin(alpha)", "verdict": MODEL_ERROR,
+          "because": "M/2.1"}, MISS),
     ],
 )  # fmt: skip
 def test_verdicts(verdict: Callable[..., Finding], fields: dict[str, str], expected: str) -> None:
@@ -142,6 +155,30 @@ def test_of_many_rows_the_worst_is_shown(scenario: Callable[..., Any]) -> None:
     )
     assert finding.computed == pytest.approx(3.141592653589793, rel=1e-15)
     assert finding.verdict == MISS
+
+
+@pytest.mark.parametrize(
+    ("fields", "says"),
+    [
+        ({"verdict": MODEL_ERROR}, "a model error is confirmed by what it assumes"),
+        ({"verdict": ROUNDING, "erratum": "sign"}, "an erratum is a misprint or a model error, not 'rounding'"),
+    ],
+)  # fmt: skip
+def test_errata_that_say_too_little(verdict: Callable[..., Finding], fields: dict[str, str], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        verdict(entry(value="20 N*m", published="12.0 N*m", **fields))
+
+
+def test_an_erratum_counts_once_in_all_scenarios(scenario: Callable[..., Any]) -> None:
+    wrong = "quantity: M, at: max, value: 20 N*m, published: 12.0 N*m, source: s"
+    entries = [f"{wrong}, verdict: misprint, erratum: {name}" for name in ("sign", "sign", "digit")]
+    entries += [f"{wrong}, verdict: misprint", f"{wrong}, verdict: misprint"]
+    entries += [f"{wrong}, verdict: model_error, because: 2*6, erratum: {name}" for name in ("mass", "mass")]
+    findings = pinarm.check(scenario("statics", "expect:\n" + "".join(f"  - {{{one}}}\n" for one in entries)))
+    assert (errata(findings, MISPRINT), errata(findings, MODEL_ERROR)) == (4, 1)
+    assert errata([*findings, *findings], MISPRINT) == 6, "those without a name count each"
+    assert remarks(findings) == ["4 misprint in 5 entries; 1 model error in 2 entries"]
+    assert remarks(findings[:1] + findings[2:3]) == ["2 misprint"]
 
 
 def test_misses_are_counted(scenario: Callable[..., Any]) -> None:

@@ -354,6 +354,7 @@ class TestSave:
         batch = pinarm.batch(one, STARTS, {"B": np.array([0.0, 2.0, 3000.0, 1.0])})
         folder = batch.save(tmp_path / "out")
         assert sorted(path.name for path in folder.iterdir()) == [
+            "manifest.json",
             "motions",
             "motions.csv",
             "motions.npz",
@@ -381,7 +382,7 @@ class TestSave:
 
     def test_what_is_no_batch_is_not_overwritten(self, scenario, tmp_path):
         scenario().run().save(tmp_path / "out", plots=False)
-        with pytest.raises(InputError, match="that are no batch"):
+        with pytest.raises(InputError, match="holds a result, no batch"):
             pinarm.batch(scenario(), {"O": 0.2}).save(tmp_path / "out")
 
     def test_one_motion_saved_can_be_run_again(self, scenario, tmp_path):

@@ -52,6 +52,9 @@ def test_every_form_gives_its_values(path: str, given: object, wanted: list[obje
         ("1 kg, 2, 3 kg", "some of the values have a unit"),
         ("1 kg, 2 m", "different kinds"),
         ("1, two", "is no number"),
+        ("1, ٢", "is no number"),
+        ("1, 1_0", r"unknown unit|is no number"),
+        ("1, " + "9" * 400, "beyond all numbers"),
         ("1:2", "are no values"),
         ("1:2:1", "no grid"),
         ("1:1:5", "no grid"),
@@ -70,7 +73,7 @@ def test_every_form_gives_its_values(path: str, given: object, wanted: list[obje
 def test_what_says_no_values_is_refused_with_its_place(given: object, message: str) -> None:
     with pytest.raises(PinarmError, match=message) as error:
         read_axis("x", given, bare)
-    assert str(error.value).startswith(f"--over x={given}")
+    assert str(error.value).startswith(f"--over x={given}"[:200])
 
 
 def test_cases_are_all_combinations_and_the_last_axis_varies_fastest() -> None:
@@ -110,7 +113,7 @@ def test_a_mistake_in_a_table_of_cases_is_told_with_its_line(tmp_path: Path, tex
     (tmp_path / "cases.csv").write_text(text)
     with pytest.raises(PinarmError, match=place):
         read_cases(tmp_path / "cases.csv", bare)
-    with pytest.raises(PinarmError, match="cannot be read"):
+    with pytest.raises(PinarmError, match="there is no file"):
         read_cases(tmp_path / "none.csv", bare)
 
 

@@ -67,6 +67,7 @@ def test_one_worker_or_many_a_pause_or_none_give_the_same_bytes(scenario: pinarm
         "cases.csv",
         "cases.npz",
         "summary.json",
+        "manifest.json",
         "01_min_M.png",
         "02_max_M.png",
     }
@@ -149,7 +150,7 @@ def test_a_journal_that_was_cut_short_loses_its_last_line_only(scenario: pinarm.
     assert len(solved) == 10
     assert not again.errors
     lines = journal.read_bytes().splitlines()
-    assert len(lines) == 1 + 10 + 1 + 1  # the files, nine cases and a torn one, the files of this run, one case
+    assert len(lines) == 1 + 1 + 10 + 1 + 1  # head, files, nine cases and a torn one, files of this run, one case
     assert sum(b'"case"' in line and line.endswith(b"}") for line in lines) == 10
 
 
@@ -241,7 +242,7 @@ def test_the_task_of_a_case_is_one_function_of_what_can_be_pickled(scenario: pin
 
 def test_a_folder_of_something_else_is_left_alone(scenario: pinarm.Scenario, tmp_path: Path) -> None:
     scenario.run().save(tmp_path / "run", plots=False)
-    with pytest.raises(PinarmError, match="that are no sweep"):
+    with pytest.raises(PinarmError, match="holds a result, no sweep"):
         pinarm.sweep(scenario, MASSES, folder=tmp_path / "run")
     (tmp_path / "file").touch()
     with pytest.raises(PinarmError, match="cannot be written"):
@@ -265,7 +266,7 @@ def start(path: Path, *arguments: str) -> "subprocess.Popen[str]":
 
 
 def wait_for(condition: Callable[[], object]) -> None:
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 120
     while not condition():
         assert time.monotonic() < deadline, "it takes too long"
         time.sleep(0.02)
@@ -279,16 +280,16 @@ def lines(folder: Path) -> int:
 def test_an_interrupted_sweep_keeps_what_is_done_and_goes_on(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     first = start(path, "-o", str(out), "-j", "2")
-    wait_for(lambda: lines(out) > 40)
+    wait_for(lambda: lines(out) > 42)  # the head and the files among them
     os.killpg(first.pid, signal.SIGINT)  # as a terminal does
-    _, said = first.communicate(timeout=30)
+    _, said = first.communicate(timeout=120)
     assert first.returncode == 130
     kept = len(entries(out))
     assert 40 <= kept < 600
     assert re.search(rf"interrupted with {kept} of 600 cases solved\n  try: the same command again", said)
     assert "Traceback" not in said
     second = start(path, "-o", str(out), "-j", "2")
-    second.communicate(timeout=60)
+    second.communicate(timeout=120)
     assert second.returncode == 0
     assert len(entries(out)) == len(set(entries(out))) == 600
     assert len((out / "cases.csv").read_text().splitlines()) == 601

@@ -59,7 +59,7 @@ def test_json_is_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
         (["--over", MASSES, "--sample", "3"], "nothing to draw samples of"),
         (["--over", "arguments.m=normal(1, 2)"], "to be drawn"),
         (["--over", MASSES, "-j", "0"], "0 workers solve nothing"),
-        (["--cases", "none.csv"], "the cases cannot be read"),
+        (["--cases", "none.csv"], "there is no file none.csv"),
         ([], "the sweep has 0 cases"),
     ],
 )

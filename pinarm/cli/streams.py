@@ -1,0 +1,56 @@
+"""Output streams that are closed, full, or not for every character: a command ends with words and an exit code."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+
+from pinarm.errors import InputError
+
+
+def open_streams() -> None:
+    """Replace streams that the caller has closed by the null device, and let no character of a name be an error.
+
+    Otherwise the next file that is opened would get the number of a closed stream, and what is printed.
+    """
+    for number, mode in ((0, os.O_RDONLY), (1, os.O_WRONLY), (2, os.O_WRONLY)):
+        try:
+            os.fstat(number)
+        except OSError:
+            null = os.open(os.devnull, mode)
+            if null != number:
+                os.dup2(null, number)
+                os.close(null)
+    sys.stdout = sys.stdout or open(1, "w", closefd=False)  # noqa: SIM115  (as long as the process)
+    sys.stderr = sys.stderr or open(2, "w", closefd=False)  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):  # a terminal without Unicode shows question marks instead of failing
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+
+
+def flush_output() -> None:
+    """Write what has been printed, while its failure can still be told.
+
+    Raises:
+        InputError: It cannot be written, as to a full disk.
+        BrokenPipeError: Its reader has gone.
+    """
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        give_up_output()
+        raise error if isinstance(error, BrokenPipeError) else unwritable(error) from None
+
+
+def unwritable(error: OSError) -> InputError:
+    """Return the error of a file or stream that the system refuses, in words."""
+    what = os.fsdecode(error.filename) if isinstance(error.filename, str | bytes) else "the output"
+    return InputError(f"{what}: {error.strerror or error}")
+
+
+def give_up_output() -> None:
+    """Send what is still to be printed to the null device, so that the interpreter does not fail over it at its end."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, sys.stdout.fileno())
+    os.close(null)

@@ -1,0 +1,173 @@
+"""Friction in one state: of joints that slip, and of joints that are stuck, whose friction is what keeps them so.
+
+Joints that can only move together, such as the pins of a four-bar linkage or a finger and one that mimics it, form a
+group with one slip: the rows of its members are multiples c_i of the first. Only the sum ``phi = sum_i c_i f_i`` of a
+group that is stuck is determined. It is stuck as long as ``|phi| <= sum_i |c_i| limit_i``; its members share phi in
+proportion to their limits, so that they reach them together, as they do when the group begins to slip.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.friction.response import SlipResponse
+from pinarm.engine.friction.slipping import Slipping
+from pinarm.errors import DynamicsError
+from pinarm.mechanics.friction.contact import FrictionContact
+
+PARALLEL = 1e-9
+"""Square of the sine between the free parts of two slips, in the measure of the masses, that rounding leaves."""
+
+SHARED, ROUNDS = 1e-14, 100
+"""Change of the shares of a group's members, relative to the friction, at which they have settled; rounds at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class SlipGroup:
+    """Slips that can only take place together.
+
+    Attributes:
+        members: Their indices, the first stands for all; shape (m,).
+        ratios: c, slips of the members per slip of the first, shape (m,).
+    """
+
+    members: tuple[int, ...]
+    ratios: Array
+
+    @property
+    def first(self) -> int:
+        """Index of the slip that stands for all."""
+        return self.members[0]
+
+    def directions(self, sign: float, k: int) -> Array:
+        """Return the directions of all k slips where the first one has that of ``sign``; 0 of others, shape (k,)."""
+        found = np.zeros(k)
+        found[list(self.members)] = np.sign(self.ratios) * sign
+        return found
+
+
+def companions(response: SlipResponse, first: int) -> list[int]:
+    """Return the slips that can only take place together with one, itself included; none of one that is driven."""
+    mobility = response.mobility
+    alike = mobility[first] ** 2 >= (1.0 - PARALLEL) * np.diag(mobility) * mobility[first, first]
+    return [int(i) for i in np.flatnonzero(alike & ~response.driven & ~response.driven[first])]
+
+
+def groups_of(response: SlipResponse, some: Sequence[int]) -> list[SlipGroup]:
+    """Return the groups that some slips form, none of them driven.
+
+    Raises:
+        DynamicsError: Groups are not independent: friction would hold a motion in more ways than it has.
+    """
+    mobility, found = response.mobility, list[SlipGroup]()
+    left = list(some)
+    while left:
+        first, together = left[0], companions(response, left[0])
+        members = [i for i in left if i in together]
+        left = [i for i in left if i not in together]
+        found.append(SlipGroup(tuple(members), mobility[members, first] / mobility[first, first]))
+    firsts = [group.first for group in found]
+    size = np.sqrt(np.diag(mobility)[firsts])
+    if found and np.linalg.eigvalsh(mobility[np.ix_(firsts, firsts)] / np.outer(size, size))[0] < PARALLEL:
+        raise DynamicsError(
+            f"{len(found)} frictions at rest hold fewer motions: what each of them carries is not determined",
+            expected="no more joints with friction at rest than the mechanism has motions, but for those that always "
+            "move together",
+        )
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionBalance:
+    """The laws of k joints and what friction does in one state.
+
+    Attributes:
+        contacts: The joints.
+        response: What friction does.
+        speed: |u| [rad/s or m/s], shape (k,).
+    """
+
+    contacts: Sequence[FrictionContact]
+    response: SlipResponse
+    speed: Array
+
+    def limits(self, f: Array) -> Array:
+        """Return the largest friction at rest, under friction f [N*m or N], shape (k,)."""
+        wrench = self.response.loads.at(f)
+        return np.array([mu * (one.bearing.load(w) if mu else 0.0) + constant
+                         for one, w in zip(self.contacts, wrench, strict=True)
+                         for mu, constant in [one.law.resting]])  # fmt: skip
+
+    def solve(self, direction: Array, stuck: Sequence[SlipGroup], resting: Flags) -> FrictionSolution | None:
+        """Return the friction while some slips take place and some groups are stuck; ``None`` where there is none.
+
+        Args:
+            direction: 1 or -1 of joints that slip, 0 of others, shape (k,).
+            stuck: Groups that are stuck.
+            resting: Which joints that slip have the friction of rest, as they only begin to, shape (k,).
+
+        Raises:
+            DynamicsError: There is more than one solution, or it is not known that there is only one.
+        """
+        mu, constant = np.array([one.law.resting if rest else one.law.slipping(speed) for one, rest, speed
+                                 in zip(self.contacts, resting, self.speed, strict=True)]).reshape(-1, 2).T  # fmt: skip
+        slips = np.abs(direction)
+        f = np.zeros(len(slips))
+        shares = self._shares(f, stuck)
+        for _ in range(ROUNDS):
+            fixed, ways = self._eliminated(slips, shares, stuck)
+            loads = self.response.loads.reduced(fixed, ways)
+            slipping = Slipping(self.contacts, direction, mu * slips, constant * slips, loads)
+            if not slipping.require_one_root():
+                return None
+            before = f
+            f = fixed + ways @ slipping.friction()
+            if all(len(group.members) == 1 for group in stuck):
+                break
+            shares = self._shares(f, stuck)
+            if np.abs(f - before).max(initial=0.0) <= SHARED * np.abs(f).max(initial=0.0):
+                break
+        held = np.array([group.ratios @ f[list(group.members)] for group in stuck])
+        most = self.limits(f)
+        bounds = np.array([np.abs(group.ratios) @ most[list(group.members)] for group in stuck])
+        return FrictionSolution(f, self.response.at(f), held, bounds)
+
+    def _eliminated(self, slips: Array, shares: Array, stuck: Sequence[SlipGroup]) -> tuple[Array, Array]:
+        """Return friction as ``fixed + ways x`` of the friction x of joints that slip, stuck ones not accelerating."""
+        own = np.diag(slips)
+        if not stuck:
+            return np.zeros(len(slips)), own
+        rows = self.response.mobility[[group.first for group in stuck]]
+        back = shares @ np.linalg.inv(rows @ shares)
+        return -back @ self.response.acceleration[[group.first for group in stuck]], own - back @ rows @ own
+
+    def _shares(self, f: Array, stuck: Sequence[SlipGroup]) -> Array:
+        """Return the friction of all joints for ``phi = 1`` of each stuck group, shape (k, g)."""
+        found = np.zeros((len(f), len(stuck)))
+        limits = self.limits(f) if any(len(group.members) > 1 for group in stuck) else f
+        for g, group in enumerate(stuck):
+            members = list(group.members)
+            size = limits[members] if limits[members].any() else np.eye(len(members))[0]
+            found[members, g] = np.sign(group.ratios) * size / (np.abs(group.ratios) @ size)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionSolution:
+    """Friction in one state, and what follows from it.
+
+    Attributes:
+        f: Friction [N*m or N], shape (k,).
+        alpha: Accelerations of the slips [rad/s^2 or m/s^2], shape (k,).
+        held: phi of every stuck group [N*m or N], shape (g,).
+        bounds: The most that it can be, shape (g,).
+    """
+
+    f: Array
+    alpha: Array
+    held: Array
+    bounds: Array

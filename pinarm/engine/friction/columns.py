@@ -1,0 +1,41 @@
+"""Friction in the tables of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from pinarm.arrays import Array
+from pinarm.engine.series import Series
+from pinarm.input.units import unit
+from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.friction.contact import FrictionContact
+from pinarm.mechanics.joints import METRE, Joint
+
+BANDS = ("lower", "upper")
+"""Parts of a band: the efforts that begin to move a drive's coordinate down and up."""
+
+
+def friction_columns(contacts: Sequence[FrictionContact], friction: Array) -> dict[str, Series]:
+    """Return the friction of joints as columns ``joint.J.friction`` and ``loop.L.friction``.
+
+    Args:
+        contacts: The k joints.
+        friction: Along their slips [N*m or N], shape (n, k).
+    """
+    names = [f"{one.name}.friction" for one in contacts]
+    return {name: Series(name, one.effort, values)
+            for name, one, values in zip(names, contacts, friction.T, strict=True)} if contacts else {}  # fmt: skip
+
+
+def band_column(joints: Mapping[str, Joint], name: str, coordinate: Coordinate, part: str, values: Array) -> Series:
+    """Return one side of the band of a drive's effort at rest, ``joint.J.effort.lower``.
+
+    Args:
+        joints: The mechanism's joints.
+        name: Of the coordinate that the drive acts along.
+        coordinate: The coordinate.
+        part: Of ``BANDS``.
+        values: [N*m or N], shape (n,).
+    """
+    kind = "joint" if name in joints else "coordinate"
+    return Series(f"{kind}.{name}.effort.{part}", unit("N" if coordinate.unit == METRE else "N*m"), values)

@@ -1,0 +1,250 @@
+"""What friction does to the motion of a mechanism in one state: linear, as forces are in Newton's equations.
+
+With the rows J of the slips, the friction f adds ``J^T f`` to the loads; the slips' accelerations are
+``alpha = J a + J' v = alpha0 + A f``, and the wrenches that bearings carry ``w0 + W f``. With T a basis of the motions
+that the constraints and laws allow, ``A = J T (T^T M T)^-1 T^T J^T``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.nullspace import RowDecomposition
+from pinarm.engine.dynamics.coordinate_partition import Targets
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.equation import solve
+from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.friction.slipping import CarriedLoads
+from pinarm.errors import DynamicsError
+from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.left_open import left_open
+from pinarm.mechanics.friction.contact import FrictionContact, JointContact
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
+
+DRIVEN = 1e-9
+"""Part of a slip that constraints and laws leave free, below which they determine it."""
+
+OPEN = 1e-9
+"""What a self-stress of length 1 may add to a load: rounding leaves 1e-13."""
+
+
+@dataclass(frozen=True, eq=False)
+class SlipResponse:
+    """Accelerations of k slips, and loads of their bearings, as functions of the friction.
+
+    Attributes:
+        acceleration: alpha0 [rad/s^2 or m/s^2], shape (k,).
+        mobility: A, shape (k, k).
+        loads: ``w0 + W f``.
+        driven: Which slips the constraints and laws determine, shape (k,).
+        slips: J T, what is free of the slips, shape (k, m).
+        free: T, shape (nv, m).
+    """
+
+    acceleration: Array
+    mobility: Array
+    loads: CarriedLoads
+    driven: Flags
+    slips: Array
+    free: Array
+
+    def at(self, f: Array) -> Array:
+        """Return alpha under friction f, shape (k,)."""
+        return np.asarray(self.acceleration + self.mobility @ f)
+
+
+@dataclass(frozen=True, eq=False)
+class SlipEquation:
+    """The equation of motion on one interval without jumps, and the slips in it.
+
+    Attributes:
+        contacts: The k joints with friction.
+        closure: Constraints, then coordinates that follow laws.
+        dynamics: The equation of motion without this friction.
+        targets: ``t -> w, w', w''`` of the coordinates that follow laws.
+        efforts: Of drives [N*m or N], shape (nv,); none where it is 0.
+    """
+
+    contacts: Sequence[FrictionContact]
+    closure: Closure
+    dynamics: Dynamics
+    targets: Targets
+    efforts: Array | float = 0.0
+
+    @cached_property
+    def loaded(self) -> bool:
+        """Whether any friction depends on what its joint carries."""
+        return any(one.law.loaded for one in self.contacts)
+
+    def at(self, t: float, q: Array, v: Array) -> SlipResponse:
+        """Return how slips and loads respond to friction in a state, shapes (nq,) and (nv,)."""
+        solved = _Solved.of(self, t, q, v)
+        k = len(self.contacts)
+        loads = CarriedLoads(np.zeros((k, 6)), np.zeros((k, k, 6)))
+        if self.loaded:
+            loads = solved.loads()
+        return SlipResponse(solved.alpha, solved.mobility, loads, solved.driven, solved.slips @ solved.split.free,
+                            solved.split.free)  # fmt: skip
+
+    @property
+    def transmission(self) -> BearingReactions:
+        """What the bearings carry."""
+        return BearingReactions(self.contacts, self.closure, self.dynamics)
+
+    def require_determined(self, q: Array) -> None:
+        """Raise where the load of a bearing is not determined by rigid bodies; see ``BearingReactions``."""
+        if self.loaded and self.closure.size:
+            self.transmission.require_determined(RowDecomposition.of(self.closure.rows(self.closure.state(q))), q)
+
+
+@dataclass(frozen=True, eq=False)
+class BearingReactions:
+    """What the bearings of joints with friction carry, by Newton's and Euler's equations of the bodies.
+
+    Attributes:
+        contacts: The k joints.
+        closure: Constraints, then coordinates that follow laws.
+        dynamics: The equation of motion without this friction.
+    """
+
+    contacts: Sequence[FrictionContact]
+    closure: Closure
+    dynamics: Dynamics
+
+    def wrenches(self, t: float, q: Array, v: Array, a: Array, lam: Array, f: Array) -> Array:
+        """Return the wrenches in one state under n accelerations, multipliers and frictions, shape (n, k, 6).
+
+        Args:
+            t: Instant [s].
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            a: Accelerations, shape (n, nv).
+            lam: Multipliers, shape (n, m).
+            f: Friction [N*m or N], shape (n, k).
+        """
+        model, data = self.closure.model, self.dynamics.data
+        links = LinkPlacements.at(model, q[None]).some(np.zeros(len(a), dtype=np.intp))
+        acting, inner = links.inwards(self._acting(links, t, q, v, lam, f)), np.empty((len(a), model.njoints, 6))
+        outside = pin.StdVec_Force()
+        outside.extend([pin.Force.Zero() for _ in range(model.njoints)])
+        loaded = np.flatnonzero(acting.any(axis=(0, 2))).tolist()
+        for k in range(len(a)):
+            for joint in loaded:
+                outside[joint] = pin.Force(acting[k, joint])
+            pin.rnea(model, data, q, v, a[k], outside)
+            inner[k] = [wrench.vector for wrench in data.f.tolist()]
+        joints, slices = links.outwards(inner), self.closure.slices()
+        named = {name: lam[:, rows] for name, rows in slices.items()}
+        return np.array([one.transmitted(links, joints, named) for one in self.contacts]).swapaxes(0, 1)
+
+    def _acting(self, links: LinkPlacements, t: float, q: Array, v: Array, lam: Array, f: Array) -> Array:
+        """Return what loads, constraints and friction do to links, [f; m] at the world's origin, (n, njoints, 6)."""
+        acting = self.closure.wrenches(links, lam)
+        for force in self.dynamics.forces.values():
+            for joint, wrench in force.wrenches(t, q, v).items():
+                acting[:, joint] += wrench
+        for contact, size in zip(self.contacts, f.T, strict=True):
+            for joint, wrench in contact.wrenches(links, size).items():
+                acting[:, joint] += wrench
+        return acting
+
+    def _require_known(self) -> None:
+        """Raise where couplings whose forces on bodies are not known load a bearing.
+
+        Raises:
+            DynamicsError: Says which.
+        """
+        couplings = [one for one in self.closure.constraints if isinstance(one, Coupling)]
+        left = left_open(self.closure.model, couplings)
+        for one in self.contacts:
+            reaction = left.get(one.index) if isinstance(one, JointContact) and one.law.loaded else None
+            if reaction is not None and one.bearing.most(reaction.wrenches).max() > OPEN:
+                raise DynamicsError(
+                    f"the friction of {one.name} depends on a reaction that is not known: {reaction}",
+                    expected="couplings that say how they act on bodies, or friction without a load: constant",
+                )
+
+    def require_determined(self, rows: RowDecomposition, q: Array) -> None:
+        """Raise where multipliers that do nothing load a bearing.
+
+        Args:
+            rows: Of the constraints, taken apart.
+            q: Configuration, shape (nq,).
+
+        Raises:
+            DynamicsError: Says which joint's friction rigid bodies do not determine.
+        """
+        self._require_known()
+        free = rows.scale[:, None] * rows.redundant
+        stresses = np.vstack([np.zeros(len(free)), (free / np.linalg.norm(free, axis=0)).T])
+        still, none = np.zeros((len(stresses), self.closure.model.nv)), np.zeros((len(stresses), len(self.contacts)))
+        found = self.wrenches(0.0, q, still[0], still, stresses, none)
+        for added in found[1:] - found[0]:
+            for one, wrench in zip(self.contacts, added, strict=True):
+                if one.law.loaded and not one.shared and one.bearing.most(wrench) > OPEN:
+                    raise DynamicsError(
+                        f"the friction of {one.name} depends on a reaction that rigid bodies do not determine: the "
+                        "mechanism is hyperstatic",
+                        expected="a joint that is loosened until its reaction is determined, or friction without a "
+                        "load: constant",
+                        hint="no thrust_radius or span, or undetermined: minimum_norm, for the least multipliers",
+                    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """The equation of motion solved in one state, without friction and for each friction of size 1."""
+
+    equation: SlipEquation
+    t: float
+    q: Array
+    v: Array
+    split: RowDecomposition
+    slips: Array
+    a: Array
+    lam: Array
+    ways: Array
+    multipliers: Array
+    alpha: Array
+    driven: Flags
+
+    @classmethod
+    def of(cls, equation: SlipEquation, t: float, q: Array, v: Array) -> _Solved:
+        """Return it in a state."""
+        closure, dynamics, model = equation.closure, equation.dynamics, equation.closure.model
+        state, ddw = closure.state(q, v), equation.targets(t)[2]
+        right = -closure.drift(state)
+        right[len(right) - len(ddw) :] += ddw
+        split = RowDecomposition.of(closure.rows(state))
+        mass = mass_matrix(model, q)
+        force = equation.efforts + dynamics.loads(t, q, v) - pin.nonLinearEffects(model, dynamics.data, q, v)
+        a = solve(split, mass, force, right)
+        slips = np.array([one.row(state) for one in equation.contacts])
+        drift = np.array([one.drift(state) for one in equation.contacts])
+        free = slips @ split.free
+        ways = split.free @ np.linalg.solve(split.free.T @ mass @ split.free, free.T)  # (nv, k)
+        driven = np.linalg.norm(free, axis=1) <= DRIVEN * np.linalg.norm(slips, axis=1)
+        lam = split.multipliers(mass @ a - force)
+        multipliers = np.array([split.multipliers(mass @ way - slip) for way, slip in zip(ways.T, slips, strict=True)])
+        return cls(equation, t, q, v, split, slips, a, lam, ways, multipliers, slips @ a + drift, driven)
+
+    @property
+    def mobility(self) -> Array:
+        """A, shape (k, k)."""
+        return np.asarray(self.slips @ self.ways)
+
+    def loads(self) -> CarriedLoads:
+        """Return the wrenches that bearings carry."""
+        none = np.zeros(len(self.slips))
+        found = self.equation.transmission.wrenches(
+            self.t, self.q, self.v, np.vstack([self.a, self.a + self.ways.T]),
+            np.vstack([self.lam, self.lam + self.multipliers]), np.vstack([none, np.eye(len(none))]),
+        )  # fmt: skip
+        return CarriedLoads(found[0], (found[1:] - found[0]).swapaxes(0, 1))

@@ -1,0 +1,113 @@
+"""The friction of joints that slip in given directions, as a force element."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.friction.balance import FrictionBalance, FrictionSolution
+from pinarm.engine.friction.response import SlipEquation
+from pinarm.engine.friction.switching import Slip
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.errors import DynamicsError
+from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.friction.contact import FrictionContact, slip_rows
+from pinarm.mechanics.laws.motion_law import MotionLaw
+
+
+@dataclass(frozen=True, eq=False)
+class SlidingFriction(ForceElement):
+    """Friction against slips whose directions stay as they are, zero of joints that are stuck.
+
+    Attributes:
+        contacts: The k joints with friction.
+        closure: Constraints, then coordinates that follow laws.
+        dynamics: The equation of motion without this friction.
+        prescribed: The coordinates that follow laws.
+        slip: Directions, and what is stuck.
+        span: Interval of time on which no law jumps [s].
+    """
+
+    contacts: Sequence[FrictionContact]
+    closure: Closure
+    dynamics: Dynamics
+    prescribed: PrescribedCoordinates
+    slip: Slip
+    span: tuple[float, float]
+
+    @cached_property
+    def direction(self) -> Array:
+        """Directions of the slips, shape (k,)."""
+        return np.array(self.slip.direction, float)
+
+    @cached_property
+    def equation(self) -> SlipEquation:
+        """The equation of motion on the interval."""
+        dynamics = self.dynamics.on(*self.span)
+        return SlipEquation(self.contacts, self.closure, dynamics, self.prescribed.on(*self.span))
+
+    def balance(self, t: float, q: Array, v: Array) -> FrictionBalance:
+        """Return the laws and what friction does in a state, shapes (nq,) and (nv,)."""
+        rows = slip_rows(self.closure.model, self.contacts, q[None])[0]
+        return FrictionBalance(self.contacts, self.equation.at(t, q, v), np.abs(rows @ v))
+
+    def solution(self, t: float, q: Array, v: Array) -> FrictionSolution:
+        """Return the friction in a state, of stuck joints too.
+
+        Raises:
+            DynamicsError: There is none, or more than one.
+        """
+        found = self.balance(t, q, v).solve(self.direction, self.slip.stuck, np.zeros(len(self.contacts), dtype=bool))
+        if found is None:
+            names = ", ".join(one.name for one, s in zip(self.contacts, self.direction, strict=True) if s)
+            raise DynamicsError(
+                f"at t = {t:.9g} s friction of {names} raises the load that it depends on without end: the joint jams",
+                expected="a smaller mu, or a longer span of the guide", t=t, q=q,
+            )  # fmt: skip
+        return found
+
+    def friction(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the friction of joints that slip [N*m or N], shape (.., k)."""
+        flat_q, flat_v = q.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1])
+        if self.equation.loaded:
+            instants = np.broadcast_to(t, q.shape[:-1]).ravel()
+            found = np.array([self.solution(*row).f for row in zip(instants, flat_q, flat_v, strict=True)])
+        else:
+            speeds = np.abs(np.matvec(slip_rows(self.closure.model, self.contacts, flat_q), flat_v))
+            laws = [one.law.slipping(speed)[1] for one, speed in zip(self.contacts, speeds.T, strict=True)]
+            found = -np.array(laws).T
+            found *= self.direction
+        return np.asarray(found * np.abs(self.direction)).reshape(*q.shape[:-1], len(self.contacts))
+
+    def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
+        """Add ``J^T f`` of the joints that slip."""
+        if not self.direction.any():
+            return
+        rows = slip_rows(self.closure.model, self.contacts, q.reshape(-1, q.shape[-1]))
+        tau += np.vecmat(self.friction(t, q, v), rows.reshape(*q.shape[:-1], *rows.shape[1:]))
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return 0."""
+        return np.zeros(q.shape[:-1])
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return the heat, ``- f . u``."""
+        if not self.direction.any():
+            return np.zeros(q.shape[:-1])
+        rows = slip_rows(self.closure.model, self.contacts, q.reshape(-1, q.shape[-1]))
+        slips = np.matvec(rows.reshape(*q.shape[:-1], *rows.shape[1:]), v)
+        return np.asarray(-(self.friction(t, q, v) * slips).sum(axis=-1))
+
+    def laws(self) -> list[MotionLaw]:
+        """Return the laws of the coordinates that follow some: reactions jump where they do."""
+        return list(self.prescribed.laws)
+
+    def on(self, start: float, end: float) -> SlidingFriction:
+        """Return the element on an interval."""
+        return replace(self, span=(start, end))

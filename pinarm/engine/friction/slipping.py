@@ -1,0 +1,152 @@
+"""Friction of joints that slip, where it depends on reactions that depend on friction.
+
+With directions s of the slips, coefficients mu and constants c of the laws, and the wrenches w that the bearings carry,
+which are linear in the friction f, ``w = w0 + W f``, friction is a root of
+
+    f_i + s_i (mu_i N_i(w0 + W f) + c_i) = 0        (1)
+
+N is a sum of lengths, so ``N(w + x) - N(w) <= most(x)``: where the matrix ``C_ij = mu_i most_i(W_ij)`` has a spectral
+radius below 1 the map ``f -> -s (mu N + c)`` contracts in a suitable norm and (1) has exactly one root. Where it has
+not, (1) may have none, as of a drawer that jams, or several; of one joint, N being convex, it then has none or two.
+Source: Banach's theorem; the paradox is Painleve's (Lecons sur le frottement, 1895).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.errors import DynamicsError
+from pinarm.mechanics.friction.contact import FrictionContact
+
+CONTRACTING = 1.0 - 1e-9
+"""Spectral radius of C from which on (1) is not known to have one root."""
+
+SOLVED, ITERATIONS = 4e-16, 200
+"""Residual of (1), relative to its terms, at which Newton's method ends, and its steps at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class CarriedLoads:
+    """The wrenches that bearings carry, as functions of the friction f: ``w0 + W f``.
+
+    Attributes:
+        wrench: w0 [N, N*m], shape (k, 6).
+        response: W, wrench i per friction j, shape (k, k, 6).
+    """
+
+    wrench: Array
+    response: Array
+
+    def at(self, f: Array) -> Array:
+        """Return the wrenches under friction f, shape (k, 6)."""
+        return np.asarray(self.wrench + np.einsum("ijw,j->iw", self.response, f))
+
+    def reduced(self, fixed: Array, ways: Array) -> CarriedLoads:
+        """Return the wrenches as functions of x for ``f = fixed + ways x``, shapes (k,) and (k, m)."""
+        return CarriedLoads(self.at(fixed), np.einsum("ijw,jm->imw", self.response, ways))
+
+
+@dataclass(frozen=True, eq=False)
+class Slipping:
+    """Joints that slip, and the equation (1) of their friction.
+
+    Attributes:
+        contacts: The k joints.
+        direction: s: 1, -1, or 0 for those without friction here, shape (k,).
+        mu: Shape (k,).
+        constant: c [N*m or N], shape (k,).
+        loads: What their bearings carry.
+    """
+
+    contacts: Sequence[FrictionContact]
+    direction: Array
+    mu: Array
+    constant: Array
+    loads: CarriedLoads
+
+    @property
+    def _rubbing(self) -> list[int]:
+        """Joints that slip and whose friction depends on their load."""
+        return [int(i) for i in np.flatnonzero(self.mu * self.direction != 0.0)]
+
+    def contraction(self) -> float:
+        """Return the spectral radius of C: below 1 there is exactly one root."""
+        some = self._rubbing
+        most = np.array([self.mu[i] * self.contacts[i].bearing.most(self.loads.response[i, some]) for i in some])
+        return float(np.abs(np.linalg.eigvals(most)).max()) if most.any() else 0.0
+
+    def require_one_root(self) -> bool:
+        """Return whether (1) has a root.
+
+        Raises:
+            DynamicsError: It has several, or that it has one is not known.
+        """
+        if self.contraction() < CONTRACTING:
+            return True
+        some = self._rubbing
+        coupled = [i for i in some if self.contacts[i].bearing.most(self.loads.response[i, some]).any()]
+        if len(coupled) == 1 and not self._dips(coupled[0]):
+            return False
+        names = " and ".join(self.contacts[i].name for i in coupled)
+        raise DynamicsError(
+            f"the friction of {names} and the reactions that it depends on do not determine each other: "
+            f"friction raises its own load {self.contraction():.3g} times; more than one motion is possible, or none",
+            expected="friction that raises its load less than once", hint="a smaller mu, or a longer span of the guide",
+        )  # fmt: skip
+
+    def _dips(self, i: int) -> bool:
+        """Return whether ``h(x) = mu N(w0 - s W_ii x) + c - x``, which is convex, falls to 0 for a friction x > 0."""
+
+        def h(x: float) -> float:
+            f = -self.direction * self.constant
+            f[i] = -self.direction[i] * x
+            return float(self.resistance(f)[i] - x)
+
+        high = h(0.0) + 1.0
+        while h(2.0 * high) < h(high):
+            high *= 2.0
+        low, high = 0.0, 2.0 * high
+        for _ in range(ITERATIONS):
+            one, two = low + (high - low) / 3.0, high - (high - low) / 3.0
+            low, high = (low, two) if h(one) < h(two) else (one, high)
+        return h(low) <= 0.0
+
+    def resistance(self, f: Array) -> Array:
+        """Return ``mu N(w0 + W f) + c`` [N*m or N], shape (k,)."""
+        wrench = self.loads.at(f)
+        normal = np.array([one.bearing.load(w) if mu else 0.0
+                           for one, w, mu in zip(self.contacts, wrench, self.mu, strict=True)])  # fmt: skip
+        return np.asarray(self.mu * normal + self.constant)
+
+    def friction(self) -> Array:
+        """Return the root f, shape (k,), of an equation that has one.
+
+        Newton's method, and the contraction itself where it goes astray at a normal force that vanishes.
+        """
+        f = -self.direction * self.resistance(np.zeros(len(self.mu)))
+        left = self._left(f)
+        for _ in range(ITERATIONS):
+            if np.abs(left).max(initial=0.0) <= SOLVED * np.abs(f).max(initial=0.0):
+                break
+            better = f - np.linalg.solve(self._slope(f), left)
+            if not np.abs(self._left(better)).max() < 0.5 * np.abs(left).max():
+                better = f - left
+            if np.array_equal(better, f):
+                break
+            f, left = better, self._left(better)
+        return f
+
+    def _left(self, f: Array) -> Array:
+        return np.asarray(f + self.direction * self.resistance(f))
+
+    def _slope(self, f: Array) -> Array:
+        """Return the derivative of (1), shape (k, k)."""
+        wrench, slope = self.loads.at(f), np.eye(len(f))
+        for i, one in enumerate(self.contacts):
+            if self.mu[i] and self.direction[i]:
+                slope[i] += self.direction[i] * self.mu[i] * self.loads.response[i] @ one.bearing.slope(wrench[i])
+        return slope

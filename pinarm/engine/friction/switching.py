@@ -1,0 +1,171 @@
+"""Which joints stick and which begin to slip, where some are at rest: a complementarity problem.
+
+Every group of joints at rest is stuck, with ``|phi| <= bound``, or begins to slip, ``alpha > 0`` with friction against
+it, or ``alpha < 0``. Where no bound depends on the reactions there is exactly one solution: that of a convex problem,
+found by exchanging the first group that contradicts itself (Murty's least-index rule). Where bounds do depend on them,
+all combinations are tried: none or several (Painleve's paradox, jamming) are refused, never chosen from. Beginning to
+slip is decided by the friction at rest; only what slips has the friction of slip.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.friction.balance import FrictionBalance, FrictionSolution, SlipGroup, groups_of
+from pinarm.errors import DynamicsError
+
+MARGIN = 1e-9
+"""Part of its terms by which an acceleration may contradict its direction, and a friction exceed its bound."""
+
+MANY = 6
+"""Number of groups at rest up to which all 3^n combinations are tried."""
+
+
+class Slip(NamedTuple):
+    """What the joints with friction do on a stretch of the motion.
+
+    Attributes:
+        direction: 1 or -1 of a joint that slips, 0 of one at rest, for each of k joints.
+        stuck: Groups of joints that friction keeps at rest.
+    """
+
+    direction: tuple[int, ...] = ()
+    stuck: tuple[SlipGroup, ...] = ()
+
+
+def decided(balance: FrictionBalance, moving: Array, broken: Array) -> Slip:
+    """Return what joints at rest begin to do.
+
+    Args:
+        balance: The state.
+        moving: Directions of the joints that slip, 0 of those at rest, shape (k,).
+        broken: Directions of joints at rest that begin to slip in any case, 0 of others, shape (k,).
+
+    Raises:
+        DynamicsError: There is no solution, or more than one.
+    """
+    driven = balance.response.driven & (moving == 0.0)
+    given = np.where(driven, _direction(balance.response.acceleration), moving)
+    groups = groups_of(balance.response, np.flatnonzero((moving == 0.0) & ~driven).tolist())
+    decision = _Decision(balance, given, groups)
+    start = [int(np.sign(broken[list(group.members)] @ group.ratios)) for group in groups]
+    signs = decision.exchanged(start, frozen=[g for g, sign in enumerate(start) if sign], slips=any(start))
+    if not any(start):
+        decision.require_one(signs)
+    while (kinetic := decision.exchanged(signs, frozen=[g for g, s in enumerate(signs) if s], slips=True)) != signs:
+        signs = kinetic
+    direction = decision.direction(signs)
+    stuck = tuple(group for group, sign in zip(groups, signs, strict=True) if not sign)
+    return Slip(tuple(int(s) for s in direction), stuck)
+
+
+def _direction(alpha: Array) -> Array:
+    return np.where(np.abs(alpha) > MARGIN * np.abs(alpha).max(initial=0.0), np.sign(alpha), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Decision:
+    """The groups at rest in one state; signs are 0 of stuck groups, and else the direction of their first member.
+
+    Attributes:
+        balance: The state.
+        given: Directions of all other joints, shape (k,).
+        groups: The g groups.
+    """
+
+    balance: FrictionBalance
+    given: Array
+    groups: Sequence[SlipGroup]
+
+    def direction(self, signs: Sequence[int]) -> Array:
+        """Return the directions of all joints, shape (k,)."""
+        parts = (group.directions(sign, len(self.given)) for group, sign in zip(self.groups, signs, strict=True))
+        return np.asarray(sum(parts, self.given))
+
+    def solution(self, signs: Sequence[int], *, slips: bool) -> FrictionSolution | None:
+        """Return the friction, that of slip or that of rest where slip begins."""
+        resting: Flags = (self.given == 0.0) & (not slips)
+        stuck = [group for group, sign in zip(self.groups, signs, strict=True) if not sign]
+        return self.balance.solve(self.direction(signs), stuck, resting)
+
+    def wrong(self, signs: Sequence[int], found: FrictionSolution) -> list[int]:
+        """Return by group the sign that it ought to have where it contradicts itself, and its own elsewhere."""
+        response, wanted, stuck = self.balance.response, list(signs), iter(zip(found.held, found.bounds, strict=True))
+        terms = np.abs(response.acceleration) + np.abs(response.mobility) @ np.abs(found.f)
+        for g, (group, sign) in enumerate(zip(self.groups, signs, strict=True)):
+            if not sign:
+                held, bound = next(stuck)
+                if abs(held) > bound * (1.0 + MARGIN):
+                    wanted[g] = -int(np.sign(held))
+            elif sign * found.alpha[group.first] < -MARGIN * terms[group.first]:
+                wanted[g] = 0
+        return wanted
+
+    def exchanged(self, signs: Sequence[int], frozen: Sequence[int], *, slips: bool = False) -> list[int]:
+        """Return signs that do not contradict themselves, reached by exchanging the first that does.
+
+        Raises:
+            DynamicsError: None are reached.
+        """
+        now, free = list(signs), [g for g in range(len(self.groups)) if g not in frozen]
+        for _ in range(50 * (1 + len(free))):
+            found = self.solution(now, slips=slips)
+            wanted = now if found is None else self.wrong(now, found)
+            changed = [g for g in free if wanted[g] != now[g]]
+            if found is None or any(wanted[g] != now[g] for g in frozen):
+                break
+            if not changed:
+                return now
+            now[changed[0]] = wanted[changed[0]]
+        return self._searched(signs, frozen, slips=slips)
+
+    def _searched(self, signs: Sequence[int], frozen: Sequence[int], *, slips: bool) -> list[int]:
+        """Return the only signs that do not contradict themselves, of all combinations."""
+        choices = [[sign] if g in frozen else [0, 1, -1] for g, sign in enumerate(signs)]
+        if sum(len(choice) > 1 for choice in choices) > MANY:
+            raise self._refusal("no", "found among those that were tried")
+        consistent = [found for found in product(*choices) if self._is_consistent(found, slips=slips)]
+        if len(consistent) != 1:
+            raise self._refusal("no" if not consistent else str(len(consistent)), "possible")
+        return list(consistent[0])
+
+    def _is_consistent(self, signs: Sequence[int], *, slips: bool = False) -> bool:
+        found = self.solution(signs, slips=slips)
+        return found is not None and self.wrong(signs, found) == list(signs)
+
+    def require_one(self, signs: Sequence[int]) -> None:
+        """Raise where other signs give another motion, bounds depending on reactions.
+
+        Raises:
+            DynamicsError: Some do, or there are too many to be tried.
+        """
+        loads, contacts = self.balance.response.loads, self.balance.contacts
+        if not any(one.law.loaded and one.bearing.most(loads.response[i]).any() for i, one in enumerate(contacts)):
+            return
+        if len(self.groups) > MANY:
+            raise self._refusal(
+                "that only one motion", f"shown possible, {len(self.groups)} joints being at rest at once"
+            )
+        own = self.solution(signs, slips=False)
+        assert own is not None
+        scale = np.abs(self.balance.response.acceleration).max(initial=0.0)
+        for other in product([0, 1, -1], repeat=len(self.groups)):
+            found = self.solution(other, slips=False)
+            if found is None or self.wrong(other, found) != list(other):
+                continue
+            if np.abs(found.alpha - own.alpha).max() > 1e-6 * max(scale, np.abs(own.alpha).max()):
+                raise self._refusal("several", "possible")
+
+    def _refusal(self, count: str, possible: str) -> DynamicsError:
+        names = ", ".join(self.balance.contacts[i].name for group in self.groups for i in group.members)
+        return DynamicsError(
+            f"{count} ways in which {names} stick or begin to slip are {possible}: rigid bodies with friction do not "
+            "determine the motion",
+            expected="exactly one", hint="a smaller mu, a longer span of a guide, or friction without a load: constant",
+        )  # fmt: skip

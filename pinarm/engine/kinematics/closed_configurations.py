@@ -1,0 +1,94 @@
+"""Closed configurations of no special kind, at which a mechanism is judged: its mobility, and what is determined.
+
+The rank of G is the same at nearly all configurations of a branch, and smaller at singular positions, such as a linkage
+folded flat. The zero position of a model may be open, or singular.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.kinematics.newton import assembled, start_configuration
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.errors import AssemblyError
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+
+STARTS, WITHIN = 12, 2.0
+"""Number of starts that are tried where the loops do not close near the one given, and how far they are from the zero
+position at most, in every coordinate [rad, or units of length of the mechanism]."""
+
+BESIDE, STEP = 4, 0.2
+"""Number of closed configurations that are compared with the first one, and how far each is from the one before
+[rad, or units of length]."""
+
+
+def closed_near(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
+    """Return the closed configuration near rough joint coordinates, shape (nq,); see ``start_configuration``.
+
+    Raises:
+        AssemblyError: The loops cannot be closed from there.
+    """
+    return _closed(mechanism, start_configuration(mechanism, start))
+
+
+def closed_anywhere(mechanism: Mechanism) -> Array | None:
+    """Return a closed configuration, shape (nq,), found from starts all over the space, the same ones every time."""
+    model, generator = mechanism.model, np.random.default_rng(0)
+    for way in generator.uniform(-WITHIN, WITHIN, (STARTS, model.nv)) * mechanism.closure.scale:
+        try:
+            return _closed(mechanism, pin.integrate(model, pin.neutral(model), way))
+        except AssemblyError:
+            continue
+    return None
+
+
+def generic_near(mechanism: Mechanism, start: Mapping[str, float]) -> Array:
+    """Return a closed configuration of no special kind, shape (nq,), near rough joint coordinates if there is one.
+
+    Where the loops cannot be closed at all it is the rough one: what is solved says what stays open.
+    """
+    rough = start_configuration(mechanism, start)
+    if not mechanism.closure.size:
+        return rough
+    try:
+        q: Array | None = _closed(mechanism, rough)
+    except AssemblyError:
+        q = closed_anywhere(mechanism)
+    return rough if q is None else generic(mechanism, beside(mechanism, q))
+
+
+def beside(mechanism: Mechanism, q: Array) -> list[Array]:
+    """Return a closed configuration, shape (nq,), and others on its branch, each a step along free motions further."""
+    closure, found, generator = mechanism.closure, [q], np.random.default_rng(0)
+    for _ in range(BESIDE if closure.size else 0):
+        free = closure.split(closure.rows(closure.state(found[-1]))).free
+        way = free @ (free.T @ (closure.scale * generator.uniform(-1.0, 1.0, mechanism.model.nv)))
+        size = float(np.abs(way / closure.scale).max(initial=0.0))
+        if not size:
+            break
+        try:
+            found.append(_closed(mechanism, pin.integrate(mechanism.model, found[-1], STEP / size * way)))
+        except AssemblyError:  # the step was too long, as next to the end of a reach
+            break
+    return found
+
+
+def generic(mechanism: Mechanism, q: Sequence[Array]) -> Array:
+    """Return the first of some closed configurations, shape (nq,), whose rank most of them have."""
+    closure = mechanism.closure
+    ranks = [len(closure.split(closure.rows(closure.state(one))).values) for one in q]
+    counted = Counter(ranks)
+    usual = max(counted, key=lambda rank: (counted[rank], rank))
+    return q[ranks.index(usual)]
+
+
+def _closed(mechanism: Mechanism, q: Array) -> Array:
+    return assembled(mechanism.closure, PrescribedCoordinates((), (), ()), q, np.zeros(0), 0.0)

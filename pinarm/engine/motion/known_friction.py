@@ -1,0 +1,245 @@
+"""Friction in a motion that is known: by the direction of every slip, and at rest a band of efforts.
+
+The efforts of the drives and the reactions follow from the motion and from the friction, linearly. Friction of joints
+that slip, or are about to, has its direction from the motion. Of joints at rest it may be anything up to its bound:
+tables have it as 0, and beside it the efforts that begin to move each drive's coordinate up and down, by the friction
+at rest. Whatever lies between the two holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.batch_jacobians import rows_of
+from pinarm.engine.constraints.nullspace import RowDecomposition
+from pinarm.engine.friction.columns import BANDS, band_column, friction_columns
+from pinarm.engine.friction.response import BearingReactions
+from pinarm.engine.friction.slipping import CarriedLoads, Slipping
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.series import Series
+from pinarm.engine.statics.actuation import Actuation
+from pinarm.errors import DynamicsError
+from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.friction.contact import slip_drifts, slip_rows
+
+MOVES = 1e-9
+"""Slip per unit of a drive's coordinate, relative to the largest, below which a joint does not move with it."""
+
+LOADED = 1e-9
+"""Effort without friction, relative to the width of the band, below which there is nothing to hold."""
+
+FEW, MANY = 1e-9, 6
+"""Load per friction of a joint at rest that is rounding; and most such joints whose 2^n directions are tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownFriction:
+    """A motion, what drives it, and where there is friction.
+
+    Attributes:
+        run: The motion of n rows; its efforts are not looked at.
+        drives: What carries the load.
+        demand: ``M a + nle - loads`` without friction that sticks [N*m or N], shape (n, nv).
+    """
+
+    run: Trajectory
+    drives: Actuation
+    demand: Array
+
+    @cached_property
+    def rows(self) -> Array:
+        """J of the k slips, shape (n, k, nv)."""
+        return slip_rows(self.run.mechanism.model, self.run.mechanism.frictions, self.run.q)
+
+    @cached_property
+    def slips(self) -> Array:
+        """Slips [rad/s or m/s], shape (n, k)."""
+        return np.asarray(np.matvec(self.rows, self.run.v))
+
+    @cached_property
+    def directions(self) -> Array:
+        """Directions of the slips: 1, -1, or 0 at rest, shape (n, k)."""
+        run, contacts = self.run, self.run.mechanism.frictions
+        rates = np.matvec(self.rows, run.a) + slip_drifts(run.mechanism.model, contacts, run.q, run.v)
+        slips = replace(run, v=self.slips, a=rates)  # a slip has the direction that a joint's motion would have
+        return np.array([slips.direction(i) for i in range(len(contacts))]).T
+
+    def under(self, friction: Array) -> Trajectory:
+        """Return the motion with the efforts and multipliers under friction, shape (n, k)."""
+        run = self.run
+        tau, lam = self.drives.efforts(run.grid.t, run.q, self.demand - np.vecmat(friction, self.rows))
+        return replace(
+            run, tau=tau, lam=lam, columns={**run.columns, **friction_columns(run.mechanism.frictions, friction)}
+        )
+
+    @cached_property
+    def loads(self) -> list[CarriedLoads]:
+        """What the bearings carry, row by row."""
+        contacts, n = self.run.mechanism.frictions, len(self.run)
+        k = len(contacts)
+        if not any(one.law.loaded for one in contacts):
+            return [CarriedLoads(np.zeros((k, 6)), np.zeros((k, k, 6)))] * n
+        self._require_determined()
+        none = self._carried(self.under(np.zeros((n, k))))
+        response = np.zeros((n, k, k, 6))
+        if self.run.closure.size:
+            for j in range(k):
+                response[:, :, j] = self._carried(self.under(np.tile(np.eye(k)[j], (n, 1)))) - none
+        return [CarriedLoads(*row) for row in zip(none, response, strict=True)]
+
+    def _carried(self, run: Trajectory) -> Array:
+        """Return the wrenches that the bearings carry, shape (n, k, 6)."""
+        found, lam = np.empty((len(run), len(run.mechanism.frictions), 6)), np.asarray(run.lam)
+        for part, dynamics in run.intervals():
+            transmission = BearingReactions(run.mechanism.frictions, run.closure, dynamics)
+            for i in range(part.start, part.stop):
+                state = float(run.grid.t[i]), run.q[i], run.v[i]
+                found[i] = transmission.wrenches(*state, *(x[None, i] for x in (run.a, lam, run.friction)))[0]
+        return found
+
+    def _require_determined(self) -> None:
+        """Raise where rigid bodies do not determine what a bearing carries; the first row stands for all.
+
+        Raises:
+            DynamicsError: Says which.
+        """
+        run = self.run
+        m, dynamics = run.mechanism.closure.size, run.intervals()[0][1]
+        split = RowDecomposition.of(run.closure.rows(run.closure.state(run.q[0]))[:m])
+        BearingReactions(run.mechanism.frictions, run.mechanism.closure, dynamics).require_determined(split, run.q[0])
+
+    def friction(self, directions: Array, *, at_rest: bool) -> Array:
+        """Return the friction of slips in given directions, shape (n, k).
+
+        Args:
+            directions: Shape (n, k).
+            at_rest: Whether joints whose slip is 0 have the friction of rest, which they have until they slip.
+
+        Raises:
+            DynamicsError: There is none, or more than one.
+        """
+        rows = [self._friction(i, direction, at_rest=at_rest) for i, direction in enumerate(directions)]
+        return np.array(rows).reshape(directions.shape)
+
+    def _friction(self, row: int, direction: Array, *, at_rest: bool) -> Array:
+        """Return the friction in one row, shape (k,)."""
+        contacts = self.run.mechanism.frictions
+        rest = at_rest & (self.directions[row] == 0.0)
+        laws = [one.law.resting if still else one.law.slipping(speed)
+                for one, still, speed in zip(contacts, rest, np.abs(self.slips[row]), strict=True)]  # fmt: skip
+        mu, constant = np.array(laws).reshape(-1, 2).T * np.abs(direction)
+        equation = Slipping(contacts, direction, mu, constant, self.loads[row])
+        if not equation.require_one_root():
+            raise self._jammed(row, direction)
+        return equation.friction()
+
+    def _jammed(self, row: int, direction: Array) -> DynamicsError:
+        run = self.run
+        names = ", ".join(one.name for one, s in zip(run.mechanism.frictions, direction, strict=True) if s)
+        return DynamicsError(
+            f"at {run.parameter} = {run.grid.t[row]:.9g} {run.unit} no effort moves the mechanism against the friction "
+            f"of {names}: friction raises its own load without end, it jams",
+            expected="a smaller mu, a longer span of the guide, or a drive along another coordinate",
+        )
+
+    def solved(self) -> Trajectory:
+        """Return the motion with its friction and efforts, and the columns ``joint.J.effort.lower`` and ``.upper``."""
+        run = self.under(self.friction(self.directions, at_rest=False))
+        return replace(run, columns={**run.columns, **self._bands(self.drives.coordinates(run.mechanism))})
+
+    def _bands(self, coordinates: Mapping[str, Coordinate]) -> dict[str, Series]:
+        """Return the least and the largest effort of each drive under which its coordinate stays at rest.
+
+        With t the motion of all joints per unit of the coordinate, the other drives at rest, its effort is
+        ``t . demand - (J t) . f``. Of a coordinate that moves both are the effort itself.
+        """
+        run, columns = self.run, dict[str, Series]()
+        ways, joints = self._ways(coordinates), self.run.mechanism.joints
+        for d, (name, coordinate) in enumerate(coordinates.items()):
+            rotor = run.mechanism.model.armature[joints[name].v] * run.a[:, joints[name].v] if name in joints else 0.0
+            for part, sign in zip(BANDS, (-1.0, 1.0), strict=True):
+                effort = self._effort(ways[:, :, d], sign) - rotor
+                side = band_column(joints, name, coordinate, part, effort)
+                columns[side.name] = side
+        return columns
+
+    def _ways(self, coordinates: Mapping[str, Coordinate]) -> Array:
+        """Return the motions of all joints per unit of each drive's coordinate, others at rest, shape (n, nv, d)."""
+        run = self.run
+        along = rows_of(run.mechanism.model, list(coordinates.values()), run.q)
+        own = run.mechanism.closure.at(run.q)[1]
+        found = np.empty((len(run), run.v.shape[1], len(coordinates)))
+        for i in range(len(run)):
+            free = RowDecomposition.of(own[i]).free
+            found[i] = free @ np.linalg.lstsq(along[i] @ free, np.eye(len(coordinates)))[0]
+        return found
+
+    def _effort(self, way: Array, sign: float) -> Array:
+        """Return the effort that begins to move a drive's coordinate up or down, shape (n,).
+
+        Joints that do not move with it, as a piston at its dead centre, may rub either way: that counts which holds
+        best.
+        """
+        slips = np.matvec(self.rows, way)
+        largest = np.abs(slips).max(axis=1, keepdims=True, initial=0.0)
+        begun = np.where(np.abs(slips) > MOVES * largest, sign * np.sign(slips), 0.0)
+        directions = np.where(self.directions == 0.0, begun, self.directions)
+        bare, found = (way * self.demand).sum(axis=1), np.empty(len(way))
+        for i, direction in enumerate(directions):
+            each = [bare[i] - slips[i] @ self._friction(i, one, at_rest=True) for one in self._possible(i, direction)]
+            found[i] = sign * max(sign * np.array(each))
+        return found
+
+    def _possible(self, row: int, direction: Array) -> list[Array]:
+        """Return directions of friction: given ones, and both of joints that do not move but load those that do."""
+        contacts, response = self.run.mechanism.frictions, self.loads[row].response
+        moving = [j for j in np.flatnonzero(direction).tolist() if contacts[j].law.loaded]
+        idle = [i for i in np.flatnonzero(direction == 0.0).tolist()
+                if any(contacts[j].bearing.most(response[j, i]) > FEW for j in moving)]  # fmt: skip
+        if len(idle) > MANY:
+            raise DynamicsError(f"{len(idle)} joints that stand still load those that begin to move",
+                                expected=f"friction in at most {MANY} of them")  # fmt: skip
+        found = []
+        for signs in product([1.0, -1.0], repeat=len(idle)):
+            one = direction.copy()
+            one[idle] = signs
+            found.append(one)
+        return found
+
+
+def notes_of(run: Trajectory) -> list[str]:
+    """Return what is to be said of a motion with joints at rest under friction."""
+    lower = {
+        name.removesuffix(".lower"): one.values for name, one in run.columns.items() if name.endswith(".effort.lower")
+    }
+    found = []
+    for name, low in lower.items():
+        high = run.columns[f"{name}.upper"].values
+        rest = high - low > 0.0
+        if not rest.any():
+            continue
+        found.append(f"{name}: friction holds any value from {name}.lower to {name}.upper in {rest.sum()} of "
+                     f"{len(run)} rows, at rest; the table has the value without friction there")  # fmt: skip
+        locked = rest & (low <= 0.0) & (high >= 0.0) & (0.5 * np.abs(high + low) > LOADED * (high - low))
+        if locked.any():
+            found.append(f"{name.removesuffix('.effort')} is self-locking in {locked.sum()} of {len(run)} rows: "
+                         "it holds without any effort")  # fmt: skip
+    return found
+
+
+def with_friction_columns(row: Trajectory, drives: Actuation) -> Trajectory:
+    """Return a row of a known motion with the columns that friction adds to it, 0: enough to see which there are."""
+    mechanism = row.mechanism
+    if not mechanism.frictions:
+        return row
+    none = np.zeros(len(row))
+    sides = [band_column(mechanism.joints, name, coordinate, part, none)
+             for name, coordinate in drives.coordinates(mechanism).items() for part in BANDS]  # fmt: skip
+    friction = friction_columns(mechanism.frictions, np.zeros((len(row), len(mechanism.frictions))))
+    return replace(row, columns={**row.columns, **friction, **{side.name: side for side in sides}})

@@ -1,0 +1,113 @@
+"""Which way joints move, where they stand still for an instant too: it tells whether a motor drives or is driven.
+
+The direction of a joint at a row is the sign of its velocity. Where that is zero but for rounding it is that of the
+motion about to begin, or at the end of an interval that of the motion just ended: by the acceleration, and where this
+is zero as well by the velocity a little inside the interval. It is 0 where the joint rests. It belongs to the row and
+to the motion that the row is of: other rows, looked at or not, have no part in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags
+from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.joints import METRE
+from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+
+STANDSTILL = 1e-12
+"""Part of the pace below which a velocity or an acceleration is rounding: 1e-16 of terms as large as the pace, which
+closed loops amplify some thousand times at most."""
+
+
+def lossy(mechanism: Mechanism) -> list[int]:
+    """Return the indices in v of the joints at which the direction matters: behind a gear with losses."""
+    drives = mechanism.drives.values()
+    return [mechanism.joints[drive.joint].v for drive in drives if drive.efficiency < 1.0]
+
+
+def row_paces(mechanism: Mechanism, v: Array, a: Array) -> Array:
+    """Return what rounding is judged against in rows that are states of their own, shape (n, 2, nv).
+
+    The largest velocity, and the largest acceleration, of all joints that have the unit of the joint in question.
+
+    Args:
+        mechanism: The mechanism.
+        v: Velocities, shape (n, nv).
+        a: Accelerations, or their largest terms, shape (n, nv).
+    """
+    rates, sliding = np.abs(np.stack([v, a], axis=1)), _sliding(mechanism)
+    paces = np.empty_like(rates)
+    for alike in (sliding, ~sliding):
+        paces[..., alike] = rates[..., alike].max(axis=2, initial=0.0, keepdims=True)
+    return paces
+
+
+def pace_of(
+    mechanism: Mechanism, v: Array, a: Array, followed: Iterable[tuple[Coordinate, MotionLaw]], grid: Grid
+) -> Array:
+    """Return the same for a motion, shape (2, nv): over the rows at which it is solved, and its laws between them.
+
+    Args:
+        mechanism: The mechanism.
+        v: Velocities, shape (n, nv).
+        a: Accelerations, shape (n, nv).
+        followed: The coordinates that follow laws.
+        grid: The rows.
+    """
+    sliding, pace = _sliding(mechanism), np.asarray(row_paces(mechanism, v, a).max(axis=0))
+    for coordinate, law in followed:
+        alike = sliding == (coordinate.unit == METRE)
+        pace[:, alike] = np.maximum(pace[:, alike], law_size(law, grid)[:, None])
+    return pace
+
+
+def law_size(law: MotionLaw, grid: Grid) -> Array:
+    """Return estimates of the largest |s'| and |s''| of a law over a grid, shape (2,)."""
+    begin, end = sorted((grid.cuts[0], grid.cuts[-1]))
+    sizes = [piece.size()[1:] for piece in law.smooth_pieces if piece.start <= end and piece.end >= begin]
+    return np.asarray(np.max(sizes, axis=0))
+
+
+def at_rest(v: Array, a: Array, pace: Array) -> Flags:
+    """Return where velocity and acceleration are both zero but for rounding, of the shape of v."""
+    return np.asarray((_signs(v, pace[..., 0, :]) == 0.0) & (_signs(a, pace[..., 1, :]) == 0.0))
+
+
+def directions(v: Array, a: Array, pace: Array, side: Array, inside: Array) -> Array:
+    """Return the directions of the joints, 1, 0 or -1, shape (n, nv).
+
+    Args:
+        v: Velocities, shape (n, nv).
+        a: Accelerations, shape (n, nv).
+        pace: What rounding is judged against, shape (2, nv) or (n, 2, nv).
+        side: 1 where the motion that follows counts, -1 where the one that has ended does, shape (n,).
+        inside: Velocities a little later or earlier, looked at where v and a are zero, shape (n, nv).
+    """
+    now, later = _signs(v, pace[..., 0, :]), _signs(inside, pace[..., 0, :])
+    beside = side[:, None] * _signs(a, pace[..., 1, :])
+    return np.where(now != 0.0, now, np.where(beside != 0.0, beside, later))
+
+
+def law_directions(law: MotionLaw, grid: Grid) -> Array:
+    """Return the direction of a joint that follows a law, shape (n,)."""
+    (_, v, a), (_, inside, _) = grid.evaluate(law), grid.moved_inside().evaluate(law)
+    size = law_size(law, grid)[:, None]
+    return directions(v[:, None], a[:, None], size, grid.sides(), inside[:, None])[:, 0]
+
+
+def _signs(x: Array, scale: Array) -> Array:
+    return np.where(np.abs(x) > STANDSTILL * scale, np.sign(x), 0.0)
+
+
+def _sliding(mechanism: Mechanism) -> Flags:
+    """Return which velocities are those of sliding joints, shape (nv,)."""
+    found = np.zeros(mechanism.model.nv, dtype=bool)
+    found[[joint.v for joint in mechanism.joints.values() if joint.unit == METRE]] = True
+    return found

@@ -1,0 +1,303 @@
+"""Forward motion with friction that sticks: what is integrated between two switches, and what happens at one.
+
+Joints that friction holds are eliminated like coordinates that follow a constant law, so that they do not creep; those
+that slip have a friction of given direction. A switch is the instant at which a slip comes to rest, or at which the
+friction that holds a joint reaches its bound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.constraints.nullspace import RowDecomposition
+from pinarm.engine.dynamics.dynamics import Dynamics, parts
+from pinarm.engine.dynamics.equation import solve
+from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.friction.balance import FrictionSolution, SlipGroup, companions
+from pinarm.engine.friction.response import SlipResponse
+from pinarm.engine.friction.sliding import SlidingFriction
+from pinarm.engine.friction.switching import Slip, decided
+from pinarm.engine.integration.events import Watch
+from pinarm.engine.integration.integrator import Interval, Manifold
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
+from pinarm.errors import DynamicsError, IntegrationError
+from pinarm.mechanics.ball_joints import coordinate_at
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.friction.contact import FrictionContact, JointContact, slip_rows
+from pinarm.mechanics.laws import Constant
+from pinarm.mechanics.laws.motion_law import Grid
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+REST = 1e-12
+"""Slip that is rest, over 1 rad/s or m/s or the largest slip at the start: rounding of a velocity that vanishes."""
+
+EXCEEDED = 1e-6
+"""Part of its bound by which the friction of a row may exceed it: the row may stand at the switch."""
+
+FRICTION = "friction"
+"""Name of the force element of joints that slip."""
+
+
+@dataclass(frozen=True, eq=False)
+class StickSlip:
+    """The joints with friction of one motion.
+
+    Attributes:
+        contacts: The k joints; none where no friction sticks.
+        closure: Constraints of the mechanism.
+        dynamics: The equation of motion without this friction.
+        prescribed: Coordinates that follow laws, stops that are rested on included.
+    """
+
+    contacts: Sequence[FrictionContact]
+    closure: Closure
+    dynamics: Dynamics
+    prescribed: PrescribedCoordinates
+
+    @cached_property
+    def rows(self) -> Closure:
+        """The constraints, then the coordinates that follow laws."""
+        return self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
+
+    def sliding(self, slip: Slip, span: tuple[float, float]) -> SlidingFriction:
+        """Return the friction of what slips, on an interval of time without jumps."""
+        return SlidingFriction(self.contacts, self.rows, self.dynamics, self.prescribed, slip, span)
+
+    def slips(self, q: Array, v: Array) -> Array:
+        """Return the slips [rad/s or m/s] in states, shapes (n, nq) and (n, nv), as an array of shape (n, k)."""
+        return np.asarray(np.matvec(slip_rows(self.closure.model, self.contacts, q), v))
+
+    def start(self, span: tuple[float, float], q: Array, v: Array) -> Slip:
+        """Return what joints do from an instant on, the start of an interval without jumps.
+
+        Raises:
+            DynamicsError: Rigid bodies with friction do not determine it.
+        """
+        slips = self.slips(q[None], v[None])[0]
+        moving = np.where(np.abs(slips) > REST, np.sign(slips), 0.0)
+        return self._decided(span, q, v, moving, np.zeros(len(moving)))
+
+    def switched(self, span: tuple[float, float], q: Array, v: Array, slip: Slip, index: int) -> tuple[Array, Slip]:
+        """Return the velocity after a switch, and what joints do from then on.
+
+        Args:
+            span: The interval from the instant of the switch on.
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            slip: What joints did until then.
+            index: Which joint comes to rest, or which group of stuck joints breaks loose: the complement of its number.
+        """
+        moving, slips = np.array(slip.direction, float), self.slips(q[None], v[None])[0]
+        moving[np.abs(slips) <= 2.0 * REST] = 0.0
+        broken = np.zeros(len(moving))
+        if index >= 0:
+            balance = self.sliding(slip, span).balance(span[0], q, v)
+            moving[[index, *companions(balance.response, index)]] = 0.0
+            v = self._stopped(span[0], q, v, np.flatnonzero((moving == 0.0) & (np.array(slip.direction) != 0)))
+        else:
+            found = self.sliding(slip, span).solution(span[0], q, v)
+            broken = slip.stuck[~index].directions(-float(np.sign(found.held[~index])), len(moving))
+        return v, self._decided(span, q, v, moving, broken)
+
+    def _decided(self, span: tuple[float, float], q: Array, v: Array, moving: Array, broken: Array) -> Slip:
+        balance = self.sliding(Slip(tuple(int(s) for s in moving)), span).balance(span[0], q, v)
+        try:
+            return decided(balance, moving, broken)
+        except DynamicsError as error:
+            error.message = f"at t = {span[0]:.9g} s: {error.message}"
+            raise
+
+    def _stopped(self, t: float, q: Array, v: Array, still: Indices) -> Array:
+        """Return the velocity nearest to v in which some slips are at rest, shape (nv,)."""
+        model, rows = self.closure.model, self.rows.rows(self.rows.state(q))
+        target = np.concatenate([np.zeros(self.closure.size), self.prescribed.on(t, t)(t)[1], np.zeros(len(still))])
+        split = RowDecomposition.of(np.vstack([rows, slip_rows(model, self.contacts, q[None])[0][still]]))
+        mass = mass_matrix(model, q)
+        return solve(split, mass, mass @ v, target)
+
+    def held(self, slip: Slip, q: Array, response: Callable[[], SlipResponse]) -> PrescribedCoordinates:
+        """Return the coordinates that follow laws, and those of joints that friction holds where they are.
+
+        Args:
+            slip: What joints do.
+            q: Where, shape (nq,).
+            response: Returns what friction does there.
+        """
+        indices = [self._standing(group, response) for group in slip.stuck]
+        coordinates: list[Coordinate] = [coordinate_at(self.closure.model, index) for index in indices]
+        state = self.closure.state(q)
+        return PrescribedCoordinates(
+            (*self.prescribed.names, *(f"{self.contacts[group.first].name}, stuck" for group in slip.stuck)),
+            (*self.prescribed.coordinates, *coordinates),
+            (*self.prescribed.laws, *(Constant(value=one.value(state)) for one in coordinates)),
+        )
+
+    def _standing(self, group: SlipGroup, response: Callable[[], SlipResponse]) -> int:
+        """Return the index in v of a joint that stands still if and only if a group does."""
+        for i in group.members:
+            contact = self.contacts[i]
+            if isinstance(contact, JointContact):
+                return contact.v
+        found = response()
+        slip, free = found.slips[group.first], found.free
+        sizes = np.linalg.norm(free, axis=1)
+        cosines = np.abs(free @ slip) / np.maximum(sizes * np.linalg.norm(slip), np.finfo(float).tiny)
+        best = int(np.where(cosines > 1.0 - 1e-9, sizes, 0.0).argmax())
+        if cosines[best] < 1.0 - 1e-9:
+            raise DynamicsError(
+                f"no joint of the tree stands still where {self.contacts[group.first].name} sticks",
+                expected="friction at joints of the tree, where the mechanism has several motions",
+            )
+        return best
+
+    def watches(self, slip: Slip, system: FrictionalSystem) -> list[tuple[int, Watch]]:
+        """Return what ends a stretch of the motion: number of a joint whose slip ends, or complement of a group's."""
+        found = []
+        for i, direction in enumerate(slip.direction):
+            held = any(i in group.members for group in slip.stuck)
+            if not held:
+                found.append((i, Watch(_Approach(self, i, direction).gap, -1, stops=True)))
+        for g in range(len(slip.stuck)):
+            found.append((~g, Watch(_Reserve(system, g).left, -1, stops=True)))
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Approach:
+    """How far a slip is from rest, or one at rest from slip."""
+
+    friction: StickSlip
+    index: int
+    direction: int
+
+    def gap(self, t: Array, q: Array, v: Array) -> Array:
+        """Return ``s u`` with some slack, so that a slip that begins does not end at once, shape (n,)."""
+        slips = self.friction.slips(q, v)[:, self.index]
+        return np.asarray(self.direction * slips + REST if self.direction else REST - np.abs(slips))
+
+
+@dataclass(frozen=True, eq=False)
+class _Reserve:
+    """How far the friction that holds a group of joints is from its bound."""
+
+    system: FrictionalSystem
+    group: int
+
+    def left(self, t: Array, q: Array, v: Array) -> Array:
+        """Return ``bound^2 - phi^2``, which is smooth where phi vanishes, shape (n,)."""
+        sliding = self.system.sliding_at(float(t[0]), float(t[-1]))
+        found = [sliding.solution(*row) for row in zip(t, q, v, strict=True)]
+        return np.array([one.bounds[self.group] ** 2 - one.held[self.group] ** 2 for one in found])
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionalSystem:
+    """What is integrated while some joints with friction slip and others are stuck.
+
+    Attributes:
+        friction: The joints with friction.
+        slip: What they do.
+        inner: What is integrated, the stuck joints following constant laws.
+        cuts: Bounds of the intervals on which no law jumps [s].
+    """
+
+    friction: StickSlip
+    slip: Slip
+    inner: System
+    cuts: Sequence[float] = field(repr=False)
+
+    @property
+    def manifold(self) -> Manifold:
+        """Space of the integrated configurations."""
+        return self.inner.manifold
+
+    @property
+    def closure(self) -> Closure:
+        """Constraints with multipliers: those of the mechanism, then task coordinates that follow laws."""
+        prescribed, others = self.friction.prescribed.linear_last()
+        return self.friction.closure.with_guides(prescribed.names[:others], prescribed.coordinates[:others])
+
+    def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
+        """Return the integrated state that belongs to the initial state of the mechanism."""
+        return self.inner.begin(initial, start, end)
+
+    def sliding_at(self, start: float, end: float) -> SlidingFriction:
+        """Return the friction of what slips, on the interval that some instants lie in."""
+        cuts = np.array(self.cuts)
+        k = int(np.clip(np.searchsorted(cuts, 0.5 * (start + end), side="right") - 1, 0, len(cuts) - 2))
+        return self.friction.sliding(self.slip, (float(cuts[k]), float(cuts[k + 1])))
+
+    def slowed(self, dynamics: Dynamics) -> Dynamics:
+        """Return the equation of motion with the friction of what slips."""
+        return Dynamics.of(dynamics.model, {**dynamics.forces, FRICTION: self.sliding_at(*self.cuts[:2])})
+
+    def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
+        """Return the motion of the integrated state on an interval without jumps."""
+        return self.inner.interval(self.slowed(dynamics), start, end)
+
+    def part(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the integrated part of states."""
+        return self.inner.part(q, v)
+
+    def whole(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the mechanism's states."""
+        return self.inner.whole(t, q, v)
+
+    def complete(self, dynamics: Dynamics, grid: Grid, q: Array, v: Array) -> CompletedStates:
+        """Return the motion with the friction of all joints, and with the efforts of what follows laws."""
+        slowed = self.slowed(dynamics)
+        found = self.inner.complete(slowed, grid, q, v)
+        friction = np.zeros((len(q), len(self.friction.contacts)))
+        for local, rows in ((one.forces[FRICTION], rows) for rows, one in parts(slowed, grid)):
+            assert isinstance(local, SlidingFriction)
+            for i in range(rows.start, rows.stop):
+                friction[i] = self._within_bounds(local.solution(float(grid.t[i]), found.q[i], found.v[i]), grid.t[i])
+        demand = np.concatenate(
+            [
+                one.inverse(grid.t[rows], found.q[rows], found.v[rows], found.a[rows])
+                for rows, one in parts(dynamics, grid)
+            ]
+        )
+        demand -= np.vecmat(friction, slip_rows(self.friction.closure.model, self.friction.contacts, found.q))
+        tau, lam = self._efforts(grid.t, found.q, demand)
+        return replace(found, tau=tau, lam=lam, friction=friction)
+
+    def _within_bounds(self, solution: FrictionSolution, t: float) -> Array:
+        """Return the friction of a row, shape (k,).
+
+        Raises:
+            IntegrationError: What holds a joint exceeds its bound: a step has gone past the switch.
+        """
+        beyond = np.abs(solution.held) > solution.bounds * (1.0 + EXCEEDED)
+        for group, over in zip(self.slip.stuck, beyond, strict=True):
+            if over:
+                raise IntegrationError(
+                    f"at t = {t:.9g} s the friction that holds {self.friction.contacts[group.first].name} exceeds its "
+                    "bound: a step has gone past the instant at which it breaks loose",
+                    expected="steps short enough for the loads that act on joints at rest", hint="accuracy.tolerance",
+                )  # fmt: skip
+        return solution.f
+
+    def _efforts(self, t: Array, q: Array, demand: Array) -> tuple[Array, Multipliers]:
+        prescribed, own = self.friction.prescribed, self.friction.closure
+        if not prescribed.names:
+            none = np.zeros((len(q), 0))
+            lam = Multipliers.least(own, q, demand, none) if own.size else Multipliers.zero(len(q), 0)
+            return np.zeros_like(demand), lam
+        from pinarm.engine.statics.selected_drives import SelectedDrives
+
+        named = dict(zip(prescribed.names, prescribed.coordinates, strict=True))
+        linear = {name: one for name, one in named.items() if isinstance(one, LinearCoordinate)}
+        others = {name: one for name, one in named.items() if name not in linear}
+        return SelectedDrives(linear, others, own, self.closure).efforts(t, q, demand)

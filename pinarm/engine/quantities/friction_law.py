@@ -1,0 +1,57 @@
+"""How well the friction of a run obeys its law, by the reactions of the run: a route that no solver takes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinarm.engine.motion.stick_slip import REST
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.reactions import Reactions
+from pinarm.errors import DynamicsError
+from pinarm.mechanics.friction.contact import slip_rows
+
+SAMPLE = 64
+"""Number of rows that are looked at: a fixed, even choice."""
+
+CONTRADICTED = 1e-6
+"""Part of the largest friction by which the law may be missed: what rounding leaves of large reactions is less."""
+
+SLOW = 1e-9
+"""Slip, relative to the largest of the run, that is rest."""
+
+
+def friction_figures(run: Trajectory) -> dict[str, float]:
+    """Return ``friction``: what the law of friction misses at most, relative to the largest friction of the run.
+
+    Of a joint that slips, ``f + s (mu N + c)``; of one at rest, by how much ``|f|`` exceeds its limit. N is that of the
+    reactions of the rows, by Newton's and Euler's equations of the bodies.
+
+    Raises:
+        DynamicsError: They contradict each other.
+    """
+    contacts = run.mechanism.frictions
+    if not contacts or run.no_efforts or not len(run):
+        return {}
+    some = run.some(np.unique(np.linspace(0, len(run) - 1, min(len(run), SAMPLE)).astype(np.intp)))
+    reactions, missed, largest = Reactions(some), 0.0, 0.0
+    slips = np.matvec(slip_rows(run.mechanism.model, contacts, some.q), some.v)
+    lam = {name: reactions.multipliers[:, rows] for name, rows in some.closure.slices().items()}
+    every = np.arange(len(some))
+    for one, f, slip in zip(contacts, some.friction.T, slips.T, strict=True):
+        normal = np.zeros(len(some))
+        if one.law.loaded:
+            normal = one.bearing.load(one.transmitted(reactions.links(every), reactions.joints, lam))
+        mu, constant = one.law.slipping(np.abs(slip))
+        rest = one.law.static_mu * normal + one.law.static_constant
+        slipping, stuck = np.abs(f * np.sign(slip) + mu * normal + constant), np.maximum(np.abs(f) - rest, 0.0)
+        slow = np.abs(slip) <= max(SLOW * np.abs(slip).max(), 2.0 * REST)
+        missed = max(missed, float(np.where(slow, stuck, slipping).max()))
+        largest = max(largest, float(rest.max()))
+    left = missed / largest if largest else 0.0
+    if left > CONTRADICTED:
+        raise DynamicsError(
+            f"friction and the reactions that it depends on contradict each other by {left:.2g} of the friction",
+            expected="loads of bearings in proportion to friction, unlike those of teeth that change flanks",
+            hint="friction without a load: constant",
+        )
+    return {"friction": left}

@@ -1,0 +1,172 @@
+"""Where friction acts: the slip of a joint of the tree, or of one that closes a loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.input.units import Unit
+from pinarm.mechanics.friction.bearing import Bearing
+from pinarm.mechanics.friction.law import FrictionLaw
+from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+
+
+class FrictionContact(Protocol):
+    """One slip u = J v [rad/s or m/s] with the friction f against it [N*m or N], whose load is ``J^T f``."""
+
+    @property
+    def name(self) -> str:
+        """``joint.J`` or ``loop.L``: friction is asked as ``joint.J.friction``."""
+        ...
+
+    @property
+    def effort(self) -> Unit:
+        """Unit of the friction."""
+        ...
+
+    @property
+    def law(self) -> FrictionLaw:
+        """How it depends on load and speed."""
+        ...
+
+    @property
+    def bearing(self) -> Bearing:
+        """How its load follows from what it transmits."""
+        ...
+
+    @property
+    def shared(self) -> bool:
+        """Whether what rigid bodies leave open of its load is taken from the least multipliers."""
+        ...
+
+    def row(self, state: Kinematics) -> Array:
+        """Return J, shape (nv,)."""
+        ...
+
+    def drift(self, state: Kinematics) -> float:
+        """Return J' v."""
+        ...
+
+    def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
+        """Return what the friction, shape (n,), does to links, other than within a joint of the tree.
+
+        Joint index -> [f; m] at the world's origin, world axes, shape (n, 6).
+        """
+        ...
+
+    def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
+        """Return the wrench that the bearing carries, in axes in which its parts are given, shape (n, 6).
+
+        Args:
+            links: Where the links are.
+            joints: Wrenches of parents on children, at the joints' origins, world axes, shape (n, njoints, 6).
+            lam: Multipliers of the constraints by name, each of shape (n, m).
+        """
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class JointContact:
+    """The slip of a joint of the tree with one coordinate.
+
+    Attributes:
+        name: ``joint.J``.
+        effort: Unit of the friction.
+        index: Pinocchio's joint index.
+        v: Index in v.
+        law: Of friction.
+        bearing: In the axes of the child.
+        shared: See ``FrictionContact``.
+    """
+
+    name: str
+    effort: Unit
+    index: int
+    v: int
+    law: FrictionLaw
+    bearing: Bearing = field(repr=False)
+    shared: bool = False
+
+    def row(self, state: Kinematics) -> Array:
+        """Return the unit vector of the joint, shape (nv,)."""
+        unit = np.zeros(state.model.nv)
+        unit[self.v] = 1.0
+        return unit
+
+    def drift(self, state: Kinematics) -> float:
+        """Return 0: the row is constant."""
+        return 0.0
+
+    def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
+        """Return nothing: it acts within the joint."""
+        return {}
+
+    def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
+        """Return the wrench of the parent on the child, in the child's axes."""
+        turn = links.turns[:, self.index]
+        wrench = joints[:, self.index]
+        return np.concatenate([np.vecmat(wrench[:, :3], turn), np.vecmat(wrench[:, 3:], turn)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class LoopContact:
+    """The slip of a loop joint that turns or slides.
+
+    Attributes:
+        name: ``loop.L``.
+        effort: Unit of the friction.
+        joint: The loop joint.
+        slip: What it leaves free, as a joint of one row that holds it.
+        law: Of friction.
+        bearing: In the axes of the joint's first frame.
+        shared: See ``FrictionContact``.
+    """
+
+    name: str
+    effort: Unit
+    joint: LoopJoint
+    slip: LoopJoint
+    law: FrictionLaw
+    bearing: Bearing = field(repr=False)
+    shared: bool = False
+
+    def row(self, state: Kinematics) -> Array:
+        """Return J, shape (nv,)."""
+        return np.asarray(self.slip.rows(state)[0])
+
+    def drift(self, state: Kinematics) -> float:
+        """Return J' v."""
+        return float(self.slip.drift(state)[0])
+
+    def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
+        """Return what it does to the two links."""
+        return self.slip.wrenches(links, f[:, None])
+
+    def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
+        """Return the wrench of the first link on the second, at frame 2, in the axes of frame 1."""
+        wrench, turn = self.joint.wrench(links, lam[self.joint.name]), links.frame(self.joint.first)[0]
+        return np.concatenate([np.vecmat(wrench[:, :3], turn), np.vecmat(wrench[:, 3:], turn)], axis=1)
+
+
+def slip_rows(model: pin.Model, contacts: Sequence[FrictionContact], q: Array) -> Array:
+    """Return J of all contacts at configurations, shape (n, nq), as an array of shape (n, k, nv)."""
+    if all(isinstance(one, JointContact) for one in contacts):
+        fixed = np.eye(model.nv)[[one.v for one in contacts if isinstance(one, JointContact)]]
+        return np.broadcast_to(fixed, (len(q), *fixed.shape))
+    states = (Kinematics.at(model, row) for row in q)
+    return np.array([[one.row(state) for one in contacts] for state in states]).reshape(len(q), -1, model.nv)
+
+
+def slip_drifts(model: pin.Model, contacts: Sequence[FrictionContact], q: Array, v: Array) -> Array:
+    """Return J' v of all contacts in states, shapes (n, nq) and (n, nv), as an array of shape (n, k)."""
+    if all(isinstance(one, JointContact) for one in contacts):
+        return np.zeros((len(q), len(contacts)))
+    states = (Kinematics.at(model, *row) for row in zip(q, v, strict=True))
+    return np.array([[one.drift(state) for one in contacts] for state in states]).reshape(len(q), -1)

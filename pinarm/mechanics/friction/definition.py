@@ -1,0 +1,216 @@
+"""What files say of friction that sticks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError, choices, within
+from pinarm.input.units import unit
+from pinarm.input.yaml.schema import Angle, Force, InputStruct, NotNegative, Positive, Span, check_unit
+from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.couplings.transmissions import ToothContact
+from pinarm.mechanics.forces.joint_definitions import effort_unit
+from pinarm.mechanics.friction.bearing import Bearing
+from pinarm.mechanics.friction.contact import FrictionContact, JointContact, LoopContact
+from pinarm.mechanics.friction.law import FrictionLaw
+from pinarm.mechanics.friction.thread import CouplingContact, ThreadGeometry
+from pinarm.mechanics.joints import METRE, RADIAN, Joint
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.loops.lower_pairs import LowerPair
+from pinarm.mechanics.loops.screw import Thread
+
+Coefficient = Annotated[float, msgspec.Meta(ge=0)]
+
+SLIPS = {"revolute": RADIAN, "prismatic": METRE}
+"""Kinds of loop joints that have friction, and the unit of what they leave free."""
+
+
+class Friction(InputStruct, frozen=True):
+    """Dry friction in a joint, which sticks: at rest it is whatever holds the joint, up to a limit.
+
+    While the joint slips ``F = mu N + constant + viscous u`` acts against its velocity u, with the load N of its
+    bearings; at rest at most ``static_mu N + static_constant``. A joint that turns needs ``radius`` for ``mu``. The
+    load is made up of the parts of the reaction for which sizes are given: the force across the axis always, the force
+    along it with ``thrust_radius``, the moment across it with ``span``, the moment about a sliding joint's axis with
+    ``radius``.
+
+    Of a screw, a loop joint or a coupling, and of a worm and its wheel, a coupling ``gear`` whose first joint is the
+    worm, friction acts along the thread: forces in N, velocities in m/s, both along it. It takes ``radius``, the mean
+    one of the thread, ``flank`` and, of a worm, ``lead_angle``.
+
+    Attributes:
+        mu: Coefficient of friction while the joint slips.
+        static_mu: Coefficient at rest; ``mu`` where it is left out.
+        radius: Of the journal, at which a joint that turns slips; of a joint that slides, lever of the key that carries
+            the moment about its axis.
+        thrust_radius: Mean radius of the shoulder that carries the axial force of a joint that turns.
+        span: Distance of two bearings that share force and moment across the axis, centred at the joint's origin.
+        flank: Angle of a thread's flank in the axial section: 0 of a square thread, 30 deg of a metric one; of a worm,
+            its pressure angle there.
+        lead_angle: Of a worm.
+        preload: Normal force that is there without any reaction.
+        constant: Part that does not depend on the reaction [N*m or N].
+        static_constant: The same at rest; ``constant`` where it is left out.
+        viscous: Per velocity [N*m*s/rad or N*s/m].
+        stribeck: Velocity by which friction has fallen from its value at rest to that of slip; at once where it is left
+            out.
+        undetermined: ``refuse``, or ``minimum_norm``: what rigid bodies leave open of the load, as across a plane
+            linkage, is then that of the least multipliers.
+    """
+
+    mu: Coefficient = 0.0
+    static_mu: Coefficient | None = None
+    radius: Span | None = None
+    thrust_radius: Span | None = None
+    span: Span | None = None
+    flank: Angle = 0.0
+    lead_angle: Angle | None = None
+    preload: Force = 0.0
+    constant: NotNegative = 0.0
+    static_constant: NotNegative | None = None
+    viscous: NotNegative = 0.0
+    stribeck: Positive | None = None
+    undetermined: Literal["refuse", "minimum_norm"] = "refuse"
+
+    def check(self) -> None:
+        """Refuse friction that is less at rest than in slip, and a preload that pulls."""
+        for key, rest, slip in (
+            ("static_mu", self.static_mu, self.mu), ("static_constant", self.static_constant, self.constant),
+        ):  # fmt: skip
+            if rest is not None and rest < slip:
+                with within(key):
+                    raise InputError(f"friction at rest, {rest:g}, is below that of slip, {slip:g}",
+                                     expected="at least as much at rest")  # fmt: skip
+        for key, angle in (("flank", self.flank), ("lead_angle", self.lead_angle)):
+            if angle is not None and not 0.0 <= angle < 0.5 * np.pi:
+                with within(key):
+                    raise InputError("the angle is not that of a thread", expected="at least 0 and below 90 deg")
+        if self.preload < 0.0:
+            with within("preload"):
+                raise InputError("a preload presses", expected="at least 0 N")
+
+    def bind(
+        self, name: str, model: pin.Model, joints: Mapping[str, Joint], constraints: Sequence[LoopJoint | Coupling]
+    ) -> FrictionContact:
+        """Return the friction of a joint of the tree, a loop joint or a coupling, by its name.
+
+        Raises:
+            InputError: There is none, or none that turns or slides; or a size is missing.
+        """
+        of_loops = {one.name: one for one in constraints}
+        if name in joints:
+            joint = joints[name]
+            axis = _axis(model, joint)
+            law, bearing = self._law(joint), self._bearing(axis, turns=joint.unit == RADIAN)
+            return JointContact(f"joint.{name}", effort_unit(joint), joint.index, joint.v, law, bearing, self._shared)
+        if name not in of_loops:
+            expected, hint = choices(name, [*joints, *of_loops])
+            raise InputError(f"there is no joint '{name}' with one coordinate", expected=expected, hint=hint)
+        constraint = of_loops[name]
+        if isinstance(constraint, Coupling):
+            return self._of_coupling(constraint)
+        return self._of_loop(constraint)
+
+    def _of_coupling(self, coupling: Coupling) -> CouplingContact:
+        """Return the friction of a screw between two joints, or of a worm and its wheel."""
+        weights = coupling.coordinate.weights
+        first, second = _coupled(weights, coupling.name)
+        ratio, radius = -float(weights[first]), self._thread_radius(coupling.name)
+        wheel = 1.0
+        if coupling.kind != "screw":
+            if self.lead_angle is None:
+                raise InputError(f"friction of the {coupling.kind} '{coupling.name}' is that of a worm",
+                                 expected="lead_angle, with the worm as the first joint")  # fmt: skip
+            wheel = radius * np.tan(self.lead_angle) / abs(ratio)
+        thread = ThreadGeometry(radius, wheel * ratio, float(self.flank))
+        slip, (turning, sliding) = np.zeros(len(weights)), thread.along
+        slip[first], slip[second] = turning, wheel * sliding
+        if isinstance(coupling.transmission, ToothContact):
+            raise InputError(f"how friction loads the bearings of '{coupling.name}' is not known",
+                             expected="a gear without the geometry of its teeth")  # fmt: skip
+        bearing = Bearing.thread(np.array([1.0, 0.0, 0.0]), thread.lever / wheel)
+        law = self._law(Joint(coupling.name, 0, 0, 0, METRE))
+        return CouplingContact(
+            f"coupling.{coupling.name}", unit("N"), coupling, slip, thread.along, law, bearing, self._shared
+        )
+
+    def _thread_radius(self, name: str) -> float:
+        if not self.radius:
+            raise InputError(f"friction of '{name}' needs the mean radius of its thread", expected="radius: 12 mm")
+        return float(self.radius)
+
+    def _of_loop(self, loop: LoopJoint) -> LoopContact:
+        if isinstance(loop.pair, LowerPair) and isinstance(loop.pair.rotation, Thread):
+            return self._of_screw(loop, loop.pair.axis, loop.pair.rotation.pitch)
+        if loop.kind not in SLIPS or not isinstance(loop.pair, LowerPair):
+            raise InputError(f"the loop joint '{loop.name}' is of the kind {loop.kind}",
+                             expected=f"friction of the kinds {', '.join(SLIPS)}, screw")  # fmt: skip
+        measured, axis, nothing = SLIPS[loop.kind], loop.pair.axis[None], np.zeros((1, 3))
+        turns = measured == RADIAN
+        free = LowerPair(nothing, axis, axis[0], None) if turns else LowerPair(axis, nothing, axis[0], None)
+        slip = LoopJoint(loop.name, "slip", loop.first, loop.second, free)
+        joint = Joint(loop.name, 0, 0, 0, measured)
+        law, bearing = self._law(joint), self._bearing(axis[0], turns=turns)
+        return LoopContact(f"loop.{loop.name}", effort_unit(joint), loop, slip, law, bearing, self._shared)
+
+    def _of_screw(self, loop: LoopJoint, axis: Array, pitch: float) -> LoopContact:
+        thread = ThreadGeometry(self._thread_radius(loop.name), pitch, float(self.flank))
+        turning, sliding = thread.along
+        slip = LoopJoint(loop.name, "slip", loop.first, loop.second,
+                         LowerPair(sliding * axis[None], turning * axis[None], axis, None))  # fmt: skip
+        law = self._law(Joint(loop.name, 0, 0, 0, METRE))
+        bearing = Bearing.thread(axis, thread.lever)
+        return LoopContact(f"loop.{loop.name}", unit("N"), loop, slip, law, bearing, self._shared)
+
+    @property
+    def _shared(self) -> bool:
+        return self.undetermined == "minimum_norm"
+
+    def _law(self, joint: Joint) -> FrictionLaw:
+        effort, rate = effort_unit(joint), joint.unit / unit("s")
+        for key, measured in (
+            ("constant", effort), ("static_constant", effort), ("viscous", effort / rate), ("stribeck", rate),
+        ):  # fmt: skip
+            with within(key):
+                check_unit(getattr(self, key) or 0.0, measured)
+        static_mu = self.mu if self.static_mu is None else self.static_mu
+        static = self.constant if self.static_constant is None else self.static_constant
+        return FrictionLaw(self.mu, static_mu, float(self.constant), float(static), float(self.viscous),
+                           float(self.stribeck or 0.0))  # fmt: skip
+
+    def _bearing(self, axis: Array, *, turns: bool) -> Bearing:
+        radius, thrust_radius, span = (float(x or 0.0) for x in (self.radius, self.thrust_radius, self.span))
+        if not (self.mu or self.static_mu):
+            return Bearing.none()
+        if not turns:
+            if thrust_radius:
+                with within("thrust_radius"):
+                    raise InputError("a joint that slides has no shoulder", expected="span, radius")
+            return Bearing.guide(axis, radius, span, float(self.preload))
+        if not radius:
+            raise InputError("mu of a joint that turns needs the radius of its journal", expected="radius: 12 mm")
+        return Bearing.journal(axis, radius, thrust_radius, span, float(self.preload))
+
+
+def _coupled(weights: Array, name: str) -> tuple[int, int]:
+    """Return the indices in v of the joints of ``q2 - ratio q1 = c`` from its weights."""
+    coupled = np.flatnonzero(weights)
+    second = [v for v in coupled.tolist() if weights[v] == 1.0]
+    if len(coupled) != 2 or len(second) != 1:
+        raise InputError(f"the joints of '{name}' do not tell which is the thread and which the nut",
+                         expected="two joints, and a ratio other than -1")  # fmt: skip
+    return int(coupled[coupled != second[0]][0]), second[0]
+
+
+def _axis(model: pin.Model, joint: Joint) -> Array:
+    """Return the axis of a joint in the child's axes, shape (3,)."""
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    column = pin.getJointJacobian(model, data, joint.index, pin.LOCAL).reshape(6, -1)[:, joint.v]
+    return np.array(column[:3] if joint.unit == METRE else column[3:])

@@ -1,0 +1,59 @@
+"""How much a joint resists: Coulomb's law with a limit at rest, Stribeck's transition, constant and viscous parts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinarm.arrays import Array
+
+
+@dataclass(frozen=True)
+class FrictionLaw:
+    """Resistance of one joint to slip, as a function of its load N and its speed u >= 0.
+
+    While it slips ``F = mu(u) N + c(u) + viscous u``; at rest the friction is whatever keeps the joint at rest, up to
+    ``static_mu N + static_constant``. With Stribeck's velocity w, ``mu(u) = mu + (static_mu - mu) exp(-(u / w)^2)``, c
+    likewise; without one both drop at once when slip begins.
+
+    N is in units of F: the normal forces in a bearing times their levers (``Bearing.load``).
+
+    Attributes:
+        mu: Coefficient while it slips.
+        static_mu: Coefficient at rest.
+        constant: Part that does not depend on the load, while it slips [N*m or N].
+        static_constant: The same at rest.
+        viscous: [N*m*s/rad or N*s/m].
+        stribeck: w [rad/s or m/s]; 0 without a transition.
+    """
+
+    mu: float
+    static_mu: float
+    constant: float
+    static_constant: float
+    viscous: float = 0.0
+    stribeck: float = 0.0
+
+    @classmethod
+    def plain(cls, constant: float) -> FrictionLaw:
+        """Return the law of a friction that neither load nor speed changes."""
+        return cls(0.0, 0.0, constant, constant)
+
+    def slipping(self, speed: Array | float) -> tuple[Array, Array]:
+        """Return ``mu(u)`` and ``c(u) + viscous u``, each of the shape of the speeds u >= 0."""
+        speed = np.asarray(speed, float)
+        rest = np.exp(-((speed / self.stribeck) ** 2)) if self.stribeck else np.zeros_like(speed)
+        mu = self.mu + (self.static_mu - self.mu) * rest
+        constant = self.constant + (self.static_constant - self.constant) * rest
+        return mu, constant + self.viscous * speed
+
+    @property
+    def resting(self) -> tuple[float, float]:
+        """``static_mu`` and ``static_constant``."""
+        return self.static_mu, self.static_constant
+
+    @property
+    def loaded(self) -> bool:
+        """Whether it depends on the load."""
+        return self.static_mu > 0.0

@@ -1,0 +1,161 @@
+"""What a joint asks of any motor and gear over one cycle: its effort and motion, and the integrals of rms torques.
+
+With v and a of the joint, the effort tau that goes through the gear, its efficiency eta, and
+
+    y = tau / eta  where the motor drives (tau v >= 0),    y = eta tau  where the load drives it,
+
+a motor of the rotor inertia J behind a gear of the ratio N gives the torque ``T = J N a + y / N``, so that
+
+    rms(T)² = (J² N² A + 2 J B + C / N²) / L,    A = ∫ a² dt,  B = ∫ a y dt,  C = ∫ y² dt,
+
+for a cycle of the length L: three integrals serve all motors and ratios. The least rms torque of a motor is at
+``N² = C^(1/2) / (J A^(1/2))``, which is ``J_load / J`` where an inertia is all the load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.quantities.names import Quantities
+from pinarm.use.result.curve_figures import integrals
+from pinarm.use.result.row_lookup import Lookup
+
+SAMPLES = 2000
+"""Instants at which peaks and temperatures are looked at, spread over the intervals of a run by their lengths, besides
+eight in each."""
+
+
+Columns = Callable[[Quantities], tuple[Array, Array, Array]]
+"""Rows -> velocity, acceleration and y of the joint, each of shape (n,)."""
+
+
+@dataclass(frozen=True)
+class Duty:
+    """One cycle of a joint.
+
+    Attributes:
+        t: Instants [s], shape (n,).
+        v: Velocity of the joint [rad/s or m/s], shape (n,).
+        a: Its acceleration, shape (n,).
+        y: Effort at the gear's input times the ratio, efficiency included [N*m or N], shape (n,).
+        squares: A, B and C.
+        error: Largest error of their quadrature, relative to the largest contribution.
+        rest: How long the joint is held by a brake after the motion, the motor without torque [s].
+    """
+
+    t: Array = field(repr=False)
+    v: Array = field(repr=False)
+    a: Array = field(repr=False)
+    y: Array = field(repr=False)
+    squares: tuple[float, float, float]
+    error: float
+    rest: float
+
+    @property
+    def length(self) -> float:
+        """Length L of the cycle, its rest included [s]."""
+        return float(self.t[-1] - self.t[0]) + self.rest
+
+    def torque(self, inertia: float, ratio: float) -> Array:
+        """Return the torque T of a motor [N*m], shape (n,)."""
+        return inertia * ratio * self.a + self.y / ratio
+
+    def rms_torque(self, inertia: float, ratio: float) -> float:
+        """Return the root of the mean square of T over the cycle [N*m]."""
+        a, b, c = self.squares
+        square = (inertia * ratio) ** 2 * a + 2.0 * inertia * b + c / ratio**2
+        return float((max(square, 0.0) / self.length) ** 0.5)
+
+    def best_ratio(self, inertia: float) -> float:
+        """Return the ratio of the least rms torque for a rotor inertia; infinite without one."""
+        a, _, c = self.squares
+        return float((c / a) ** 0.25 / inertia**0.5) if a * inertia > 0.0 else float("inf")
+
+    @property
+    def load_inertia(self) -> float:
+        """Inertia that explains most of the effort, ``∫ a y dt / ∫ a² dt`` [kg*m^2 or kg]; 0 without acceleration."""
+        a, b, _ = self.squares
+        return b / a if a > 0.0 else 0.0
+
+    def mean_speed(self) -> float:
+        """Return the mean size of the velocity over the cycle, its rest included."""
+        return float(np.trapezoid(np.abs(self.v), self.t) / self.length)
+
+    def energy(self, torque: Array, ratio: float) -> tuple[float, float]:
+        """Return the energy that a motor gives in a cycle, and what it takes back [J], both positive."""
+        power = torque * ratio * self.v
+        given, taken = (float(np.trapezoid(np.maximum(sign * power, 0.0), self.t)) for sign in (1.0, -1.0))
+        return given, taken
+
+    def warmest(self, load: Array, time_constant: float) -> float:
+        """Return the peak of ``x' = (u - x) / T`` when cycles of the heat u follow each other for ever.
+
+        Args:
+            load: u at the instants, shape (n,); 0 while the joint rests.
+            time_constant: T [s].
+        """
+        steps = np.diff(self.t) / time_constant
+        fade, mean = np.exp(-steps), 0.5 * (load[:-1] + load[1:])
+        course = np.concatenate([[0.0], _recursion(fade, -np.expm1(-steps) * mean)])
+        decay = np.exp(-(self.t - self.t[0]) / time_constant)
+        rest = np.exp(-self.rest / time_constant)
+        start = course[-1] * rest / -np.expm1(-self.length / time_constant)
+        return float((course + start * decay).max())
+
+
+def _recursion(factors: Array, terms: Array) -> Array:
+    """Return x_k = factors_k x_(k-1) + terms_k from x = 0, shape (n,)."""
+    x, values = 0.0, []
+    for factor, term in zip(factors.tolist(), terms.tolist(), strict=True):
+        x = factor * x + term
+        values.append(x)
+    return np.array(values)
+
+
+def duty_of(run: Lookup, joint: str, armature: float, efficiency: float, rest: float) -> Duty:
+    """Return the cycle of a joint in a run.
+
+    Args:
+        run: The run; its rows are states of one motion in time.
+        joint: The joint.
+        armature: What the joint's effort in the run counts of the rotor of its own drive [kg*m^2 or kg].
+        efficiency: Of the gear.
+        rest: How long the joint is held by a brake after the motion [s].
+    """
+    index = run.run.mechanism.joints[joint].v
+
+    def columns(rows: Quantities) -> tuple[Array, Array, Array]:
+        v, a, effort = (rows[f"joint.{joint}.{part}"].values for part in ("velocity", "acceleration", "effort"))
+        tau, direction = effort - armature * a, rows.trajectory.direction(index)
+        return v, a, tau * np.where(tau * direction < 0.0, efficiency, 1.0 / efficiency)
+
+    _, a, y = columns(run.quantities)
+    scale = np.array([np.abs(a).max() or 1.0, np.abs(y).max() or 1.0])
+
+    def squares(rows: Quantities) -> Array:
+        _, a, y = columns(rows)
+        a, y = a / scale[0], y / scale[1]
+        return np.stack([a * a, a * y, y * y], axis=1)
+
+    total, error = integrals(run, squares)
+    sizes = np.array([scale[0] ** 2, scale[0] * scale[1], scale[1] ** 2])
+    t, v, a, y = _samples(run, columns)
+    worst = float(error.max() / max(np.abs(total).max(), np.finfo(float).tiny))
+    a_square, product, y_square = (total * sizes).tolist()
+    return Duty(t, v, a, y, (a_square, product, y_square), worst, rest)
+
+
+def _samples(run: Lookup, columns: Columns) -> tuple[Array, Array, Array, Array]:
+    """Return instants all over a run, both sides of jumps among them, and the columns there."""
+    whole = run.run.grid.cuts[-1] - run.run.grid.cuts[0]
+    parts = []
+    for interval, (start, end, _) in enumerate(run.intervals):
+        if end > start:
+            t = np.linspace(start, end, 8 + round(SAMPLES * (end - start) / whole))
+            parts.append((t, *columns(run.quantities_at(interval, t))))
+    t, v, a, y = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return t, v, a, y

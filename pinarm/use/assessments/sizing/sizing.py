@@ -1,0 +1,255 @@
+"""Which motors of a catalogue, behind which gears, drive a joint through its cycle: ranked, with what stops others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
+from pinarm.errors import InputError, choices, within
+from pinarm.input.roots import contained_file, root_of
+from pinarm.input.units import DIMENSIONLESS, unit
+from pinarm.input.yaml.schema import InputStruct, Pause, current_folder
+from pinarm.mechanics.drives import Drive
+from pinarm.use.assessments.sizing.catalogue import Motor, read_catalogue
+from pinarm.use.assessments.sizing.duty import Duty, duty_of
+from pinarm.use.result.section import Curve, Graph, Section, SectionTable
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
+
+TORQUE, SPEED, INERTIA, ENERGY = unit("N*m"), unit("rad/s"), unit("kg*m^2"), unit("J")
+
+COLUMNS = (
+    "rank", "motor", "ratio", "verdict", "peak torque", "torque margin", "rms torque", "rms margin", "peak speed",
+    "speed margin", "winding", "inertia ratio", "energy", "regenerated",
+)  # fmt: skip
+UNITS_OF = (None, None, None, None, TORQUE, None, TORQUE, None, SPEED, None, None, None, ENERGY, ENERGY)
+
+
+class Sizing(InputStruct, frozen=True):
+    """A motor and a gear wanted for the drive of a joint.
+
+    The run is one cycle of the joint; its effort and motion are asked of every motor of the catalogue at every ratio,
+    with the rotor inertia of that motor in place of the drive's own. A motor fits where, with the safety factor, its
+    short-time torque is above the torque at every instant, its continuous torque at the mean speed above the rms
+    torque, its largest speed above the peak speed, and its winding below its largest temperature. Motors that fit are
+    ranked by mass, then by how little of their reserve is used.
+
+    Attributes:
+        drive: A drive of the mechanism, whose joint follows the motion of the run.
+        catalogue: A CSV file of motors; its columns are described in ``assessments.sizing.catalogue``.
+        ratios: Ratios of the gear to try.
+        efficiency: Of the gear; that of the drive where it is left out.
+        rest: How long the joint rests between two cycles, held by a brake, the motor without torque.
+        ambient: Temperature around the motor [degC], such as ``40 degC``.
+        safety: Factor on torques and speeds.
+    """
+
+    drive: str
+    catalogue: str
+    ratios: Annotated[list[Annotated[float, msgspec.Meta(gt=0)]], msgspec.Meta(min_length=1, max_length=1000)]
+    efficiency: Annotated[float, msgspec.Meta(gt=0, le=1)] | None = None
+    rest: Pause = 0.0
+    ambient: str = "40 degC"
+    safety: Annotated[float, msgspec.Meta(ge=1)] = 1.0
+
+    def check(self) -> None:
+        """Read the catalogue and the temperature, so that their mistakes are located in the file."""
+        with within("ambient"):
+            _ = self.ambient_temperature
+        with within("catalogue"):
+            read_catalogue(self._file)
+
+    @property
+    def _file(self) -> Path:
+        folder = current_folder() or Path(self.catalogue).absolute().parent
+        path = contained_file((folder / self.catalogue).absolute(), root_of(folder))
+        msgspec.structs.force_setattr(self, "catalogue", str(path))
+        return path
+
+    @property
+    def ambient_temperature(self) -> float:
+        """Temperature around the motor [degC]."""
+        number, _, measured = self.ambient.strip().partition(" ")
+        try:
+            value = float(number)
+        except ValueError:
+            value = np.nan
+        if measured.strip() not in ("degC", "°C") or not -273.15 <= value <= 1000.0:
+            raise InputError(f"'{self.ambient}' is no temperature of a room", expected="such as 40 degC")
+        return value
+
+    def requested(self) -> list[str]:
+        """Return what it needs of a run: see ``Assessment``."""
+        return [f"drive.{self.drive}.torque"]
+
+    def check_names(self, quantities: Quantities) -> None:
+        """Check the drive: see ``Assessment``."""
+        drives = quantities.trajectory.mechanism.drives
+        if self.drive not in drives:
+            expected, hint = choices(self.drive, drives)
+            with within("drive"):
+                raise InputError(f"there is no drive '{self.drive}'", expected=expected, hint=hint)
+        _ = quantities[f"drive.{self.drive}.torque"]
+
+    def evaluate(self, result: Result) -> Section:
+        """Return all motors at all ratios, ranked: see ``Assessment``.
+
+        Raises:
+            InputError: The run is no motion in time.
+        """
+        run = result.trajectory
+        if result.outcome.motion is None or run.parameter != "t":
+            raise InputError("a motor is sized for a motion in time", expected="a problem of kind inverse or forward")
+        drive = run.mechanism.drives[self.drive]
+        efficiency = drive.efficiency if self.efficiency is None else self.efficiency
+        duty = duty_of(result.lookup, drive.joint, drive.armature, efficiency, float(self.rest))
+        candidates = [self._candidate(duty, motor, ratio) for motor in read_catalogue(Path(self.catalogue))
+                      for ratio in self.ratios]  # fmt: skip
+        ranked = sorted(candidates, key=lambda each: each.order)
+        return self._section(duty, ranked, drive)
+
+    def _candidate(self, duty: Duty, motor: Motor, ratio: float) -> Candidate:
+        torque, speed = duty.torque(motor.rotor_inertia, ratio), ratio * np.abs(duty.v)
+        rms = duty.rms_torque(motor.rotor_inertia, ratio)
+        available = motor.short_torque(speed)
+        with np.errstate(divide="ignore"):
+            margin = np.where(torque == 0.0, np.inf, available / np.abs(torque)).min()
+        continuous = motor.continuous_torque(ratio * duty.mean_speed())
+        winding = self.ambient_temperature + motor.temperature_rise * duty.warmest(
+            (torque / motor.stall_torque) ** 2, motor.time_constant
+        )
+        given, taken = duty.energy(torque, ratio)
+        return Candidate(
+            motor, ratio, float(np.abs(torque).max()), float(margin), rms, continuous / rms if rms else np.inf,
+            float(speed.max()), motor.max_speed / float(speed.max()) if speed.any() else np.inf, winding,
+            duty.load_inertia / (motor.rotor_inertia * ratio**2) if motor.rotor_inertia else np.inf, given, taken,
+            self.safety,
+        )  # fmt: skip
+
+    def _section(self, duty: Duty, ranked: Sequence[Candidate], drive: Drive) -> Section:
+        rows = [candidate.row(number) for number, candidate in enumerate(ranked, start=1)]
+        tables = [SectionTable("motors", f"Motors and ratios for {self.drive}, the lightest that fits first", COLUMNS,
+                               UNITS_OF, rows), _best_ratios(duty, ranked)]  # fmt: skip
+        best, fitting = ranked[0], sum(not candidate.reasons for candidate in ranked)
+        numbers = {
+            "fitting": Series("fitting", DIMENSIONLESS, np.array([float(fitting)])),
+            "peak_torque": Series("peak torque", TORQUE, np.array([best.peak_torque])),
+            "rms_torque": Series("rms torque", TORQUE, np.array([best.rms_torque])),
+            "peak_speed": Series("peak speed", SPEED, np.array([best.peak_speed])),
+            "ratio": Series("ratio", DIMENSIONLESS, np.array([best.ratio])),
+            "reserve": Series("reserve", DIMENSIONLESS, np.array([best.reserve])),
+        }
+        remarks = [
+            f"{fitting} of {len(ranked)} fit; motors with a gear of efficiency "
+            f"{drive.efficiency if self.efficiency is None else self.efficiency:g} by direction of power",
+            f"rms torques: quadrature error {duty.error:.1e}; peaks are those of {len(duty.t)} instants",
+        ]
+        if not fitting:
+            remarks.insert(0, f"no motor fits; closest is {best.motor.name} at {best.ratio:g}: {best.verdict}")
+        return Section("sizing", f"Motor and gear of {self.drive}", tables, numbers, remarks, [_cloud(duty, best)])
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A motor at a ratio. Margins are available over needed; torques at the motor.
+
+    Attributes:
+        motor: The motor.
+        ratio: The ratio.
+        peak_torque: Largest torque [N*m].
+        torque_margin: Smallest quotient of short-time torque and torque at an instant.
+        rms_torque: Over the cycle [N*m].
+        rms_margin: Continuous torque at the mean speed over the rms torque.
+        peak_speed: Largest speed [rad/s].
+        speed_margin: Largest speed of the motor over that.
+        winding: Highest temperature of the winding when cycles follow each other [degC].
+        inertia_ratio: Inertia of the load at the motor over that of the rotor.
+        energy: Given in a cycle [J].
+        regenerated: Taken back in a cycle [J].
+        safety: Factor that margins have to reach.
+    """
+
+    motor: Motor = field(repr=False)
+    ratio: float
+    peak_torque: float
+    torque_margin: float
+    rms_torque: float
+    rms_margin: float
+    peak_speed: float
+    speed_margin: float
+    winding: float
+    inertia_ratio: float
+    energy: float
+    regenerated: float
+    safety: float
+
+    @property
+    def reserve(self) -> float:
+        """Smallest of the margins of torque, rms torque and speed."""
+        return min(self.torque_margin, self.rms_margin, self.speed_margin)
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why it does not fit; empty where it does."""
+        margins = {"peak torque": self.torque_margin, "rms torque": self.rms_margin, "speed": self.speed_margin}
+        short = {what: margin for what, margin in margins.items() if margin < self.safety}
+        said = [f"{what} {1.0 / margin:.2f} times what it has" if margin else f"{what} where it has none"
+                for what, margin in short.items()]  # fmt: skip
+        return said + [f"winding at {self.winding:.0f} degC"] * (self.winding > self.motor.max_temperature)
+
+    @property
+    def verdict(self) -> str:
+        """``fits``, or why it does not."""
+        return "; ".join(self.reasons) or "fits"
+
+    @property
+    def order(self) -> tuple[bool, float, float]:
+        """Key to rank by: those that fit by mass, the others by how far they are from it; then by reserve."""
+        fails = bool(self.reasons)
+        return fails, -self.reserve if fails else self.motor.mass, -self.reserve
+
+    def row(self, number: int) -> tuple[str | float, ...]:
+        """Return its row of the table."""
+        return (
+            float(number), self.motor.name, self.ratio, self.verdict, self.peak_torque, self.torque_margin,
+            self.rms_torque, self.rms_margin, self.peak_speed, self.speed_margin, self.winding, self.inertia_ratio,
+            self.energy, self.regenerated,
+        )  # fmt: skip
+
+
+def _best_ratios(duty: Duty, ranked: Sequence[Candidate]) -> SectionTable:
+    """Return for every motor the ratio of the least rms torque."""
+    motors = list({candidate.motor.name: candidate.motor for candidate in ranked}.values())
+    best = [(motor, duty.best_ratio(motor.rotor_inertia)) for motor in motors]
+    rows = [(motor.name, ratio, duty.rms_torque(motor.rotor_inertia, ratio) if ratio < np.inf else 0.0)
+            for motor, ratio in best]  # fmt: skip
+    return SectionTable("best_ratios", "Ratio of the least rms torque", ("motor", "ratio", "rms torque"),
+                        (None, None, TORQUE), rows)  # fmt: skip
+
+
+def _cloud(duty: Duty, best: Candidate) -> Graph:
+    """Return torque over speed at all instants, and what the motor has for a short time and for ever."""
+    motor, speeds = best.motor, np.linspace(0.0, best.motor.max_speed, 200)
+    continuous = np.array([motor.continuous_torque(speed) for speed in speeds.tolist()])
+    torque = np.abs(duty.torque(motor.rotor_inertia, best.ratio))
+
+    def curve(speed: Array, values: Array, label: str, *, points: bool = False) -> Curve:
+        across = Series("speed of the motor", SPEED, speed)
+        return Curve(across, Series("torque of the motor", TORQUE, values), label, points)
+
+    cloud = curve(best.ratio * np.abs(duty.v), torque, "torque at all instants", points=True)
+    point = curve(np.array([best.ratio * duty.mean_speed()]), np.array([best.rms_torque]), "rms torque", points=True)
+    return Graph(
+        "torque_speed", f"{motor.name}, ratio {best.ratio:g}",
+        [curve(speeds, motor.short_torque(speeds), "for a short time"), curve(speeds, continuous, "for ever"), cloud,
+         point],
+    )  # fmt: skip

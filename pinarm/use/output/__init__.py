@@ -1,0 +1,1 @@
+"""Writing of folders and files of results, whole or not at all."""

@@ -1,0 +1,261 @@
+"""Folders and files of results: they appear whole or not at all, and nothing else is replaced or removed.
+
+A folder that was written here has a ``manifest.json`` with the SHA-256 digest of every file in it. Only these files are
+ever replaced or removed; whatever else stands in the folder is an error that names it. New content is written to a
+draft beside its place and renamed. Symbolic links are neither written through nor removed.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import secrets
+import shutil
+import signal
+import threading
+import time
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import FrameType
+
+import msgspec
+
+from pinarm.errors import InputError
+from pinarm.use.output.manifest import (
+    DRAFT,
+    MANIFEST,
+    Manifest,
+    digest,
+    file_names,
+    own_files,
+    read_manifest,
+    write_manifest,
+)
+
+PATIENCE = 60.0
+"""Seconds to wait for another process that replaces the files of a folder, which takes it milliseconds."""
+
+
+@contextmanager
+def whole_folder(folder: Path, kind: str, *, beside: Collection[str] = ()) -> Iterator[Path]:
+    """Yield an empty draft folder; at the end of the block its files replace those of an older one.
+
+    An exception in the block leaves the folder as it was.
+
+    Args:
+        folder: The folder, which need not exist.
+        kind: What is written, as in ``Manifest``.
+        beside: Files in the folder that are left as they are.
+
+    Raises:
+        InputError: The folder cannot be written, or holds something else.
+    """
+    draft = None
+    try:
+        check_replaceable(folder, kind, beside=beside)
+        draft = _draft(folder)
+        yield draft
+        _publish(draft, folder, kind, beside)
+    except OSError as error:
+        raise InputError(f"the {kind} cannot be written to {folder}: {error.strerror or error}") from None
+    finally:
+        if draft is not None:
+            shutil.rmtree(draft, ignore_errors=True)
+
+
+def check_replaceable(folder: Path, kind: str, *, beside: Collection[str] = ()) -> None:
+    """Raise where a folder holds anything but what was written here.
+
+    Raises:
+        InputError: It does, or it cannot be read; the message names the files.
+    """
+    try:
+        if folder.is_symlink() or folder.exists():
+            own_files(folder, kind, beside)
+    except OSError as error:
+        raise InputError(f"the {kind} cannot be written to {folder}: {error.strerror or error}") from None
+
+
+def write_file(path: Path, parts: Iterable[bytes]) -> None:
+    """Write a file that appears whole or not at all; in a folder with a manifest, which then lists it.
+
+    Raises:
+        InputError: It cannot be written, or something stands there that is no file, or none of the manifest's.
+    """
+    draft = path.with_name(f"{DRAFT}{secrets.token_hex(4)}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_symlink() or (path.exists() and not path.is_file()):
+            raise InputError(f"{path} is not a regular file", hint="another name: -o FILE")
+        try:
+            with open(draft, "xb") as stream:
+                stream.writelines(parts)
+            _add(draft, path)
+        finally:
+            draft.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+
+
+@contextmanager
+def complete_folder(folder: Path) -> Iterator[None]:
+    """Let the block read a folder while nobody replaces its files.
+
+    Raises:
+        InputError: The folder has no manifest, or its writer was killed while it replaced files.
+    """
+    with _locked(folder, fcntl.LOCK_SH):
+        manifest = read_manifest(folder)
+        if manifest is None or manifest.arriving:
+            problem = "was killed while it replaced files" if manifest else "did not leave a manifest.json"
+            raise InputError(f"{folder} is not a complete result: its writer {problem}", hint="the same run again")
+        yield
+
+
+def _draft(folder: Path) -> Path:
+    """Make an empty folder: inside of one that exists, which may be all that this user can write; else beside it."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    draft = (folder if folder.exists() else folder.parent) / f"{DRAFT}{secrets.token_hex(4)}.part"
+    draft.mkdir()
+    return draft
+
+
+def _publish(draft: Path, folder: Path, kind: str, beside: Collection[str]) -> None:
+    """Put a draft in its place: by renaming it where there is none yet, else file by file under a lock."""
+    new = {name: str(digest(draft / name)) for name in file_names(draft)}
+    if not os.path.lexists(folder):
+        write_manifest(draft, Manifest(kind, new))
+        try:
+            draft.rename(folder)
+            return
+        except OSError as error:  # another process was faster
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                raise
+        (draft / MANIFEST).unlink()
+    with _locked(folder, fcntl.LOCK_EX) as home:
+        own = own_files(folder, kind, beside)
+        _exchange(draft, home, folder, Manifest(kind, own, new), set(own) - set(new))
+
+
+def _add(draft: Path, path: Path) -> None:
+    """Put a draft of one file in its place."""
+    folder, name = path.parent, path.name
+    if (folder / MANIFEST).is_symlink() or not (folder / MANIFEST).is_file():
+        draft.replace(path)
+        return
+    with _locked(folder, fcntl.LOCK_EX) as home:
+        known = read_manifest(folder)
+        if known is None or known.arriving:
+            raise InputError(f"{folder} is not a complete result", hint="another name: -o FILE")
+        if os.path.lexists(path) and digest(path) != known.files.get(name, ""):
+            raise InputError(f"{path} was not written by pinarm, or was changed since", hint="another name: -o FILE")
+        box = folder / f"{draft.name}.d"
+        box.mkdir()
+        try:
+            new = {name: str(digest(draft))}
+            draft.rename(box / name)
+            _exchange(box, home, folder, msgspec.structs.replace(known, arriving=new), set())
+        finally:
+            shutil.rmtree(box, ignore_errors=True)
+
+
+def _exchange(draft: Path, home: int, folder: Path, both: Manifest, stale: set[str]) -> None:
+    """Move the files of a draft to a folder and remove what is stale.
+
+    The manifest on the way knows the old files and the new: one whose writer is killed here is known for what it is.
+
+    Args:
+        draft: Where the new files are.
+        home: Descriptor of the folder.
+        folder: Its path.
+        both: The manifest on the way.
+        stale: Files of the folder that are not replaced.
+    """
+    with _signals_waiting():
+        write_manifest(folder, both)
+        for name in both.arriving:
+            with _parent(home, name) as (at, last):
+                os.rename(draft / name, last, dst_dir_fd=at)
+        for name in sorted(stale, reverse=True):
+            with _parent(home, name) as (at, last), suppress(FileNotFoundError):
+                os.unlink(last, dir_fd=at)
+        for inner in sorted({str(Path(name).parent) for name in stale} - {"."}, reverse=True):
+            with suppress(OSError):  # it holds other files
+                os.rmdir(inner, dir_fd=home)
+        left = {name: known for name, known in both.files.items() if name not in stale}
+        write_manifest(folder, Manifest(both.kind, left | both.arriving))
+
+
+@contextmanager
+def _parent(home: int, name: str) -> Iterator[tuple[int, str]]:
+    """Yield the descriptor of the folder that a path below ``home`` ends in, made where missing, and the last name.
+
+    Raises:
+        OSError: A folder on the way is a symbolic link.
+    """
+    *folders, last = Path(name).parts
+    at = os.dup(home)
+    try:
+        for inner in folders:
+            with suppress(FileExistsError):
+                os.mkdir(inner, dir_fd=at)
+            below = os.open(inner, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW, dir_fd=at)
+            os.close(at)
+            at = below
+        yield at, last
+    finally:
+        os.close(at)
+
+
+@contextmanager
+def _locked(folder: Path, how: int) -> Iterator[int]:
+    """Yield the descriptor of a folder that nobody else replaces files in meanwhile.
+
+    Raises:
+        OSError: Another process keeps it locked.
+    """
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    deadline = time.monotonic() + PATIENCE
+    try:
+        while not _lock(descriptor, how):
+            if time.monotonic() > deadline:
+                raise OSError(errno.EAGAIN, f"another process has locked it for {PATIENCE:g} s")
+            time.sleep(0.02)
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def _lock(descriptor: int, how: int) -> bool:
+    """Tell whether the lock is ours now."""
+    try:
+        fcntl.flock(descriptor, how | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        pass  # there are file systems without locks
+    return True
+
+
+@contextmanager
+def _signals_waiting() -> Iterator[None]:
+    """Let signals that end the process wait for the end of the block, which is a few renames."""
+    arrived: list[int] = []
+
+    def note(number: int, frame: FrameType | None) -> None:
+        arrived.append(number)
+
+    main = threading.current_thread() is threading.main_thread()
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if main}
+    changed = {number: handler for number, handler in before.items() if handler not in (None, signal.SIG_IGN)}
+    for number in changed:
+        signal.signal(number, note)
+    try:
+        yield
+    finally:
+        for number, handler in changed.items():
+            signal.signal(number, handler)
+        for one in arrived:
+            signal.raise_signal(one)

@@ -1,0 +1,138 @@
+"""A test of an installation: a scenario of every kind against its answer key, and the versions that it ran with."""
+
+from __future__ import annotations
+
+import platform
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinarm.use.store.examples import example_files
+from pinarm.use.study.answers.check import check
+
+SCENARIOS = {
+    "statics": "gen411_arm_static",
+    "state": "exoskeleton_leg_state",
+    "inverse": "gen411_arm_dynamic_true",
+    "forward": "brick_thrown",
+    "forward, with a loop": "crank_rocker_free",
+    "kinematics": "magic_arms_kinematics",
+    "equilibria": "gen411_arm_equilibria",
+}
+"""Kind of problem -> a scenario of it whose answer key was derived without this program; all take a few seconds."""
+
+
+@dataclass(frozen=True)
+class KindCheck:
+    """What came out of one kind of problem.
+
+    Attributes:
+        kind: The kind.
+        scenario: The scenario that was solved.
+        answers: How many entries its answer key has.
+        problem: What is wrong; empty where all entries are met.
+    """
+
+    kind: str
+    scenario: str
+    answers: int
+    problem: str = ""
+
+    def __str__(self) -> str:
+        told = f"FAILED: {self.problem}" if self.problem else f"passed, {self.answers} answers"
+        return f"{self.kind} ({self.scenario}): {told}"
+
+
+@dataclass(frozen=True)
+class SelfTest:
+    """What came out of a test of the installation.
+
+    Attributes:
+        versions: Name -> version, of what numbers depend on.
+        checks: What came out of each kind of problem.
+    """
+
+    versions: dict[str, str]
+    checks: tuple[KindCheck, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether every kind of problem gives what its answer key says."""
+        return not any(check.problem for check in self.checks)
+
+    def summary(self) -> dict[str, Any]:
+        """Return all of it as plain data."""
+        return {"passed": self.passed, "versions": self.versions, "checks": [vars(check) for check in self.checks]}
+
+    def __str__(self) -> str:
+        versions = [f"{name} {version}" for name, version in self.versions.items()]
+        return "\n".join([*versions, *map(str, self.checks), "passed" if self.passed else "FAILED"])
+
+
+def selftest() -> SelfTest:
+    """Solve a scenario of every kind and compare it with its answer key; nothing is written.
+
+    Raises:
+        InputError: pinarm was installed without its example files.
+    """
+    folder = example_files() / "scenarios"
+    return SelfTest(versions(), tuple(_checks(folder)))
+
+
+def _checks(folder: Path) -> Iterator[KindCheck]:
+    for kind, name in SCENARIOS.items():
+        try:
+            findings = check(folder / f"{name}.yaml")
+        except Exception as error:  # whatever it is, it is what is wrong with this installation
+            yield KindCheck(kind, name, 0, " ".join(f"{type(error).__name__}: {error}".split()))
+            continue
+        missed = [f"{one.expectation.quantity} = {one.computed:.9g}" for one in findings if not one.ok]
+        yield KindCheck(kind, name, len(findings), f"not as in the answer key: {', '.join(missed)}" if missed else "")
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of what numbers depend on, to their last digits."""
+    import pinocchio
+
+    import pinarm
+
+    return {
+        "pinarm": pinarm.__version__, "python": platform.python_version(), "pinocchio": pinocchio.__version__,
+        "numpy": np.__version__, "scipy": _scipy(), "platform": f"{sys.platform} {platform.machine()}",
+        "linear algebra": _blas(),
+    }  # fmt: skip
+
+
+def _scipy() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("scipy")
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def _blas() -> str:
+    """Return numpy's library of linear algebra and, of its own OpenBLAS, the kernel that this processor gets."""
+    config: Any = np.show_config("dicts")  # type: ignore[call-overload,unused-ignore]
+    built = config["Build Dependencies"]["blas"]
+    name = f"{built.get('name', '?')} {built.get('version', '')}".strip()
+    for library in (Path(np.__file__).parents[1] / "numpy.libs").glob("*openblas*"):
+        if kernel := _kernel(library):
+            return f"{name}, kernel {kernel}"
+    return name
+
+
+def _kernel(library: Path) -> str:
+    import ctypes
+
+    try:
+        call: Callable[[], bytes] = ctypes.CDLL(str(library)).scipy_openblas_get_corename64_
+        call.restype = ctypes.c_char_p  # type: ignore[attr-defined]
+        return call().decode()
+    except (OSError, AttributeError):
+        return ""

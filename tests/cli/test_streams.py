@@ -1,0 +1,38 @@
+"""Output that cannot be written ends a command with words where there is room for them, and with an exit code."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pinarm.errors import InputError
+
+SCENARIO = Path(__file__).parents[2] / "scenarios" / "gen411_arm_static.yaml"
+
+
+def shell(tail: str) -> "subprocess.CompletedProcess[str]":
+    command = f"'{sys.executable}' -m pinarm explain '{SCENARIO}' {tail}"
+    return subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+@pytest.mark.parametrize(("tail", "code", "said"), [
+    (">&-", 0, ""), ("2>&-", 0, ""), (">&- 2>&- <&-", 0, ""), (">/dev/full 2>/dev/full", 2, ""),
+    (">/dev/full", 2, "error: the output: No space left on device"), ("| head -c 1 >&2", 0, "t"),
+])  # fmt: skip
+def test_streams_that_are_closed_or_full(tail: str, code: int, said: str) -> None:
+    done = shell(tail)
+    assert done.returncode == code
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.strip()) == len(said) and (len(said) == 1 or done.stderr.strip() == said)
+
+
+def test_a_file_that_the_system_refuses_is_named() -> None:
+    from pinarm.cli.streams import unwritable
+
+    error = unwritable(PermissionError(13, "Permission denied", "/there"))
+    assert isinstance(error, InputError)
+    assert str(error) == "/there: Permission denied"
+    assert str(unwritable(OSError(28, os.strerror(28)))) == "the output: No space left on device"

@@ -1,0 +1,99 @@
+"""Closed configurations at which mechanisms are judged: closed, and of no special kind."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.engine.kinematics.closed_configurations import beside, closed_anywhere, closed_near, generic, generic_near
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError, PinarmError
+
+MODELS = Path(__file__).resolve().parents[3] / "models"
+FILES = sorted(MODELS.glob("*/mechanism.yaml"))
+
+
+def rank(mechanism: Mechanism, q: np.ndarray) -> int:
+    """Rank of G by the ratio of singular values, rows of length 1."""
+    closure = mechanism.closure
+    rows = closure.rows(closure.state(q))
+    length = np.linalg.norm(rows, axis=1, keepdims=True)
+    return int(np.linalg.matrix_rank(rows[length[:, 0] > 1e-9] / length[length > 1e-9][:, None], tol=1e-7))
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.parent.name)
+def test_every_mechanism_file_of_ours_closes_and_is_regular_beside(file: Path) -> None:
+    mechanism = Mechanism.load(file)
+    closure, q = mechanism.closure, generic_near(mechanism, {})
+    assert np.abs(closure.gap(closure.state(q))).max(initial=0.0) < 1e-12
+    assert len({rank(mechanism, one) for one in beside(mechanism, q)}) == 1
+
+
+@pytest.mark.parametrize("name", ["crank_rocker", "change_point_four_bar", "exoskeleton_leg_guided"])
+def test_without_a_start_one_is_found_and_the_same_every_time(name: str) -> None:
+    loaded = Mechanism.load(MODELS / name / "mechanism.yaml")
+    mechanism = replace(loaded, description=msgspec.structs.replace(loaded.description, start={}))
+    with pytest.raises(PinarmError, match="do not close"):
+        closed_near(mechanism, {})
+    q = closed_anywhere(mechanism)
+    assert q is not None
+    assert np.abs(mechanism.closure.gap(mechanism.closure.state(q))).max() < 1e-12
+    assert (closed_anywhere(mechanism) == q).all()
+
+
+def test_a_linkage_folded_flat_is_judged_beside_that_position() -> None:
+    """Flat, the four-bar of equal rods has two motions; everywhere else it has one."""
+    mechanism = Mechanism.load(MODELS / "four_bar" / "mechanism.yaml")
+    flat = mechanism.configurations({"upright_0": np.pi / 2, "coupler_0": -np.pi / 2, "upright_1": np.pi / 2})
+    assert rank(mechanism, flat) == 1
+    assert rank(mechanism, generic(mechanism, beside(mechanism, flat))) == 2
+
+
+def test_loops_that_cannot_close_are_judged_where_they_begin() -> None:
+    mechanism = Mechanism.load(MODELS / "crank_rocker" / "mechanism.yaml", arguments={"d": 5.0})
+    assert closed_anywhere(mechanism) is None
+    assert generic_near(mechanism, {"theta2": 1.0})[mechanism.joints["theta2"].q] == 1.0
+
+
+class TestStartOfTheMechanismFile:
+    SCENARIO = """\
+pinarm: 1
+mechanism: crank_rocker/mechanism.yaml
+problem:
+  kind: kinematics
+  time: {end: 0.1 s, samples: 3}
+  motion: {theta2: {law: constant_speed, speed: 100 rpm}}
+START
+outputs: [theta4]
+"""
+
+    def first(self, folder: Path, start: str) -> float:
+        file = folder / "scenario.yaml"
+        file.write_text(self.SCENARIO.replace("START", start))
+        return float(pinarm.run(file)["theta4"].values[0])
+
+    def test_a_scenario_begins_there_and_its_own_start_replaces_it_joint_by_joint(self, tmp_path) -> None:
+        shutil.copytree(MODELS / "crank_rocker", tmp_path / "crank_rocker")
+        opened = self.first(tmp_path, "")
+        assert opened == self.first(tmp_path, "  start: {A: 40 deg, theta4: 80 deg}")
+        assert self.first(tmp_path, "  start: {A: -90 deg, theta4: -80 deg}") == pytest.approx(-opened, abs=1e-9)
+
+    @pytest.mark.parametrize(("start", "says"), [
+        ({"theta4": "80 mm"}, "80 mm"), ({"theta5": "80 deg"}, "theta5"),
+    ])  # fmt: skip
+    def test_its_joints_and_units_are_checked(self, start: dict[str, str], says: str) -> None:
+        with pytest.raises(InputError, match=says):
+            Mechanism.load(MODELS / "crank_rocker" / "mechanism.yaml", values={"start": start})
+
+    def test_a_ball_joint_that_a_scenario_gives_is_not_given_twice(self) -> None:
+        loaded = Mechanism.load("hector")
+        description = msgspec.structs.replace(loaded.description, start={"root.rotation.x": 0.5, "root.z": 2.0})
+        mechanism = replace(loaded, description=description)
+        given = generic_near(mechanism, {"root.yaw": 0.3})
+        assert given == pytest.approx(loaded.configurations({"root.yaw": 0.3}), abs=1e-15)
+        own = loaded.configurations({"root.rotation.x": 0.5, "root.z": 2.0})
+        assert generic_near(mechanism, {}) == pytest.approx(own, abs=1e-15)

@@ -1,0 +1,81 @@
+"""Motions of any size have errors relative to their size: an oscillator, and a pendulum that all but hangs at rest."""
+
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.engine.integration.methods import METHODS
+from pinarm.mechanics.forces.joint_definitions import JointSpring
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.forward import Forward
+from pinarm.problems.time_grid import TimeGrid
+
+AMPLITUDES = (1e-12, 1e-6, 1e-3, 1.0, 1e6)
+ADAPTIVE = [name for name, entry in METHODS.items() if entry.setting == "tolerance"]
+
+
+@pytest.fixture
+def errors(mechanism, chain):
+    """Return a function that gives the largest errors of ``x = A cos(10 t)`` over A, and the notes, by amplitude."""
+    slide = mechanism(chain({"name": "x", "kind": "prismatic"}), gravity="none")
+    spring = {"spring": JointSpring(joint="x", stiffness=100.0)}
+
+    def measured(**accuracy):
+        found = {}
+        for amplitude in AMPLITUDES:
+            initial = {"position": {"x": amplitude}}
+            problem = Forward(time=TimeGrid(end=3.0, samples=31), initial=initial, loads=spring)
+            outcome = problem.solve(slide, Accuracy(**accuracy), lambda *path: nullcontext())
+            rows = outcome.rows
+            found[amplitude] = np.abs(rows.q[:, 0] / amplitude - np.cos(10.0 * rows.grid.t)).max(), outcome.notes
+        return found
+
+    return measured
+
+
+@pytest.mark.parametrize("method", ADAPTIVE)
+def test_an_oscillator_has_the_same_relative_error_at_any_amplitude(errors, method):
+    """Below 1 it is relative to a size that is known to a factor 10; beyond 1, to |y| alone, which passes 0."""
+    found = {amplitude: error for amplitude, (error, _) in errors(method=method, tolerance=1e-9).items()}
+    small = [found[amplitude] for amplitude in (1e-12, 1e-6, 1e-3)]
+    assert max(small) < 1e-7
+    assert max(small) < 10.0 * min(small)
+    assert max(small) / 30.0 < min(found[1.0], found[1e6]) <= max(found[1.0], found[1e6]) < max(small)
+
+
+def test_steps_that_are_too_long_are_told_of_at_any_amplitude(errors):
+    found = errors(method="rk4", step=0.1)
+    assert all(error > 1e-2 and notes[0].startswith("step too large") for error, notes in found.values())
+
+
+@pytest.mark.parametrize(("amplitude", "allowed"), [(1e-3, 1e-6), (1e-6, 1e-6), (1e-9, 1e-5), (1e-12, 1e-2)])
+def test_where_weights_act_a_swing_is_as_accurate_as_rounding_of_1_allows(mechanism, chain, amplitude, allowed):
+    """A point of 1 kg on 1 m swings as A cos(w t) with w² = g/l; beyond A²/16 per turn rounding decides."""
+    point = {"name": "arm", "axis": "0 1 0", "com": "0 0 -1", "inertia": (0.0, 0.0, 0.0)}
+    pendulum = mechanism(chain(point))
+    initial = {"position": {"arm": amplitude}}
+    outcome = Forward(time=TimeGrid(end=6.0, samples=31), initial=initial).solve(
+        pendulum, Accuracy(), lambda *path: nullcontext()
+    )
+    pulsation = (1.0 - amplitude**2 / 16.0) * pendulum.gravity**0.5
+    error = np.abs(outcome.rows.q[:, 0] / amplitude - np.cos(pulsation * outcome.rows.grid.t)).max()
+    assert error < allowed
+    assert outcome.figures["steps"] < 200
+
+
+def test_a_batch_follows_small_motions_as_a_run_does(mechanism, chain, tmp_path):
+    mechanism(chain({"name": "x", "kind": "prismatic"}), gravity="none")
+    (tmp_path / "small.yaml").write_text("""
+pinarm: 1
+mechanism: mechanism.yaml
+problem:
+  kind: forward
+  time: {end: 3 s, samples: 31}
+  loads: {spring: {kind: joint_spring, joint: x, stiffness: 100 N/m}}
+outputs: [joint.x.position]
+""")
+    batch = pinarm.batch(tmp_path / "small.yaml", position={"x": np.array(AMPLITUDES)})
+    exact = np.cos(10.0 * np.linspace(0.0, 3.0, 31))
+    assert np.abs(batch["joint.x.position"].values / np.array(AMPLITUDES)[:, None] - exact).max() < 1e-7

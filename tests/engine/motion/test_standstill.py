@@ -1,0 +1,98 @@
+"""Which way a joint moves where its speed is zero: by the law's own derivatives, whatever rows are looked at."""
+
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+
+from pinarm.engine.motion.outcome import on_interval
+from pinarm.mechanics.laws import Constant, Cycloidal, Harmonic, Polynomial, Trapezoid
+from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.forward import Forward
+from pinarm.problems.inverse import Inverse
+from pinarm.problems.states import State
+from pinarm.problems.time_grid import TimeGrid
+
+ETA = 0.5
+DOWN = [
+    Trapezoid(start=1.0, end=0.0, acceleration=-1.0, begin=0.7),
+    Cycloidal(start=1.0, end=0.0, duration=1.7, begin=0.7),
+    Polynomial(start=1.0, end=0.0, duration=1.7, begin=0.7, degree=5),
+    Polynomial(start=1.0, end=0.0, duration=1.7, begin=0.7, degree=7),
+]
+
+
+@pytest.fixture
+def arm(mechanism, chain):
+    drives = {"motor": {"joint": "arm", "efficiency": ETA}}
+    return mechanism(chain({"name": "arm", "axis": "0 -1 0", "com": "0.5 0 0"}), drives=drives)
+
+
+@pytest.fixture
+def two_arms(mechanism, chain):
+    bodies = [{"name": name, "axis": "0 -1 0", "com": "0.5 0 0"} for name in ("arm", "hand")]
+    return mechanism(chain(*bodies), drives={"motor": {"joint": "arm", "efficiency": ETA}})
+
+
+def outcome(problem, mechanism):
+    return problem.solve(mechanism, Accuracy(tolerance=1e-10), lambda *path: nullcontext())
+
+
+@pytest.mark.parametrize("law", DOWN, ids=["trapezoid", "cycloidal", "fifth degree", "seventh degree"])
+@pytest.mark.parametrize("samples", [2, 3, 7, 301])
+def test_at_the_ends_of_a_motion_it_is_that_of_the_motion(arm, law, samples):
+    begin, end = law.breakpoints()[0], law.breakpoints()[-1]
+    solved = outcome(Inverse(time=TimeGrid(end=3.0, samples=samples), motion={"arm": law}), arm)
+    cuts = solved.rows.grid.cuts
+    for interval, t, wanted in (
+        (0, begin, 0), (1, begin, -1), (len(cuts) - 3, end, -1), (len(cuts) - 2, end, 0),
+    ):  # fmt: skip
+        alone = on_interval(solved.motion, cuts, interval, np.array([t]))
+        assert alone.direction(0).tolist() == [wanted], (interval, t)
+
+
+@pytest.mark.parametrize("kind", [Inverse, Forward])
+@pytest.mark.parametrize("law", [*DOWN, Harmonic(amplitude=1.0, pulsation=2.0, phase=1.0), Constant(value=1.0)])
+def test_one_row_or_some_tell_what_all_rows_tell(two_arms, law, kind):
+    laws = {"arm": law} if kind is Forward else {"arm": law, "hand": Constant(value=0.3)}
+    run = outcome(kind(time=TimeGrid(end=3.0, samples=31), motion=laws), two_arms).rows
+    whole = run.direction(0)
+    for rows in ([[k] for k in range(len(run))], np.sort(np.random.default_rng(5).integers(0, len(run), (20, 4)))):
+        for some in rows:
+            assert run.some(np.array(some)).direction(0).tolist() == whole[some].tolist()
+
+
+def test_a_speed_that_is_zero_but_for_rounding_has_no_direction(mechanism, chain):
+    """With a + b = 0.1 x, b + c = 0.7 x and c + a = 0.8 x joint b keeps its angle: rounding leaves it a speed."""
+    bodies = [{"name": name, "axis": "0 1 0", "com": "0.5 0 0"} for name in "abc"]
+    coordinates = {name: {"kind": "sum", "of": [*name]} for name in ("ab", "bc", "ca")}
+    arm = mechanism(chain(*bodies), coordinates=coordinates, drives={"motor": {"joint": "b", "efficiency": ETA}})
+    motion = {name: Harmonic(amplitude=x, pulsation=2.0) for name, x in (("ab", 0.1), ("bc", 0.7), ("ca", 0.8))}
+    run = outcome(Inverse(time=TimeGrid(end=3.0, samples=31), motion=motion), arm).rows
+    assert 0.0 < np.abs(run.v[:, 1]).max() < 1e-14
+    assert run.direction(1).tolist() == [0.0] * len(run)
+    assert np.array_equal(run.direction(0), np.sign(run.v[:, 0]))
+
+
+def test_efforts_that_hold_give_no_direction(two_arms):
+    """The accelerations that they leave are rounding of gravity's, 29 rad/s^2 or less."""
+    q = np.random.default_rng(2).uniform(-3.0, 3.0, (200, 2))
+    held = two_arms.inverse(q, np.zeros_like(q), np.zeros_like(q))
+    alone = two_arms.at(q, tau=held)
+    assert 0.0 < np.abs(alone["joint.arm.acceleration"].values).max() < 1e-12
+    assert alone["drive.motor.torque"].values == pytest.approx(held[:, 0] / ETA, rel=1e-12)
+
+
+@pytest.mark.parametrize("acceleration", [-0.1, 0.1])
+def test_a_state_at_rest_is_about_to_move(arm, acceleration):
+    """Weight 1 kg at 0.5 m, inertia 0.35 kg*m^2: lowered it drives the motor."""
+    rows = outcome(State(hold={"arm": 0.0}, acceleration={"arm": acceleration}), arm).rows
+    assert rows.direction(0).tolist() == [np.sign(acceleration)]
+
+
+def test_rows_know_the_end_of_their_interval():
+    grid = Grid(np.array([0.0, 0.5, 1.0, 1.0, 1.5]), (0.0, 1.0, 2.0), (0, 3, 5))
+    assert grid.sides().tolist() == [1.0, 1.0, -1.0, 1.0, 1.0]
+    assert grid.moved_inside().t == pytest.approx([0.001, 0.501, 0.999, 1.001, 1.501], abs=1e-15)
+    assert grid.some(np.array([2, 4])).sides().tolist() == [-1.0, 1.0]

@@ -1,0 +1,70 @@
+"""Numbers far beyond mechanics: each ends in words, with bounded work."""
+
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+
+import pinarm
+from pinarm.engine.kinematics import newton
+from pinarm.errors import InputError, PinarmError, choices
+
+SCENARIOS = Path(pinarm.__file__).parents[1] / "scenarios"
+
+
+@pytest.mark.parametrize("value", ["1e308", "1e300", "1e154", "1e-300"])
+@pytest.mark.parametrize(
+    ("scenario", "path", "unit"),
+    [
+        ("crank_rocker_turning", "problem.motion.theta2.speed", "rad/s"),
+        ("gen411_arm_static", "arguments.m_A", "kg"), ("gen411_arm_swing", "arguments.m_A", "kg"),
+        ("gen411_arm_swing", "arguments.l1", "m"),
+    ],
+)  # fmt: skip
+@pytest.mark.filterwarnings("error")
+def test_no_number_ends_in_a_traceback_or_a_warning(scenario: str, path: str, unit: str, value: str, no_hang: None
+                                                    ) -> None:  # fmt: skip
+    given = pinarm.load(SCENARIOS / f"{scenario}.yaml", {path: f"{value} {unit}", "accuracy.max_steps": 1000})
+    for work in (given.validate, given.run):
+        try:
+            work()
+        except PinarmError as error:
+            assert str(error)
+
+
+def test_fixed_steps_that_are_too_short_are_named_as_such() -> None:
+    values = {"accuracy": {"method": "rk4", "step": "1e-300 s"}}
+    with pytest.raises(InputError, match="steps of 1e-300 s are too short for 2 s"):
+        pinarm.run(SCENARIOS / "gen411_arm_swing.yaml", values)
+
+
+def test_huge_velocities_are_given_up_early() -> None:
+    values = {"problem.initial.velocity": {"O": "1e9 rad/s"}, "accuracy.max_steps": 4000}
+    with pytest.raises(PinarmError, match="has taken 200 steps"):
+        pinarm.run(SCENARIOS / "gen411_arm_swing.yaml", values)
+
+
+def test_rows_that_are_too_far_apart_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(newton, "CUTS", 100)  # of 10,000, which take some seconds
+    with pytest.raises(InputError, match="the rows of the table are too far apart"):
+        pinarm.run(SCENARIOS / "rssr_turning.yaml", {"problem.time.end": "4e6 s"})
+
+
+@pytest.mark.parametrize(("count", "letters"), [(30, 10_000), (5000, 160), (20_000, 60)])
+def test_a_similar_name_is_looked_for_with_bounded_work(
+    count: int, letters: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import difflib
+
+    compared = []
+
+    def close(found: str, names: list[str], **_: Any) -> list[str]:
+        compared.append(len(found) * sum(map(len, names)))
+        return []
+
+    monkeypatch.setattr(difflib, "get_close_matches", close)
+    chance = Random(0)
+    expected, _ = choices("ab" * (letters // 2), ["".join(chance.choices("ab", k=letters)) for _ in range(count)])
+    assert compared[0] <= 1_000_000
+    assert len(expected) < 3000

@@ -1,0 +1,30 @@
+"""A small sample of the mutants of every kind of file; ``mutants.py`` tries as many as one likes."""
+
+from pathlib import Path
+
+import pytest
+from mutants import kinds, prepare, tried
+
+NAMES = ("scenario", "forward", "mechanism", "urdf", "xacro", "mjcf", "table", "cases", "summary", "resolved", "arrays",
+         "options")  # fmt: skip
+SAMPLE = 12
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("mutants")
+    prepare(made)
+    return made
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # np.load leaves broken files open
+@pytest.mark.parametrize("name", NAMES)
+def test_a_mutant_ends_in_an_answer_or_in_words(
+    folder: Path, name: str, no_hang: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    known = kinds(folder)
+    assert set(known) == {*NAMES, "journal"}
+    ended = {number: tried(name, known[name], number, folder) for number in range(SAMPLE)}
+    assert {number: said for number, said in ended.items() if said not in ("answered", "refused")} == {}
+    assert len(ended) == SAMPLE

@@ -1,0 +1,65 @@
+"""What files say of friction: sizes, units, joints, and what is refused."""
+
+import numpy as np
+import pytest
+
+from pinarm.errors import InputError, UnitError
+from pinarm.input.units import unit
+from pinarm.input.yaml.schema import Measured
+from pinarm.mechanics.friction.contact import slip_drifts, slip_rows
+from pinarm.mechanics.friction.definition import Friction
+
+CHAIN = ({"name": "turn", "axis": "0 1 0"}, {"name": "slide", "kind": "prismatic", "axis": "0.6 0 0.8"},
+         {"name": "end", "axis": "0 1 0", "at": "1 0 0"})  # fmt: skip
+LOOPS = {"pin": {"kind": "revolute", "between": ["base", "end_link"], "axis": "y"}}
+
+
+@pytest.mark.parametrize(("given", "said"), [
+    ({"mu": 0.2, "static_mu": 0.1}, "friction at rest, 0.1, is below that of slip, 0.2"),
+    ({"constant": 2.0, "static_constant": 1.0}, "friction at rest, 1, is below"),
+    ({"preload": -1.0}, "a preload presses"),
+])  # fmt: skip
+def test_impossible_friction_is_refused(given, said):
+    with pytest.raises(InputError, match=said):
+        Friction(**given)
+
+
+def test_what_a_joint_needs_is_asked_for(chain, mechanism):
+    built = mechanism(chain(*CHAIN))
+    with pytest.raises(InputError, match="mu of a joint that turns needs the radius"):
+        Friction(mu=0.1).bind("turn", built.model, built.joints, ())
+    with pytest.raises(InputError, match="a joint that slides has no shoulder"):
+        Friction(mu=0.1, thrust_radius=0.1).bind("slide", built.model, built.joints, ())
+    with pytest.raises(InputError, match="there is no joint 'tunr'"):
+        Friction(constant=1.0).bind("tunr", built.model, built.joints, ())
+    newton = Measured(3.0)
+    newton.unit = unit("N")
+    Friction(constant=newton).bind("slide", built.model, built.joints, ())
+    with pytest.raises(UnitError, match="not a unit of this quantity"):
+        Friction(constant=newton).bind("turn", built.model, built.joints, ())
+
+
+def test_friction_of_the_file_takes_the_place_of_that_of_the_model(chain, mechanism):
+    text = chain(*CHAIN).replace('damping="0.0"', 'damping="0" friction="3"')
+    built = mechanism(text, friction={"slide": {"constant": "5 N", "mu": 0.1}})
+    laws = {one.name: (one.law.constant, one.law.mu) for one in built.frictions}
+    assert laws == {"joint.slide": (5.0, 0.1), "joint.turn": (3.0, 0.0), "joint.end": (3.0, 0.0)}
+    assert "joint friction" not in built.forces
+    regularised = mechanism(text, creep="0.01 rad/s")
+    assert regularised.frictions == ()
+    assert "joint friction" in regularised.forces
+
+
+def test_slips_are_rates_of_joints_and_of_loop_joints(chain, mechanism):
+    """A planar chain: the loop joint turns by the sum of the turns before it."""
+    built = mechanism(chain(*CHAIN), loops=LOOPS, friction={"end": {"constant": "1 N*m"}, "pin": {"constant": "1 N*m"}})
+    q, v = np.array([[0.3, 0.2, -0.4]]), np.array([[1.0, 2.0, 4.0]])
+    rows = slip_rows(built.model, built.frictions, q)
+    assert rows[0] @ v[0] == pytest.approx([4.0, 5.0], rel=1e-14)
+    assert slip_drifts(built.model, built.frictions, q, v)[0] == pytest.approx([0.0, 0.0], abs=1e-13)
+
+
+def test_loop_joints_with_several_motions_have_no_friction(chain, mechanism):
+    loops = {"ball": {"kind": "spherical", "between": ["base", "end_link"]}}
+    with pytest.raises(InputError, match="the loop joint 'ball' is of the kind spherical"):
+        mechanism(chain(*CHAIN), loops=loops, friction={"ball": {"constant": "1 N*m"}})

@@ -1,0 +1,69 @@
+"""Names in URDF files: a misprint is told with its line and what it may mean, an extension is listed as not read."""
+
+from collections.abc import Callable
+
+import pytest
+
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import ModelError
+
+ARM = """\
+<robot name="r">
+  <link name="base"/>
+  <link name="arm"><inertial><origin xyz="0 0 -1"/><mass value="2"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="j" type="revolute"><parent link="base"/><child link="arm"/>
+    <origin xyz="1 0 0"/>
+    <axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="0" velocity="0"/>
+    <dynamics damping="0.1"/></joint>
+</robot>
+"""
+
+MISPRINTS = [
+    ('<origin xyz="1', '<orign xyz="1', 6, "<joint> 'j' contains no <orign>", "origin"),
+    ('origin xyz="1', 'origin xzy="1', 6, "<origin> in <joint> 'j' has no attribute 'xzy'", "xyz"),
+    ("damping", "dampng", 9, "<dynamics> in <joint> 'j' has no attribute 'dampng'", "damping"),
+    ("<mass", "<masss", 3, "contains no <masss>", "mass"),
+    ("<link name='b", "<lnik name='b", 2, "<robot> 'r' contains no <lnik>", "link"),
+    ('type="rev', 'typ="rev', 5, "has no attribute 'typ'", "type"),
+    ("upper", "uper", 8, "has no attribute 'uper'", "upper"),
+]
+
+
+@pytest.mark.parametrize(("right", "wrong", "line", "says", "hint"), MISPRINTS)
+def test_a_misprint_is_told(
+    mechanism: Callable[..., Mechanism], right: str, wrong: str, line: int, says: str, hint: str
+) -> None:
+    text = ARM.replace('<link name="base"/>', "<link name='base'/>")
+    assert right in text
+    with pytest.raises(ModelError) as caught:
+        mechanism(text.replace(right, wrong).replace("</masss", "</mass"))
+    assert says in caught.value.message
+    assert caught.value.hint == hint
+    assert caught.value.location is not None
+    assert caught.value.location.line == line
+
+
+@pytest.mark.parametrize(
+    ("element", "owner"),
+    [('<axis xyz="0 1 0"/>', "joint 'j'"), ('<origin xyz="1 0 0"/>', "joint 'j'"), ('<mass value="2"/>', "<inertial>"),
+     ('<dynamics damping="0.1"/>', "joint 'j'")],
+)  # fmt: skip
+def test_what_stands_twice_is_refused(mechanism: Callable[..., Mechanism], element: str, owner: str) -> None:
+    with pytest.raises(ModelError, match=rf"{owner}: it has 2 <{element[1:5].strip()}"):
+        mechanism(ARM.replace(element, 2 * element))
+
+
+def test_extensions_of_others_are_listed_as_not_read(mechanism: Callable[..., Mechanism]) -> None:
+    others = (
+        '<transmission name="t"><type>x</type></transmission><gazebo/><gazebo reference="arm"/>'
+        '<ros2_control name="c" type="system"/><drake_acceleration/><d:joint xmlns:d="http://drake"/>'
+    )
+    notes = mechanism(ARM.replace("</robot>", others + "</robot>")).notes
+    listed = "not read: <drake_acceleration>, <gazebo> (2), <ros2_control>, <transmission>"
+    assert [note for note in notes if note.startswith("not read")] == [listed]
+
+
+def test_a_file_of_urdf_alone_has_no_such_note(mechanism: Callable[..., Mechanism]) -> None:
+    assert not [note for note in mechanism(ARM).notes if note.startswith("not read")]

@@ -1,0 +1,390 @@
+"""Friction that sticks, against closed forms and printed numbers."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.errors import PinarmError
+
+SIZES = '<limit lower="-1e4" upper="1e4" effort="1e6" velocity="1e3"/>'
+BODY = '<inertial><mass value="{mass}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write a model, its mechanism file and a scenario; return the scenario's path."""
+    (tmp_path / ".pinarm-root").touch()
+
+    def write(urdf, mechanism, problem, outputs):
+        (tmp_path / "model.urdf").write_text(f'<robot name="r"><link name="base"/>{urdf}</robot>')
+        (tmp_path / "mechanism.yaml").write_text(f"pinarm: 1\nrobot: model.urdf\n{mechanism}")
+        text = f"pinarm: 1\nmechanism: mechanism.yaml\nproblem: {problem}\noutputs: [{outputs}]\n"
+        (tmp_path / "scenario.yaml").write_text(text)
+        return tmp_path / "scenario.yaml"
+
+    return write
+
+
+BELT = f"""
+<link name="band">{BODY.format(mass=1)}</link><link name="block">{BODY.format(mass=2)}</link><link name="wall"/>
+<joint name="post" type="fixed"><parent link="base"/><child link="wall"/><origin xyz="-1 0 0"/></joint>
+<joint name="belt" type="prismatic"><parent link="base"/><child link="band"/><axis xyz="1 0 0"/>{SIZES}</joint>
+<joint name="slip" type="prismatic"><parent link="band"/><child link="block"/><axis xyz="1 0 0"/>{SIZES}</joint>"""
+SPRING = "forces: {spring: {kind: point_spring, between: [wall, block], stiffness: 50 N/m, free_length: 1 m}}\n"
+
+
+@pytest.mark.parametrize("law", ["mu: 0.25, static_mu: 0.4", "constant: 4.905 N, static_constant: 7.848 N"])
+def test_a_block_on_a_belt_sticks_and_slips_as_the_closed_form_says(write, law):
+    """It sticks until the spring pulls with 0.4 m g, then swings about 0.25 m g / k until it is as fast as the belt."""
+    k, m, speed, n = 50.0, 2.0, 0.1, 2.0 * 9.81
+    omega, begins, swing = np.sqrt(k / m), 0.4 * n / k, (0.4 - 0.25) * n / k
+    slipping = 2.0 / omega * (np.pi - np.arctan(omega * swing / speed))
+    again = begins - 2.0 * swing
+    problem = "{kind: forward, time: {end: 3.6 s, samples: 5}, motion: {belt: {law: constant_speed, speed: 0.1 m/s}}}"
+    path = write(BELT, SPRING + f"friction: {{slip: {{{law}}}}}\n", problem, "slip, joint.slip.friction")
+    result = pinarm.run(path)
+    segments = result.outcome.motion.motion.segments
+    found = np.diff([0.0, *(one.solution.end for one in segments[:3])])
+    sticking = (begins - again) / speed
+    # the tolerance of the integration is 1e-8
+    assert found == pytest.approx([begins / speed, slipping, sticking], rel=1e-7)
+    assert [one.system.slip.direction for one in segments] == [(0,), (-1,), (0,), (-1,)]
+    assert result.figures["friction"] < 1e-12
+
+
+ARM = """
+<link name="upper"><inertial><origin xyz="0 0 -1"/><mass value="2"/>
+<inertia ixx="0.5" iyy="0.5" izz="0.5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="pivot" type="continuous"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+<dynamics friction="{friction}"/></joint>"""
+
+
+def test_a_stuck_arm_stays_where_it_is_in_one_step(write):
+    """Its friction is the moment of the weight, m g l sin; it does not creep at all."""
+    problem = "{kind: forward, time: {end: 100 s, samples: 5}, initial: {position: {pivot: 20 deg}}}"
+    result = pinarm.run(write(ARM.format(friction=7.0), "", problem, "pivot, joint.pivot.friction"))
+    assert result.figures["steps"] == 1
+    assert np.ptp(result["pivot"].values) == 0.0
+    assert result["joint.pivot.friction"].values == pytest.approx(2.0 * 9.81 * np.sin(np.radians(20.0)), rel=1e-14)
+
+
+def test_a_pendulum_loses_its_amplitude_to_constant_friction(write):
+    """Work of friction is the fall of potential energy, swing by swing, until a turning point sticks."""
+    friction, weight = 2.0, 2.0 * 9.81
+    problem = "{kind: forward, time: {end: 20 s, samples: 201}, initial: {position: {pivot: 60 deg}}}"
+    result = pinarm.run(write(ARM.format(friction=friction), "", problem, "pivot, power.friction"))
+    ends = result["pivot"].values[-1]
+    segments = result.outcome.motion.motion.segments
+    turns = [np.pi / 3, *(float(one.solution.states(np.array([one.solution.end]))[0][0, 0]) for one in segments[:-1])]
+    lost = [weight * (np.cos(b) - np.cos(a)) for a, b in pairwise(turns)]
+    assert lost == pytest.approx([friction * abs(b - a) for a, b in pairwise(turns)], rel=1e-6)
+    assert abs(weight * np.sin(ends)) <= friction < abs(weight * np.sin(turns[-3]))
+    assert result.figures["energy"] < 1e-7  # what friction takes is counted
+
+
+INCLINE = f"""
+<link name="block">{BODY.format(mass=1)}</link>
+<joint name="slope" type="prismatic"><parent link="base"/><child link="block"/>
+<origin rpy="0 {-float(np.radians(25.0))!r} 0"/><axis xyz="1 0 0"/>{SIZES}</joint>"""
+PUSHED = """gravity: {magnitude: 800 m/s^2}
+coordinates: {x: {kind: point, point: block, along: x}}
+friction: {slope: {mu: 0.25, static_mu: 0.35}}
+"""
+BAND = "coordinate.x.effort, coordinate.x.effort.lower, coordinate.x.effort.upper"
+
+
+def test_the_block_on_an_incline_of_the_textbook(write):
+    """Beer and Johnston, Vector Mechanics for Engineers: Statics, sample problem 8.2: 800 N, pushed horizontally.
+
+    780 N begin to move it up, 649 N keep it moving, and 80.0 N prevent it from sliding down.
+    """
+    held = pinarm.run(write(INCLINE, PUSHED, "{kind: statics, hold: {slope: 0 m}, drives: [x]}", BAND))
+    assert round(float(held["coordinate.x.effort.upper"].values[0])) == 780
+    assert round(float(held["coordinate.x.effort.lower"].values[0]), 1) == 80.0
+    rest = np.arctan(0.35)
+    exact = 800.0 * np.tan(np.radians(25.0) + np.array([-rest, rest]))
+    sides = [held[f"coordinate.x.effort.{side}"].values[0] for side in ("lower", "upper")]
+    assert sides == pytest.approx(exact, rel=1e-13)
+    assert any("coordinate.x.effort: friction holds any value" in note for note in held.notes())
+    assert not any("self-locking" in note for note in held.notes())
+    moving = "{kind: state, hold: {slope: 0 m}, velocity: {slope: 1 m/s}, drives: [x]}"
+    up = pinarm.run(write(INCLINE, PUSHED, moving, BAND))
+    assert round(float(up["coordinate.x.effort"].values[0])) == 649
+    assert up["coordinate.x.effort.upper"].values == pytest.approx(up["coordinate.x.effort"].values, rel=1e-14)
+
+
+def test_a_block_that_friction_holds_is_told_to_be_self_locking(write):
+    mechanism = PUSHED.replace("static_mu: 0.35", "static_mu: 0.5")  # tan 25 deg is 0.466
+    held = pinarm.run(write(INCLINE, mechanism, "{kind: statics, hold: {slope: 0 m}, drives: [x]}", BAND))
+    assert held["coordinate.x.effort.lower"].values[0] < 0.0
+    assert any("coordinate.x is self-locking in 1 of 1 rows" in note for note in held.notes())
+
+
+def test_a_block_too_steep_to_be_pushed_up_is_refused(write):
+    """Beyond 90 deg less the angle of friction no horizontal force moves it up: 25 deg and mu = 2.2, 65.6 deg."""
+    mechanism = PUSHED.replace("mu: 0.25, static_mu: 0.35", "mu: 2.2")
+    with pytest.raises(PinarmError, match=r"jams|do not determine each other"):
+        pinarm.run(write(INCLINE, mechanism, "{kind: statics, hold: {slope: 0 m}, drives: [x]}", BAND))
+
+
+def test_inverse_dynamics_knows_friction_by_the_direction_of_motion(write):
+    law = "{law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 1 rad/s^2}"
+    problem = f"{{kind: inverse, time: {{end: 3 s, samples: 31}}, motion: {{pivot: {law}}}}}"
+    outputs = "joint.pivot.effort, joint.pivot.effort.lower, joint.pivot.effort.upper"
+    result = pinarm.run(write(ARM.format(friction=3.0), "", problem, outputs))
+    q, a, v = (result[f"joint.pivot.{rate}"].values for rate in ("position", "acceleration", "velocity"))
+    bare = 2.5 * a + 2.0 * 9.81 * np.sin(q)
+    effort, lower, upper = (result[f"joint.pivot.effort{part}"].values for part in ("", ".lower", ".upper"))
+    moves = (v != 0.0) | (a != 0.0)
+    moves[result.trajectory.grid.t > 2.0 + 1e-9] = False
+    assert moves.sum() > 15
+    assert effort[moves] == pytest.approx(bare[moves] + 3.0, rel=1e-13)
+    assert lower[moves] == pytest.approx(effort[moves], rel=1e-13)
+    assert effort[~moves] == pytest.approx(bare[~moves], rel=1e-13)
+    assert (lower[~moves], upper[~moves]) == (pytest.approx(bare[~moves] - 3.0), pytest.approx(bare[~moves] + 3.0))
+
+
+def test_states_of_their_own_have_the_same_friction(write):
+    path = write(ARM.format(friction=3.0), "", "{kind: statics, hold: {pivot: 0 rad}}", "pivot")
+    mechanism = pinarm.load(path).mechanism
+    q, v = np.array([[0.1], [0.1], [0.2]]), np.array([[0.0], [-1.0], [0.0]])
+    weight = 2.0 * 9.81 * np.sin(q)
+    assert mechanism.inverse(q, v, np.zeros((3, 1))) == pytest.approx(weight + 3.0 * np.sign(v), rel=1e-14)
+    slips = np.where(v < 0.0, 3.0, np.where(np.abs(weight) > 3.0, 3.0, weight))
+    assert mechanism.forward(q, v) == pytest.approx((slips - weight) / 2.5, abs=1e-14)
+    at = mechanism.at(q, v, tau=np.zeros((3, 1)))
+    assert at["joint.pivot.friction"].values == pytest.approx(slips[:, 0], rel=1e-13)
+    assert at["joint.pivot.effort"].values == pytest.approx(0.0, abs=1e-14)
+
+
+SCREW = f"""
+<link name="spindle">{BODY.format(mass=1)}</link><link name="nut">{BODY.format(mass=1)}</link>
+<joint name="turn" type="continuous"><parent link="base"/><child link="spindle"/><axis xyz="0 0 1"/></joint>
+<joint name="lift" type="prismatic"><parent link="base"/><child link="nut"/><axis xyz="0 0 1"/>{SIZES}</joint>"""
+LOAD = """gravity: none
+forces: {load: {kind: joint_effort, joint: lift, effort: {law: constant, value: -6.4 kN}}}
+"""
+COUPLED = "couplings: {thread: {kind: screw, joints: [turn, lift], lead: 8 mm}}\n"
+LOOPED = "loops: {thread: {kind: screw, between: [spindle, nut], axis: z, lead: -8 mm}}\n"  # the nut does not turn
+TORQUE = "joint.turn.effort, joint.turn.effort.lower, joint.turn.effort.upper"
+
+
+def torque(thrust, lead, diameter, mu, flank=0.0):
+    """Torque that raises a load on a thread."""
+    angle = np.arctan(lead / (np.pi * diameter))
+    normal = np.arctan(np.tan(flank) * np.cos(angle))
+    return thrust * 0.5 * diameter * np.tan(angle + np.arctan(mu / np.cos(normal)))
+
+
+@pytest.mark.parametrize("joint", [COUPLED, LOOPED])
+@pytest.mark.parametrize("flank", [0.0, 14.5])
+def test_the_power_screw_of_the_textbook(write, joint, flank):
+    """Shigley's Mechanical Engineering Design, example 8-1: square thread, two starts of 4 mm, 32 mm, 6.4 kN, mu 0.08.
+
+    On the thread alone 15.94 N*m raise the load, and it would come down by itself, but for 0.466 N*m.
+    """
+    mechanism = f"{LOAD}{joint}friction: {{thread: {{mu: 0.08, radius: 15 mm, flank: {flank} deg}}}}\n"
+    statics = "{kind: statics, hold: {turn: 0 rad}, drives: [turn]}"
+    held = pinarm.run(write(SCREW, mechanism, statics, TORQUE))
+    lower, upper = (float(held[f"joint.turn.effort.{side}"].values[0]) for side in ("lower", "upper"))
+    wanted = torque(6400.0, 0.008, 0.03, np.array([-0.08, 0.08]), np.radians(flank))
+    assert [lower, upper] == pytest.approx(wanted, rel=1e-12)
+    if not flank:
+        assert (round(upper, 2), round(lower, 3)) == (15.94, 0.466)
+    assert not any("self-locking" in note for note in held.notes())
+    rougher = pinarm.run(write(SCREW, mechanism.replace("0.08", "0.09"), statics, TORQUE))
+    assert any("joint.turn is self-locking" in note for note in rougher.notes())
+    problem = "{kind: inverse, time: {end: 1 s, samples: 2}, motion: {turn: {law: constant_speed, speed: 3 rad/s}}}"
+    turning = pinarm.run(write(SCREW, mechanism, problem, "joint.turn.effort, -power.load/joint.turn.power"))
+    efficiency = 6400.0 * 0.008 / (2.0 * np.pi * wanted[1])
+    assert turning["-power.load/joint.turn.power"].values == pytest.approx(efficiency, rel=1e-12)
+    assert turning.figures["friction"] < 1e-13
+
+
+@pytest.mark.parametrize(("angle", "locks"), [(4.0, True), (20.0, False)])
+def test_the_efficiency_of_a_worm_comes_out(write, angle, locks):
+    """Shigley, section 13-17: ``(cos phi - mu tan L) / (cos phi + mu cot L)``, phi normal to the thread."""
+    mu, lead, axial = 0.08, np.radians(angle), np.radians(20.0)
+    normal = np.cos(np.arctan(np.tan(axial) * np.cos(lead)))
+    expected = (normal - mu * np.tan(lead)) / (normal + mu / np.tan(lead))
+    wheel = SCREW.replace("prismatic", "revolute").replace('<child link="nut"/><axis xyz="0 0 1"/>',
+                                                           '<child link="nut"/><axis xyz="0 1 0"/>')  # fmt: skip
+    mechanism = f"""gravity: none
+forces: {{load: {{kind: joint_effort, joint: lift, effort: {{law: constant, value: -50 N*m}}}}}}
+couplings: {{worm: {{kind: gear, joints: [turn, lift], ratio: 0.05}}}}
+friction: {{worm: {{mu: {mu}, radius: 20 mm, lead_angle: {angle} deg, flank: 20 deg}}}}
+"""
+    problem = "{kind: inverse, time: {end: 1 s, samples: 2}, motion: {turn: {law: constant_speed, speed: 3 rad/s}}}"
+    turning = pinarm.run(write(wheel, mechanism, problem, "-power.load/joint.turn.power"))
+    assert turning["-power.load/joint.turn.power"].values == pytest.approx(expected, rel=1e-12)
+    free = "{kind: forward, time: {end: 1 s, samples: 3}}"
+    left_alone = pinarm.run(write(wheel, mechanism, free, "lift"))
+    assert (np.ptp(left_alone["lift"].values) == 0.0) == locks
+
+
+def test_an_arm_at_rest_breaks_loose_when_a_fast_load_says_so(write):
+    """At rest nothing sets the steps: 6 N*m sin(200 t), growing at last beyond what friction and weight hold."""
+    law = "{law: harmonic, amplitude: 6 N*m, pulsation: 200 rad/s}"
+    mechanism = f"forces: {{shaker: {{kind: joint_effort, joint: pivot, effort: {law}}}}}\n"
+    problem = "{kind: forward, time: {end: 0.1 s, samples: 3}, initial: {position: {pivot: 10 deg}}}"
+    weight = 2.0 * 9.81 * np.sin(np.radians(10.0))
+    held = pinarm.run(write(ARM.format(friction=weight + 6.001), mechanism, problem, "pivot"))
+    assert np.ptp(held["pivot"].values) == 0.0
+    shaken = pinarm.run(write(ARM.format(friction=weight + 5.999), mechanism, problem, "pivot"))
+    first = shaken.outcome.motion.motion.segments[0].solution.end
+    load = abs(weight - 6.0 * np.sin(200.0 * first))
+    assert load == pytest.approx(weight + 5.999, rel=1e-9)
+    assert first < 2.0 * np.pi / 200.0
+    assert shaken["pivot"].values[-1] < held["pivot"].values[-1]
+
+
+PULLEY = f"""
+<link name="pulley">{BODY.format(mass=1e-3)}</link><link name="left"/><link name="right"/>
+<joint name="shaft" type="continuous"><parent link="base"/><child link="pulley"/><axis xyz="0 1 0"/></joint>
+<joint name="a" type="fixed"><parent link="pulley"/><child link="left"/><origin xyz="-0.2 0 0"/></joint>
+<joint name="b" type="fixed"><parent link="pulley"/><child link="right"/><origin xyz="0.2 0 0"/></joint>"""
+
+
+@pytest.mark.parametrize(("along", "axis"), [("z", "vertical"), ("x", "horizontal")])
+def test_a_pulley_on_a_rough_shaft(write, along, axis):
+    """500 N at 0.2 m, raised by a pull P at the same radius, on a shaft of 0.1 m radius with mu = 0.2.
+
+    ``(P - 500) R = mu r F`` with the force F on the shaft: 611.1 N straight down, with ``F = P + 500``.
+    """
+    at, pull = ("right", "z") if along == "z" else ("top", "x")
+    urdf = PULLEY + ('<link name="top"/><joint name="c" type="fixed"><parent link="pulley"/><child link="top"/>'
+                     '<origin xyz="0 0 0.2"/></joint>')  # fmt: skip
+    mechanism = f"""gravity: none
+coordinates: {{pull: {{kind: point, point: {at}, along: {pull}}}}}
+forces: {{load: {{kind: wrench, point: left, force: [0 N, 0 N, -500 N]}}}}
+friction: {{shaft: {{mu: 0.2, radius: 100 mm}}}}
+"""
+    held = pinarm.run(write(urdf, mechanism, "{kind: statics, hold: {shaft: 0 rad}, drives: [pull]}",
+                            "coordinate.pull.effort.lower, coordinate.pull.effort.upper"))  # fmt: skip
+    sides = sorted(abs(float(held[f"coordinate.pull.effort.{side}"].values[0])) for side in ("lower", "upper"))
+    if axis == "vertical":
+        assert sides == pytest.approx([500.0 * 1.8 / 2.2, 500.0 * 2.2 / 1.8], rel=1e-12)
+    else:
+        for p, sign in zip(sides, (-1.0, 1.0), strict=True):
+            assert (p - 500.0) * 0.2 == pytest.approx(sign * 0.2 * 0.1 * np.hypot(p, 500.0), rel=1e-11)
+
+
+DRAWER = f"""
+<link name="drawer">{BODY.format(mass=1)}</link><link name="knob"/>
+<joint name="slide" type="prismatic"><parent link="base"/><child link="drawer"/><axis xyz="1 0 0"/>{SIZES}</joint>
+<joint name="k" type="fixed"><parent link="drawer"/><child link="knob"/><origin xyz="0 0.3 0"/></joint>"""
+
+
+@pytest.mark.parametrize(("mu", "jams"), [(0.1, False), (0.3, False), (0.4, True)])
+def test_a_drawer_pulled_at_its_side_jams(write, mu, jams):
+    """Pulled with P at 0.3 m off its middle, guided over 0.2 m: ``N1 = N2 = P 0.3 / 0.2``, so that it jams from
+    ``2 mu 1.5 >= 1`` on; below, the friction against 10 N at its middle is ``P - 10 = 3 mu P``.
+    """
+    mechanism = f"""gravity: none
+coordinates: {{pull: {{kind: point, point: knob, along: x}}}}
+forces: {{load: {{kind: joint_effort, joint: slide, effort: {{law: constant, value: -10 N}}}}}}
+friction: {{slide: {{mu: {mu}, span: 200 mm}}}}
+"""
+    path = write(DRAWER, mechanism, "{kind: state, hold: {slide: 0 m}, velocity: {slide: 1 m/s}, drives: [pull]}",
+                 "coordinate.pull.effort")  # fmt: skip
+    if jams:
+        with pytest.raises(PinarmError, match="jams"):
+            pinarm.run(path)
+    else:
+        assert pinarm.run(path)["coordinate.pull.effort"].values == pytest.approx(10.0 / (1.0 - 3.0 * mu), rel=1e-12)
+
+
+CRANK = """
+<link name="crank"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>
+</inertial></link>
+<link name="rod"><inertial><origin xyz="0.15 0 0"/><mass value="0.5"/>
+<inertia ixx="0.004" iyy="0.004" izz="0.004" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="piston"><inertial><mass value="0.4"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+</link>
+<joint name="turn" type="continuous"><parent link="base"/><child link="crank"/><axis xyz="0 0 1"/></joint>
+<joint name="swing" type="continuous"><parent link="crank"/><child link="rod"/><origin xyz="0.1 0 0"/>
+<axis xyz="0 0 1"/></joint>
+<link name="end"/><joint name="e" type="fixed"><parent link="rod"/><child link="end"/><origin xyz="0.3 0 0"/></joint>
+<joint name="way" type="prismatic"><parent link="base"/><child link="piston"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="1" effort="1e6" velocity="1e3"/></joint>"""
+CLOSED = "gravity: none\nloops: {pin: {kind: revolute, between: [end, piston], axis: z}}\n"
+RUBBING = """friction:
+  turn: {mu: 0.1, static_mu: 0.15, radius: 30 mm}
+  swing: {mu: 0.1, static_mu: 0.15, radius: 20 mm, constant: 0.05 N*m}
+  pin: {mu: 0.1, static_mu: 0.15, radius: 20 mm}
+  way: {mu: 0.1, static_mu: 0.15, constant: 3 N, undetermined: minimum_norm}
+"""
+
+
+def test_a_slider_crank_runs_out_and_stands_still(write):
+    """Energy and the law of friction, with the reactions of the rows, hold through all reversals until it stops."""
+    problem = """{kind: forward, time: {end: 1 s, samples: 11},
+  initial: {position: {turn: 40 deg}, velocity: {turn: 10 rad/s}}}"""
+    result = pinarm.run(write(CRANK, CLOSED + RUBBING, problem, "turn, loop.pin.friction, power.friction"))
+    assert result.figures["energy"] < 1e-7
+    assert result.figures["friction"] < 1e-11
+    ways = [one.system.slip.direction for one in result.outcome.motion.motion.segments]
+    assert len(ways) >= 3
+    assert ways[-1] == (0, 0, 0, 0)
+    assert all(0 not in way for way in ways[:-1])
+    assert np.ptp(result["turn"].values[-4:]) == 0.0
+    assert (result["power.friction"].values <= 0.0).all()
+
+
+def test_friction_of_a_hyperstatic_joint_is_refused_without_a_rule(write):
+    problem = "{kind: statics, hold: {turn: 40 deg}}"
+    bare = RUBBING.replace(", undetermined: minimum_norm", "")
+    with pytest.raises(PinarmError, match=r"the friction of joint\.way depends on a reaction that rigid"):
+        pinarm.run(write(CRANK, CLOSED + bare, problem, "joint.turn.effort.upper"))
+    forward = "{kind: forward, time: {end: 1 s, samples: 3}, initial: {position: {turn: 40 deg}}}"
+    with pytest.raises(PinarmError, match="hyperstatic"):
+        pinarm.run(write(CRANK, CLOSED + bare, forward, "turn"))
+
+
+def test_the_crank_of_a_loaded_slider_crank(write):
+    """Without masses the rod is in line with its pins but for friction: ``T`` follows from the friction circles.
+
+    The rod carries S between its ends at the angle b - g, ``sin g = 2 mu r / l``, as the journals' moments turn it.
+    """
+    loads = "forces: {gas: {kind: joint_effort, joint: way, effort: {law: constant, value: -1000 N}}}\n"
+    mechanism = CLOSED + loads + "friction: {swing: {mu: 0.1, radius: 20 mm}, pin: {mu: 0.1, radius: 20 mm}}\n"
+    angle = np.radians(60.0)
+    held = pinarm.run(write(CRANK, mechanism, "{kind: statics, hold: {turn: 60 deg}}",
+                            "joint.turn.effort.lower, joint.turn.effort.upper"))  # fmt: skip
+    b = np.arcsin(0.1 / 0.3 * np.sin(angle))
+    found = sorted(float(held[f"joint.turn.effort.{side}"].values[0]) for side in ("lower", "upper"))
+    expected = []
+    for sign in (1.0, -1.0):
+        line = -b + sign * np.arcsin(2.0 * 0.1 * 0.02 / 0.3)  # of the force in the rod, from x
+        force = 1000.0 / np.cos(line)
+        pin = 0.1 * np.array([np.cos(angle), np.sin(angle)])
+        push = -force * np.array([np.cos(line), np.sin(line)])  # of the rod on the crank
+        moment = pin[0] * push[1] - pin[1] * push[0]
+        expected.append(-(moment - sign * 0.1 * 0.02 * force))
+    assert found == pytest.approx(sorted(expected), rel=1e-9)
+
+
+def test_friction_of_a_thread_loads_its_bearings(write):
+    """The nut's guide carries nothing along its axis but the load, the spindle's thrust bearing all of it."""
+    problem = "{kind: inverse, time: {end: 1 s, samples: 2}, motion: {turn: {law: constant_speed, speed: 3 rad/s}}}"
+    mechanism = LOAD + COUPLED + "friction: {thread: {mu: 0.08, radius: 15 mm}}\n"
+    result = pinarm.run(write(SCREW, mechanism, problem, "joint.turn.force.z, joint.lift.moment.z, joint.turn.effort"))
+    assert result["joint.turn.force.z"].values == pytest.approx(6400.0, rel=1e-12)
+    assert result["joint.lift.moment.z"].values == pytest.approx(-result["joint.turn.effort"].values, rel=1e-12)
+    assert result.figures["bodies"] < 1e-13
+
+
+def test_friction_of_a_joint_whose_load_a_coupling_leaves_open_is_refused(write):
+    wheels = SCREW.replace("prismatic", "revolute").replace(
+        '<child link="nut"/>', '<child link="nut"/><origin xyz="1 0 0"/>'
+    )
+    mechanism = """gravity: none
+couplings: {teeth: {kind: gear, joints: [turn, lift], ratio: -1.5}}
+friction: {turn: {mu: 0.1, radius: 10 mm}}
+"""
+    with pytest.raises(PinarmError, match="depends on a reaction that is not known: couplings leave it open: 'teeth'"):
+        pinarm.run(
+            write(wheels, mechanism, "{kind: statics, hold: {turn: 0 rad}, drives: [turn]}", "joint.turn.effort")
+        )

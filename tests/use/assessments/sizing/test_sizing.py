@@ -1,0 +1,126 @@
+"""A rod of 2.5 kg m² turned by 1 rad in 2 s along the cubic, out of gravity: all in closed form.
+
+Its acceleration is ``1.5 (1 - t)`` rad/s², so that ``∫ a² dt = 1.5``, and its speed has the peak 0.75 rad/s at 1 s.
+"""
+
+from collections.abc import Callable
+from math import exp, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pinarm.errors import InputError
+from pinarm.use.assessments.sizing.duty import Duty
+
+LOAD, SQUARES = 2.5, 1.5
+HEADING = (
+    "name,mass [kg],stall_torque [N*m],rated_torque [N*m],rated_speed [rad/s],peak_torque [N*m],max_speed [rad/s],"
+    "rotor_inertia [g*cm^2],temperature_rise,max_temperature,time_constant [s]\n"
+)
+SMALL, LARGE = "small,1,0.1,0.08,100,0.3,200,1000,100,150,300\n", "large,3,1,0.8,100,3,200,10000,100,150,300\n"
+MOTION = "motion: {pivot: {law: polynomial, from: 0 rad, to: 1 rad, duration: 2 s, degree: 3}}"
+ROUNDING = 1e-10
+"""Relative: integrals of polynomials, and formulas of them."""
+
+
+@pytest.fixture
+def sized(scenario: Callable[..., Any], folder: Path) -> Callable[..., Any]:
+    """``sized("ratios: [50]")``: the section of the cubic's run."""
+
+    def build(more: str, catalogue: str = HEADING + SMALL + LARGE, *changes: tuple[str, str]) -> Any:
+        (folder / "motors.csv").write_text(catalogue)
+        text = f"gravity: none\nsizing: {{drive: motor, catalogue: motors.csv, {more}}}\n"
+        law = "motion: {pivot: {law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 1 rad/s^2}}"
+        return scenario("inverse", text, (law, MOTION), *changes).run().sections["sizing"]
+
+    return build
+
+
+def row(section: Any, motor: str, ratio: float) -> dict[str, Any]:
+    table = section.tables[0]
+    rows = [dict(zip(table.columns, cells, strict=True)) for cells in table.rows]
+    [found] = [each for each in rows if each["motor"] == motor and each["ratio"] == ratio]
+    return found
+
+
+def test_the_best_ratio_for_an_inertia_matches_it_to_that_of_the_rotor(sized: Callable[..., Any]) -> None:
+    section = sized("ratios: [50], efficiency: 1")
+    ratios = {name: (ratio, rms) for name, ratio, rms in section.tables[1].rows}
+    assert ratios["small"][0] == pytest.approx(sqrt(LOAD / 1e-4), rel=ROUNDING)
+    assert ratios["small"][1] == pytest.approx(2 * sqrt(LOAD * 1e-4) * sqrt(SQUARES / 2), rel=ROUNDING)
+
+
+@pytest.mark.parametrize("ratio", [20.0, 158.0, 300.0])
+def test_torques_are_those_of_the_load_with_losses_and_of_the_rotor(sized: Callable[..., Any], ratio: float) -> None:
+    found = row(sized(f"ratios: [{ratio}], efficiency: 0.8, rest: 3 s"), "small", ratio)
+    driving, driven = (1e-4 * ratio + LOAD * gear / ratio for gear in (1 / 0.8, 0.8))  # for 1 s each, a = 1.5 (1 - t)
+    assert found["rms torque"] == pytest.approx(sqrt((driving**2 + driven**2) * SQUARES / 2 / 5), rel=ROUNDING)
+    assert found["peak torque"] == pytest.approx(1.5 * driving, rel=ROUNDING)
+    assert found["peak speed"] == pytest.approx(0.75 * ratio, rel=1e-5)  # of samples 1 ms apart
+    assert found["inertia ratio"] == pytest.approx((1 / 0.8 + 0.8) / 2 * LOAD / (1e-4 * ratio**2), rel=ROUNDING)
+    energies = [0.5 * (1e-4 * ratio**2 + LOAD * gear) * 0.75**2 for gear in (1 / 0.8, 0.8)]
+    assert [found["energy"], found["regenerated"]] == pytest.approx(energies, rel=1e-5)
+
+
+def test_torques_are_those_of_a_drive_with_that_motor(scenario: Callable[..., Any], sized: Callable[..., Any]) -> None:
+    """Another route: the motor as the drive of the mechanism, whose torque the engine gives."""
+    found = row(sized("ratios: [40]", HEADING + LARGE), "large", 40.0)
+    law = "motion: {pivot: {law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 1 rad/s^2}}"
+    drive = "gravity: none\nchanges: {drives: {motor: {ratio: 40, rotor_inertia: 10000 g*cm^2}}}\n"
+    run = scenario("inverse", drive, (law, MOTION)).run()
+    assert found["rms torque"] == pytest.approx(run.number("drive.motor.torque @ rms")[0], rel=1e-9)
+    assert found["peak torque"] == pytest.approx(run.number("drive.motor.torque @ peak")[0], rel=1e-9)
+
+
+def test_motors_that_fail_say_why_and_those_that_fit_come_by_mass(sized: Callable[..., Any]) -> None:
+    section = sized("ratios: [1, 100, 400]")
+    verdicts = {(cells[1], cells[2]): cells[3] for cells in section.tables[0].rows}
+    assert verdicts["small", 100.0] == verdicts["large", 100.0] == "fits"
+    assert verdicts["small", 1.0].startswith("peak torque")
+    assert "speed 1.50 times what it has" in verdicts["large", 400.0]
+    assert section.tables[0].rows[0][1] == "small"
+    assert section.numbers["fitting"].values[0] == 2
+
+
+def test_a_winding_warms_as_its_differential_equation_says() -> None:
+    """Heat 1 for 2 s, then none for 6 s, for ever: the peak is ``(1 - e^(-2/5)) / (1 - e^(-8/5))``."""
+    t = np.linspace(0.0, 2.0, 50)
+    zero = np.zeros(50)
+    duty = Duty(t, zero, zero, zero, (0.0, 0.0, 0.0), 0.0, rest=6.0)
+    assert duty.warmest(np.ones(50), 5.0) == pytest.approx((1 - exp(-0.4)) / (1 - exp(-1.6)), rel=1e-13)
+    always = Duty(t, zero, zero, zero, (0.0, 0.0, 0.0), 0.0, rest=0.0)
+    assert always.warmest(np.ones(50), 5.0) == pytest.approx(1.0, rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("catalogue", "words"),
+    [
+        (HEADING, ["0 motors"]),
+        (HEADING.replace("mass [kg]", "weight [kg]") + SMALL, ["no column 'mass'", "weight"]),
+        (HEADING.replace("[rad/s]", "[kg]") + SMALL, ["no unit of this quantity", "rpm"]),
+        (HEADING + SMALL.replace("0.3", "nan"), ["motors.csv:2", "peak_torque is 'nan'"]),
+        (HEADING + SMALL.replace("0.3", "1_0"), ["peak_torque is '1_0'"]),
+        (HEADING + SMALL.replace("0.3", "0.01"), ["rated_torque is beyond peak_torque"]),
+        (HEADING + SMALL + SMALL, ["'small' twice"]),
+        (HEADING + '"small,1', ["not CSV text"]),
+    ],
+)
+def test_mistakes_in_a_catalogue_are_told(sized: Callable[..., Any], catalogue: str, words: list[str]) -> None:
+    with pytest.raises(InputError) as error:
+        sized("ratios: [50]", catalogue)
+    told = f"{error.value.location} {error.value} {error.value.expected} {error.value.hint}"
+    assert all(word in told for word in words)
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ("ratios: [0]", "ratios"), ("ratios: [50], ambient: 40 K", "no temperature"),
+        ("ratios: [50], efficiency: 2", "efficiency"),
+    ],
+)  # fmt: skip
+def test_mistakes_in_what_is_asked_are_told(sized: Callable[..., Any], more: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        sized(more)

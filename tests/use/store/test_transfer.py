@@ -1,0 +1,86 @@
+"""Mechanisms, scenarios and results go to other processes, and are the same there."""
+
+import copy
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pinarm
+
+ROOT = Path(__file__).parents[3]
+WAYS: dict[str, Callable[[Any], Any]] = {
+    "pickle": lambda thing: pickle.loads(pickle.dumps(thing)), "copy": copy.copy, "deepcopy": copy.deepcopy,
+}  # fmt: skip
+
+SCENARIOS = [
+    "andrews_squeezing", "four_bar_equal_rods", "gen411_arm_equilibria", "gen411_arm_static", "handling_arm_profile",
+    "magic_arms_kinematics", "panda_quintic", "manipulator_counterweight",
+]  # fmt: skip
+"""A loop with a two-point spring, and of every kind of problem, law and search one."""
+
+
+def assert_same(one: pinarm.Result, other: pinarm.Result) -> None:
+    assert repr(one.summary()) == repr(other.summary())
+    assert repr(one.events) == repr(other.events)
+    for left, right in zip(one.columns(), other.columns(), strict=True):
+        assert np.array_equal(left.values, right.values), left.name
+    for name in ("q", "v", "a", "tau", "lam"):
+        assert np.array_equal(np.asarray(getattr(one.trajectory, name)), np.asarray(getattr(other.trajectory, name)))
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_a_result_is_the_same_in_another_process(name: str, way: str, solved: Callable[[str], pinarm.Result]) -> None:
+    result = solved(name)
+    assert_same(result, WAYS[way](result))
+    assert_same(result, WAYS[way](WAYS[way](result)))
+
+
+@pytest.fixture(scope="module")
+def solved() -> Callable[[str], pinarm.Result]:
+    known: dict[str, pinarm.Result] = {}
+    return lambda name: known.setdefault(name, known.get(name) or pinarm.run(ROOT / "scenarios" / f"{name}.yaml"))
+
+
+@pytest.mark.parametrize("kind", ["statics", "inverse", "forward"])
+def test_a_scenario_is_solved_alike_in_another_process(
+    scenario: Callable[..., pinarm.Scenario], folder: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is read from a relative path, and the other process has another working directory."""
+    scenario(kind)
+    monkeypatch.chdir(folder)
+    given = pinarm.load(f"{kind}.yaml", {"gravity": "none"})
+    result = given.run()  # so that whatever is kept from solving is there
+    sent = pickle.dumps((given, result))
+    monkeypatch.chdir("/")
+    again, known = pickle.loads(sent)
+    assert_same(result, again.run())
+    assert_same(result, known)
+    assert known.save(folder / "out", plots=False).exists()
+    assert again.run().missed == result.missed
+
+
+def test_a_result_that_was_sent_has_states_between_its_rows(scenario: Callable[..., pinarm.Scenario]) -> None:
+    result = scenario("forward").run()
+    t = np.linspace(0.0, 5.0, 7)
+    there = pickle.loads(pickle.dumps(result)).outcome.motion.positions(t)
+    assert there == pytest.approx(result.outcome.motion.positions(t), abs=1e-12)
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("path", ["models/andrews/mechanism.yaml", "models/gen411_arm/mechanism.yaml", "panda"])
+def test_a_mechanism_computes_alike_in_another_process(path: str, way: str) -> None:
+    mechanism = pinarm.Mechanism.load(ROOT / path if "/" in path else path)
+    q = mechanism.configurations({})
+    before = mechanism.dynamics.mass_matrices(q[None])
+    again = WAYS[way](mechanism)
+    assert np.array_equal(again.dynamics.mass_matrices(q[None]), before)
+    assert [*again.forces] == [*mechanism.forces]
+    for name, force in mechanism.forces.items():
+        assert np.array_equal(again.forces[name].potential_energy(q), force.potential_energy(q))
+    assert np.array_equal(again.closure.at(q[None])[1], mechanism.closure.at(q[None])[1])
+    assert pickle.dumps(again)
