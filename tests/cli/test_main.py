@@ -400,3 +400,26 @@ def test_help_has_examples_that_parse(capsys: pytest.CaptureFixture[str], comman
     for words in examples:
         assert words[0] == command
         _parser(words).parse_args(words)
+
+
+# ------------------------------------------------------------------------------------------ number of drives
+
+
+@pytest.mark.parametrize(
+    ("template", "key", "drives"),
+    [("four_bar", "drives: [O]", "drives: [O, C]"), ("slider_crank", "drives: [O]", "drives: [O, x]"),
+     ("scissor_lift", "drives: [spindle]", "drives: [spindle, O]"),
+     ("arm", "  motion:", "  drives: [elbow]\n  motion:"), ("cam", "  motion:", "  drives: [O]\n  motion:")],
+)  # fmt: skip
+def test_too_many_and_too_few_drives_are_the_same_mistake_at_their_line(
+    here: Path, capsys: pytest.CaptureFixture[str], template: str, key: str, drives: str
+) -> None:
+    assert main(["new", template]) == 0
+    scenario = here / template / "scenario.yaml"
+    text = scenario.read_text().replace(key, drives)
+    scenario.write_text(text)
+    line = 1 + next(row for row, content in enumerate(text.splitlines()) if "drives: [" in content)
+    assert main(["run", str(scenario), "--no-plots"]) == 2
+    err = capsys.readouterr().err
+    assert f"scenario.yaml:{line}:" in err
+    assert "drives" in err.splitlines()[0]
