@@ -244,7 +244,7 @@ def _replayed(scenario: str) -> Attempt:
 
 
 def _journal(folder: Path) -> None:
-    journal = Journal(folder / "journal.jsonl", "task")
+    journal = Journal(folder / "journal.jsonl", "task", width=2)
     for key in journal.offsets:
         journal.row(key)
     journal.close()
@@ -290,7 +290,7 @@ def prepare(folder: Path) -> None:
         MECHANISM.replace("arm.urdf.xacro", "plain.urdf").replace("arguments: {m: kg}\n", "")
     )
     (folder / "p.yaml").write_text(SCENARIO.replace("arm.yaml\narguments: {m: 3 kg}", "plain.yaml"))
-    journal = Journal(folder / "journal.jsonl", "task")
+    journal = Journal(folder / "journal.jsonl", "task", width=2)
     for case in range(3):
         journal.add(str(case), Row((1.5, float("nan")), "", (str(folder / "law.csv"),)), Sources())
     journal.close()

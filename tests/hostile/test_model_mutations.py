@@ -1,6 +1,7 @@
 """Junk in a model, a message out: whatever is done to valid XML, only errors of pinarm come out."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from copy import deepcopy
 from pathlib import Path
 from random import Random
@@ -12,7 +13,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from pinarm.engine.mechanism import Mechanism
-from pinarm.errors import PinarmError
+from pinarm.errors import InputError, PinarmError
 
 URDF = """\
 <robot name="arm">
@@ -117,7 +118,8 @@ def use(path: Path) -> None:
     with np.errstate(all="ignore"):
         asked = mechanism.at(q, np.full((2, mechanism.model.nv), 0.2))
         for name in asked.names():
-            _ = asked[name]
+            with suppress(InputError):  # reactions that a mimic leaves open are refused in words
+                _ = asked[name]
 
 
 @pytest.mark.parametrize("name", MODELS)

@@ -33,6 +33,7 @@ PATTERNS = dict(patterns())
 def test_a_pattern_is_linear(name: str, no_hang: None) -> None:
     pattern, length = PATTERNS[name], BOUNDED.get(name, LENGTH)
     for first, again, last in product(["", "1", "<mesh filename='", "start", "normal(1,"], LETTERS, ["\n]\0", ""]):
-        text = first + again * (length // len(again)) + last
+        given = first + again * (length // len(again)) + last
+        text = given.encode() if isinstance(pattern.pattern, bytes) else given
         pattern.fullmatch(text)
         pattern.match(text)
