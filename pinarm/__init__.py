@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pinarm.use.scenario.json_schema import schema
     from pinarm.use.scenario.scenario import Scenario, load
     from pinarm.use.store.examples import examples
+    from pinarm.use.store.new import new
     from pinarm.use.store.restore import replay
     from pinarm.use.study.accuracy.tradeoff import Tradeoff, tradeoff
     from pinarm.use.study.answers.check import check
@@ -41,6 +42,7 @@ _HOMES = {
     "Sweep": "pinarm.use.study.sweep.sweep",
     "Tradeoff": "pinarm.use.study.accuracy.tradeoff",
     "load": "pinarm.use.scenario.scenario",
+    "new": "pinarm.use.store.new",
     "replay": "pinarm.use.store.restore",
     "file_root": "pinarm.input.roots",
     "run": "pinarm.use.study.run",
@@ -54,7 +56,7 @@ _HOMES = {
 
 __all__ = [
     "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "SelfTest", "Series", "Sweep", "Tradeoff", "Trajectory",
-    "batch", "check", "examples", "explain", "file_root", "load", "replay", "run", "schema", "selftest", "sweep",
+    "batch", "check", "examples", "explain", "file_root", "load", "new", "replay", "run", "schema", "selftest", "sweep",
     "tradeoff", "validate",
 ]  # fmt: skip
 

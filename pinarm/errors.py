@@ -101,6 +101,10 @@ class UnitError(InputError):
     """A quantity without a unit, with an unknown one, or with one of the wrong dimension."""
 
 
+class DrivesError(InputError):
+    """More drives than a mechanism has degrees of freedom, or too few to carry its load."""
+
+
 class MethodError(InputError):
     """A method of integration that is not for what it is to integrate."""
 
@@ -166,6 +170,16 @@ def within(*path: str | int) -> Iterator[None]:
     except PinarmError as error:
         error.path = (*path, *error.path)
         raise
+
+
+@contextmanager
+def locating_drives(place: Place, key: str = "drives") -> Iterator[None]:
+    """Give errors about the number of drives that come out of the block their place at a key of the problem."""
+    try:
+        yield
+    except DrivesError:
+        with place(key):
+            raise
 
 
 def choices(found: str, available: Iterable[str], *, most: int = 12) -> tuple[str, str]:

@@ -10,7 +10,8 @@ PACKAGE = Path(pinarm.__file__).parent
 TESTS = Path(__file__).parent
 
 ELSEWHERE = {
-    "cli/test_main.py": ("what commands print and write", "cli/options use/scenario/json_schema use/study/run"),
+    "cli/test_main.py": ("what commands print and write", "cli/options use/scenario/file_kind "
+        "use/scenario/json_schema use/study/run"),
     "engine/dynamics/test_coordinate_partition.py": (
         "reduced coordinates against multipliers", "engine/motion/systems/free engine/motion/systems/partitioned "
         "engine/motion/systems/system",
@@ -84,6 +85,7 @@ ELSEWHERE = {
         "mechanics/loading/mjcf_settings",
     ),
     "mechanics/loading/test_urdf.py": ("what files make of it", "mechanics/loading/model_tree"),
+    "mechanics/planar/test_linkage.py": ("mistakes with their lines", "mechanics/planar/drawing"),
     "mechanics/test_coordinates.py": ("joints by their coordinates", "mechanics/joints"),
     "mechanics/test_drives.py": ("efforts of drives", "engine/statics/actuation engine/statics/selected_drives"),
     "problems/simplify/test_simplification.py": (
@@ -110,10 +112,14 @@ ELSEWHERE = {
     "use/assessments/loads/test_loads.py": (
         "joints as they are asked", "use/assessments/loads/joint use/assessments/loads/number",
     ),
+    "use/assessments/sizing/test_sizing.py": (
+        "motors for a joint in closed form", "use/assessments/sizing/catalogue use/assessments/sizing/duty",
+    ),
     "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),
     "use/result/test_result.py": ("methods of a result", "use/result/measures use/views"),
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),
     "use/output/test_folder.py": ("which files are ours", "use/output/manifest"),
+    "use/store/test_new.py": ("what is written for a model", "use/store/first_files"),
     "use/study/accuracy/test_error_estimate.py": (
         "errors that are found", "engine/checks/residuals use/study/accuracy/common_rows "
         "use/study/accuracy/integration_settings "

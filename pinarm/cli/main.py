@@ -16,7 +16,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pinarm.cli.options import add
+from pinarm import __version__
+from pinarm.cli.options import EXAMPLES, add
 from pinarm.cli.streams import flush_output, give_up_output, open_streams, unwritable
 from pinarm.errors import InputError, NumericsError, PinarmError, printable
 from pinarm.input.roots import file_root
@@ -56,7 +57,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     """Return the parser; of the commands only those among the arguments know their options: these take time."""
-    parser = argparse.ArgumentParser(prog="pinarm", description="Rigid-multibody simulation of mechanisms.")
+    parser = argparse.ArgumentParser(
+        prog="pinarm", description="Rigid-multibody simulation of mechanisms.", epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parser.add_argument("--version", action="version", version=f"pinarm {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", prog="pinarm")
     for name, (call, explained) in COMMANDS.items():
         command = commands.add_parser(name, help=explained)
@@ -97,7 +102,7 @@ def _check(options: argparse.Namespace) -> int:
 
     findings: list[Finding] = []
     failures: list[PinarmError] = []
-    for path in [file for given in options.paths for file in scenario_files(given)]:
+    for path in (file for given in options.paths for file in scenario_files(given)):
         _progress(f"check {path}")
         try:
             findings += check(path, options.values)
@@ -122,7 +127,7 @@ def _validate(options: argparse.Namespace) -> int:
     from pinarm.use.study.run import scenario_files
 
     mistakes = []
-    for path in [file for given in options.paths for file in scenario_files(given)]:
+    for path in (file for given in options.paths for file in scenario_files(given)):
         try:
             load(path, options.values).validate()
         except PinarmError as error:
@@ -251,6 +256,17 @@ def _examples(options: argparse.Namespace) -> int:
     return OK
 
 
+def _new(options: argparse.Namespace) -> int:
+    from pinarm.use.store.new import new
+
+    folder = new(options.source, options.output)
+    if options.json:
+        _print_json({"folder": str(folder)})
+    else:
+        print(f"written to {folder}")
+    return OK
+
+
 def _selftest(options: argparse.Namespace) -> int:
     from pinarm.use.study.answers.selftest import selftest
 
@@ -299,6 +315,7 @@ def _print_json(value: object) -> None:
 
 
 COMMANDS = {
+    "new": (_new, "write a first mechanism and scenario, from a template or a model"),
     "run": (_run, "solve a scenario and write a result folder"),
     "check": (_check, "compare scenarios with their answer keys"),
     "validate": (_validate, "read and check input only"),

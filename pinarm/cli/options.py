@@ -2,14 +2,40 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Callable
 from pathlib import Path
 
+EXAMPLES = """examples:
+  python -m pinarm new four_bar && python -m pinarm run four_bar/scenario.yaml
+  python -m pinarm new my_robot.urdf
+  python -m pinarm COMMAND -h
+"""
+"""What ``-h`` shows at its end."""
+
+EXAMPLES_OF = {
+    "new": ["new slider_crank -o press", "new models/arm.urdf", "new four_bar/mechanism.yaml -o four_bar_urdf"],
+    "run": ["run scenario.yaml", "run scenario.yaml --verify",
+            "run scenario.yaml --set problem.time.end='3 s' -o results/longer"],
+    "check": ["check scenarios", "check scenario.yaml"],
+    "validate": ["validate scenarios"],
+    "explain": ["explain scenario.yaml", "explain mechanism.yaml", "explain arm.urdf", "explain panda"],
+    "sweep": ["sweep scenario.yaml --over arguments.m_A='0.1:0.5:9 kg' --result 'C_B @ max'",
+              "sweep scenario.yaml --over arguments.m_A='normal(0.25, 0.01) kg' --sample 1000"],
+    "tradeoff": ["tradeoff scenario.yaml"],
+    "replay": ["replay results/scenario --trace P --arrows reactions", "replay results/scenario --png t=0.5"],
+    "schema": ["schema mechanism > mechanism.schema.json"],
+    "examples": ["examples -o pinarm-examples"],
+    "selftest": ["selftest"],
+}  # fmt: skip
+"""Command -> what ``COMMAND -h`` shows at its end."""
+
 
 def add(command: str, parser: ArgumentParser) -> None:
-    """Add the options of a command to its parser."""
+    """Add the options and examples of a command to its parser."""
     OPTIONS[command](parser)
+    parser.formatter_class = RawDescriptionHelpFormatter
+    parser.epilog = "\n".join(["examples:", *(f"  python -m pinarm {text}" for text in EXAMPLES_OF[command])])
     parser.add_argument("--traceback", action="store_true", help="show where in the program an error arose")
     parser.add_argument("--root", metavar="DIR", help="folder that files may refer to (default: the nearest one above "
                         "with a pyproject.toml or .pinarm-root)")  # fmt: skip
@@ -19,6 +45,14 @@ def add(command: str, parser: ArgumentParser) -> None:
 def _values(command: ArgumentParser) -> None:
     command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="values",
                          help="replace a value of the scenario, such as problem.time.end='3 s'")  # fmt: skip
+
+
+def _new(new: ArgumentParser) -> None:
+    new.add_argument("source", metavar="TEMPLATE|MODEL",
+                     help="four_bar, slider_crank, scissor_lift, cam or arm; a URDF, xacro or MJCF file; the name of a "
+                     "robot; or a mechanism file with a drawing, of which the URDF is written")  # fmt: skip
+    new.add_argument("-o", "--output", type=Path,
+                     help="folder (default: TEMPLATE, or that of MODEL); files that exist are kept")  # fmt: skip
 
 
 def _run(run: ArgumentParser) -> None:
@@ -101,7 +135,7 @@ def _replay(replay: ArgumentParser) -> None:
 
 
 OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
-    "run": _run, "check": _check, "validate": _validate, "explain": _explain, "sweep": _sweep, "tradeoff": _tradeoff,
-    "replay": _replay, "schema": _schema, "examples": _examples, "selftest": _selftest,
+    "new": _new, "run": _run, "check": _check, "validate": _validate, "explain": _explain, "sweep": _sweep,
+    "tradeoff": _tradeoff, "replay": _replay, "schema": _schema, "examples": _examples, "selftest": _selftest,
 }  # fmt: skip
 """Command -> what adds its own options."""

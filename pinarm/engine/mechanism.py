@@ -38,6 +38,7 @@ from pinarm.mechanics.forces.force_element import check_new
 from pinarm.mechanics.friction.contact import FrictionContact
 from pinarm.mechanics.joints import Joint, joint_of, joints_of
 from pinarm.mechanics.loading.pinocchio_model import RobotModel
+from pinarm.mechanics.loops import Loop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.payloads import Payload, with_payloads
 from pinarm.mechanics.perturbation import perturbed
@@ -379,7 +380,7 @@ def _build(
 ) -> Mechanism:  # fmt: skip
     """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's."""
     units, given = _arguments(description, arguments, here, caller)
-    with here("robot"), _naming_arguments(caller):
+    with here("planar" if description.planar else "robot"), _naming_arguments(caller):
         robot, texts, source = read_robot(description, data, folder, given)
     resolved = dict(numeric(texts))
     with _naming_arguments(here):
@@ -389,17 +390,14 @@ def _build(
     model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
     _check_start(description, joints, balls, here)
     turns = {**ball_coordinates(model, balls), **ball_angles(balls)}
-    loops = []
-    for name, loop in description.loops.items():
-        with here("loops", name):
-            loops.append(loop.bind(model, name))
+    loops = _loops(model, robot.loops, description.loops, here)
     turns |= _of_loops(model, loops, {*joints, *turns}, here)
     with here("coordinates"):
         coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
     constraints: list[Constraint] = [*(mimic_coupling(mimic, joints, model) for mimic in robot.mimics), *loops]
     for name, coupling in description.couplings.items():
         with here("couplings", name):
-            if name in description.loops:
+            if name in description.loops or name in robot.loops:
                 raise InputError(f"the coupling '{name}' has the name of a loop joint", expected="a name of its own")
             constraints.append(coupling.bind(joints, model, name))
     forces = dict(robot.forces)
@@ -472,6 +470,18 @@ def _check_start(
             measured = unit_of(name, known)
         with here("start", name):
             check_unit(value, measured)
+
+
+def _loops(model: pin.Model, drawn: Mapping[str, Loop], said: Mapping[str, Loop], here: Locate) -> list[LoopJoint]:
+    """Return the loop joints of a drawing, and those that the mechanism file says beside."""
+    with here("planar"):
+        loops = [loop.bind(model, name) for name, loop in drawn.items()]
+    for name, loop in said.items():
+        with here("loops", name):
+            if name in drawn:
+                raise InputError(f"the drawing has a loop joint '{name}' already", expected="a name of its own")
+            loops.append(loop.bind(model, name))
+    return loops
 
 
 def _arguments(

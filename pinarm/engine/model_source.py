@@ -9,17 +9,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from pinarm.errors import Location, ModelError
 from pinarm.input.mjcf_includes import resolve_includes
 from pinarm.input.numbers import decimal
 from pinarm.input.robots import is_floating
 from pinarm.input.robots import robot as robot_file
 from pinarm.input.roots import contained_file, root_of
-from pinarm.input.xacro.expansion import expand
+from pinarm.input.xacro.expansion import check_declared, expand
 from pinarm.input.xml_names import UnknownName
 from pinarm.input.xml_text import MAX_BYTES, location, read
-from pinarm.mechanics.description import MechanismDescription
+from pinarm.mechanics.description import Gravity, MechanismDescription
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects, RobotModel, build_model
+from pinarm.mechanics.planar.drawing import PlanarDrawing
 
 FILES = (".urdf", ".xacro", ".xml", ".mjcf")
 """Endings of model files; what has none of them is the name of a robot."""
@@ -60,6 +63,9 @@ def read_robot(
         ModelError: The model has a mistake.
         UnknownArgument: It has no argument of a given name.
     """
+    if description.planar is not None:
+        check_declared(arguments, {})
+        return _drawn(description, description.planar, data, folder)
     defects: Defects
     if description.robot.endswith(FILES):
         root, base, defects = root_of(folder / "mechanism.yaml"), description.base, description.defects or "refused"
@@ -75,6 +81,24 @@ def read_robot(
         raise error.at(_place(error, path)) from None
     notes = (*robot.notes, *(f"xacro: {warning}" for warning in expansion.warnings))
     return replace(robot, notes=notes), expansion.arguments, Source(data, folder, path, base, defects)
+
+
+def _drawn(
+    description: MechanismDescription, drawing: PlanarDrawing, data: Mapping[str, Any], folder: Path
+) -> tuple[RobotModel, Mapping[str, str], Source]:
+    """Return what a drawing expands to, with gravity in its plane; the source is that of the expansion."""
+    from pinarm.mechanics.planar.expansion import expanded  # not paid for by others
+
+    model, defects = expanded(drawing), description.defects or "refused"
+    down = Gravity(direction="-y")
+    robot = build_model(model.urdf, base=description.base, defects=defects, creep=description.creep)
+    loops = {**msgspec.to_builtins(model.loops), **data.get("loops", {})}
+    said = {key: value for key, value in data.items() if key != "planar"}
+    source = Source(
+        {"gravity": {"direction": down.direction}, **said, "loops": loops}, folder, folder / "mechanism.yaml",
+        description.base, defects,
+    )  # fmt: skip
+    return replace(robot, loops=model.loops, gravity=down.vector()), {}, source
 
 
 _NAMED = re.compile(r"(link|joint|body) '([^']+)'")

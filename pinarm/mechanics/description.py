@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.errors import InputError
 from pinarm.input.yaml.schema import Acceleration, InputStruct, Level, Positive
 from pinarm.mechanics.coordinates import CoordinateDefinition
 from pinarm.mechanics.couplings import CouplingDefinition
@@ -17,6 +18,7 @@ from pinarm.mechanics.joints import AXES, Axis
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects
 from pinarm.mechanics.loops import Loop
 from pinarm.mechanics.payloads import Payload
+from pinarm.mechanics.planar.drawing import PlanarDrawing
 
 STANDARD_GRAVITY = 9.81
 """Magnitude used where a file gives only a direction [m/s^2]."""
@@ -57,6 +59,7 @@ class MechanismDescription(InputStruct, frozen=True):
         pinarm: Version of the format.
         title: For headings.
         robot: A URDF, xacro or MJCF file, relative to this one, or the name of a robot of example-robot-data.
+        planar: In place of ``robot``: points of a drawing, the links between them, pins and slides.
         base: ``floating`` lets the model's root move freely, by a joint ``root``; ``fixed`` holds it. As in the model
             where it is left out; of the robots known by name, those that float in their own loaders do.
         defects: ``noted`` takes inertias that no body can have as they are written, and tells; files are refused
@@ -78,7 +81,8 @@ class MechanismDescription(InputStruct, frozen=True):
     """
 
     pinarm: Literal[1]
-    robot: str
+    robot: str = ""
+    planar: PlanarDrawing | None = None
     title: str = ""
     base: Base | None = None
     defects: Defects | None = None
@@ -94,3 +98,11 @@ class MechanismDescription(InputStruct, frozen=True):
     friction: dict[str, Friction] = {}
     payloads: dict[str, Payload] = {}
     symbols: dict[str, str] = {}
+
+    def check(self) -> None:
+        """Refuse a mechanism without a model, or with two."""
+        if not self.robot and self.planar is None:
+            raise InputError("the key 'robot' is missing: it names the model",
+                             expected="robot: a model file, or planar: points and links of a drawing")  # fmt: skip
+        if self.robot and self.planar is not None:
+            raise InputError("the mechanism has two models, 'robot' and 'planar'", expected="one of them")

@@ -17,7 +17,7 @@ from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.prescribed_motion import Prescription
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
-from pinarm.errors import Place
+from pinarm.errors import Place, locating_drives
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import InputStruct, Level
 from pinarm.mechanics.forces import Force, ForceElement
@@ -84,7 +84,7 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
         prescribed, drives, forces = self.prepare(mechanism, place)
         laws = [*prescribed.laws, *(law for force in forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
-        with place("motion"):
+        with place("motion"), locating_drives(place, "drives" if self.drives else "motion"):
             prescription = Prescription(
                 mechanism, prescribed, drives, Dynamics.of(mechanism.model, forces), "t", unit("s")
             )

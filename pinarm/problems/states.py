@@ -19,7 +19,7 @@ from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.prescribed_motion import Prescription, Rates
 from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
-from pinarm.errors import InputError, Key, Place, choices
+from pinarm.errors import InputError, Key, Place, choices, locating_drives
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Level, Rate, SecondRate, check_unit
 from pinarm.mechanics.ball_joints import positions_of
@@ -97,7 +97,7 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
         """Return the positions, at rest, and the efforts of the drives."""
         prescribed, drives, forces = self.prepare(mechanism, place)
         rest = np.zeros(len(prescribed.names))
-        with place():
+        with place(), locating_drives(place):
             return _prescription(mechanism, prescribed, drives, forces, self.over, (rest, rest)).outcome(
                 _grid(self.over), start_configuration(mechanism, self.start))  # fmt: skip
 
@@ -170,7 +170,7 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
     def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
         """Return the states and the efforts of the drives."""
         prescribed, drives, forces, rates = self.prepare(mechanism, place)
-        with place():
+        with place(), locating_drives(place):
             return _prescription(mechanism, prescribed, drives, forces, self.over, rates).outcome(
                 _grid(self.over), start_configuration(mechanism, self.start))  # fmt: skip
 

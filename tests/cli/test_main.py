@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from pinarm.cli.main import main
+from pinarm.cli.main import COMMANDS, _parser, main
 
 URDF = """\
 <robot name="pendulum">
@@ -274,7 +275,7 @@ def references(node: Any) -> list[str]:
     return [found for value in node for found in references(value)] if isinstance(node, list) else []
 
 
-@pytest.mark.parametrize(("of", "keys"), [("scenario", {"pinarm", "mechanism", "problem"}), ("mechanism", {"robot"})])
+@pytest.mark.parametrize(("of", "keys"), [("scenario", {"pinarm", "mechanism", "problem"}), ("mechanism", {"pinarm"})])
 def test_the_schema_is_a_json_schema(capsys: pytest.CaptureFixture[str], of: str, keys: set[str]) -> None:
     assert main(["schema", of]) == 0
     schema = strict_json(capsys.readouterr().out)
@@ -351,3 +352,74 @@ def test_wrong_usage_is_exit_2(arguments: list[str], capsys: pytest.CaptureFixtu
         main(arguments)
     assert caught.value.code == 2
     assert "usage: pinarm" in capsys.readouterr().err
+
+
+# ------------------------------------------------------------------------------------ what is no scenario, help
+
+
+@pytest.mark.parametrize("command", ["run", "check", "validate", "sweep", "tradeoff"])
+@pytest.mark.parametrize(("file", "said"), [("pendulum.urdf", "a model"), ("pendulum.yaml", "a mechanism file")])
+def test_what_is_no_scenario_is_told_with_what_to_do(
+    capsys: pytest.CaptureFixture[str], command: str, file: str, said: str
+) -> None:
+    assert main([command, file]) == 2
+    err = capsys.readouterr().err
+    assert f"{file}: this is {said}, not a scenario" in err
+    assert f"python -m pinarm explain {file}" in err
+    assert "python -m pinarm new " in err
+
+
+def test_mechanism_files_of_a_folder_are_passed_over(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("bad.yaml", "blow.yaml", "miss.yaml"):
+        (here / name).unlink()
+    assert main(["validate", "."]) == 0
+    assert capsys.readouterr().out == "a.yaml: valid\n"
+    assert main(["check", "."]) == 0
+    assert "1 agrees" in capsys.readouterr().out
+    (here / "a.yaml").unlink()
+    assert main(["check", "."]) == 2
+    assert "there are no scenarios in ." in capsys.readouterr().err
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    import pinarm
+
+    with pytest.raises(SystemExit) as ended:
+        main(["--version"])
+    assert ended.value.code == 0
+    assert capsys.readouterr().out == f"pinarm {pinarm.__version__}\n"
+
+
+@pytest.mark.parametrize("command", [*COMMANDS])
+def test_help_has_examples_that_parse(capsys: pytest.CaptureFixture[str], command: str) -> None:
+    with pytest.raises(SystemExit):
+        main([command, "-h"])
+    lines = capsys.readouterr().out.partition("examples:\n")[2].splitlines()
+    examples = [shlex.split(line.partition(" > ")[0])[3:] for line in lines if line.strip()]
+    assert examples
+    for words in examples:
+        assert words[0] == command
+        _parser(words).parse_args(words)
+
+
+# ------------------------------------------------------------------------------------------ number of drives
+
+
+@pytest.mark.parametrize(
+    ("template", "key", "drives"),
+    [("four_bar", "drives: [O]", "drives: [O, C]"), ("slider_crank", "drives: [O]", "drives: [O, x]"),
+     ("scissor_lift", "drives: [spindle]", "drives: [spindle, O]"),
+     ("arm", "  motion:", "  drives: [elbow]\n  motion:"), ("cam", "  motion:", "  drives: [O]\n  motion:")],
+)  # fmt: skip
+def test_too_many_and_too_few_drives_are_the_same_mistake_at_their_line(
+    here: Path, capsys: pytest.CaptureFixture[str], template: str, key: str, drives: str
+) -> None:
+    assert main(["new", template]) == 0
+    scenario = here / template / "scenario.yaml"
+    text = scenario.read_text().replace(key, drives)
+    scenario.write_text(text)
+    line = 1 + next(row for row, content in enumerate(text.splitlines()) if "drives: [" in content)
+    assert main(["run", str(scenario), "--no-plots"]) == 2
+    err = capsys.readouterr().err
+    assert f"scenario.yaml:{line}:" in err
+    assert "drives" in err.splitlines()[0]

@@ -14,7 +14,7 @@ from newton_euler import newton_euler, self_stresses
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.kinematics.mobility import mobility_of
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import DynamicsError, InputError
+from pinarm.errors import DrivesError, InputError
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.states import Statics
@@ -128,7 +128,7 @@ class TestDrives:
     def test_two_motors_on_one_freedom_are_refused_by_name(self, tmp_path):
         mechanism = four_bar().build(tmp_path, ["B"])
         with pytest.raises(
-            DynamicsError, match="efforts of O, C are not determined: 2 drives and 1 degrees of freedom"
+            DrivesError, match="more drives than degrees of freedom, 2 and 1: the efforts of O, C are not"
         ):
             driven(mechanism, self.law, drives=["O", "C"])
 

@@ -13,7 +13,7 @@ from pinarm.engine.constraints.batch_jacobians import rows_of
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.constraints.nullspace_batch import free_motions
-from pinarm.errors import DynamicsError, InputError
+from pinarm.errors import DrivesError, DynamicsError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate, driven_along
 
 if TYPE_CHECKING:
@@ -62,8 +62,8 @@ class SelectedDrives:
         Where constraints are redundant the multipliers are the least ones that do it.
 
         Raises:
-            DynamicsError: The efforts are not determined: at a dead point, or as there are too many drives.
-            InputError: The drives cannot carry the load.
+            DynamicsError: The efforts are not determined at a dead point.
+            DrivesError: There are too many drives, or they cannot carry the load.
         """
         effort, good, k = np.empty((len(q), len(self.named))), np.empty(len(q), dtype=bool), len(self.joints)
         for places, free in free_motions(self.own, q):
@@ -81,22 +81,27 @@ class SelectedDrives:
         least = WEAK * np.linalg.norm(rows, axis=2).max(axis=1, initial=0.0)
         return np.einsum("fnj,ndj->nfd", free, rows), np.einsum("fnj,nj->nf", free, demand), least
 
-    def _refusal(self, t: float, q: Array, demand: Array) -> DynamicsError | InputError:
+    def _refusal(self, t: float, q: Array, demand: Array) -> DynamicsError | DrivesError:
         """Return why the drives' efforts cannot be had at a configuration, q and demand being one row."""
         ((_, free),) = free_motions(self.own, q)
         (ways,), (load,), (least,) = self._system(q, demand, free)
         u, s, vt = np.linalg.svd(ways)
         names, freedom, r = list(self.named), len(load), int((s >= least).sum())
+        if len(names) > freedom:
+            return DrivesError(
+                f"at {t:.9g} there are more drives than degrees of freedom, {len(names)} and {freedom}: "
+                f"the efforts of {', '.join(names)} are not determined",
+                expected=f"as many drives as degrees of freedom, {freedom}", hint="the others removed from drives",
+            )  # fmt: skip
         if len(names) > r:
             shares = np.abs(vt[r:]).max(axis=0)
             weak = [name for name, share in zip(names, shares, strict=True) if share > 1e-6]
             return DynamicsError(
-                f"at {t:.9g} the efforts of {', '.join(weak)} are not determined: "
-                f"{len(names)} drives and {freedom} degrees of freedom",
-                expected="as many drives as the mechanism has degrees of freedom, none of them at a dead point", t=t,
+                f"at {t:.9g} the efforts of {', '.join(weak)} are not determined: the mechanism is at a dead point of "
+                "these drives", expected="drives that can move the mechanism at every instant", t=t,
             )  # fmt: skip
         left = np.abs(load - ways @ (vt.T @ ((u[:, :r].T @ load) / s))).max()
-        return InputError(
+        return DrivesError(
             f"at {t:.9g} the drives {', '.join(names)} leave a load of {left:.3g} N*m or N uncarried",
             expected=f"{freedom} drives, as many as the mechanism has degrees of freedom",
             hint="drives: names of the coordinates that motors act along",

@@ -134,7 +134,7 @@ Abscissa, Extent, Pulsation = quantity(along=1), quantity(along=1, above=0.0), q
 Angle, Length = quantity("rad"), quantity("m", least=0.0)
 Force, Moment, Acceleration = quantity("N"), quantity("N*m"), quantity("m/s^2", least=0.0)
 Inertia, Mass = quantity("kg*m^2", least=0.0), quantity("kg", least=0.0)
-Span, Lead, Tension = quantity("m", above=0.0), quantity("m"), quantity("N", least=0.0)
+Span, Lead, Position, Tension = quantity("m", above=0.0), quantity("m"), quantity("m"), quantity("N", least=0.0)
 LoadRating, ServiceSpeed = quantity("N", above=0.0), quantity("rad/s", above=0.0)
 Stiffness, Damping = quantity("N/m", least=0.0), quantity("N*s/m", least=0.0)
 RotationStiffness, RotationDamping = quantity("N*m/rad", least=0.0), quantity("N*m*s/rad", least=0.0)

@@ -23,6 +23,7 @@ from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.joint_definitions import CREEP
 from pinarm.mechanics.loading.model_tree import Bounds, Mimic, Tree, TreeJoint, from_z, listed
 from pinarm.mechanics.loading.urdf import urdf_tree
+from pinarm.mechanics.loops import Loop
 
 BASE = "root"
 """Name of the joint that is added where ``base: floating`` frees a model that its file fixes to the ground."""
@@ -52,6 +53,7 @@ class RobotModel:
         forces: Springs and damping of the joints, and regularised dry friction, by name.
         friction: Dry friction of joints with one coordinate, by name, which sticks [N*m or N].
         mimics: Joints that the file couples to others.
+        loops: Joints that close loops of the tree, by name.
         gravity: Gravity field of the file [m/s^2], world axes, shape (3,); ``None`` where it gives none.
         notes: Parts of the file that are modelled differently or not at all, in words.
     """
@@ -61,6 +63,7 @@ class RobotModel:
     forces: Mapping[str, ForceElement] = field(default_factory=dict)
     friction: Mapping[str, float] = field(default_factory=dict)
     mimics: tuple[Mimic, ...] = ()
+    loops: Mapping[str, Loop] = field(default_factory=dict)
     gravity: Array | None = None
     notes: tuple[str, ...] = ()
 
@@ -90,7 +93,7 @@ def build_model(
         *_said(tree, creep),
     ]  # fmt: skip
     sticking = {} if creep else {part.name: part.friction for part in _rubbing(tree) if part.kind != "ball"}
-    return RobotModel(model, xml, forces, sticking, tree.mimics, tree.gravity, tuple(notes))
+    return RobotModel(model, xml, forces, sticking, tree.mimics, gravity=tree.gravity, notes=tuple(notes))
 
 
 def _read(xml: str) -> Tree:

@@ -41,6 +41,7 @@ from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.result import Result
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.run_number import RunNumber
+from pinarm.use.scenario.file_kind import refuse_mechanism, refuse_model
 from pinarm.use.scenario.find import Find, find
 
 
@@ -140,7 +141,9 @@ class Scenario:
         Raises:
             InputError: The file cannot be read or has a mistake; the message says where.
         """
+        refuse_model(Path(path))
         document, folder = Document.read(Path(path), source=str(path)), Path(path).parent
+        refuse_mechanism(Path(path), document.data)
         return cls.of(_varied(document, folder, values) if values else document, folder)
 
     @classmethod

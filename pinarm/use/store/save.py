@@ -48,7 +48,7 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
         model = f"model{file_suffix(mechanism.xml)}"
         write(draft / "summary.json", json_text(result.summary()) + "\n")
         write(draft / "scenario.yaml", _resolved(result, folder))
-        write(draft / "mechanism.yaml", _mechanism(mechanism.source, folder, model))
+        write(draft / "mechanism.yaml", mechanism_text(mechanism.source, folder, model))
         write(draft / model, _model(mechanism, folder))
         write_parts(draft / "trajectory.csv", csv(columns))
         write_arrays(draft / "trajectory.npz", arrays(result, columns))
@@ -129,7 +129,7 @@ def _resolved(result: Result, folder: Path) -> str:
     return yaml_text(written)
 
 
-def _mechanism(source: Source, folder: Path, model: str) -> str:
+def mechanism_text(source: Source, folder: Path, model: str) -> str:
     """Return the mechanism file for the model beside it, which has no arguments any more."""
     data = {key: value for key, value in _moved(source.data, source.folder, folder).items() if key != "arguments"}
     base = {"base": source.base} if source.base else {}

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 from pinarm.errors import InputError
+from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import Values
 from pinarm.use.result.result import Result
+from pinarm.use.scenario.file_kind import is_mechanism
 from pinarm.use.scenario.scenario import Scenario, load
 
 
@@ -53,13 +56,24 @@ def scenarios(given: Scenario | str | Path, values: Values | None = None) -> lis
     return [load(each, values) for each in files]
 
 
-def scenario_files(path: Path) -> list[Path]:
-    """Return a scenario file, or those in a folder in the order of their names.
+def scenario_files(path: Path) -> Iterator[Path]:
+    """Yield a scenario file, or those in a folder in the order of their names; mechanism files are passed over.
 
     Raises:
         InputError: The folder has none.
     """
-    found = sorted(path.glob("*.yaml")) if path.is_dir() else [path]
-    if not found:
-        raise InputError(f"there are no scenarios in {path}", expected="files ending in .yaml")
-    return found
+    none = True
+    for file in sorted(path.glob("*.yaml")) if path.is_dir() else [path]:
+        if not path.is_dir() or not _is_mechanism(file):
+            none = False
+            yield file
+    if none:
+        raise InputError(f"there are no scenarios in {path}", expected="files ending in .yaml, with a 'problem:'")
+
+
+def _is_mechanism(file: Path) -> bool:
+    """Tell whether a file is a mechanism file; of one that cannot be read, whoever loads it says what is wrong."""
+    try:
+        return is_mechanism(Document.read(file).data)
+    except InputError:
+        return False

@@ -1,0 +1,134 @@
+"""The files that a mechanism of one's own begins with: from a template, a model file, a robot's name, or a drawing."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from pinarm.errors import InputError, choices
+
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+def templates() -> list[str]:
+    """Return the names of the templates."""
+    return sorted(folder.name for folder in TEMPLATES.iterdir() if folder.is_dir())
+
+
+def new(source: str | Path, folder: str | Path | None = None) -> Path:
+    """Write the files to begin with, each with comments: a mechanism and a scenario that runs.
+
+    A template (``four_bar``, ``slider_crank``, ``scissor_lift``, ``cam``, ``arm``) is copied. For a URDF, xacro or MJCF
+    file, or a robot of example-robot-data, ``mechanism.yaml`` lists its joints, and ``scenario.yaml`` moves each of
+    them from rest to rest. Of a mechanism file with a drawing (``planar:``) the URDF is written, with a mechanism file
+    that has its loops.
+
+    Args:
+        source: Name of a template or a robot, a model file, or a mechanism file with a drawing.
+        folder: Where to; by default a folder named after the template or robot, the folder of the model file, or for a
+            drawing ``NAME_urdf``.
+
+    Returns:
+        The folder.
+
+    Raises:
+        InputError: There is nothing of that name, or a file to be written exists already; then nothing is written.
+        ModelError: The model has a mistake.
+    """
+    from pinarm.engine.model_source import FILES
+
+    name, file = str(source), Path(source)
+    if name in templates():
+        return _written(Path(folder or name), _template(name))
+    if file.suffix in (".yaml", ".yml"):
+        target = Path(folder or f"{file.stem}_urdf")
+        return _written(target, _drawing(file, target))
+    if name.endswith(FILES):
+        target = Path(folder or file.parent)
+        return _written(target, _model(file, os.path.relpath(file, target), target))
+    return _written(Path(folder or name), _robot(name))
+
+
+def _template(name: str) -> dict[str, str]:
+    files = sorted(file for file in (TEMPLATES / name).iterdir() if file.is_file())
+    return {file.name: file.read_text(encoding="utf-8") for file in files}
+
+
+def _model(file: Path, robot: str, folder: Path) -> dict[str, str]:
+    """Return the files for a model file; ``robot`` is its path from their folder.
+
+    Raises:
+        InputError: It lies where files in the folder may not refer to.
+    """
+    from pinarm.engine.mechanism import Mechanism
+    from pinarm.input.roots import contained_file, root_of
+    from pinarm.use.store.first_files import mechanism_text, scenario_text
+
+    mechanism = Mechanism.load(file)
+    contained_file(file.absolute(), root_of(folder / "mechanism.yaml"))
+    return {
+        "mechanism.yaml": mechanism_text(mechanism, Path(robot).as_posix()),
+        "scenario.yaml": scenario_text(mechanism),
+    }
+
+
+def _robot(name: str) -> dict[str, str]:
+    """Return the files for a robot of example-robot-data.
+
+    Raises:
+        InputError: There is no template or robot of that name.
+    """
+    from pinarm.engine.mechanism import Mechanism
+    from pinarm.input.robots import robots
+    from pinarm.use.store.first_files import mechanism_text, scenario_text
+
+    if name not in robots():
+        hint = choices(name, [*templates(), *robots()])[1]
+        raise InputError(
+            f"there is no template '{name}'",
+            expected=f"one of {', '.join(templates())}; a URDF, xacro or MJCF file; a mechanism file with 'planar:'; "
+            "or the name of a robot", hint=hint,
+        )  # fmt: skip
+    mechanism = Mechanism.load(name)
+    return {"mechanism.yaml": mechanism_text(mechanism, name), "scenario.yaml": scenario_text(mechanism)}
+
+
+def _drawing(file: Path, folder: Path) -> dict[str, str]:
+    """Return the URDF of a drawing, and a mechanism file for it.
+
+    Raises:
+        InputError: The file has no drawing.
+    """
+    from pinarm.engine.mechanism import Mechanism
+    from pinarm.input.yaml.document import Document
+    from pinarm.use.store.save import mechanism_text
+
+    data = Document.read(file).data
+    if not isinstance(data, dict) or "planar" not in data:
+        raise InputError(f"{file} has no drawing to make a URDF of", expected="a mechanism file with 'planar:'")
+    mechanism = Mechanism.load(file)
+    model = f"{file.stem}.urdf"
+    return {model: mechanism.xml, "mechanism.yaml": mechanism_text(mechanism.source, folder, model)}
+
+
+def _written(folder: Path, files: Mapping[str, str]) -> Path:
+    """Write files to a folder, which is made where it does not exist.
+
+    Raises:
+        InputError: One exists already, or the folder cannot be written.
+    """
+    there = [name for name in files if (folder / name).exists()]
+    if there:
+        raise InputError(f"{folder / there[0]} exists already: nothing is written",
+                         expected="a folder without files of these names", hint="another folder: -o DIR")  # fmt: skip
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in files.items():
+            (folder / name).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(
+            f"the files cannot be written to {folder}: {error.strerror}",
+            expected="a folder, or a path where one can be made", hint="another folder: -o DIR",
+        ) from None  # fmt: skip
+    return folder

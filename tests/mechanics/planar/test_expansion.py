@@ -1,0 +1,181 @@
+"""Drawings against the same mechanisms as URDF files: the same torques and reactions; and against closed forms."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.use.store.restore import restore
+
+MODELS = Path(pinarm.__file__).parents[1] / "models"
+
+SAME = 1e-12
+"""Relative difference of two routes: rounding, larger by the condition of the loops."""
+
+FOUR_BAR = f"""\
+pinarm: 1
+planar:
+  points:
+    O2: [0, 0]
+    A: [100 mm, 0]
+    B: [350 mm, {0.06**0.5!r} m]
+    O4: [400 mm, 0]
+    G3: [225 mm, {0.06**0.5 / 2!r} m]
+  ground: [O2, O4]
+  links:
+    crank: {{points: [O2, A], mass: 1 kg}}
+    coupler: {{points: [A, B], mass: 3.5 kg, centre: G3, inertia: {3.5 * 0.35**2 / 12!r} kg*m^2}}
+    rocker: {{points: [B, O4], mass: 2.5 kg}}
+"""
+"""The crank-rocker at theta2 = 0: B is 0.35 m from A and 0.25 m from O4; its bars are uniform rods."""
+
+TURNING = {
+    "kind": "inverse", "time": {"end": "0.6 s", "samples": 61},
+    "motion": {"O2": {"law": "constant_speed", "speed": "100 rpm"}}, "drives": ["O2"],
+}  # fmt: skip
+
+SLIDER_CRANK = """\
+pinarm: 1
+gravity: none
+planar:
+  points: {O: [0, 0], A: [45 mm, 0], G: [90 mm, 0], B: [190 mm, 0]}
+  ground: [O]
+  links:
+    crank: {points: [O, A], mass: 1 kg, centre: O, inertia: 0.012 kg*m^2}
+    rod: {points: [A, B], mass: 0.65 kg, centre: G, inertia: 0.0019 kg*m^2}
+    piston: {points: [B], mass: 0.55 kg}
+  sliders:
+    x: {link: piston, along: [O, B]}
+"""
+
+
+def solved(folder: Path, mechanism: str, problem: dict[str, Any], outputs: list[str]) -> pinarm.Result:
+    import yaml
+
+    (folder / "mechanism.yaml").write_text(mechanism)
+    scenario = {"pinarm": 1, "mechanism": "mechanism.yaml", "problem": problem, "outputs": outputs}
+    (folder / "scenario.yaml").write_text(yaml.safe_dump(scenario))
+    return pinarm.run(folder / "scenario.yaml")
+
+
+def compared(drawn: pinarm.Result, model: pinarm.Result, names: dict[str, str]) -> None:
+    for here, there in names.items():
+        other = model[there].values
+        scale = np.abs(other).max()
+        assert scale > 0.0
+        np.testing.assert_allclose(drawn[here].values, other, rtol=0, atol=SAME * scale, err_msg=here)
+
+
+def test_a_four_bar_is_that_of_the_urdf_file(tmp_path: Path) -> None:
+    names = {
+        "joint.O2.effort": "T", "joint.O2.force.x": "joint.theta2.force.x", "joint.O2.force.y": "joint.theta2.force.y",
+        "joint.A.force.x": "joint.A.force.x", "joint.A.force.y": "joint.A.force.y", "loop.B.force.x": "loop.B.force.x",
+        "loop.B.force.y": "loop.B.force.y", "joint.O4.force.x": "joint.theta4.force.x", "point.G3.velocity.x":
+        "point.G3.velocity.x", "joint.O4.velocity": "omega4",
+    }  # fmt: skip
+    drawn = solved(tmp_path, FOUR_BAR, TURNING, ["O2"])
+    model = pinarm.run(MODELS.parent / "scenarios" / "crank_rocker_turning.yaml", {"problem.time.samples": 61})
+    compared(drawn, model, names)
+
+
+def test_a_slider_crank_is_that_of_the_urdf_file(tmp_path: Path) -> None:
+    motion = {"law": "constant_speed", "speed": "3000 rpm"}
+    turning = {**TURNING, "time": {"end": "20 ms", "samples": 41}, "motion": {"O": motion}, "drives": ["O"]}
+    drawn = solved(tmp_path, SLIDER_CRANK, turning, ["x"])
+    model = pinarm.run(
+        MODELS.parent / "scenarios" / "slider_crank_gas.yaml",
+        {"problem.time": {"end": "20 ms", "samples": 41}, "problem.loads": {}, "outputs": ["C"], "expect": []},
+    )
+    names = {"joint.O.effort": "C", "joint.x.force.y": "N", "x": "x - r - L", "joint.x.acceleration": "xdd"}
+    names |= {"loop.B.force.x": "loop.B.force.x", "joint.A.force.y": "joint.A.force.y"}
+    compared(drawn, model, names)
+
+
+def test_the_drawing_is_the_start_and_closed(tmp_path: Path) -> None:
+    (tmp_path / "mechanism.yaml").write_text(FOUR_BAR)
+    mechanism = pinarm.Mechanism.load(tmp_path / "mechanism.yaml")
+    state = mechanism.at(np.zeros((1, mechanism.model.nq)))
+    points = mechanism.description.planar.points
+    for point, (x, y) in points.items():
+        assert state[f"point.{point}.position.x"].values[0] == pytest.approx(x, abs=1e-15)  # sums of offsets
+        assert state[f"point.{point}.position.y"].values[0] == pytest.approx(y, abs=1e-15)
+    assert np.abs(mechanism.closure.gap(mechanism.closure.state(np.zeros(mechanism.model.nq)))).max() < 1e-15
+
+
+def test_gravity_is_in_the_plane_of_the_drawing(tmp_path: Path) -> None:
+    (tmp_path / "mechanism.yaml").write_text(FOUR_BAR)
+    assert pinarm.Mechanism.load(tmp_path / "mechanism.yaml").model.gravity.linear.tolist() == [0.0, -9.81, 0.0]
+    (tmp_path / "flat.yaml").write_text(SLIDER_CRANK)
+    assert not pinarm.Mechanism.load(tmp_path / "flat.yaml").model.gravity.linear.any()
+
+
+def test_a_saved_result_has_the_urdf_and_is_read_again(tmp_path: Path) -> None:
+    drawn = solved(tmp_path, FOUR_BAR, {**TURNING, "time": {"end": "0.1 s", "samples": 5}}, ["joint.O2.effort"])
+    drawn.save(tmp_path / "out", plots=False)
+    again = restore(tmp_path / "out")
+    assert "planar" not in (tmp_path / "out" / "mechanism.yaml").read_text()
+    assert again.trajectory.mechanism.xml == drawn.trajectory.mechanism.xml
+    for name in ("joint.O2.effort", "loop.B.force.x"):
+        np.testing.assert_array_equal(again[name].values, drawn[name].values)
+
+
+TRAMMEL = """\
+pinarm: 1
+planar:
+  points: {C: [0, 0], P: [3 m, 0], Q: [0, 4 m], X: [1 m, 0], Y: [0, 1 m]}
+  ground: [C]
+  links:
+    foot: {points: [P]}
+    rod: {points: [P, Q], mass: 2 kg}
+  sliders: {x: {link: foot, along: [C, X]}}
+  slots: {y: {link: rod, point: Q, along: [C, Y]}}
+"""
+
+
+def test_a_ladder_in_a_slot_is_held_by_its_closed_form(tmp_path: Path) -> None:
+    """Of the elliptic trammel: the foot is pushed with F = m g x / (2 y), the wall carries the same."""
+    problem = {"kind": "statics", "over": {"x": {"from": "0 m", "to": "1 m", "samples": 11}}, "drives": ["x"]}
+    drawn = solved(tmp_path, TRAMMEL, problem, ["x"])
+    x = drawn["x"].values + 3.0
+    force = 2 * 9.81 * x / (2 * np.sqrt(25 - x**2))
+    np.testing.assert_allclose(drawn["joint.x.effort"].values, -force, rtol=1e-11)  # the loop's condition
+    np.testing.assert_allclose(drawn["loop.y.force.x"].values, force, rtol=1e-11)
+    np.testing.assert_allclose(drawn["point.Q.position.x"].values, 0.0, atol=1e-14)
+
+
+WEDGES = """\
+pinarm: 1
+planar:
+  points: {A: [0, 0], B: [1 m, 0], C: [0, 1 m], D: [4 m, 3 m]}
+  ground: []
+  links:
+    wedge: {points: [A], mass: 1 kg}
+    load: {points: [D], mass: 5 kg}
+  sliders:
+    push: {link: wedge, along: [A, B]}
+    lift: {link: load, along: [A, C]}
+    face: {link: load, on: wedge, along: [D, A]}
+"""
+
+
+def test_slides_that_close_a_loop(tmp_path: Path) -> None:
+    """A wedge of slope 3/4 lifts a load: by virtual power it is held with 3/4 of its weight."""
+    problem = {"kind": "statics", "over": {"push": {"from": "0 m", "to": "1 m", "samples": 3}}, "drives": ["push"]}
+    drawn = solved(tmp_path, WEDGES, problem, ["lift"])
+    np.testing.assert_allclose(drawn["joint.push.effort"].values, -0.75 * 5 * 9.81, rtol=1e-12)
+    np.testing.assert_allclose(drawn["lift"].values, -0.75 * drawn["push"].values, atol=1e-14)
+
+
+def test_where_three_links_meet_the_first_carries_the_others(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text("""\
+pinarm: 1
+planar:
+  points: {A: [0, 0], B: [1 m, 1 m], C: [2 m, 0], P: [1 m, 0]}
+  ground: [A, C]
+  links: {left: {points: [A, B], mass: 1 kg}, right: {points: [C, B], mass: 1 kg}, low: {points: [B, P], mass: 1 kg}}
+""")
+    mechanism = pinarm.Mechanism.load(tmp_path / "m.yaml")
+    assert set(mechanism.joints) == {"A", "C", "B_low"}
+    assert [one.name for one in mechanism.constraints] == ["B_right"]

@@ -1,0 +1,103 @@
+"""What is wrong with a drawing is said with its line; slides are part of the tree."""
+
+from pathlib import Path
+
+import pytest
+
+import pinarm
+from pinarm.errors import InputError
+from pinarm.mechanics.planar.drawing import PlanarDrawing
+from pinarm.mechanics.planar.linkage import Linkage
+
+SOUND = """\
+pinarm: 1
+planar:
+  points:
+    O: [0, 0]
+    A: [1 m, 0]
+    B: [1 m, 1 m]
+    C: [0, 1 m]
+  ground: [O, C]
+  links:
+    crank: {points: [O, A], mass: 1 kg}
+    coupler: {points: [A, B], mass: 1 kg}
+    rocker: {points: [B, C], mass: 1 kg}
+"""
+
+
+def refused(folder: Path, old: str, new: str) -> str:
+    """Return what is said of a drawing in which something is replaced."""
+    assert old in SOUND
+    (folder / "m.yaml").write_text(SOUND.replace(old, new))
+    with pytest.raises(InputError) as caught:
+        pinarm.Mechanism.load(folder / "m.yaml")
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "said"),
+    [
+        ("points: [A, B]", "points: [A, D]", 11, "the drawing has no point 'D'"),
+        ("ground: [O, C]", "ground: [O, D]", 8, "the drawing has no point 'D'"),
+        ("  ground: [O, C]\n", "", 2, "the key 'ground' is missing"),
+        ("points: [B, C]", "points: []", 12, "the link 'rocker' has no point"),
+        ("points: [B, C], mass", "points: [B], mass", 12, "no moment of inertia"),
+        ("points: [B, C], mass: 1 kg", "points: [B, A], inertia: 1 kg*m^2", 12,
+         "coupler and rocker are joined twice, by A and B"),
+        ("points: [A, B], mass", "points: [O, A], mass", 11, "crank and coupler are joined twice, by O and A"),
+        ("mass: 1 kg}\n    rocker", "mass: 1 kg, centre: G}\n    rocker", 11, "the drawing has no point 'G'"),
+        ("A: [1 m, 0]", "A: [0, 0]", 10, "are at one place"),
+        ("A: [1 m, 0]", "A: [1, 0]", 5, "'1' has no unit"),
+        ("A: [1 m, 0]", "A: [1 kg, 0]", 5, "not a unit of this quantity"),
+        ("    crank:", "    ground:", 10, "the name of what does not move"),
+        ("    crank:", "    A:", 10, "the name of a point"),
+        ("pinarm: 1\n", "pinarm: 1\nrobot: panda\n", 1, "two models"),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_told_with_its_line(tmp_path: Path, old: str, new: str, line: int, said: str) -> None:
+    message = refused(tmp_path, old, new)
+    assert said in message
+    assert f"m.yaml:{line}:" in message, message
+
+
+def test_a_plate_needs_its_centre_of_mass(tmp_path: Path) -> None:
+    plate = SOUND.replace("    A: [1 m, 0]", "    A: [1 m, 0]\n    P: [2 m, 0]").replace("[A, B]", "[A, B, P]")
+    (tmp_path / "m.yaml").write_text(plate)
+    with pytest.raises(InputError, match=r"m.yaml:12:(.|\n)*3 points, but no centre of mass"):
+        pinarm.Mechanism.load(tmp_path / "m.yaml")
+
+
+def test_a_link_that_hangs_on_nothing() -> None:
+    drawn = PlanarDrawing(
+        points={"O": (0, 0), "A": (1, 0), "B": (2, 0), "C": (3, 0)},
+        ground=["O"],
+        links={"a": {"points": ["O", "A"]}, "lost": {"points": ["B", "C"]}},
+    )  # type: ignore[dict-item]
+    with pytest.raises(InputError, match="the link 'lost' hangs on nothing") as caught:
+        Linkage.of(drawn)
+    assert caught.value.path == ("links", "lost")
+
+
+def test_slides_are_coordinates_and_pins_close_the_loop() -> None:
+    """A boom that a cylinder raises: the way of the cylinder is a joint of the tree."""
+    drawn = PlanarDrawing(
+        points={"O": (0, 0), "P": (0, -1), "Q": (2, 0), "R": (1, -0.5)}, ground=["O", "P"],
+        links={"boom": {"points": ["O", "Q"]}, "rod": {"points": ["Q", "R"]}, "barrel": {"points": ["P"]}},  # type: ignore[dict-item]
+        sliders={"s": {"link": "rod", "on": "barrel", "along": ["P", "Q"]}},  # type: ignore[dict-item]
+    )  # fmt: skip
+    linkage = Linkage.of(drawn)
+    assert [one.name for one in linkage.tree] == ["O", "P", "s"]
+    assert [one.name for one in linkage.closing] == ["Q"]
+
+
+def test_a_drawing_has_no_arguments(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text(SOUND)
+    with pytest.raises(InputError, match="no argument 'mass'"):
+        pinarm.Mechanism.load(tmp_path / "m.yaml", {"mass": 1.0})
+
+
+def test_a_loop_joint_beside_the_drawing_has_a_name_of_its_own(tmp_path: Path) -> None:
+    extra = "loops: {B: {kind: revolute, between: [crank, rocker]}}\n"
+    (tmp_path / "m.yaml").write_text(SOUND + extra)
+    with pytest.raises(InputError, match=r"m\.yaml:13:.*the drawing has a loop joint 'B' already"):
+        pinarm.Mechanism.load(tmp_path / "m.yaml")

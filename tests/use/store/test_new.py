@@ -1,0 +1,132 @@
+"""What is written to begin with runs as it is, and nothing that the user wrote is lost."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.cli.main import main
+from pinarm.errors import InputError
+from pinarm.use.store.new import TEMPLATES, templates
+
+CART = """\
+<robot name="cart">
+  <link name="base"/>
+  <link name="cart"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
+  <link name="arm"><inertial><origin xyz="1 0 0"/><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
+  <link name="twin"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
+  <link name="kite"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
+  <joint name="rail-1" type="prismatic"><parent link="base"/><child link="cart"/><axis xyz="1 0 0"/>
+    <limit lower="0.02" upper="0.05" effort="10" velocity="0.01"/></joint>
+  <joint name="on" type="revolute"><parent link="cart"/><child link="arm"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="0.1" effort="5" velocity="2"/></joint>
+  <joint name="follower" type="continuous"><parent link="base"/><child link="twin"/><axis xyz="0 1 0"/>
+    <mimic joint="on" multiplier="2"/></joint>
+  <joint name="free" type="floating"><parent link="base"/><child link="kite"/></joint>
+</robot>
+"""
+
+
+def files(folder: Path) -> dict[str, str]:
+    return {file.name: file.read_text(encoding="utf-8") for file in folder.iterdir()}
+
+
+@pytest.mark.parametrize("name", templates())
+def test_every_template_runs_and_its_answer_key_agrees(tmp_path: Path, name: str) -> None:
+    folder = pinarm.new(name, tmp_path / name)
+    findings = pinarm.check(folder)
+    assert len(findings) > 0
+    assert all(finding.ok for finding in findings), str(findings)
+    assert files(folder) == files(TEMPLATES / name)
+
+
+def test_templates_have_comments_and_simple_names() -> None:
+    assert set(templates()) == {"arm", "cam", "four_bar", "scissor_lift", "slider_crank"}
+    for file in TEMPLATES.rglob("*.*"):
+        text = file.read_text(encoding="utf-8")
+        assert text.count("# ") + text.count("<!--") >= 3, file
+        assert max(map(len, text.splitlines())) <= 120, file
+
+
+def test_a_model_moves_every_joint_within_its_limits(tmp_path: Path) -> None:
+    (tmp_path / "cart.urdf").write_text(CART)
+    assert pinarm.new(tmp_path / "cart.urdf") == tmp_path
+    result = pinarm.run(tmp_path / "scenario.yaml")
+    outputs = {"joint.rail-1.effort", "joint.on.effort", *(f"joint.free.effort.{axis}" for axis in "xyz")}
+    assert {*result.content.outputs} == outputs
+    way, angle = result["rail-1"].values, result["on"].values
+    np.testing.assert_allclose(way[[0, -1]], [0.02, 0.05], atol=1e-15)
+    np.testing.assert_allclose(angle[[0, -1]], [0.0, np.radians(-30)], atol=1e-15)
+    assert not result.excesses() or {one.joint for one in result.excesses()} == {"on"}, "of effort only"
+    assert np.abs(result["joint.rail-1.velocity"].values).max() <= 0.01
+    assert np.abs(result["free.x"].values).max() == 0.0
+    text = (tmp_path / "mechanism.yaml").read_text()
+    assert "#   rail-1: slides, 20 to 50 mm, at most 10 N\n" in text
+    assert "#   on: turns, -171.887 to 5.72958 deg, at most 5 N*m\n" in text
+
+
+def test_a_model_of_another_folder_is_referred_to(tmp_path: Path) -> None:
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "cart.urdf").write_text(CART)
+    folder = pinarm.new(tmp_path / "cart.urdf", tmp_path / "deep" / "mine")
+    assert 'robot: "../../cart.urdf"' in (folder / "mechanism.yaml").read_text()
+    assert len(pinarm.validate(folder)) == 1
+
+
+def test_a_model_that_may_not_be_referred_to_is_told_at_once(tmp_path: Path) -> None:
+    (tmp_path / "cart.urdf").write_text(CART)
+    with pytest.raises(InputError, match="leads out of the root folder"):
+        pinarm.new(tmp_path / "cart.urdf", tmp_path / "mine")
+    assert not (tmp_path / "mine").exists()
+
+
+def test_a_robot_by_name(tmp_path: Path) -> None:
+    folder = pinarm.new("panda", tmp_path / "mine")
+    assert len(pinarm.validate(folder)) == 1
+
+
+def test_a_drawing_becomes_a_urdf_with_the_same_answers(tmp_path: Path) -> None:
+    (tmp_path / ".pinarm-root").touch()
+    drawn = pinarm.new("scissor_lift", tmp_path / "drawn")
+    made = pinarm.new(drawn / "mechanism.yaml", tmp_path / "made")
+    assert set(files(made)) == {"mechanism.urdf", "mechanism.yaml"}
+    one = pinarm.run(drawn / "scenario.yaml")
+    two = pinarm.run(drawn / "scenario.yaml", {"mechanism": "../made/mechanism.yaml"})
+    for name in one.content.outputs:
+        np.testing.assert_array_equal(one[name].values, two[name].values)
+
+
+def test_files_that_exist_stay_and_nothing_is_written(tmp_path: Path) -> None:
+    (tmp_path / "scenario.yaml").write_text("mine")
+    with pytest.raises(InputError, match=r"scenario\.yaml exists already: nothing is written"):
+        pinarm.new("arm", tmp_path)
+    assert files(tmp_path) == {"scenario.yaml": "mine"}
+
+
+def test_an_unknown_name_lists_what_there_is(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="there is no template 'four-bar'") as caught:
+        pinarm.new("four-bar", tmp_path / "x")
+    assert "scissor_lift" in caught.value.expected
+    assert caught.value.hint == "four_bar"
+
+
+def test_a_mechanism_without_a_drawing_has_nothing_to_expand(tmp_path: Path) -> None:
+    folder = pinarm.new("arm", tmp_path / "arm")
+    with pytest.raises(InputError, match="no drawing"):
+        pinarm.new(folder / "mechanism.yaml", tmp_path / "out")
+
+
+def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="cannot be written"):
+        pinarm.new("arm", tmp_path / "file" / "sub")
+
+
+def test_the_command_says_where(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "cam"]) == 0
+    assert capsys.readouterr().out == "written to cam\n"
+    assert (tmp_path / "cam" / "scenario.yaml").is_file()
