@@ -133,5 +133,6 @@ def _ties(mechanism: Mechanism) -> Iterator[Sequence[str]]:
 
 def _acting(mechanism: Mechanism) -> ReportTable:
     rows = [("force", name, element.description) for name, element in mechanism.forces.items()]
+    rows += [("dry friction", contact.name, "") for contact in mechanism.frictions]
     rows += [("drive", name, f"at {drive.joint}") for name, drive in mechanism.drives.items()]
     return ReportTable(["What acts", "name", ""], rows, 3, "Forces and drives")
