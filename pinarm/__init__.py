@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from pinarm.engine.series import Series
     from pinarm.errors import PinarmError
     from pinarm.input.roots import file_root
+    from pinarm.use.report.report import report
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.json_schema import schema
     from pinarm.use.scenario.scenario import Scenario, load
@@ -44,6 +45,7 @@ _HOMES = {
     "load": "pinarm.use.scenario.scenario",
     "new": "pinarm.use.store.new",
     "replay": "pinarm.use.store.restore",
+    "report": "pinarm.use.report.report",
     "file_root": "pinarm.input.roots",
     "run": "pinarm.use.study.run",
     "schema": "pinarm.use.scenario.json_schema",
@@ -56,8 +58,8 @@ _HOMES = {
 
 __all__ = [
     "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "SelfTest", "Series", "Sweep", "Tradeoff", "Trajectory",
-    "batch", "check", "examples", "explain", "file_root", "load", "new", "replay", "run", "schema", "selftest", "sweep",
-    "tradeoff", "validate",
+    "batch", "check", "examples", "explain", "file_root", "load", "new", "replay", "report", "run", "schema", "selftest",
+    "sweep", "tradeoff", "validate",
 ]  # fmt: skip
 
 

@@ -116,6 +116,7 @@ ELSEWHERE = {
         "motors for a joint in closed form", "use/assessments/sizing/catalogue use/assessments/sizing/duty",
     ),
     "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),
+    "use/report/test_report.py": ("its parts", "use/report/chapter use/report/origin use/report/tables"),
     "use/result/test_result.py": ("methods of a result", "use/result/measures use/views"),
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),
     "use/output/test_folder.py": ("which files are ours", "use/output/manifest"),

@@ -1,4 +1,4 @@
-"""The command line: ``run``, ``check``, ``validate``, ``explain``, ``sweep``, ``tradeoff``, ``replay``, ``schema`` ...
+"""The command line: ``run``, ``check``, ``validate``, ``explain``, ``sweep``, ``tradeoff``, ``replay``, ``report`` ...
 
 Exit codes: 0 all is well, 1 an expectation or the wanted accuracy is missed, 2 the input has a mistake or what comes
 out cannot be written, 3 the numerics failed (what was computed until then is kept) or a case of a sweep did, 130
@@ -238,6 +238,19 @@ def _replay(options: argparse.Namespace) -> int:
     return OK
 
 
+def _report(options: argparse.Namespace) -> int:
+    from pinarm.use.report.report import report
+
+    folder = options.results[0] if len(options.results) == 1 else Path()
+    target = options.output or folder / "report.html"
+    report(options.results, target, title=options.title)
+    if options.json:
+        _print_json({"file": str(target), "bytes": target.stat().st_size})
+    else:
+        print(f"written to {target}")
+    return OK
+
+
 def _schema(options: argparse.Namespace) -> int:
     from pinarm.use.scenario.json_schema import schema
 
@@ -323,6 +336,7 @@ COMMANDS = {
     "sweep": (_sweep, "solve a scenario for many values"),
     "tradeoff": (_tradeoff, "error against cost of settings, of models"),
     "replay": (_replay, "show the motion of a result in a web page"),
+    "report": (_report, "write one document on results, for a client"),
     "schema": (_schema, "print the JSON Schema for editors"),
     "examples": (_examples, "copy the models, scenarios and examples of pinarm to a folder"),
     "selftest": (_selftest, "test this installation: versions, and every kind of problem"),

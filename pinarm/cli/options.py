@@ -134,8 +134,16 @@ def _replay(replay: ArgumentParser) -> None:
     replay.add_argument("--speed", type=float, default=1.0, help="of the video, relative to real time")
 
 
+def _report(report: ArgumentParser) -> None:
+    report.add_argument("results", nargs="+", type=Path, metavar="RESULT", help="result folders, a chapter each")
+    report.add_argument("-o", "--output", type=Path, metavar="FILE", help="report.html with the replay, or report.pdf, "
+                        "by Chromium (default: report.html in the folder of a single result)")  # fmt: skip
+    report.add_argument("--title", default="", help="its heading (default: that of the first scenario)")
+
+
 OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
     "new": _new, "run": _run, "check": _check, "validate": _validate, "explain": _explain, "sweep": _sweep,
-    "tradeoff": _tradeoff, "replay": _replay, "schema": _schema, "examples": _examples, "selftest": _selftest,
+    "tradeoff": _tradeoff, "replay": _replay, "report": _report, "schema": _schema, "examples": _examples,
+    "selftest": _selftest,
 }  # fmt: skip
 """Command -> what adds its own options."""

@@ -207,6 +207,32 @@ def test_a_traceback_only_where_it_is_asked_for() -> None:
     assert "Traceback" in shell("run", "bad.yaml", "--traceback").stderr
 
 
+# ------------------------------------------------------------------------------------------------------- report
+
+
+def test_report_writes_one_document_on_results(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "a.yaml", "-o", "out", "--no-plots"]) == 0
+    capsys.readouterr()
+    assert main(["report", "out"]) == 0
+    assert capsys.readouterr().out == "written to out/report.html\n"
+    assert main(["run", "a.yaml", "-o", "out", "--no-plots"]) == 0  # the report is ours, and may be replaced
+    capsys.readouterr()
+    assert main(["report", "out", "out", "-o", "both.html", "--title", "Two <runs>", "--json"]) == 0
+    said = strict_json(capsys.readouterr().out)
+    page = (here / "both.html").read_text()
+    assert page.count("<article") == 2
+    assert "<h1>Two &lt;runs&gt;</h1>" in page
+    assert said == {"file": "both.html", "bytes": len(page.encode())}
+
+
+@pytest.mark.parametrize("arguments", [["out", "-o", "report.docx"], ["nothing"]])
+def test_report_says_what_cannot_be_written_or_read(
+    here: Path, capsys: pytest.CaptureFixture[str], arguments: list[str]
+) -> None:
+    assert main(["report", *arguments]) == 2
+    assert "error:" in capsys.readouterr().err
+
+
 # -------------------------------------------------------------------------------------------- check and validate
 
 

@@ -65,6 +65,13 @@ class Picture(Figure):
         self.savefig(stream, format="png", dpi=2 * SCREEN, metadata={"Software": None})
         return stream.getvalue(), {"width": width, "height": height}
 
+    def svg(self) -> str:
+        """Return it as an SVG element for a page of HTML, its texts as texts, without a heading for files."""
+        stream = io.StringIO()
+        with matplotlib.rc_context(STYLE):
+            self.savefig(stream, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
+        return stream.getvalue().partition("<!DOCTYPE")[2].partition(">")[2]
+
 
 def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) -> Picture:
     """Return a figure with the named quantities on stacked axes.

@@ -69,7 +69,7 @@ def remarks(result: Result) -> list[str]:
     """Return what is to be said beside the numbers, a line each: accuracy, cost, what was found, limits, notes."""
     run = result.trajectory
     lines = [_number_line(series, error) for series, error in result.numbers().values()]
-    lines += _error_lines(result) + _accuracy_lines(result.figures, run.parameter)
+    lines += error_lines(result) + _accuracy_lines(result.figures, run.parameter)
     cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name in COSTS]
     lines.append(f"rows: {len(run)}" + (f"; {', '.join(cost)}" if cost else ""))
     lines += [f"{name}: {value:.9g}" for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
@@ -88,7 +88,7 @@ def _number_line(series: Series, error: float) -> str:
     return f"{series.name}: {value:.7g} {'' if unit == '1' else unit}".rstrip() + quadrature
 
 
-def _error_lines(result: Result) -> list[str]:
+def error_lines(result: Result) -> list[str]:
     """Return what is known of the global error, how fast it grows, and whether it is below its target."""
     if result.error is None:
         integrated = "evaluations" in result.figures

@@ -45,9 +45,9 @@ def chromium() -> str:
     found += [str(file) for name in APPLICATIONS if (file := Path("/Applications") / name).is_file()]
     if not found:
         raise PinarmError(
-            "pictures and videos of a replay need Chromium or Chrome, and there is none",
+            "pictures, videos and PDF files need Chromium or Chrome, and there is none",
             expected=f"one of {', '.join(PROGRAMS)} on the PATH",
-            hint="apt-get install chromium, or brew install --cask chromium; the page itself needs none",
+            hint="apt-get install chromium, or brew install --cask chromium; pages (.html) need none",
         )
     return found[0]
 
@@ -56,7 +56,7 @@ class Page:
     """One page in the browser.
 
     Attributes:
-        events: What the browser has reported since the replay was opened, such as requests and console messages.
+        events: What the browser has reported since the page was opened, such as requests and console messages.
     """
 
     def __init__(self, commands: int, answers: int) -> None:
@@ -65,7 +65,7 @@ class Page:
         self._rest, self._count, self._session, self._target = b"", 0, "", ""
 
     def open(self, path: Path, fragment: str = "", *, width: int = 1280, height: int = 720) -> None:
-        """Show a replay, in place of the one before, and wait until it is ready.
+        """Show a page, in place of the one before, and wait until it is ready: ``<html data-ready="yes">``.
 
         Raises:
             PinarmError: The page does not start.
@@ -101,6 +101,11 @@ class Page:
     def screenshot(self) -> bytes:
         """Return what is on the screen, as PNG."""
         return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
+
+    def pdf(self) -> bytes:
+        """Return the page as it is printed, as PDF, on paper of the size that its style asks for."""
+        options = {"printBackground": True, "preferCSSPageSize": True, "generateDocumentOutline": True}
+        return base64.b64decode(self.call("Page.printToPDF", **options)["data"])
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
         """Send a command and return its answer.

@@ -104,11 +104,11 @@ def check(scenario: Scenario | str | Path, values: Values | None = None, *, resu
         solved = result or run(one)
         for index, expectation in enumerate(one.content.expect):
             with one.document.locating("expect", index):
-                findings.append(_found(solved, expectation))
+                findings.append(finding_of(solved, expectation))
     return Findings(findings)
 
 
-def _found(result: Result, expectation: Expectation) -> Finding:
+def finding_of(result: Result, expectation: Expectation) -> Finding:
     """Compare a result with one expectation; a place that the run does not come to is a miss."""
     try:
         return compare(result, expectation)

@@ -1,0 +1,1 @@
+"""The report on results: one document for whoever asked the question."""

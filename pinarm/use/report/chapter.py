@@ -1,0 +1,263 @@
+"""What the report says of one result, part by part, as texts, tables and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import TYPE_CHECKING
+
+from pinarm.engine.series import Series
+from pinarm.errors import PinarmError
+from pinarm.use.report.link_graph import LinkGraph, link_graph
+from pinarm.use.report.mechanism_tables import mechanism_tables, mobility_words
+from pinarm.use.report.origin import Origin
+from pinarm.use.report.question import QUESTIONS, question
+from pinarm.use.report.tables import ReportTable, number, unit_text, with_unit
+from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, RESIDUALS
+from pinarm.use.show.terminal import FEW, error_lines, ranges
+from pinarm.use.study.answers.check import finding_of
+from pinarm.use.study.answers.verdict_table import HEADING
+from pinarm.use.study.answers.verdict_table import remarks as verdict_remarks
+from pinarm.use.study.answers.verdict_table import rows as verdict_rows
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
+    from pinarm.use.result.section import Section, SectionTable
+    from pinarm.use.show.plot import Picture
+
+CURVES = 2
+"""Quantities a picture: a page holds two pictures, and little room is lost where one does not fit."""
+
+MOST_ROWS = 200
+"""Rows of a section's table that are printed; the file beside the result has all."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A section of a result, as it is printed.
+
+    Attributes:
+        title: Its heading.
+        tables: Its tables.
+        remarks: What to know, a sentence each.
+        pictures: Its graphs as SVG.
+    """
+
+    title: str
+    tables: Sequence[ReportTable]
+    remarks: Sequence[str]
+    pictures: Sequence[str] = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """What the report says of one result.
+
+    Attributes:
+        title: Of the scenario.
+        subtitle: The mechanism, and the kind of problem.
+        asked: The question in a sentence.
+        question: What is given and asked.
+        warnings: What forbids or limits the use of the numbers.
+        merits: What was confirmed of them.
+        answers: Ranges of the outputs, and numbers of the run.
+        sketch: The positions at start and end, as SVG.
+        mobility: How the mechanism can move, in a sentence.
+        graph: Its graph of links; ``None`` where it has too many.
+        mechanism: Its bodies, joints, loops and what acts.
+        curves: The outputs over the parameter, as SVG.
+        parts: Sections of the result.
+        verdicts: The answer key, compared; ``None`` where there is none.
+        accuracy: What was measured of it.
+        error: What is known of the global error, a sentence each.
+        left_out: Joints that were not solved for.
+        notes: What is not modelled, what to doubt, limits that are passed.
+        origin: Versions and digest.
+        replay: The page of the moving picture; empty where there is none.
+    """
+
+    title: str
+    subtitle: str
+    asked: str
+    question: ReportTable
+    warnings: Sequence[str]
+    merits: Sequence[str]
+    answers: Sequence[ReportTable]
+    sketch: str = field(repr=False)
+    mobility: str
+    graph: LinkGraph | None
+    mechanism: Sequence[ReportTable]
+    curves: Sequence[str] = field(repr=False)
+    parts: Sequence[Part]
+    verdicts: ReportTable | None
+    accuracy: ReportTable
+    error: Sequence[str]
+    left_out: ReportTable
+    notes: Sequence[str]
+    origin: Origin
+    replay: str = field(repr=False)
+
+
+def chapter(result: Result, origin: Origin, *, moving: bool) -> Chapter:
+    """Return what the report says of a result.
+
+    Args:
+        result: The result.
+        origin: What computed it.
+        moving: Whether the replay is wanted, which paper does not show.
+
+    Raises:
+        PinarmError: The motion of a saved result cannot be solved again, which numbers between its rows need.
+    """
+    mechanism = result.trajectory.mechanism
+    limits = [f"Limit: {excess.words(result.trajectory)}." for excess in result.excesses()]
+    replay, unshown = _replay(result) if moving else ("", [])
+    verdicts, missed = _verdicts(result)
+    return Chapter(
+        title=result.content.title or result.name,
+        subtitle=f"{mechanism.title}, {result.kind}",
+        asked=QUESTIONS.get(result.kind, ""),
+        question=question(result),
+        warnings=[*_warnings(result), *missed, *limits],
+        merits=_merits(result, verdicts, missed),
+        answers=[table for table in (_ranges(result), _numbers(result), _findings(result)) if table.rows],
+        sketch=_untitled(result.sketch()),
+        mobility=mobility_words(result),
+        graph=link_graph(mechanism),
+        mechanism=mechanism_tables(mechanism),
+        curves=list(_curves(result)),
+        parts=[_part(section) for section in result.sections.values()],
+        verdicts=verdicts,
+        accuracy=_accuracy(result),
+        error=error_lines(result),
+        left_out=ReportTable(["Joint", "how", "why"], [(x.joint, x.how, x.why) for x in result.removals], 3),
+        notes=[*result.notes(), *unshown],
+        origin=origin,
+        replay=replay,
+    )
+
+
+def _warnings(result: Result) -> list[str]:
+    """Return what forbids the use of the numbers."""
+    target = result.content.accuracy.target
+    found = [f"Contradiction: {result.contradiction}."] if result.contradiction else []
+    if result.missed:
+        found.append(f"The accuracy that was wanted, {target:g}, is not reached.")
+    if result.error is None and "evaluations" in result.figures:
+        found.append("The global error of this motion was not estimated; the residuals below do not bound it.")
+    return found
+
+
+def _merits(result: Result, verdicts: ReportTable | None, missed: Sequence[str]) -> list[str]:
+    """Return what was confirmed of the numbers."""
+    found = []
+    if result.error is not None and isfinite(result.error) and not result.contradiction:
+        bound = f"{result.error:.1e} of their largest values, in 99 of 100 cases"
+        found.append(f"The global error of all outputs is below {bound}.")
+    if verdicts is not None and not missed:
+        found.append(f"All {len(verdicts.rows)} entries of the answer key are met.")
+    return found
+
+
+def _ranges(result: Result) -> ReportTable:
+    """Return the ranges of the outputs, as the terminal shows them, with the bound of each one's error."""
+    heading, *rows = ranges(result)
+    run = result.trajectory
+    names = [with_unit(text, run.unit) if text == f"at {run.parameter}" else text for text in heading[2:]]
+    own = [[name, unit_text(unit), *numbers] for name, unit, *numbers in rows]
+    if not result.errors:
+        return ReportTable(["Quantity", "unit", *names], own, 2)
+    bounds = [_bound(result.errors.get(series.name)) for series in result.columns()[1:]]
+    return ReportTable(
+        ["Quantity", "unit", *names, "error"], [[*row, bound] for row, bound in zip(own, bounds, strict=True)], 2,
+        remark="error: bound of the global error relative to the largest value of the quantity, in 99 of 100 cases",
+    )  # fmt: skip
+
+
+def _bound(error: float | None) -> str:
+    return "" if error is None else f"{error:.1e}" if isfinite(error) else "unknown"
+
+
+def _numbers(result: Result) -> ReportTable:
+    rows = [[text, unit_text(series.unit), number(float(series.values[0])), f"{error:.1e}" if error else "0"]
+            for text, (series, error) in result.numbers().items()]  # fmt: skip
+    return ReportTable(["Number of the run", "unit", "value", "quadrature error"], rows, 2)
+
+
+def _findings(result: Result) -> ReportTable:
+    """Return what the problem found beside its rows, such as values that were sought."""
+    rows = [[name, f"{value:.9g}"] for name, value in result.figures.items() if name not in (*MEASURES, *COSTS)]
+    return ReportTable(["Found", "value"], rows)
+
+
+def _curves(result: Result) -> Iterator[str]:
+    """Yield the outputs over the parameter, a few to a picture; nothing where the answers show every row."""
+    if len(result) < 2 or (result.trajectory.numbered and len(result) <= FEW):
+        return
+    names = [series.name for series in result.columns()[1:]]
+    for first in range(0, len(names), CURVES):
+        yield _untitled(result.plot(*names[first : first + CURVES]))
+
+
+def _untitled(figure: Picture) -> str:
+    """Return a picture without its title, which the report has already."""
+    figure.suptitle("")
+    return figure.svg()
+
+
+def _part(section: Section) -> Part:
+    from pinarm.use.show.plot import graph
+
+    tables = [_section_table(table, section.key) for table in section.tables]
+    told = {cell for table in tables for row in table.rows for cell in row}
+    untold = {name: series for name, series in section.numbers.items() if _cell(series) not in told}
+    rows = [[name, unit_text(series.unit), _cell(series)] for name, series in untold.items()]
+    more = [ReportTable(["Number", "unit", "value"], rows, 2)] if rows else []
+    return Part(section.title, [*more, *tables], section.remarks, [graph(drawn).svg() for drawn in section.graphs])
+
+
+def _cell(series: Series) -> str:
+    return number(float(series.values[0]))
+
+
+def _section_table(table: SectionTable, key: str) -> ReportTable:
+    """Return a table of a section; the texts on its left decide which columns stand to the left."""
+    rows = [[cell if isinstance(cell, str) else number(cell) for cell in row] for row in table.rows[:MOST_ROWS]]
+    first = table.rows[0] if table.rows else ()
+    texts = next((k for k, cell in enumerate(first) if not isinstance(cell, str)), len(first))
+    more = len(table.rows) - MOST_ROWS
+    remark = f"and {more} more rows in {key}_{table.name}.csv" if more > 0 else ""
+    headings = zip(table.columns, table.units, strict=True)
+    named = [name if unit is None else with_unit(name, unit) for name, unit in headings]
+    return ReportTable(named, rows, texts, table.title, remark)
+
+
+def _verdicts(result: Result) -> tuple[ReportTable | None, list[str]]:
+    """Return the answer key, compared, and the misses in it, a sentence each."""
+    if not result.content.expect:
+        return None, []
+    findings = [finding_of(result, expectation) for expectation in result.content.expect]
+    rows = [[quantity if at == "all rows" else f"{quantity} @ {at}", *rest, finding.expectation.source]
+            for (_, quantity, at, *rest), finding in zip(verdict_rows(findings), findings, strict=True)]  # fmt: skip
+    *misses, counts = verdict_remarks(findings)
+    heading = ["Quantity", *HEADING[3:], "source"]
+    remark = f"{counts}. Of many rows, the one that is farthest off is shown; the difference is relative."
+    return ReportTable(heading, rows, len(heading), remark=remark), misses
+
+
+def _accuracy(result: Result) -> ReportTable:
+    """Return the figures that tell the accuracy of a run, and what they mean."""
+    few = {**RESIDUALS, **CLOSURES}
+    rows = [[name, f"{value:.1e}" if name in few else f"{value:.6g}", MEASURES[name]]
+            for name, value in result.figures.items() if name in MEASURES]  # fmt: skip
+    rows += [[name, f"{value:.0f}", "cost"] for name, value in result.figures.items() if name in COSTS]
+    return ReportTable(["Figure", "value", "meaning"], rows, 3)
+
+
+def _replay(result: Result) -> tuple[str, list[str]]:
+    """Return the page of the replay and nothing, or nothing and why there is none."""
+    try:
+        return result.replay(plots=()).html, []
+    except PinarmError as error:
+        return "", [f"no replay: {error.message}"]

@@ -1,0 +1,43 @@
+"""The question in words."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from pinarm.problems import KINDS
+from pinarm.use.report.question import QUESTIONS, question, words
+
+
+def test_every_kind_of_problem_has_a_question() -> None:
+    assert QUESTIONS.keys() == KINDS.keys()
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        ({"law": "constant_speed", "speed": "3 rpm"}, "constant speed: speed 3 rpm"),
+        ({"kind": "wrench", "force": ["1 N", "2 N"]}, "wrench: force (1 N, 2 N)"),
+        ([["0 s", "1 1"], ["1 s", "2 1"]], "(0 s, 1 1), (1 s, 2 1)"),
+        ({"law": "hold"}, "hold"),
+        ({"from": "0 rad", "to": "1 rad"}, "from 0 rad, to 1 rad"),
+        (3, "3"),
+    ],
+)  # fmt: skip
+def test_values_of_files_in_words(value: object, text: str) -> None:
+    assert words(value) == text
+
+
+def test_laws_gravity_and_symbols_are_told(scenario: Callable[..., Any]) -> None:
+    table = [list(row) for row in question(scenario("inverse").run()).rows]
+    assert ["Time", "", "end = 2 s, samples = 9"] in table
+    assert ["Moves by a law", "pivot", "trapezoid: from 0 rad, to 1 rad, acceleration 1 rad/s^2"] in table
+    assert ["Gravity", "", "(0, 0, -10) m/s²"] in table
+    assert ["Asked for", "M", "joint.pivot.effort"] in table
+    assert ["", "alpha", "joint.pivot.position"] in table
+
+
+@pytest.mark.parametrize("kind", ["statics", "inverse", "forward", "state", "equilibria"])
+def test_every_kind_names_its_coordinate(scenario: Callable[..., Any], kind: str) -> None:
+    rows = question(scenario(kind).run()).rows
+    assert any("pivot" in f"{name} {value}" for label, name, value in rows if label != "Asked for")

@@ -1,0 +1,183 @@
+"""The report: every number as the result has it, nothing from elsewhere, names as text, pages of A4."""
+
+import html
+import io
+import os
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pypdf
+import pytest
+
+from pinarm.errors import InputError, PinarmError
+from pinarm.use.report.report import report
+from pinarm.use.show.replay.chromium import chromium
+
+SHAKING = "numbers: [M @ rms, alpha @ end]\nshaking: {harmonics: 2}\n"
+TRAPEZOID = "{law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 1 rad/s^2}"
+PERIODIC = TRAPEZOID, "{law: harmonic, amplitude: 1 rad, pulsation: 3.14159265358979 rad/s}"
+"""What makes an inverse problem have numbers and a section."""
+
+
+def body(page: str) -> str:
+    """The page without replays, which are pages of their own with tests of their own."""
+    return re.sub(r'srcdoc="[^"]*"', "", page)
+
+
+def rows(page: str) -> list[list[str]]:
+    """The cells of all its tables, row by row."""
+    cells = (re.findall(r"<t[dh][^>]*>([^<]*)</t[dh]>", row) for row in re.findall(r"<tr>(.*?)</tr>", page, re.S))
+    return [[html.unescape(cell) for cell in row] for row in cells]
+
+
+def row(page: str, *begin: str) -> list[str]:
+    """The only row that begins with some cells."""
+    (found,) = (cells for cells in rows(page) if cells[: len(begin)] == list(begin))
+    return found
+
+
+def printed(value: float) -> str:
+    return f"{value:.7g}"
+
+
+def test_every_output_is_printed_as_the_summary_has_it(scenario: Callable[..., Any]) -> None:
+    result = scenario("inverse").run()
+    page = report(result).html
+    outputs = result.summary()["outputs"]
+    assert set(outputs) == {"M", "alpha"}
+    for name, entry in outputs.items():
+        unit = entry["unit"].replace("*", "·")
+        numbers = [entry[key] for key in ("min", "at_min", "max", "at_max")]
+        assert row(page, name, unit)[2:] == [printed(value) for value in numbers]
+        assert [float(cell) for cell in row(page, name, unit)[2:]] == pytest.approx(numbers, rel=5e-7)
+
+
+def test_numbers_and_sections_are_printed_as_the_result_has_them(scenario: Callable[..., Any]) -> None:
+    result = scenario("inverse", SHAKING, PERIODIC).run()
+    page = report(result).html
+    for text, (series, error) in result.numbers().items():
+        assert row(page, text)[2] == printed(float(series.values[0]))
+        assert float(row(page, text)[3]) == pytest.approx(error, rel=0.06)  # two digits
+    section = result.sections["shaking"]
+    assert len(section.tables) == 2
+    for table in section.tables:
+        wanted = [[cell if isinstance(cell, str) else printed(cell) for cell in cells] for cells in table.rows]
+        assert all(cells in rows(page) for cells in wanted)
+    told = {cell for cells in rows(page) for cell in cells}
+    assert "[?]" not in body(page)
+    assert all(printed(float(series.values[0])) in told for series in section.numbers.values())
+    assert all(html.escape(remark) in page for remark in section.remarks)
+
+
+def test_a_report_on_a_folder_is_that_on_its_result(scenario: Callable[..., Any], tmp_path: Path) -> None:
+    """Sections too; the digest is that of what was solved, and not of the copy in the folder."""
+    result = scenario("inverse", SHAKING, PERIODIC).run()
+    folder = result.save(tmp_path / "out", plots=False)
+    (tmp_path / "out" / "summary.json").write_text(
+        (folder / "summary.json").read_text().replace('"pinocchio": "', '"pinocchio": "0.0.')
+    )
+    direct, read = (report(one).html for one in (result, folder))
+    assert result.digest() in read
+    assert "pinocchio 0.0." in read
+    assert "pinocchio 0.0." not in direct
+    assert any(cells[0] == "1" for cells in rows(direct))  # a harmonic of the section
+    assert rows(direct) == rows(read)
+
+
+def test_it_needs_no_other_file_and_no_network(scenario: Callable[..., Any]) -> None:
+    page = report(scenario("inverse", SHAKING, PERIODIC).run()).html
+    assert page.count("<iframe") == 1
+    outside = re.findall(r'(?:src|href|url)\s*[=(]\s*["\']?([^"\')\s>]+)', body(page))
+    assert all(link.startswith("#") for link in outside), outside
+    assert set(re.findall(r"https?://[^\"'\s<]+", body(page))) <= {
+        "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink",
+    }  # fmt: skip
+
+
+EVIL = "</style></td></svg>--><script>alert(1)</script>"
+
+
+def test_names_and_titles_are_text(scenario: Callable[..., Any]) -> None:
+    changes = (("[M,", f'["{EVIL}", M,'), ("A pendulum", EVIL))
+    given = scenario("statics", f'symbols: {{"{EVIL}": 2*alpha}}\n', *changes).run()
+    made = report(given, title=EVIL)
+    page = body(made.html)
+    assert "<script>alert" not in page
+    assert page.count("</style>") == page.count("<style")
+    assert page.count("<script") == 1  # that which says that the page is there
+    assert html.escape(EVIL) in made.html
+
+
+def test_a_title_cannot_leave_its_string_in_the_style(scenario: Callable[..., Any]) -> None:
+    page = report(scenario("statics").run(), title='"} body { display: none } x { content: "').html
+    (content,) = re.findall(r"@bottom-left \{ content: \"([^\"]*)\"", page)
+    assert re.fullmatch(r"(\\[0-9a-f]{6})+", content)
+    assert (
+        bytes(int(code, 16) for code in content.split("\\")[1:]).decode() == '"} body { display: none } x { content: "'
+    )
+
+
+def test_what_forbids_the_use_of_the_numbers_stands_first(scenario: Callable[..., Any]) -> None:
+    wrong = "expect:\n- {quantity: alpha, at: start, value: 31 deg, source: a wrong value}\n"
+    page = report(scenario("forward", wrong).run()).html
+    (box,) = re.findall(r'<ul class="box warnings">(.*?)</ul>', page, re.S)
+    assert "global error of this motion was not estimated" in box
+    assert "MISS forward: alpha: the computed number is not the independent value" in box
+    assert "box merits" not in body(page).partition("<body>")[2]
+    assert page.index('box warnings">') < page.index("<h3>Question")
+
+
+def test_errors_stand_beside_their_numbers(scenario: Callable[..., Any]) -> None:
+    right = "expect:\n- {quantity: alpha, at: start, value: 30 deg, source: the start}\n"
+    result = scenario("forward", right).verified()
+    page = report(result).html
+    for name, bound in result.errors.items():
+        assert row(page, name)[-1] == f"{bound:.1e}"
+    (box,) = re.findall(r'<ul class="box merits">(.*?)</ul>', page, re.S)
+    assert f"{result.error:.1e}" in box
+    assert "All 1 entries of the answer key are met" in box
+
+
+def test_several_results_are_chapters(scenario: Callable[..., Any]) -> None:
+    page = report([scenario("inverse").run(), scenario("state").run()]).html
+    assert page.count("<article") == 2
+    assert re.findall(r'<a href="#(chapter-\d)">', page) == re.findall(r'<article id="(chapter-\d)">', page)
+
+
+def test_what_cannot_be_made_is_said(scenario: Callable[..., Any], tmp_path: Path, monkeypatch: Any) -> None:
+    result = scenario("state").run()
+    with pytest.raises(InputError, match=r"not written as '\.docx'"):
+        report(result, tmp_path / "report.docx")
+    with pytest.raises(InputError, match="there is no folder"):
+        report(tmp_path / "nothing")
+    with pytest.raises(InputError, match="no result to report on"):
+        report([])
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    with pytest.raises(InputError, match="reports need Jinja2"):
+        report(result)
+
+
+@pytest.mark.slow
+def test_it_is_printed_on_pages_of_a4_with_text(scenario: Callable[..., Any], tmp_path: Path) -> None:
+    try:
+        chromium()
+    except PinarmError as error:
+        if os.environ.get("CI"):
+            pytest.fail(f"CI must have a browser: {error}")
+        pytest.skip("there is no Chromium")
+    result = scenario("inverse", SHAKING, PERIODIC).run()
+    report(result, tmp_path / "report.pdf")
+    pdf = pypdf.PdfReader(io.BytesIO((tmp_path / "report.pdf").read_bytes()))
+    assert len(pdf.pages) >= 3
+    for page in pdf.pages:
+        assert [float(x) * 25.4 / 72 for x in (page.mediabox.width, page.mediabox.height)] == pytest.approx(
+            [210.0, 297.0], abs=0.5
+        )
+    text = "\n".join(page.extract_text() for page in pdf.pages)
+    for entry in result.summary()["outputs"].values():
+        assert printed(entry["max"]) in text
+    assert result.digest() in text.replace("\n", "")
+    assert "Provenance" in text  # the last part is there too
