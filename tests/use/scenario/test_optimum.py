@@ -1,6 +1,8 @@
 """Optima against closed forms: functions first, then numbers of runs."""
 
 import math
+import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from pinarm.errors import InputError, IntegrationError, PinarmError
 from pinarm.use.scenario.landscape import Landscape, Trial
 from pinarm.use.scenario.optimum import optimum, spread
 from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.scenario.searches import refusal
 
 ROOT = Path(pinarm.__file__).parents[1]
 
@@ -130,6 +133,19 @@ def test_the_shortest_time_with_a_limited_torque(tmp_path):
     assert result.figures["problem.motion.turn.acceleration [rad/s^2]"] == pytest.approx(1.0, rel=1e-5)
     assert any("joint.turn.effort @ peak < 0.5 N*m" in remark for remark in section.remarks)
     assert "find" not in result.data
+    assert pickle.loads(pickle.dumps(result)).sections["find"].remarks == section.remarks
+
+
+def test_a_run_whose_accuracy_fails_is_refused(tmp_path):
+    """Its stamp says so: energy that nothing accounts for, a residual beyond rounding."""
+    scenario = inertia(
+        tmp_path, "{law: polynomial, from: 0 rad, to: 1 rad, duration: 1 s}",
+        "for: {problem.time.end: [1 s, 2 s]}\nminimise: t @ end",
+    )  # fmt: skip
+    result = scenario.restated({key: x for key, x in scenario.document.data.items() if key != "find"}).run()
+    assert refusal(result) == ""
+    assert "energy" in refusal(replace(result, figures={**result.figures, "energy": 0.01}))
+    assert "'return trip'" in refusal(replace(result, figures={**result.figures, "return trip": 1e-4}))
 
 
 def test_the_trapezoid_of_least_heat_spends_a_third_of_its_time_on_each_part(tmp_path):
