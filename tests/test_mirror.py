@@ -118,6 +118,10 @@ ELSEWHERE = {
     "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),
     "use/report/test_report.py": ("its parts", "use/report/chapter use/report/origin use/report/tables"),
     "use/result/test_result.py": ("methods of a result", "use/result/measures use/views"),
+    "use/scenario/test_find.py": ("values that are found", "use/scenario/roots use/scenario/searches"),
+    "use/scenario/test_optimum.py": (
+        "optima of functions and of runs", "use/scenario/landscape use/scenario/optimum_section",
+    ),
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),
     "use/output/test_folder.py": ("which files are ours", "use/output/manifest"),
     "use/store/test_new.py": ("what is written for a model", "use/store/first_files"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
@@ -44,6 +44,7 @@ class Measured(float):
         along: For fields of a law: power of the variable that the law runs along.
         least: Lower bound in SI.
         above: Strict lower bound in SI.
+        forms: What may stand for it in a file, as JSON Schemas.
     """
 
     unit: Unit | None = None
@@ -52,6 +53,7 @@ class Measured(float):
     along: ClassVar[int | None] = None
     least: ClassVar[float | None] = None
     above: ClassVar[float | None] = None
+    forms: ClassVar[Sequence[Mapping[str, Any]]] = ({"type": "number"}, {"type": "string"})
 
     @classmethod
     def read(cls, value: object, *, bare: bool = True) -> Self:
@@ -223,11 +225,11 @@ def _members(annotation: Any) -> tuple[Any, ...]:
 
 
 def json_schema(kind: type) -> dict[str, object]:
-    """Return the JSON Schema of a quantity: a number, or a text with a unit."""
+    """Return the JSON Schema of a quantity: a number, a text with a unit, and what else may stand for it."""
     if not issubclass(kind, Measured):
         raise NotImplementedError(kind)
     description = f"a quantity in {kind.expected}" if kind.expected else "a number with its unit"
-    return {"anyOf": [{"type": "number"}, {"type": "string"}], "description": description}
+    return {"anyOf": [dict(form) for form in kind.forms], "description": description}
 
 
 def in_si(text: str | float | None, measured: Unit | None) -> float:

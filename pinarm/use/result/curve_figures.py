@@ -17,6 +17,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +30,10 @@ from pinarm.use.result.row_lookup import Lookup
 RELATIVE, ABSOLUTE, MOST = 1e-10, 1e-13, 2000
 """Errors at which an integral is good enough, relative to itself and to the largest value times the length; and most
 subdivisions of an interval, after which the error that is left is reported."""
+
+FEW, NOISE = (16, 64), 1e-4
+"""Subdivisions that are tried first; error, relative to the largest value times the length, below which one that more
+of them do not halve is rounding of the quantity, not its shape."""
 
 ROUNDING = 4e-16
 """Of a sum of a few hundred terms, relative to their sum."""
@@ -117,7 +122,7 @@ def integrals(run: Lookup, integrand: Callable[[Quantities], Array]) -> tuple[Ar
                 _remembering(partial(run.quantities_at, interval), integrand, low, high),
                 ABSOLUTE * (high - low),
             )
-            parts.append(cubature(at, [low], [high], rtol=RELATIVE, atol=allowed, max_subdivisions=MOST))
+            parts.append(_cubature(partial(cubature, at, [low], [high], rtol=RELATIVE, atol=allowed), high - low))
     total, error = (np.sum([getattr(part, of) for part in parts], axis=0) for of in ("estimate", "error"))
     return total, error + ROUNDING * np.abs(total)
 
@@ -143,6 +148,24 @@ def _remembering(
         return np.array([known[key] for key in keys])
 
     return at
+
+
+def _cubature(attempt: Callable[..., Any], length: float) -> Any:
+    """Return an integral with ever more subdivisions; with no more where they do not help against rounding.
+
+    Args:
+        attempt: ``max_subdivisions`` -> the integral, as ``scipy.integrate.cubature`` gives it.
+        length: Of the interval.
+    """
+    part = attempt(max_subdivisions=FEW[0])
+    for count in (*FEW[1:], MOST):
+        if part.status == "converged":
+            break
+        before, part = part, attempt(max_subdivisions=count)
+        small = (part.error <= NOISE * length).all()
+        if small and (part.error >= 0.5 * before.error).any():
+            break
+    return part
 
 
 def _moments(run: Lookup, quantity: str) -> tuple[Array, Array, float]:

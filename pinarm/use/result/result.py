@@ -58,6 +58,7 @@ class Result:
         setting: How the motion was integrated, and what the estimate rests on, in words.
         removals: Joints of the mechanism that were not solved for.
         assessments: What the scenario asks to conclude from it, by key.
+        found: What the search for the values of the scenario tells; none where there was none.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Result:
     setting: str = ""
     removals: Sequence[Removal] = ()
     assessments: Mapping[str, Assessment] = field(default_factory=dict, repr=False)
+    found: Section | None = field(default=None, repr=False)
 
     @property
     def error(self) -> float | None:
@@ -148,8 +150,9 @@ class Result:
 
     @cached_property
     def sections(self) -> Mapping[str, Section]:
-        """What the assessments of the scenario find, by key, evaluated when they are first asked for."""
-        return {key: assessment.evaluate(self) for key, assessment in self.assessments.items()}
+        """What a search and the assessments of the scenario find, by key, evaluated when they are first asked for."""
+        found = {self.found.key: self.found} if self.found else {}
+        return {**found, **{key: assessment.evaluate(self) for key, assessment in self.assessments.items()}}
 
     def columns(self) -> list[Series]:
         """Return the parameter and the outputs of the scenario."""

@@ -1,148 +1,233 @@
-"""Values that make quantities vanish: which counterweight, which pressure, which correction masses.
+"""Numbers of a scenario that are to be found: what is unknown, and what is wanted of the run.
 
-With x the unknown numbers of a scenario and r(x) the wanted quantities less their targets over all rows of the run, x
-minimises ``|r(x)|^2`` by Gauss-Newton steps with central differences. Where r depends on x by a polynomial of degree 2
-the differences are exact, and one or two steps end at rounding.
+Either quantities are to take values, see ``roots``, or one number of the run is to be least or largest: ``optimum``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError, IntegrationError
+from pinarm.engine.quantities.names import Quantities
+from pinarm.errors import InputError, within
+from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Measured
+from pinarm.use.result.run_number import RunNumber
 
-DIFFERENCE = 1e-3
-"""Half width of a difference, relative to the value, or to one of its units where that is larger."""
-
-ITERATIONS, SETTLED, SHRINK = 40, 1e-13, 0.25
-"""Steps at most; relative change of the values at which they have settled; factor of a step that was too long."""
-
-INDEPENDENT = 1e-9
-"""Smallest singular value of the scaled Jacobian, relative to the largest, with which the values are determined."""
+BOUNDS = "[0 kg, 500 kg], or {from: 0 kg, to: 500 kg, start: 100 kg}"
 
 
-class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_that"}):
-    """Numbers to find, and what they are to bring about at every row of the run.
+class Unknown(Measured):
+    """A number to find: its value is where to start from.
 
     Attributes:
-        unknown: ``for`` in files: path of a number of the scenario, as ``--set`` writes it -> where to start from.
-        wanted: ``so_that`` in files: quantity or formula -> its value at every row; or number of the run, such as
-            ``C_B @ rms`` -> its value.
+        low: Lower bound in SI; minus infinity for none.
+        high: Upper bound in SI; infinity for none.
     """
 
-    unknown: Annotated[dict[str, AnyQuantity], msgspec.Meta(min_length=1)]
-    wanted: Annotated[dict[str, AnyQuantity], msgspec.Meta(min_length=1)]
+    low: float = -math.inf
+    high: float = math.inf
+    forms: ClassVar[Sequence[Mapping[str, Any]]] = (
+        *Measured.forms,
+        {"type": "array", "minItems": 2, "maxItems": 2},
+        {"type": "object", "required": ["from", "to"]},
+    )
 
-    def text(self, values: Array) -> dict[str, str]:
-        """Return values, shape (k,) in SI, by their paths, as files write them: in the units of the starts."""
-        return {path: _written(start, value) for (path, start), value in zip(self.unknown.items(), values, strict=True)}
+    @classmethod
+    def read(cls, value: object, *, bare: bool = True) -> Self:
+        """Read a start, such as ``100 kg``; two bounds; or bounds and a start: see ``BOUNDS``.
 
-    def starts(self) -> Array:
-        """Return where to start from, in SI, shape (k,)."""
-        return np.array([float(start) for start in self.unknown.values()])
+        Raises:
+            UnitError: A unit is missing, unknown, or of another dimension than that of the other bound.
+            InputError: It is no number, or the bounds are not in order.
+        """
+        if isinstance(value, Sequence) and not isinstance(value, str):
+            value = dict(zip(("from", "to"), value, strict=True)) if len(value) == 2 else {}
+        if not isinstance(value, Mapping):
+            return super().read(value, bare=bare)
+        if not {"from", "to"} <= value.keys() <= {"from", "to", "start"}:
+            raise InputError("these are no bounds of a number", expected=BOUNDS)
+        given = {key: AnyQuantity.read(each, bare=bare) for key, each in value.items()}
+        units = [each.unit for each in given.values() if each.unit]
+        for each in given.values() if units else ():
+            each.check(units[0])
+        low, high = float(given["from"]), float(given["to"])
+        return cls.bounded(float(given.get("start", 0.5 * low + 0.5 * high)), units[0] if units else None, low, high)
 
-    def widths(self, values: Array) -> Array:
-        """Return the half widths of differences about some values, shape (k,)."""
-        return DIFFERENCE * np.maximum(np.abs(values), [_factor(start) for start in self.unknown.values()])
+    @classmethod
+    def bounded(cls, start: float, written: Unit | None, low: float, high: float) -> Self:
+        """Return a number between bounds, all in SI.
+
+        Raises:
+            InputError: They are not in order.
+        """
+        unknown = cls._of(start, written)
+        unknown.low, unknown.high = low, high
+        if not (low < high and low <= start <= high):
+            texts = [unknown.written(each) for each in (low, start, high)]
+            raise InputError(
+                f"the bounds {texts[0]} and {texts[2]} with the start {texts[1]} are not in order", expected=BOUNDS
+            )
+        return unknown
+
+    def written(self, value: float) -> str:
+        """Return a value in SI as files write it: in the unit of the start."""
+        return f"{float(value / self.unit.factor)!r} {self.unit}" if self.unit else repr(float(value))
+
+    @property
+    def factor(self) -> float:
+        """SI value of one of its unit."""
+        return self.unit.factor if self.unit else 1.0
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how another process makes the same number."""
+        if self.low == -math.inf:
+            return type(self)._of, (float(self), self.unit)
+        return type(self).bounded, (float(self), self.unit, self.low, self.high)
 
 
 @dataclass(frozen=True)
-class FoundValues:
-    """The values that were found.
+class Condition:
+    """What a number of the run must keep to.
 
     Attributes:
-        values: By path, as files write them.
-        numbers: The same, in the units of the starts.
-        residuals: Quantity -> what is left of it at the worst row, in SI.
-        before: The same for the starts.
-        steps: Number of Gauss-Newton steps.
+        number: The number.
+        relation: ``<``, ``>`` or ``=``.
+        bound: What it is compared with.
     """
 
-    values: Mapping[str, str]
-    numbers: tuple[float, ...]
-    residuals: Mapping[str, float]
-    before: Mapping[str, float]
-    steps: int
+    number: RunNumber
+    relation: Literal["<", ">", "="]
+    bound: Measured
+
+    @classmethod
+    def read(cls, number: str, text: str) -> Condition:
+        """Read ``< 0.52 m``, ``> 0.52 m`` or ``= 0.52 m``; ``<=`` and ``>=`` are the same as ``<`` and ``>``.
+
+        Raises:
+            InputError: It cannot be read.
+        """
+        relations: dict[str, Literal["<", ">", "="]] = {"<": "<", ">": ">", "=": "="}
+        if text[:1] not in relations:
+            raise InputError(f"'{text[:80]}' is no condition", expected="'< 0.52 m', '> 0.52 m' or '= 0.52 m'")
+        value = text[1:].removeprefix("=").strip()
+        return cls(RunNumber.read(number), relations[text[0]], AnyQuantity.read(value, bare=False))
+
+    def __str__(self) -> str:
+        return f"{self.number.label} {self.relation} {self.bound:g}" if not self.bound.unit else (
+            f"{self.number.label} {self.relation} {self.bound / self.bound.unit.factor:g} {self.bound.unit}"
+        )  # fmt: skip
+
+    def margin(self, value: float) -> float:
+        """Return by how much it holds, negative where it does not; for ``=`` the difference."""
+        return float(self.bound - value if self.relation == "<" else value - self.bound)
 
 
-def find(search: Find, residuals: Callable[[Mapping[str, str]], dict[str, Array]]) -> FoundValues:
-    """Return the values that a search finds.
+class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_that"}):
+    """Numbers to find, and what they are to bring about: ``so_that``, ``minimise`` or ``maximise``.
 
-    Args:
-        search: What is unknown and what is wanted.
-        residuals: Values by path -> every wanted quantity less its target, at all rows.
-
-    Raises:
-        InputError: An unknown has no effect on what is wanted, or several have the same.
-        IntegrationError: The steps do not settle.
+    Attributes:
+        unknown: ``for`` in files: path of a number of the scenario, as ``--set`` writes it -> where to start from; for
+            an optimum its bounds, ``[0 kg, 500 kg]``, or ``{from: 0 kg, to: 500 kg, start: 100 kg}``.
+        wanted: ``so_that`` in files: quantity or formula -> its value at every row; or number of the run, such as
+            ``C_B @ rms`` -> its value.
+        minimise: Number of the run that is to be least, such as ``C_B @ rms``.
+        maximise: Number of the run that is to be largest.
+        subject_to: For an optimum: number of the run -> what it must keep to, ``< 0.52 m``, ``= 0.52 m`` or
+            ``'> 0.52 m'``, in quotes.
+        starts: For an optimum: how many points the search starts from: the given one, or the middle of the bounds, and
+            others that fill the space between the bounds evenly.
+        search: For an optimum: ``local``, down along the slopes from every start; ``global``, differential evolution
+            of a population first, which costs hundreds of runs.
+        seed: For an optimum: of the choice of starts.
     """
-    x, widths = search.starts(), search.widths(search.starts())
-    parts = residuals(search.text(x))
-    before, r = _worst(parts), np.concatenate([*parts.values()])
-    for step in range(1, ITERATIONS + 1):
-        jacobian = _slopes(search, residuals, x, widths)
-        change = -_solved(search, jacobian, r, widths)
-        length = 1.0
-        while True:
-            trial = search.text(x + length * change)
-            parts = residuals(trial)
-            moved = np.concatenate([*parts.values()])
-            if np.linalg.norm(moved) <= np.linalg.norm(r) or length < SHRINK**8:
-                break
-            length *= SHRINK
-        small = np.abs(change) <= SETTLED * np.maximum(np.abs(x), widths / DIFFERENCE)
-        if small.all() or np.linalg.norm(moved) >= (1.0 - 1e-9) * np.linalg.norm(r):
-            best = x + length * change if np.linalg.norm(moved) <= np.linalg.norm(r) else x
-            numbers = tuple(float(x) / _factor(one) for x, one in zip(best, search.unknown.values(), strict=True))
-            return FoundValues(search.text(best), numbers, _worst(residuals(search.text(best))), before, step)
-        x, r = x + length * change, moved
-        widths = search.widths(x)
-    raise IntegrationError(
-        f"the values of {', '.join(search.unknown)} do not settle in {ITERATIONS} steps",
-        hint="other starts, or quantities that depend on them more smoothly",
-    )
+
+    unknown: Annotated[dict[str, Unknown], msgspec.Meta(min_length=1)]
+    wanted: Annotated[dict[str, AnyQuantity], msgspec.Meta(min_length=1)] | None = None
+    minimise: str | None = None
+    maximise: str | None = None
+    subject_to: dict[str, str] = {}
+    starts: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 8
+    search: Literal["local", "global"] = "local"
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)] = 0
+
+    def check(self) -> None:
+        """Refuse searches that say too little, or contradict themselves.
+
+        Raises:
+            InputError: Says what is missing.
+        """
+        if sum(wish is not None for wish in (self.wanted, self.minimise, self.maximise)) != 1:
+            raise InputError("find needs to know what is wanted", expected="one of so_that, minimise, maximise")
+        if self.wanted is not None and self.subject_to:
+            raise InputError("subject_to belongs to minimise or maximise", hint="leave it out, or add it to so_that")
+        _ = self.objective, self.conditions
+        for path, unknown in self.unknown.items():
+            with within("for", path):
+                if (unknown.high < math.inf) != (self.wanted is None):
+                    bounded = f"an optimum is searched between bounds, such as {BOUNDS}"
+                    rooted = "so_that is solved from one start, such as 100 kg, without bounds"
+                    raise InputError(rooted if self.wanted else bounded)
+
+    @property
+    def objective(self) -> RunNumber | None:
+        """The number that is to be least or largest; none where values are wanted."""
+        with within("minimise" if self.minimise is not None else "maximise"):
+            text = self.minimise if self.minimise is not None else self.maximise
+            return None if text is None else RunNumber.read(text)
+
+    @property
+    def conditions(self) -> list[Condition]:
+        """What numbers of the run must keep to."""
+        read = []
+        for number, text in self.subject_to.items():
+            with within("subject_to", number):
+                read.append(Condition.read(number, text))
+        return read
+
+    def requested(self) -> list[str]:
+        """Return the quantities and numbers that it needs, so that the joints in them are solved for."""
+        optimum = [self.objective.label] if self.objective else []
+        return [*(self.wanted or ()), *optimum, *self.subject_to]
+
+    def check_names(self, quantities: Quantities) -> None:
+        """Check its names and units against the quantities of one row, with nothing solved.
+
+        Raises:
+            InputError: A name does not exist, or a value has another dimension.
+        """
+        for name, value in (self.wanted or {}).items():
+            with within("so_that", name):
+                _check(RunNumber.read(name) if "@" in name else name, value, quantities)
+        if self.objective:
+            with within("minimise" if self.minimise is not None else "maximise"):
+                self.objective.described(quantities)
+        for condition in self.conditions:
+            with within("subject_to", condition.number.label):
+                _check(condition.number, condition.bound, quantities)
+
+    def text(self, values: Array) -> dict[str, str]:
+        """Return values, shape (k,) in SI, by their paths, as files write them: in the units of the starts."""
+        return {path: one.written(value) for (path, one), value in zip(self.unknown.items(), values, strict=True)}
+
+    def figures(self, values: Array) -> dict[str, float]:
+        """Return values, shape (k,) in SI, by their paths with units, in the units of the starts."""
+        named = zip(self.unknown.items(), values, strict=True)
+        return {f"{path} [{one.unit or '1'}]": float(value) / one.factor for (path, one), value in named}
+
+    @property
+    def start(self) -> Array:
+        """Where to start from, in SI, shape (k,)."""
+        return np.array([float(one) for one in self.unknown.values()])
 
 
-def _slopes(search: Find, residuals: Callable[[Mapping[str, str]], dict[str, Array]], x: Array, widths: Array) -> Array:
-    """Return the Jacobian of the residuals by central differences, shape (rows, k)."""
-    columns = []
-    for k, width in enumerate(widths):
-        ahead, behind = (
-            np.concatenate([*residuals(search.text(x + sign * width * np.eye(len(x))[k])).values()])
-            for sign in (1.0, -1.0)
-        )
-        columns.append((ahead - behind) / (2.0 * width))
-    return np.array(columns).T
-
-
-def _solved(search: Find, jacobian: Array, r: Array, widths: Array) -> Array:
-    u, s, vt = np.linalg.svd(jacobian * widths, full_matrices=False)
-    if len(s) < len(search.unknown) or s[-1] <= INDEPENDENT * s[0] or not s[0]:
-        weak = vt[-1] if len(s) == len(search.unknown) else np.ones(len(search.unknown))
-        tied = [path for path, share in zip(search.unknown, weak, strict=True) if abs(share) > 0.1]
-        raise InputError(
-            f"what is wanted does not determine {', '.join(tied)}",
-            expected="unknowns that change what is wanted, each in its own way",
-            hint="fewer unknowns, or more quantities in so_that",
-        )
-    return np.asarray(widths * (vt.T @ ((u.T @ r) / s)))
-
-
-def _worst(parts: Mapping[str, Array]) -> dict[str, float]:
-    return {name: float(np.abs(part).max()) for name, part in parts.items()}
-
-
-def _factor(start: float) -> float:
-    return start.unit.factor if isinstance(start, Measured) and start.unit else 1.0
-
-
-def _written(start: float, value: float) -> str:
-    unit = start.unit if isinstance(start, Measured) else None
-    return f"{float(value / unit.factor)!r} {unit}" if unit else repr(float(value))
+def _check(wanted: RunNumber | str, value: Measured, quantities: Quantities) -> None:
+    measured = quantities[wanted].unit if isinstance(wanted, str) else wanted.described(quantities).unit
+    if measured:
+        value.check(measured)

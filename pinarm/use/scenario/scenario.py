@@ -13,7 +13,6 @@ from typing import Annotated, Any, Literal
 import msgspec
 import numpy as np
 
-from pinarm.arrays import Array
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.checks.unclosed import unclosed
@@ -39,10 +38,10 @@ from pinarm.use.assessments import KINDS as KINDS_OF_ASSESSMENT
 from pinarm.use.assessments import Assessment, assessment_class
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.result import Result
-from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.run_number import RunNumber
 from pinarm.use.scenario.file_kind import refuse_mechanism, refuse_model
-from pinarm.use.scenario.find import Find, find
+from pinarm.use.scenario.find import Find
+from pinarm.use.scenario.searches import solve_found
 
 
 class Argument(Measured):
@@ -185,6 +184,10 @@ class Scenario:
         """Return the scenario with the values that ``changes`` has at the same paths, as a file would have them."""
         return self._of(self.document.merged(replace(self.document, data=dict(changes), places={}, keys={})))
 
+    def restated(self, data: Mapping[str, Any]) -> Scenario:
+        """Return the scenario of other plain data in the same place, such as ``Result.data``."""
+        return self._of(replace(self.document, data=dict(data)))
+
     def _of(self, document: Document) -> Scenario:
         """Return the scenario of another document in the same place, with the same last digits."""
         content = document.validate(ScenarioFile)
@@ -227,7 +230,7 @@ class Scenario:
         if self.content.modelled == "whole":
             return Simplification.whole(self.problem, self.mechanism)
         expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
-        wanted = self.content.find.wanted if self.content.find else ()
+        wanted = self.content.find.requested() if self.content.find else ()
         texts = [*self.content.outputs, *self.content.numbers, *wanted, *expected]
         for key, assessment in self.assessments.items():
             with self.document.locating(key):
@@ -262,7 +265,7 @@ class Scenario:
             PinarmError: See ``run``.
         """
         if self.content.find:
-            return self._solve_found(self.content.find)
+            return solve_found(self, self.content.find)
         try:
             with _failures_in_words():
                 return self._solve_once()
@@ -271,39 +274,10 @@ class Scenario:
                 error.partial = self.result(error.partial)
             raise
 
-    def _solve_found(self, search: Find) -> Result:
-        """Find the unknown values and solve the problem with them."""
-        bare = replace(
-            self, document=replace(self.document, data={k: v for k, v in self.document.data.items() if k != "find"})
-        )
-
-        def residuals(values: Mapping[str, str]) -> dict[str, Array]:
-            return bare.varied(values)._residuals(search)
-
-        with self.document.locating("find"):
-            found = find(search, residuals)
-        result = bare.varied(found.values).solve()
-        starts = zip(search.unknown.items(), found.numbers, strict=True)
-        figures = {f"{path} [{start.unit or '1'}]" if isinstance(start, Measured) else path: value
-                   for (path, start), value in starts}  # fmt: skip
-        left = {
-            f"left of {name} (started with {found.before[name]:.3g})": rest for name, rest in found.residuals.items()
-        }
-        return replace(result, figures={**result.figures, **figures, **left})
-
-    def _residuals(self, search: Find) -> dict[str, Array]:
-        """Return the wanted quantities less their targets, at all rows, and wanted numbers of the run less theirs."""
+    def solved_outcome(self) -> Outcome:
+        """Return what comes out for the whole mechanism; nothing is measured or checked."""
         _, outcome = self.simplification.solve(self.content.accuracy, self._place)
-        run = Lookup(Quantities(outcome.rows, self.symbols, self.content.undetermined), outcome.motion)
-        left = {}
-        for name, target in search.wanted.items():
-            number = RunNumber.read(name) if "@" in name else None
-            unit = number.described(run.quantities).unit if number else run.quantities[name].unit
-            if isinstance(target, Measured) and unit:
-                target.check(unit)
-            values = np.array([number.value(run)[0]]) if number else run.quantities[name].values
-            left[name] = values - float(target)
-        return left
+        return outcome
 
     def _solve_once(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""
@@ -362,6 +336,9 @@ class Scenario:
             for index, text in enumerate(self.content.numbers):
                 with self.document.locating("numbers", index):
                     RunNumber.read(text).described(quantities)
+            if self.content.find:
+                with self.document.locating("find"):
+                    self.content.find.check_names(quantities)
             for key, assessment in self.assessments.items():
                 with self.document.locating(key):
                     assessment.check_names(quantities)

@@ -1,0 +1,129 @@
+"""Objective and conditions of a search over its unknowns, scaled to [0, 1] between their bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from pinarm.arrays import Array
+
+DIFFERENCE = 1e-4
+"""Half width of a difference, of the scaled unknowns: slopes err by its square, and by the error of runs over it."""
+
+KEPT = 1e-6
+"""Violation of a condition, relative to its size, up to which it counts as kept."""
+
+REFUSED = 10.0
+"""Scaled objective of runs that are refused, above the worst one that is not."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What one run says.
+
+    Attributes:
+        objective: What is to be least.
+        margins: By how much each condition is kept, negative where it is not; of equations the difference.
+        refusal: Why the run does not count; empty where it does.
+    """
+
+    objective: float = math.inf
+    margins: tuple[float, ...] = ()
+    refusal: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Landscape:
+    """Objective and conditions over the scaled unknowns; every point is run once.
+
+    Attributes:
+        low: Lower bounds in SI, shape (k,).
+        high: Upper bounds, shape (k,).
+        start: The first start, in SI, shape (k,).
+        run: Values in SI -> what a run with them says.
+        equations: For every condition, whether it is an equation.
+        sizes: What margins are relative to, one for every condition.
+        squared: Whether the square of the objective is searched, which is smooth where an rms value or a peak vanishes.
+    """
+
+    low: Array
+    high: Array
+    start: Array
+    run: Callable[[Array], Trial]
+    equations: Sequence[bool] = ()
+    sizes: Sequence[float] = ()
+    squared: bool = False
+    trials: dict[bytes, tuple[Array, Trial]] = field(default_factory=dict)
+
+    def values(self, x: Array) -> Array:
+        """Return the unknowns in SI at a scaled point."""
+        return np.clip(self.low + x * (self.high - self.low), self.low, self.high)
+
+    def trial(self, x: Array) -> Trial:
+        """Return what the run at a scaled point says."""
+        x = np.clip(np.asarray(x, dtype=float), 0.0, 1.0)
+        if x.tobytes() not in self.trials:
+            self.trials[x.tobytes()] = (x, self.run(self.values(x)))
+        return self.trials[x.tobytes()][1]
+
+    @cached_property
+    def size(self) -> float:
+        """Size of the objective, the median of what has been run when it is first asked for."""
+        sizes = [abs(trial.objective) for _, trial in self.trials.values() if not trial.refusal]
+        return float(np.median(sizes)) if sizes and np.median(sizes) > 0.0 else 1.0
+
+    def height(self, x: Array) -> float:
+        """Return the scaled objective at a point; above all others where the run is refused."""
+        trial = self.trial(x)
+        if trial.refusal:
+            worst = max((abs(other.objective) for _, other in self.trials.values() if not other.refusal), default=1.0)
+            return REFUSED * self._scaled(worst)
+        return self._scaled(trial.objective)
+
+    def _scaled(self, objective: float) -> float:
+        return (objective / self.size) ** 2 if self.squared else objective / self.size
+
+    def margins(self, x: Array) -> Array:
+        """Return the scaled margins of all conditions at a point; -1 where the run is refused."""
+        trial = self.trial(x)
+        return -np.ones(len(self.sizes)) if trial.refusal else np.array(trial.margins) / np.array(self.sizes)
+
+    def violation(self, x: Array) -> float:
+        """Return the largest violation of a condition at a point, relative to its size."""
+        margins = self.margins(x)
+        return float(np.max(np.where(self.equations, np.abs(margins), -margins), initial=0.0))
+
+    def slopes(self, x: Array) -> Array:
+        """Return the gradients of objective and margins, shape (1 + conditions, k): differences of runs that count."""
+        columns = []
+        for unit in np.eye(len(x)):
+            sides = [np.clip(x + sign * DIFFERENCE * unit, 0.0, 1.0) for sign in (1.0, -1.0)]
+            ahead, behind = (x if self.trial(side).refusal else side for side in sides)
+            way = float((ahead - behind) @ unit)
+            change = self._levels(ahead) - self._levels(behind)
+            columns.append(change / way if way else np.zeros(len(change)))
+        return np.ascontiguousarray(np.array(columns).T)  # SLSQP of scipy 1.17 reads others wrongly
+
+    def kink(self, x: Array) -> float:
+        """Return the largest jump of a slope at a point: of the slopes ahead and behind, less what curvature makes."""
+        jumps = [0.0]
+        for unit in DIFFERENCE * np.eye(len(x)):
+            if (np.abs(x - 0.5) + unit.max() < 0.5).all():
+                wide, near = (self._bend(x, scale * unit) for scale in (1.0, 0.5))
+                jumps.append(float(np.abs(4.0 * near - wide).max()) / DIFFERENCE)
+        return max(jumps)
+
+    def _bend(self, x: Array, step: Array) -> Array:
+        return self._levels(x + step) + self._levels(x - step) - 2.0 * self._levels(x)
+
+    def _levels(self, x: Array) -> Array:
+        return np.array([self.height(x), *self.margins(x)])
+
+    def rank(self, x: Array) -> tuple[float, float]:
+        """Return what points are compared by: violation that counts, then the objective."""
+        violation = self.violation(x)
+        return (violation if violation > KEPT else 0.0, self.height(x))

@@ -1,0 +1,234 @@
+"""Optima against closed forms: functions first, then numbers of runs."""
+
+import math
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.errors import InputError, IntegrationError, PinarmError
+from pinarm.use.scenario.landscape import Landscape, Trial
+from pinarm.use.scenario.optimum import optimum, spread
+from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.scenario.searches import refusal
+
+ROOT = Path(pinarm.__file__).parents[1]
+
+
+def landscape(function, low, high, start, **more) -> Landscape:
+    return Landscape(np.array(low), np.array(high), np.array(start), function, **more)
+
+
+def test_a_smooth_valley_is_followed_to_its_lowest_point():
+    """Rosenbrock's function: (1, 1)."""
+    found = optimum(
+        landscape(lambda x: Trial(100.0 * (x[1] - x[0] ** 2) ** 2 + (1.0 - x[0]) ** 2), [-2, -2], [2, 2], [-1.2, 1.0]),
+        starts=2, seed=0,
+    )  # fmt: skip
+    assert found.best.end == pytest.approx([1.0, 1.0], abs=1e-4)
+    assert len(found.descents) == 2
+
+
+def test_a_kink_is_met_though_it_has_no_slope():
+    """|x - 1| + |y + 1/2| is least at (1, -1/2)."""
+    function = lambda x: Trial(1.0 + abs(x[0] - 1.0) + 3.0 * abs(x[1] + 0.5))  # noqa: E731
+    found = optimum(landscape(function, [-3, -3], [2.5, 4], [0, 0]), starts=2, seed=0)
+    assert found.best.end == pytest.approx([1.0, -0.5], abs=1e-5)
+
+
+def test_a_condition_holds_the_optimum_and_is_named():
+    """Least x² + y² with x + y > 1: (1/2, 1/2); with y = 2 x as well: (1/3, 2/3)."""
+    function = lambda x: Trial(x @ x, (x[0] + x[1] - 1.0,))  # noqa: E731
+    found = optimum(landscape(function, [-2, -2], [2, 2], [1, 1], equations=[False], sizes=[1.0]), 3, 0)
+    assert found.best.end == pytest.approx([0.5, 0.5], abs=1e-5)
+    assert found.active == [0]
+    both = lambda x: Trial(x @ x, (x[0] + x[1] - 1.0, x[1] - 2.0 * x[0]))  # noqa: E731
+    found = optimum(landscape(both, [-2, -2], [2, 2], [1, 1], equations=[False, True], sizes=[1.0, 1.0]), 3, 0)
+    assert found.best.end == pytest.approx([1.0 / 3.0, 2.0 / 3.0], abs=1e-5)
+    assert found.active == [0, 1]
+
+
+def test_how_far_a_value_may_go_is_what_the_objective_allows():
+    """1 + 4 x² is worse by 1 % at x = 0.05; and 1 + x at its lower bound may only go up, by 0.01."""
+    found = optimum(landscape(lambda x: Trial(1.0 + 4.0 * x[0] ** 2), [-1], [1], [0.3]), 1, 0)
+    assert (found.reaches[0].low, found.reaches[0].high) == pytest.approx((-0.05, 0.05), rel=0.03)
+    assert found.reaches[0].stops == ("objective", "objective")
+    found = optimum(landscape(lambda x: Trial(1.0 + x[0]), [0], [1], [0.3]), 1, 0)
+    assert (found.reaches[0].low, found.reaches[0].high) == pytest.approx((0.0, 0.01), rel=0.03)
+    assert found.reaches[0].stops == ("bound", "objective")
+
+
+def test_runs_that_are_refused_are_no_optimum():
+    """x falls to the left, where runs do not count below 0.3."""
+    refused = lambda x: Trial(refusal="loop does not close") if x[0] < 0.3 else Trial(1.0 + x[0])  # noqa: E731
+    found = optimum(landscape(refused, [0], [1], [0.9]), 1, 0)
+    assert 0.3 <= found.best.end[0] < 0.3 + 1e-4
+    assert found.reaches[0].stops[0] == "run refused"
+    with pytest.raises(IntegrationError, match=r"none of the 2 starts can be run: loop does not close"):
+        optimum(landscape(lambda x: Trial(refusal="loop does not close"), [0], [1], [0.9]), 2, 0)
+
+
+def test_conditions_that_cannot_hold_are_said():
+    with pytest.raises(IntegrationError, match=r"none of the 2 starts leads to where all conditions hold.*off by 1"):
+        optimum(landscape(lambda x: Trial(x[0], (-1.0 - x[0],)), [0], [1], [0.9], equations=[False], sizes=[1.0]), 2, 0)
+
+
+def test_a_global_search_leaves_the_nearest_valley():
+    """Of x/10 - cos(2 pi x) on [-2.5, 2.5] the valley near -2 is the lowest: a start at 2 leads to another."""
+    function = lambda x: Trial(0.1 * x[0] - math.cos(2.0 * math.pi * x[0]))  # noqa: E731
+    near = -math.asin(0.1 / (2.0 * math.pi)) / (2.0 * math.pi)
+    one = optimum(landscape(function, [-2.5], [2.5], [2.0]), 1, 0)
+    assert one.best.end[0] > -1.5
+    whole = optimum(landscape(function, [-2.5], [2.5], [2.0]), 1, 0, everywhere=True)
+    assert whole.best.end[0] == pytest.approx(-2.0 + near, abs=1e-5)
+
+
+def test_starts_fill_every_unknown_evenly_and_are_the_same_for_a_seed():
+    points = np.array(spread(3, 10, 5))
+    assert np.array_equal(np.sort(points, axis=0), np.repeat((np.arange(10) + 0.5)[:, None] / 10, 3, axis=1))
+    assert np.array_equal(points, spread(3, 10, 5))
+    assert not np.array_equal(points, spread(3, 10, 6))
+
+
+URDF = """<robot name="inertia"><link name="world"/><link name="rotor"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="0.5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="turn" type="continuous"><parent link="world"/><child link="rotor"/><axis xyz="0 0 1"/></joint></robot>"""
+INERTIA = """
+pinarm: 1
+mechanism: inertia.urdf
+gravity: none
+problem:
+  kind: inverse
+  time: {{end: {end}, samples: 5}}
+  motion: {{turn: {law}}}
+{find}
+outputs: [joint.turn.effort]
+"""
+TORQUE = "joint.turn.effort"
+
+
+def inertia(folder: Path, law: str, find: str, end: str = "1 s") -> Scenario:
+    """An inertia J = 0.5 kg m² about its axis."""
+    (folder / ".pinarm-root").touch()
+    (folder / "inertia.urdf").write_text(URDF)
+    text = INERTIA.format(end=end, law=law, find="\n  ".join(["find:", *find.splitlines()]))
+    (folder / "inertia.yaml").write_text(text)
+    return Scenario.load(folder / "inertia.yaml")
+
+
+def test_the_shortest_time_with_a_limited_torque(tmp_path):
+    """Bang-bang: T = 2 (J theta/tau)^(1/2) = 2 s for J = 0.5 kg m², theta = 1 rad, tau = 0.5 N m."""
+    scenario = inertia(
+        tmp_path, "{law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 3 rad/s^2}",
+        "for: {problem.motion.turn.acceleration: [0.2 rad/s^2, 8 rad/s^2]}\n"
+        "minimise: 2*sqrt(1/joint.turn.acceleration) @ start\n"
+        "subject_to: {joint.turn.effort @ peak: < 0.5 N*m}\nstarts: 2", end="0.1 s",
+    )  # fmt: skip
+    result = scenario.run()
+    section = result.sections["find"]
+    assert section.numbers["objective"].values == pytest.approx([2.0], rel=1e-5)
+    assert result.figures["problem.motion.turn.acceleration [rad/s^2]"] == pytest.approx(1.0, rel=1e-5)
+    assert any("joint.turn.effort @ peak < 0.5 N*m" in remark for remark in section.remarks)
+    assert "find" not in result.data
+    assert pickle.loads(pickle.dumps(result)).sections["find"].remarks == section.remarks
+
+
+def test_a_run_whose_accuracy_fails_is_refused(tmp_path):
+    """Its stamp says so: energy that nothing accounts for, a residual beyond rounding."""
+    scenario = inertia(
+        tmp_path, "{law: polynomial, from: 0 rad, to: 1 rad, duration: 1 s}",
+        "for: {problem.time.end: [1 s, 2 s]}\nminimise: t @ end",
+    )  # fmt: skip
+    result = scenario.restated({key: x for key, x in scenario.document.data.items() if key != "find"}).run()
+    assert refusal(result) == ""
+    assert "energy" in refusal(replace(result, figures={**result.figures, "energy": 0.01}))
+    assert "'return trip'" in refusal(replace(result, figures={**result.figures, "return trip": 1e-4}))
+
+
+def test_the_trapezoid_of_least_heat_spends_a_third_of_its_time_on_each_part(tmp_path):
+    """Speed v and acceleration a = v^2/(v - 1) cross 1 rad in 1 s; the rms torque J (2 a v)^(1/2) is least at v = 3/2.
+
+    It is J 13.5^(1/2) there. By symmetry half of the way says it all.
+    """
+    scenario = inertia(
+        tmp_path, "{law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 6 rad/s^2, speed: 1.3 rad/s}",
+        "for:\n  problem.motion.turn.acceleration: {from: 3 rad/s^2, to: 9 rad/s^2, start: 6 rad/s^2}\n"
+        "  problem.motion.turn.speed: {from: 1.1 rad/s, to: 1.9 rad/s, start: 1.3 rad/s}\n"
+        "minimise: joint.turn.effort @ rms\nsubject_to: {turn @ end: = 0.5 rad}\nstarts: 1", end="0.5 s",
+    )  # fmt: skip
+    numbers = scenario.run().sections["find"].numbers
+    assert numbers["objective"].values == pytest.approx([0.5 * math.sqrt(13.5)], rel=1e-5)
+    assert numbers["problem.motion.turn.speed"].values == pytest.approx([1.5], rel=1e-3)
+    assert numbers["problem.motion.turn.acceleration"].values == pytest.approx([4.5], rel=2e-3)
+
+
+BAR = """<link name="{name}"><inertial><origin xyz="{half} 0 0"/><mass value="{mass}"/>
+<inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="{joint}" type="{kind}"><parent link="{parent}"/><child link="{name}"/><origin xyz="{x} 0 0"/>
+<axis xyz="0 0 1"/></joint>"""
+POINT = """<link name="{name}"/><joint name="{name}_fixed" type="fixed"><parent link="{parent}"/><child link="{name}"/>
+<origin xyz="{x} 0 0"/></joint>"""
+FOUR_BAR = """
+pinarm: 1
+mechanism: four_bar.yaml
+gravity: none
+problem:
+  kind: inverse
+  time: {end: 0.6 s, samples: 9}
+  motion: {crank: {law: constant_speed, speed: 100 rpm}}
+  drives: [crank]
+  start: {crank: 0 rad, A: 40 deg, rocker: 80 deg}
+payloads: {p2: {point: w2, mass: 1 kg}, p4: {point: w4, mass: 1 kg}}
+find:
+  for: {payloads.p2.mass: [0 kg, 5 kg], payloads.p4.mass: [0 kg, 5 kg]}
+  minimise: dynamic.all.force.norm @ peak
+  starts: 1
+outputs: [joint.crank.effort]
+"""
+
+
+@pytest.mark.slow
+def test_counterweights_balance_the_force_of_a_four_bar(tmp_path):
+    """Berkof and Lowen (1969): of uniform bars, weights opposite to the pins are (m2 + m3)/2 and (m4 + m3)/2."""
+    bars = [("l2", "crank", "world", 0.0, 0.1, 1.0), ("l3", "A", "l2", 0.1, 0.35, 3.5),
+            ("l4", "rocker", "world", 0.4, 0.25, 2.5)]  # fmt: skip
+    points = [("B3", "l3", 0.35), ("B4", "l4", 0.25), ("w2", "l2", -0.1), ("w4", "l4", -0.25)]
+    parts = [BAR.format(name=name, joint=joint, parent=parent, x=x, half=length / 2, mass=mass, kind="continuous")
+             for name, joint, parent, x, length, mass in bars]  # fmt: skip
+    parts += [POINT.format(name=name, parent=parent, x=x) for name, parent, x in points]
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "four_bar.urdf").write_text(f'<robot name="f"><link name="world"/>{"".join(parts)}</robot>')
+    (tmp_path / "four_bar.yaml").write_text(
+        "pinarm: 1\nrobot: four_bar.urdf\nloops: {B: {kind: revolute, between: [B3, B4], axis: z}}\n"
+    )
+    (tmp_path / "balance.yaml").write_text(FOUR_BAR)
+    result = Scenario.load(tmp_path / "balance.yaml").run()
+    assert result.figures["payloads.p2.mass [kg]"] == pytest.approx(2.25, rel=1e-5)
+    assert result.figures["payloads.p4.mass [kg]"] == pytest.approx(3.0, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("find", "message"),
+    [
+        ("for: {problem.time.end: 1 s}\nminimise: t @ end", "searched between bounds"),
+        ("for: {problem.time.end: [2 s, 1 s]}\nminimise: t @ end", "not in order"),
+        ("for: {problem.time.end: [1 s, 2 kg]}\nminimise: t @ end", "'kg' is not a unit"),
+        ("for: {problem.time.end: [1 s, 2 s, 3 s]}\nminimise: t @ end", "no bounds"),
+        ("for: {problem.time.end: [1 s, 2 s]}\nminimise: t", "no number of a run"),
+        ("for: {problem.time.end: [1 s, 2 s]}\nminimise: C_Q @ end", "no quantity 'C_Q'"),
+        ("for: {problem.time.end: [1 s, 2 s]}", "what is wanted"),
+        ("for: {problem.time.end: [1 s, 2 s]}\nso_that: {t @ end: 1 s}", "without bounds"),
+        ("for: {problem.time.end: [-2 s, -1 s]}\nminimise: t @ end", "not after its start"),
+        ("for: {problem.tine.end: [1 s, 2 s]}\nminimise: t @ end", "tine"),
+        ("for: {problem.time.end: [1 s, 2 s]}\nminimise: t @ end\nsubject_to: {t @ end: 3 s}", "no condition"),
+        ("for: {problem.time.end: [1 s, 2 s]}\nminimise: t @ end\nsubject_to: {t @ end: < 3 N}", "'N' is not a unit"),
+    ],
+)
+def test_what_is_refused(tmp_path, find, message):
+    with pytest.raises(PinarmError) as caught:
+        inertia(tmp_path, "{law: polynomial, from: 0 rad, to: 1 rad, duration: 1 s}", find).run()
+    assert isinstance(caught.value, InputError)
+    assert message in str(caught.value)
