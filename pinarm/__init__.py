@@ -58,8 +58,8 @@ _HOMES = {
 
 __all__ = [
     "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "SelfTest", "Series", "Sweep", "Tradeoff", "Trajectory",
-    "batch", "check", "examples", "explain", "file_root", "load", "new", "replay", "report", "run", "schema", "selftest",
-    "sweep", "tradeoff", "validate",
+    "batch", "check", "examples", "explain", "file_root", "load", "new", "replay", "report", "run", "schema",
+    "selftest", "sweep", "tradeoff", "validate",
 ]  # fmt: skip
 
 
