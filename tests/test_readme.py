@@ -50,7 +50,7 @@ def test_commands_name_what_there_is():
     assert len(BLOCKS["run"].strip().splitlines()) == len(BLOCKS["test"].strip().splitlines()) == 1
     (solved,) = re.findall(r"pinarm run (\S+)", BLOCKS["run"])
     assert (ROOT / solved).is_file()
-    assert "pytest -m 'not slow'" in BLOCKS["test"]
+    assert "pytest -n auto -m 'not slow'" in BLOCKS["test"]
 
 
 def test_the_scenario_meets_its_answer_key(scenario):
