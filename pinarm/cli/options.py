@@ -24,6 +24,7 @@ EXAMPLES_OF = {
               "sweep scenario.yaml --over arguments.m_A='normal(0.25, 0.01) kg' --sample 1000"],
     "tradeoff": ["tradeoff scenario.yaml"],
     "replay": ["replay results/scenario --trace P --arrows reactions", "replay results/scenario --png t=0.5"],
+    "report": ["report results/scenario -o report.html", "report results/first results/second -o both.pdf"],
     "schema": ["schema mechanism > mechanism.schema.json"],
     "examples": ["examples -o pinarm-examples"],
     "selftest": ["selftest"],

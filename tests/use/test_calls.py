@@ -20,7 +20,7 @@ def commands() -> set[str]:
 
 
 def test_every_command_is_a_call() -> None:
-    known = "run check validate explain sweep tradeoff replay schema examples selftest"
+    known = "new run check validate explain sweep tradeoff replay report schema examples selftest"
     assert commands() == set(known.split())
     assert commands() <= set(pinarm.__all__)
 

@@ -243,7 +243,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder that everybody may read, and nobody write."""
     folder = tmp_path_factory.mktemp("shared")
     for parent in [folder, *folder.parents]:
-        if parent.name.startswith("pytest-"):
+        if parent.name.startswith(("pytest-", "popen-")):  # those of pytest-xdist too
             parent.chmod(0o755)
     folder.chmod(0o555)
     return folder
