@@ -21,6 +21,7 @@ from pinarm.engine.constraints.nullspace import RowDecomposition
 from pinarm.engine.friction.columns import BANDS, band_column, friction_columns
 from pinarm.engine.friction.response import BearingReactions
 from pinarm.engine.friction.slipping import CarriedLoads, Slipping
+from pinarm.engine.motion.standstill import STANDSTILL
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.engine.statics.actuation import Actuation
@@ -64,11 +65,20 @@ class KnownFriction:
 
     @cached_property
     def directions(self) -> Array:
-        """Directions of the slips: 1, -1, or 0 at rest, shape (n, k)."""
+        """Directions of the slips: 1, -1, or 0 at rest, shape (n, k).
+
+        At standstill that of the motion beside the row, on its side of the interval; of a state of its own that of the
+        motion about to begin.
+        """
         run, contacts = self.run, self.run.mechanism.frictions
         rates = np.matvec(self.rows, run.a) + slip_drifts(run.mechanism.model, contacts, run.q, run.v)
-        slips = replace(run, v=self.slips, a=rates)  # a slip has the direction that a joint's motion would have
-        return np.array([slips.direction(i) for i in range(len(contacts))]).T
+        if run.separate:
+            return np.where(self.slips == 0.0, np.sign(rates), np.sign(self.slips))
+        length = abs(
+            run.grid.cuts[-1] - run.grid.cuts[0]
+        )  # with the acceleration a size of the speed, of each row alone
+        still = np.abs(self.slips) <= STANDSTILL * length * np.abs(rates)
+        return np.where(still, np.sign(rates) * run.grid.sides()[:, None], np.sign(self.slips))
 
     def under(self, friction: Array) -> Trajectory:
         """Return the motion with the efforts and multipliers under friction, shape (n, k)."""
