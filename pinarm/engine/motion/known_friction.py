@@ -74,9 +74,8 @@ class KnownFriction:
         rates = np.matvec(self.rows, run.a) + slip_drifts(run.mechanism.model, contacts, run.q, run.v)
         if run.separate:
             return np.where(self.slips == 0.0, np.sign(rates), np.sign(self.slips))
-        length = abs(
-            run.grid.cuts[-1] - run.grid.cuts[0]
-        )  # with the acceleration a size of the speed, of each row alone
+        # Duration times acceleration: the size of the speed, from this row alone.
+        length = abs(run.grid.cuts[-1] - run.grid.cuts[0])
         still = np.abs(self.slips) <= STANDSTILL * length * np.abs(rates)
         return np.where(still, np.sign(rates) * run.grid.sides()[:, None], np.sign(self.slips))
 
@@ -172,10 +171,8 @@ class KnownFriction:
         run, columns = self.run, dict[str, Series]()
         ways, joints = self._ways(coordinates), self.run.mechanism.joints
         for d, (name, coordinate) in enumerate(coordinates.items()):
-            rotor = run.mechanism.model.armature[joints[name].v] * run.a[:, joints[name].v] if name in joints else 0.0
             for part, sign in zip(BANDS, (-1.0, 1.0), strict=True):
-                effort = self._effort(ways[:, :, d], sign) - rotor
-                side = band_column(joints, name, coordinate, part, effort)
+                side = band_column(joints, name, coordinate, part, self._effort(ways[:, :, d], sign))
                 columns[side.name] = side
         return columns
 

@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.motion.standstill import directions
 from pinarm.engine.quantities.names import Quantities
 from pinarm.use.result.curve_figures import integrals
 from pinarm.use.result.row_lookup import Lookup
@@ -126,11 +127,13 @@ def duty_of(run: Lookup, joint: str, armature: float, efficiency: float, rest: f
         efficiency: Of the gear.
         rest: How long the joint is held by a brake after the motion [s].
     """
-    index = run.run.mechanism.joints[joint].v
+    rates = [run.quantities[f"joint.{joint}.{part}"].values for part in ("velocity", "acceleration")]
+    pace = np.array([[np.abs(rate).max()] for rate in rates])  # of the whole run, whichever states are looked at
 
     def columns(rows: Quantities) -> tuple[Array, Array, Array]:
         v, a, effort = (rows[f"joint.{joint}.{part}"].values for part in ("velocity", "acceleration", "effort"))
-        tau, direction = effort - armature * a, rows.trajectory.direction(index)
+        tau, sides = effort - armature * a, rows.trajectory.grid.sides()
+        direction = directions(v[:, None], a[:, None], pace, sides, np.zeros((len(v), 1)))[:, 0]
         return v, a, tau * np.where(tau * direction < 0.0, efficiency, 1.0 / efficiency)
 
     _, a, y = columns(run.quantities)
