@@ -168,7 +168,7 @@ class KnownFriction:
         With t the motion of all joints per unit of the coordinate, the other drives at rest, its effort is
         ``t . demand - (J t) . f``. Of a coordinate that moves both are the effort itself.
         """
-        run, columns = self.run, dict[str, Series]()
+        columns = dict[str, Series]()
         ways, joints = self._ways(coordinates), self.run.mechanism.joints
         for d, (name, coordinate) in enumerate(coordinates.items()):
             for part, sign in zip(BANDS, (-1.0, 1.0), strict=True):
