@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import massive
 from pinarm.engine.model_source import Source, numeric, read_robot
@@ -32,20 +31,20 @@ from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, ba
 from pinarm.mechanics.coordinates import Coordinate, coordinates_of
 from pinarm.mechanics.couplings.coupling import mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector
-from pinarm.mechanics.drives import Drive
-from pinarm.mechanics.forces import ForceElement, bound
-from pinarm.mechanics.forces.force_element import check_new
-from pinarm.mechanics.friction.contact import FrictionContact
+from pinarm.mechanics.forces.force_element import ForceElement, check_new
 from pinarm.mechanics.joints import Joint, joint_of, joints_of
 from pinarm.mechanics.loading.pinocchio_model import RobotModel
-from pinarm.mechanics.loops import Loop
 from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.mechanics.payloads import Payload, with_payloads
 from pinarm.mechanics.perturbation import perturbed
 
 if TYPE_CHECKING:
+    from pinarm.engine.constraints.constraint import Constraint
     from pinarm.engine.quantities.states import States
+    from pinarm.mechanics.drives import Drive
+    from pinarm.mechanics.friction.contact import FrictionContact
     from pinarm.mechanics.loading.pinocchio_layout import PinocchioLayout
+    from pinarm.mechanics.loops.kinds import Loop
+    from pinarm.mechanics.payloads import Payload
 
 Locate = Callable[..., AbstractContextManager[None]]
 """``with locate("forces", "spring"):`` gives errors of the block that place of a file."""
@@ -130,6 +129,8 @@ class Mechanism:
 
     def _bound(self) -> Mechanism:
         """Return the mechanism with the forces of its description bound to its model."""
+        from pinarm.mechanics.forces.kinds import bound
+
         forces = {name: bound(force, self.model, self.joints, self.coordinates)
                   for name, force in self.description.forces.items()}  # fmt: skip
         return replace(self, forces={**self.forces, **forces})
@@ -401,6 +402,8 @@ def _build(
                 raise InputError(f"the coupling '{name}' has the name of a loop joint", expected="a name of its own")
             constraints.append(coupling.bind(joints, model, name))
     forces = dict(robot.forces)
+    if description.forces:
+        from pinarm.mechanics.forces.kinds import bound
     for name, force in description.forces.items():
         with here("forces", name):
             check_new(name, forces)
@@ -523,6 +526,10 @@ def _loaded(
 ) -> tuple[pin.Model, dict[str, Payload]]:
     """Return the model with the payloads of its file and of the caller, and all of them by name."""
     carried: dict[str, Payload] = {}
+    if not own and not given:
+        return model, carried
+    from pinarm.mechanics.payloads import with_payloads
+
     for place, payloads in ((here, own), (caller, given)):
         for name, payload in payloads.items():
             with place("payloads", name):

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from pinarm.input.yaml.schema import Level, Rate, SecondRate
-from pinarm.mechanics.forces import Force
+from pinarm.mechanics.forces.kinds import Force
 from pinarm.mechanics.laws import Constant, Motion
 from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.events import EndStop, Event

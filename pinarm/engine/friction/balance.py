@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +18,9 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.friction.response import SlipResponse
 from pinarm.engine.friction.slipping import Slipping
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.friction.contact import FrictionContact
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.friction.contact import FrictionContact
 
 PARALLEL = 1e-9
 """Square of the sine between the free parts of two slips, in the measure of the masses, that rounding leaves."""

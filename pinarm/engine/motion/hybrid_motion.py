@@ -33,7 +33,6 @@ from pinarm.engine.motion.systems.constrained import ConstrainedSystem
 from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.errors import InputError, IntegrationError, Interrupted, NumericsError
 from pinarm.mechanics.forces.force_element import refusals
-from pinarm.mechanics.friction.contact import FrictionContact
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid
@@ -41,6 +40,7 @@ from pinarm.mechanics.laws.motion_law import ROUNDING, Grid
 if TYPE_CHECKING:
     from pinarm.engine.integration.batch_solution import Ensemble
     from pinarm.engine.integration.integrator import Crossing
+    from pinarm.mechanics.friction.contact import FrictionContact
 
 FirstSegment = Callable[[], Solution]
 """Returns the first segment where it has been integrated already, or raises the error that ended it."""

@@ -26,7 +26,6 @@ from pinarm.engine.friction.response import SlipResponse
 from pinarm.engine.friction.sliding import SlidingFriction
 from pinarm.engine.friction.switching import Slip, decided
 from pinarm.engine.integration.events import Watch
-from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
 from pinarm.errors import DynamicsError, IntegrationError
@@ -38,6 +37,8 @@ from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from pinarm.engine.integration.integrator import Interval, Manifold
 
 REST = 1e-12
 """Slip that is rest, over 1 rad/s or m/s or the largest slip at the start: rounding of a velocity that vanishes."""

@@ -51,6 +51,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -69,10 +70,12 @@ from pinarm.errors import InputError, choices
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.formulas.grammar import CONSTANTS
 from pinarm.input.units import Unit, unit
-from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.forces.force_element import power
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import METRE
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.couplings.coupling import Coupling
 
 AXES = ("x", "y", "z", "norm")
 SECOND, JOULE, WATT, NEWTON, NEWTON_METRE = unit("s"), unit("J"), unit("W"), unit("N"), unit("N*m")

@@ -25,7 +25,7 @@ from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.mechanics.ball_joints import ball_angles, ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
-from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 

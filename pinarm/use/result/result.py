@@ -16,7 +16,6 @@ import numpy as np
 
 from pinarm.engine.checks.balance import LOST
 from pinarm.engine.checks.limits import Excess, excesses
-from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
@@ -27,12 +26,11 @@ from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED
 from pinarm.use.result.row_lookup import PLATEAU, Lookup, unreached
-from pinarm.use.result.run_number import RunNumber
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from pinarm.use.assessments import Assessment
+    from pinarm.engine.motion.outcome import Outcome
     from pinarm.use.result.section import Section
     from pinarm.use.scenario.scenario import ScenarioFile
     from pinarm.use.show.plot import Picture
@@ -57,7 +55,6 @@ class Result:
             99 of 100 cases; empty where none was asked for.
         setting: How the motion was integrated, and what the estimate rests on, in words.
         removals: Joints of the mechanism that were not solved for.
-        assessments: What the scenario asks to conclude from it, by key.
         found: What the search for the values of the scenario tells; none where there was none.
     """
 
@@ -72,7 +69,6 @@ class Result:
     errors: Mapping[str, float] = field(default_factory=dict)
     setting: str = ""
     removals: Sequence[Removal] = ()
-    assessments: Mapping[str, Assessment] = field(default_factory=dict, repr=False)
     found: Section | None = field(default=None, repr=False)
 
     @property
@@ -137,10 +133,16 @@ class Result:
         Raises:
             InputError: It cannot be read, or the run has no such number.
         """
+        from pinarm.use.result.run_number import RunNumber
+
         return RunNumber.read(text).value(self.lookup)
 
     def numbers(self) -> dict[str, tuple[Series, float]]:
         """Return the numbers that the scenario asks for under ``numbers``, each with the error of its quadrature."""
+        if not self.content.numbers:
+            return {}
+        from pinarm.use.result.run_number import RunNumber
+
         found = {text: RunNumber.read(text) for text in self.content.numbers}
         values = {text: number.value(self.lookup) for text, number in found.items()}
         return {
@@ -152,7 +154,7 @@ class Result:
     def sections(self) -> Mapping[str, Section]:
         """What a search and the assessments of the scenario find, by key, evaluated when they are first asked for."""
         found = {self.found.key: self.found} if self.found else {}
-        return {**found, **{key: assessment.evaluate(self) for key, assessment in self.assessments.items()}}
+        return {**found, **{key: assessment.evaluate(self) for key, assessment in self.content.assessments.items()}}
 
     def columns(self) -> list[Series]:
         """Return the parameter and the outputs of the scenario."""

@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
 import numpy as np
@@ -23,25 +23,28 @@ from pinarm.errors import DynamicsError, InputError, MethodError, NumericsError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import read_quantity
+from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.schema import InputStruct, Measured
 from pinarm.input.yaml.values import Values, varied, written_unit
 from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
-from pinarm.mechanics.payloads import Payload
 from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
-from pinarm.use.assessments import KINDS as KINDS_OF_ASSESSMENT
-from pinarm.use.assessments import Assessment, assessment_class
+from pinarm.use.assessments import ASSESSMENTS
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.result import Result
-from pinarm.use.result.run_number import RunNumber
 from pinarm.use.scenario.file_kind import refuse_mechanism, refuse_model
-from pinarm.use.scenario.find import Find
-from pinarm.use.scenario.searches import solve_found
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.payloads import Payload
+    from pinarm.use.assessments import Assessment
+    from pinarm.use.scenario.find import Find
+else:  # imported where a scenario has the key, see ScenarioFile.deferred
+    Assessment = Find = Payload = Any
 
 
 class Argument(Measured):
@@ -91,6 +94,12 @@ class ScenarioFile(InputStruct, frozen=True):
         expect: The answer key: what the answer must be, and what was published.
     """
 
+    deferred: ClassVar[Deferred] = {
+        "payloads": ("pinarm.mechanics.payloads", "Payload"),
+        "find": ("pinarm.use.scenario.find", "Find"),
+        **ASSESSMENTS,
+    }
+
     pinarm: Literal[1]
     mechanism: str
     problem: Any
@@ -102,15 +111,21 @@ class ScenarioFile(InputStruct, frozen=True):
     changes: dict[str, Any] = {}
     symbols: dict[str, str] = {}
     numbers: list[str] = []
-    shaking: Any = None
-    sizing: Any = None
-    loads: Any = None
+    shaking: Assessment | None = None
+    sizing: Assessment | None = None
+    loads: Assessment | None = None
     modelled: Literal["required", "whole"] = "required"
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"
     accuracy: Accuracy = msgspec.field(default_factory=Accuracy)
     variants: dict[str, dict[str, Any]] = {}
     find: Find | None = None
     expect: list[Expectation] = []
+
+    @property
+    def assessments(self) -> dict[str, Assessment]:
+        """Key -> what the scenario asks to conclude from the run."""
+        asked = ((key, getattr(self, key)) for key in ASSESSMENTS)
+        return {key: assessment for key, assessment in asked if assessment is not None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +136,6 @@ class Scenario:
         document: The file with the places of its lines.
         content: The same, validated.
         problem: The question in it.
-        assessments: Key -> what it asks to conclude from the run.
         folder: Folder that paths in it are relative to.
         seed: Of changes in the last digits of the mechanism; none for the mechanism as it is.
     """
@@ -129,7 +143,6 @@ class Scenario:
     document: Document = field(repr=False)
     content: ScenarioFile
     problem: Problem
-    assessments: Mapping[str, Assessment]
     folder: Path
     seed: int | None = None
 
@@ -153,7 +166,7 @@ class Scenario:
             InputError: It has a mistake; the message says where.
         """
         content = document.validate(ScenarioFile)
-        return cls(document, content, _problem(document, content.problem), _assessments(document, content), folder)
+        return cls(document, content, _problem(document, content.problem), folder)
 
     @classmethod
     def of_data(cls, data: Mapping[str, Any], path: Path) -> Scenario:
@@ -191,8 +204,7 @@ class Scenario:
     def _of(self, document: Document) -> Scenario:
         """Return the scenario of another document in the same place, with the same last digits."""
         content = document.validate(ScenarioFile)
-        problem, assessments = _problem(document, content.problem), _assessments(document, content)
-        return replace(self, document=document, content=content, problem=problem, assessments=assessments)
+        return replace(self, document=document, content=content, problem=_problem(document, content.problem))
 
     @property
     def name(self) -> str:
@@ -232,7 +244,7 @@ class Scenario:
         expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
         wanted = self.content.find.requested() if self.content.find else ()
         texts = [*self.content.outputs, *self.content.numbers, *wanted, *expected]
-        for key, assessment in self.assessments.items():
+        for key, assessment in self.content.assessments.items():
             with self.document.locating(key):
                 texts += assessment.requested(self.mechanism)
         requested = requested_joints(texts, self.symbols, self.mechanism)
@@ -265,6 +277,8 @@ class Scenario:
             PinarmError: See ``run``.
         """
         if self.content.find:
+            from pinarm.use.scenario.searches import solve_found
+
             return solve_found(self, self.content.find)
         try:
             with _failures_in_words():
@@ -317,9 +331,8 @@ class Scenario:
         """Return the result of what came out for the whole mechanism; its accuracy is not measured."""
         quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
         return Result(
-            self.name, self.problem.kind, self.content, self.document.data, outcome, quantities, folder=self.folder,
-            assessments=self.assessments,
-        )  # fmt: skip
+            self.name, self.problem.kind, self.content, self.document.data, outcome, quantities, folder=self.folder
+        )
 
     def validate(self) -> None:
         """Check everything that can be checked without solving: the model, all names, all units.
@@ -333,13 +346,15 @@ class Scenario:
             for index, name in enumerate(self.content.outputs):
                 with self.document.locating("outputs", index):
                     quantities[name]
+            if self.content.numbers:
+                from pinarm.use.result.run_number import RunNumber
             for index, text in enumerate(self.content.numbers):
                 with self.document.locating("numbers", index):
                     RunNumber.read(text).described(quantities)
             if self.content.find:
                 with self.document.locating("find"):
                     self.content.find.check_names(quantities)
-            for key, assessment in self.assessments.items():
+            for key, assessment in self.content.assessments.items():
                 with self.document.locating(key):
                     assessment.check_names(quantities)
             for index, expectation in enumerate(self.content.expect):
@@ -410,12 +425,6 @@ def _problem(document: Document, given: object) -> Problem:
         model = problem_class(given["kind"])
     problem: Problem = document.validate(model, "problem")
     return problem
-
-
-def _assessments(document: Document, content: ScenarioFile) -> dict[str, Assessment]:
-    """Validate the parts of the document that ask for assessments, each by its class."""
-    asked = (key for key in KINDS_OF_ASSESSMENT if getattr(content, key) is not None)
-    return {key: document.validate(assessment_class(key), key) for key in asked}
 
 
 @contextmanager

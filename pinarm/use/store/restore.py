@@ -69,9 +69,7 @@ def restore(folder: str | Path) -> Result:
     name, kind = str(summary["scenario"]), scenario.problem.kind
     data = scenario.document.data
     measured = {key: summary[key] for key in ("errors", "setting", "removals")}
-    return Result(
-        name, kind, content, data, outcome, quantities, figures, folder, assessments=scenario.assessments, **measured
-    )
+    return Result(name, kind, content, data, outcome, quantities, figures, folder, **measured)
 
 
 def replay(

@@ -8,10 +8,10 @@ import pytest
 from pinarm.errors import InputError
 from pinarm.mechanics import forces
 from pinarm.mechanics.coordinates import Distance, PointCoordinate, coordinates_of
-from pinarm.mechanics.forces import Force
 from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring
 from pinarm.mechanics.forces.bushing import Bushing, DampingRates, SpringRates
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
+from pinarm.mechanics.forces.kinds import Force
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 from pinarm.mechanics.laws import Constant, Harmonic, SpeedPoints, Spline, Trapezoid
 
