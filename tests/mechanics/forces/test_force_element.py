@@ -6,12 +6,11 @@ import pinocchio as pin
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.mechanics import forces
 from pinarm.mechanics.coordinates import Distance, PointCoordinate, coordinates_of
 from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring
 from pinarm.mechanics.forces.bushing import Bushing, DampingRates, SpringRates
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
-from pinarm.mechanics.forces.kinds import Force
+from pinarm.mechanics.forces.kinds import Force, bound
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 from pinarm.mechanics.laws import Constant, Harmonic, SpeedPoints, Spline, Trapezoid
 
@@ -98,7 +97,7 @@ def load(element, t, q, v):
 
 def bound(force, model, joints):
     """Return the element of a force on an interval between two breakpoints of every sample."""
-    return forces.bound(force, model, joints, coordinates_of(model, joints, ALONG)).on(0.1, 0.9)
+    return bound(force, model, joints, coordinates_of(model, joints, ALONG)).on(0.1, 0.9)
 
 
 def test_every_force_of_the_union_has_a_sample():
