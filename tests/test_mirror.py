@@ -63,8 +63,8 @@ ELSEWHERE = {
         "engine/motion/systems/constrained engine/motion/systems/point_constrained engine/motion/systems/row_motion",
     ),
     "loops/test_kinds.py": (
-        "every kind against Newton and Euler", "engine/constraints/constraint mechanics/loops/kinds mechanics/loops/loop_joints "
-        "mechanics/loops/lower_pairs mechanics/loops/pair mechanics/loops/rod mechanics/loops/universal",
+        "every kind against Newton and Euler", "engine/constraints/constraint mechanics/loops/kinds "
+        "mechanics/loops/loop_joints mechanics/loops/lower_pairs mechanics/loops/pair mechanics/loops/rod mechanics/loops/universal",
     ),
     "loops/test_many_rows.py": (
         "many rows against each alone", "engine/constraints/batch_jacobians engine/constraints/closure "
