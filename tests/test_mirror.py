@@ -64,7 +64,8 @@ ELSEWHERE = {
     ),
     "loops/test_kinds.py": (
         "every kind against Newton and Euler", "engine/constraints/constraint mechanics/loops/kinds "
-        "mechanics/loops/loop_joints mechanics/loops/lower_pairs mechanics/loops/pair mechanics/loops/rod mechanics/loops/universal",
+        "mechanics/loops/loop_joints mechanics/loops/lower_pairs mechanics/loops/pair mechanics/loops/rod "
+        "mechanics/loops/universal",
     ),
     "loops/test_many_rows.py": (
         "many rows against each alone", "engine/constraints/batch_jacobians engine/constraints/closure "
