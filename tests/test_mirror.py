@@ -47,7 +47,7 @@ ELSEWHERE = {
         "components of what joints transmit", "engine/quantities/transmitted engine/quantities/families/coupling "
         "engine/quantities/families/loop",
     ),
-    "engine/test_mechanism.py": ("loading", "engine/model_source"),
+    "engine/test_mechanism.py": ("loading", "engine/mechanism_parts engine/model_source"),
     "hostile/test_model_attacks.py": ("its bounds", "input/xml_text"),
     "input/formulas/test_expressions.py": ("what formulas mean", "input/formulas/dimensions input/formulas/grammar"),
     "input/xacro/test_expansion.py": (
@@ -112,7 +112,8 @@ ELSEWHERE = {
     ),
     "problems/test_profiles.py": ("laws in problems", "mechanics/forces/breakpoints problems/prescribed_laws"),
     "test_messages.py": (
-        "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/scenario",
+        "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/failures "
+        "use/scenario/scenario use/scenario/scenario_file",
     ),
     "test_readme.py": ("what is printed", "use/show/terminal"),
     "physics/test_friction.py": (

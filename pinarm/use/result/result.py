@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from pinarm.engine.motion.outcome import Outcome
     from pinarm.use.result.section import Section
-    from pinarm.use.scenario.scenario import ScenarioFile
+    from pinarm.use.scenario.scenario_file import ScenarioFile
     from pinarm.use.show.plot import Picture
     from pinarm.use.show.replay.page import Replay
     from pinarm.use.store.transfer import TransferredResult

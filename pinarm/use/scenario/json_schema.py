@@ -11,7 +11,7 @@ from pinarm.input.yaml.deferred import with_types
 from pinarm.input.yaml.schema import InputStruct, json_schema
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.problems import KINDS, problem_class
-from pinarm.use.scenario.scenario import ScenarioFile
+from pinarm.use.scenario.scenario_file import ScenarioFile
 
 
 def schema(of: Literal["scenario", "mechanism"] = "scenario") -> dict[str, Any]:
