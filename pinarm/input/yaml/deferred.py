@@ -41,10 +41,20 @@ def _with_types(struct: type[Any], wanted: frozenset[str]) -> type[Any]:
             kind = _filled(field.type, getattr(import_module(module), name))
             default: Any = {"default": field.default, "default_factory": field.default_factory}
             fields.append((field.name, kind, msgspec.field(name=field.encode_name, **default)))
+
+    def reduced(self: msgspec.Struct) -> tuple[Any, ...]:
+        return _made_again, (struct, wanted, {name: getattr(self, name) for name in self.__struct_fields__})
+
+    namespace = {"__doc__": struct.__doc__, "__reduce__": reduced}
     return msgspec.defstruct(
-        struct.__name__, fields, bases=(struct,), module=struct.__module__, namespace={"__doc__": struct.__doc__},
-        frozen=True, kw_only=True,
+        struct.__name__, fields, bases=(struct,), module=struct.__module__, namespace=namespace, frozen=True,
+        kw_only=True,
     )  # fmt: skip
+
+
+def _made_again(struct: type[StructT], wanted: frozenset[str], values: dict[str, Any]) -> StructT:
+    """Make a struct in another process, which cannot look up its class by name."""
+    return with_types(struct, wanted)(**values)
 
 
 def _filled(annotation: Any, kind: Any) -> Any:

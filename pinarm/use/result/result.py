@@ -7,7 +7,6 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,10 +31,10 @@ if TYPE_CHECKING:
 
     from pinarm.engine.motion.outcome import Outcome
     from pinarm.use.result.section import Section
+    from pinarm.use.scenario.scenario import Scenario
     from pinarm.use.scenario.scenario_file import ScenarioFile
     from pinarm.use.show.plot import Picture
     from pinarm.use.show.replay.page import Replay
-    from pinarm.use.store.transfer import TransferredResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,13 +43,10 @@ class Result:
 
     Attributes:
         name: Name of the scenario.
-        kind: Kind of its problem.
-        content: The scenario, validated.
-        data: The scenario as plain data.
+        scenario: The question, as it was solved.
         outcome: What came out of the problem, for the whole mechanism.
         quantities: Everything that can be asked of the run, by name.
         figures: Measured accuracy and cost, by name.
-        folder: Folder of the scenario file; paths in it are relative to that.
         errors: Bound of the global error of each output, relative to its scale (see ``output_scales``), that holds in
             99 of 100 cases; empty where none was asked for.
         setting: How the motion was integrated, and what the estimate rests on, in words.
@@ -59,17 +55,34 @@ class Result:
     """
 
     name: str
-    kind: str
-    content: ScenarioFile = field(repr=False)
-    data: Mapping[str, Any] = field(repr=False)
+    scenario: Scenario = field(repr=False)
     outcome: Outcome = field(repr=False)
     quantities: Quantities = field(repr=False)
     figures: Mapping[str, float] = field(default_factory=dict)
-    folder: Path = Path()
     errors: Mapping[str, float] = field(default_factory=dict)
     setting: str = ""
     removals: Sequence[Removal] = ()
     found: Section | None = field(default=None, repr=False)
+
+    @property
+    def kind(self) -> str:
+        """Kind of its problem."""
+        return self.scenario.problem.kind
+
+    @property
+    def content(self) -> ScenarioFile:
+        """The scenario, validated."""
+        return self.scenario.content
+
+    @property
+    def data(self) -> Mapping[str, Any]:
+        """The scenario as plain data."""
+        return self.scenario.document.data  # type: ignore[no-any-return]
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the scenario file; paths in it are relative to that."""
+        return self.scenario.folder
 
     @property
     def error(self) -> float | None:
@@ -218,9 +231,13 @@ class Result:
         return views.save(self, Path(folder), plots=plots)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Say how another process makes the same result; see ``store.transfer``."""
-        transfer = import_module("pinarm.use.store.transfer")  # which needs scenarios, and these need results
-        return _result_again, (transfer.TransferredResult.of(self),)
+        """Say how another process makes the same result: by its scenario, with the same rows to the last bit."""
+        from pinarm.use.result.stored_rows import states
+
+        rows, figures = self.trajectory, dict(self.outcome.figures)
+        outcome = {"figures": figures, "events": tuple(self.outcome.events), "notes": self.outcome.notes}
+        measured = {name: getattr(self, name) for name in ("name", "figures", "errors", "setting", "removals", "found")}
+        return self.scenario.result_of_rows, (rows.mechanism, states(rows), outcome, measured)
 
     def _repr_html_(self) -> str:
         """Return numbers, plots and the replay, for notebooks; saved ones keep them."""
@@ -347,10 +364,6 @@ class Result:
         described = msgspec.to_builtins(mechanism.description, enc_hook=float)
         text = json.dumps([relevant, described, mechanism.xml], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _result_again(parts: TransferredResult) -> Result:
-    return parts.result()
 
 
 CONTRADICTED = 0.01

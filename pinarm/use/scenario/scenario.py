@@ -232,9 +232,24 @@ class Scenario:
     def result(self, outcome: Outcome) -> Result:
         """Return the result of what came out for the whole mechanism; its accuracy is not measured."""
         quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
-        return Result(
-            self.name, self.problem.kind, self.content, self.document.data, outcome, quantities, folder=self.folder
-        )
+        return Result(self.name, self, outcome, quantities)
+
+    def result_of_rows(
+        self, mechanism: Mechanism, arrays: Mapping[str, Any], outcome: Mapping[str, Any], measured: Mapping[str, Any]
+    ) -> Result:
+        """Return a result from its parts: what ``Result`` gives to another process.
+
+        Args:
+            mechanism: The whole mechanism.
+            arrays: Of its rows; see ``stored_rows.states``.
+            outcome: Fields of its outcome but for rows and motion.
+            measured: Figures, errors and what else the result has been given.
+        """
+        from pinarm.use.result.stored_rows import SolvedAnew, trajectory_of
+
+        rows = trajectory_of(self, mechanism, arrays)
+        motion = None if rows.numbered else SolvedAnew(self, mechanism, rows.grid.cuts)
+        return replace(self.result(Outcome(rows, motion, **outcome)), **measured)
 
     def validate(self) -> None:
         """Check everything that can be checked without solving: the model, all names, all units.
