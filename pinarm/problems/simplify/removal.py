@@ -25,7 +25,6 @@ from pinarm.mechanics.laws import Constant, Over
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.problems.declaration import Declaration
 from pinarm.problems.prescribed_laws import laws_of
-from pinarm.problems.simplify.model_reduction import Removed
 
 ABSENT = 1e-12
 """Entry of a row, relative to the largest, that is 0 but for rounding: the joint has no part in it."""
@@ -44,6 +43,26 @@ def known_laws(declared: Declaration, mechanism: Mechanism, place: Place) -> dic
     """
     held = {name: Constant(value=value) for name, value in declared.held.items()}
     return {**held, **laws_of(mechanism, declared.laws, place, declared.span)}
+
+
+@dataclass(frozen=True, eq=False)
+class Removed:
+    """What is removed of a mechanism. Joints are named by their index in v.
+
+    Attributes:
+        locked: Joint -> the law that it stands still by.
+        dropped: Joint -> the law that it moves by.
+        couplings: Names of couplings all of whose joints are locked.
+    """
+
+    locked: Mapping[int, MotionLaw]
+    dropped: Mapping[int, MotionLaw]
+    couplings: Collection[str] = ()
+
+    @property
+    def laws(self) -> dict[int, MotionLaw]:
+        """Return the laws of all joints that are removed."""
+        return {**self.locked, **self.dropped}
 
 
 @dataclass(frozen=True, eq=False)
