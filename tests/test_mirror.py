@@ -43,6 +43,7 @@ ELSEWHERE = {
         "engine/quantities/families/joint engine/quantities/families/link engine/quantities/families/momentum "
         "engine/quantities/families/power engine/quantities/families/subtree",
     ),
+    "engine/quantities/test_catalogue.py": ("as of the command", "use/study/quantities"),
     "engine/quantities/test_reactions.py": (
         "components of what joints transmit", "engine/quantities/transmitted engine/quantities/families/coupling "
         "engine/quantities/families/loop",
