@@ -146,6 +146,25 @@ def test_inverse_dynamics_knows_friction_by_the_direction_of_motion(write):
     assert (lower[~moves], upper[~moves]) == (pytest.approx(bare[~moves] - 3.0), pytest.approx(bare[~moves] + 3.0))
 
 
+def test_the_band_of_a_motion_counts_the_rotor_as_the_effort_does(write):
+    """``(I + N^2 J) a + weight + friction`` where the arm moves, and 3 N*m to either side where it rests."""
+    law = "{law: cycloidal, from: 0 rad, to: 1 rad, begin: 0.5 s, duration: 1 s}"
+    problem = f"{{kind: inverse, time: {{end: 2 s, samples: 21}}, motion: {{pivot: {law}}}}}"
+    drive = "drives: {motor: {joint: pivot, ratio: 100, rotor_inertia: 2e-4 kg*m^2}}\n"
+    outputs = "joint.pivot.effort, joint.pivot.effort.lower, joint.pivot.effort.upper"
+    result = pinarm.run(write(ARM.format(friction=3.0), drive, problem, outputs))
+    q, a, v = (result[f"joint.pivot.{rate}"].values for rate in ("position", "acceleration", "velocity"))
+    frictionless = (2.5 + 2.0) * a + 2.0 * 9.81 * np.sin(q)
+    effort, lower, upper = (result[f"joint.pivot.effort{part}"].values for part in ("", ".lower", ".upper"))
+    moves = v > 1e-3
+    assert moves.sum() == 9
+    assert np.abs(a[moves]).max() > 5.0
+    for part in (effort, lower, upper):
+        assert part[moves] == pytest.approx(frictionless[moves] + 3.0, rel=1e-12)
+    rests = result.trajectory.grid.t < 0.5 - 1e-9
+    assert upper[rests] - lower[rests] == pytest.approx(6.0, rel=1e-12)
+
+
 def test_states_of_their_own_have_the_same_friction(write):
     path = write(ARM.format(friction=3.0), "", "{kind: statics, hold: {pivot: 0 rad}}", "pivot")
     mechanism = pinarm.load(path).mechanism
