@@ -21,7 +21,7 @@ from pinarm.engine.constraints.nullspace import RowDecomposition
 from pinarm.engine.friction.columns import BANDS, band_column, friction_columns
 from pinarm.engine.friction.response import BearingReactions
 from pinarm.engine.friction.slipping import CarriedLoads, Slipping
-from pinarm.engine.motion.standstill import STANDSTILL
+from pinarm.engine.motion.standstill import directions
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.engine.statics.actuation import Actuation
@@ -47,11 +47,16 @@ class KnownFriction:
         run: The motion of n rows; its efforts are not looked at.
         drives: What carries the load.
         demand: ``M a + nle - loads`` without friction that sticks [N*m or N], shape (n, nv).
+        pace: What rounding of velocities and accelerations is judged against, shape (2, nv) of one motion, (n, 2, nv)
+            of separate states; see ``standstill``.
+        inside: Velocities a little inside the interval, looked at where a row stands still, shape (n, nv).
     """
 
     run: Trajectory
     drives: Actuation
     demand: Array
+    pace: Array
+    inside: Array
 
     @cached_property
     def rows(self) -> Array:
@@ -68,16 +73,14 @@ class KnownFriction:
         """Directions of the slips: 1, -1, or 0 at rest, shape (n, k).
 
         At standstill that of the motion beside the row, on its side of the interval; of a state of its own that of the
-        motion about to begin.
+        motion about to begin. The pace of a slip is ``|J|`` times that of the joints.
         """
-        run, contacts = self.run, self.run.mechanism.frictions
-        rates = np.matvec(self.rows, run.a) + slip_drifts(run.mechanism.model, contacts, run.q, run.v)
-        if run.separate:
-            return np.where(self.slips == 0.0, np.sign(rates), np.sign(self.slips))
-        # Duration times acceleration: the size of the speed, from this row alone.
-        length = abs(run.grid.cuts[-1] - run.grid.cuts[0])
-        still = np.abs(self.slips) <= STANDSTILL * length * np.abs(rates)
-        return np.where(still, np.sign(rates) * run.grid.sides()[:, None], np.sign(self.slips))
+        run = self.run
+        drift = slip_drifts(run.mechanism.model, run.mechanism.frictions, run.q, run.v)
+        paces = np.matvec(np.abs(self.rows)[:, None], self.pace)
+        side = np.ones(len(run)) if run.separate else run.grid.sides()
+        rates, later = np.matvec(self.rows, run.a) + drift, np.matvec(self.rows, self.inside)
+        return directions(self.slips, rates, paces, side, later)
 
     def under(self, friction: Array) -> Trajectory:
         """Return the motion with the efforts and multipliers under friction, shape (n, k)."""

@@ -165,7 +165,8 @@ def _driven(run: Trajectory, acting: Actuation, demand: Array) -> Trajectory:
     if run.mechanism.frictions:
         from pinarm.engine.motion.known_friction import KnownFriction
 
-        return KnownFriction(run, acting, demand).solved()
+        paces = row_paces(run.mechanism, run.v, run.a)
+        return KnownFriction(run, acting, demand, paces, np.zeros_like(run.v)).solved()
     tau, lam = acting.efforts(run.grid.t, run.q, demand)
     return replace(run, tau=tau, lam=lam)
 
