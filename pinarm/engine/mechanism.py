@@ -432,12 +432,14 @@ def _frictions(
     from pinarm.mechanics.friction.definition import Friction
 
     rubbing = [one for one in constraints if isinstance(one, LoopJoint | Coupling)]
-    found = []
+    found = list[FrictionContact]()
     for name, definition in description.friction.items():
         with here("friction", name):
-            found.append(definition.bind(name, model, joints, rubbing))
+            found.extend(definition.bind(name, model, joints, rubbing))
     left = {name: friction for name, friction in robot.friction.items() if name not in description.friction}
-    return (*found, *(Friction(constant=friction).bind(name, model, joints, ()) for name, friction in left.items()))
+    for name, friction in left.items():
+        found.extend(Friction(constant=friction).bind(name, model, joints, ()))
+    return tuple(found)
 
 
 def _of_loops(

@@ -12,21 +12,6 @@ SIZES = '<limit lower="-1e4" upper="1e4" effort="1e6" velocity="1e3"/>'
 BODY = '<inertial><mass value="{mass}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
 
 
-@pytest.fixture
-def write(tmp_path):
-    """Write a model, its mechanism file and a scenario; return the scenario's path."""
-    (tmp_path / ".pinarm-root").touch()
-
-    def write(urdf, mechanism, problem, outputs):
-        (tmp_path / "model.urdf").write_text(f'<robot name="r"><link name="base"/>{urdf}</robot>')
-        (tmp_path / "mechanism.yaml").write_text(f"pinarm: 1\nrobot: model.urdf\n{mechanism}")
-        text = f"pinarm: 1\nmechanism: mechanism.yaml\nproblem: {problem}\noutputs: [{outputs}]\n"
-        (tmp_path / "scenario.yaml").write_text(text)
-        return tmp_path / "scenario.yaml"
-
-    return write
-
-
 BELT = f"""
 <link name="band">{BODY.format(mass=1)}</link><link name="block">{BODY.format(mass=2)}</link><link name="wall"/>
 <joint name="post" type="fixed"><parent link="base"/><child link="wall"/><origin xyz="-1 0 0"/></joint>

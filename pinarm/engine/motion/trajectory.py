@@ -125,7 +125,7 @@ class Trajectory:
     def friction(self) -> Array:
         """Friction at the mechanism's contacts, along their slips [N*m or N], shape (n, k); 0 where none is told."""
         none = np.zeros(len(self))
-        names = [f"{contact.name}.friction" for contact in self.mechanism.frictions]
+        names = [contact.quantity for contact in self.mechanism.frictions]
         found = [self.columns[name].values if name in self.columns else none for name in names]
         return np.array(found).reshape(-1, len(self)).T
 

@@ -29,7 +29,8 @@
 ``momentum.S.linear.x``                        of S: ``all``, or a joint and everything beyond it
 ``momentum.S.angular.about.P.x``               about the origin of link P
 ``dynamic.S.force.x``, ``.moment.about.P.x``   rates of the momenta of the bodies, summed likewise
-``joint.J.friction``, ``loop.L.friction``       friction that sticks, along the coordinate, on the child
+``joint.J.friction``, ``loop.L.friction``       friction that sticks, along the coordinate, on the child; of ball joints
+                                               ``.x``, ``.y``, ``.z``, of cylindrical ones ``.tangential``, ``.axial``
 ``joint.J.effort.lower .upper``                at rest, between which friction holds: less moves it down, more up
 ``power.gravity``, ``power.F``                 of the weights, and of the force element F
 ``power.friction``                             of all friction that sticks
