@@ -41,8 +41,9 @@ from pinarm.mechanics.laws.motion_law import Grid
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-TURNING = 1e-9
-"""Slip [rad/s or m/s] above which one with several components has turned rather than come to rest."""
+TURNING = 1e-6
+"""Slip [rad/s or m/s] above which one with several components has turned rather than come to rest: the instant of rest is
+known to the tolerance of the integration."""
 
 EXCEEDED = 1e-6
 """Part of its bound by which the friction of a row may exceed it: the row may stand at the switch."""
