@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 TURNING = 1e-6
-"""Slip [rad/s or m/s] above which one with several components has turned rather than come to rest: the instant of rest is
+"""Slip [rad/s or m/s] above which one with several components has turned rather than come to rest: the instant is
 known to the tolerance of the integration."""
 
 EXCEEDED = 1e-6
@@ -108,8 +108,10 @@ class StickSlip:
         broken = np.zeros(len(moving))
         if index >= 0 and not (slipping[index] and several(self.contacts)[index] and speeds[index] > TURNING):
             balance = sliding.balance(span[0], q, v)
-            ended = same_joint(self.contacts)[[index, *companions(balance.response, index)]].any(axis=0)
-            moving[ended] = 0.0
+            same = same_joint(self.contacts)
+            parts = np.flatnonzero(same[index]).tolist()
+            ended = [i for part in parts for i in (part, *companions(balance.response, part))]
+            moving[same[ended].any(axis=0)] = 0.0
             v = self._stopped(span[0], q, v, np.flatnonzero(slipping & (sizes(self.contacts, moving) == 0.0)))
         elif index >= 0:
             moving = unit_vectors(self.contacts, np.where(moving != 0.0, slips, 0.0))
