@@ -154,5 +154,5 @@ def rows_of(balance: ForceBalance, found: Sequence[Equilibrium]) -> Trajectory:
         balance.mechanism, ROW, unit("1"), Grid.cover(np.arange(1.0, len(found) + 1.0), []), q, np.zeros_like(q),
         np.zeros_like(q), tau, Multipliers.known(lam, balance.mechanism.closure.size), balance.closure,
         balance.dynamics, columns=columns, separate=True,
-        driven=driven_along(balance.held.coordinates, q.shape[1]),
+        driven=driven_along(balance.held.coordinates, q.shape[1]), drives=tuple(balance.held.names),
     )  # fmt: skip

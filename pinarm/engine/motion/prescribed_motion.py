@@ -89,6 +89,7 @@ class Prescription:
         return Trajectory(
             mechanism, self.parameter, self.unit, grid, q, v, a, np.zeros_like(v), lam, closure, self.dynamics,
             separate=self.rates is not None, driven=self.drives.driven if self.drives else None,
+            drives=(*self.drives.coordinates(mechanism),) if self.drives else (),
         )  # fmt: skip
 
     def _pace(self, rows: Trajectory) -> Array | None:

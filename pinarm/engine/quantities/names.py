@@ -20,7 +20,7 @@
 ``coupling.C.tangential .radial .axial``       of the force of teeth; ``.separating`` along the normal of bevel wheels
 ``coupling.C.axial .torque``, ``.tight .slack``  of a thread; tensions of the strands of a belt
 ``coordinate.C.position`` (and so on)          of any coordinate
-``coordinate.C.effort``                        of a drive along a task coordinate
+``coordinate.C.effort``                        of a drive along a coordinate, as along a sum of joints
 ``point.P.position.x`` (and so on)             of the origin of link P
 ``body.B.angular_velocity.x``                  of link B; likewise ``angular_acceleration``
 ``drive.D.torque .speed .power``               at the motor
@@ -454,12 +454,14 @@ class Quantities:
         """Return the effort of a drive along a coordinate: a joint's, or one that has a multiplier of its own."""
         run = self.trajectory
         self._require_efforts(name)
+        measured = NEWTON if run.mechanism.coordinates[along].unit == METRE else NEWTON_METRE
+        if (effort := run.effort_along(along)) is not None:
+            return Series(name, measured, effort)
         if along in run.mechanism.joints:
             return self._of_joint(name, [along, "effort"])
         rows = run.closure.slices().get(along)
         if rows is None or along in run.mechanism.closure.slices():
             raise InputError(f"no drive acts along '{along}'", expected="a coordinate named in drives:")
-        measured = NEWTON if run.mechanism.coordinates[along].unit == METRE else NEWTON_METRE
         return Series(name, measured, run.lam.along[:, rows.start - run.mechanism.closure.size])
 
     def _of_point(self, name: str, words: list[str]) -> Series:

@@ -157,7 +157,8 @@ def _quantities(
     acting = actuation(mechanism, drives, drives) if drives else everywhere(mechanism)
     if acting is None:
         return Quantities(replace(run, no_efforts=NO_DRIVES))
-    return Quantities(_driven(replace(run, closure=acting.closure, driven=acting.driven), acting, demand))
+    run = replace(run, closure=acting.closure, driven=acting.driven, drives=(*acting.coordinates(mechanism),))
+    return Quantities(_driven(run, acting, demand))
 
 
 def _driven(run: Trajectory, acting: Actuation, demand: Array) -> Trajectory:
