@@ -135,8 +135,13 @@ def outcome(balance: ForceBalance, found: Sequence[Equilibrium]) -> Outcome:
     notes = tuple(f"row {row}: a direction has no mass, so its stability is that of the stiffness alone"
                   for row in weightless)  # fmt: skip
     if balance.mechanism.frictions:
-        names = ", ".join(one.name for one in balance.mechanism.frictions)
+        names = ", ".join(dict.fromkeys(one.name for one in balance.mechanism.frictions))
         notes += (f"friction of {names} holds positions beside these as well: the table has those that need none",)
+        if balance.held.names:
+            notes += (
+                f"efforts that hold {', '.join(balance.held.names)} are those without friction; kind: statics at "
+                "these positions tells the band that friction leaves",
+            )
     stable = sum(equilibrium.modes.stability == 1 for equilibrium in found)
     figures = {"equilibria": float(len(found)), "stable": float(stable)}
     return Outcome(rows_of(balance, found), figures=figures, notes=notes)

@@ -392,3 +392,14 @@ friction: {turn: {mu: 0.1, radius: 10 mm}}
         pinarm.run(
             write(wheels, mechanism, "{kind: statics, hold: {turn: 0 rad}, drives: [turn]}", "joint.turn.effort")
         )
+
+
+@pytest.mark.parametrize(("friction", "left_out"), [("", 1), ("friction: {slip: {mu: 0.3}}\n", 0)])
+def test_nothing_is_left_out_where_friction_may_stick(write, friction, left_out):
+    """A block that rests on its belt is locked to it, but for the band of efforts that holds it there."""
+    problem = """{kind: inverse, time: {end: 1 s, samples: 3}, motion: {
+  belt: {law: constant_speed, speed: 0.1 m/s}, slip: {law: constant, value: 0 m}}}"""
+    result = pinarm.run(write(BELT, friction, problem, "joint.belt.effort"))
+    assert len(result.removals) == left_out
+    if friction:
+        assert result["joint.slip.effort.upper"].values == pytest.approx(0.3 * 2.0 * 9.81, rel=1e-12)
