@@ -58,6 +58,8 @@ class Friction(InputStruct, frozen=True):
         flank: Angle of a thread's flank in the axial section: 0 of a square thread, 30 deg of a metric one; of a worm,
             its pressure angle there.
         lead_angle: Of a worm.
+        teeth: Number of teeth of the first of two spur wheels, a coupling ``gear`` with a ``pressure_angle``; friction
+            is that of the mean slip of the flanks, in N and m/s.
         preload: Normal force that is there without any reaction.
         constant: Part that does not depend on the reaction [N*m or N].
         static_constant: The same at rest; ``constant`` where it is left out.
@@ -75,6 +77,7 @@ class Friction(InputStruct, frozen=True):
     span: Span | None = None
     flank: Angle = 0.0
     lead_angle: Angle | None = None
+    teeth: Annotated[int, msgspec.Meta(ge=4)] | None = None
     preload: Force = 0.0
     constant: NotNegative = 0.0
     static_constant: NotNegative | None = None
@@ -123,7 +126,7 @@ class Friction(InputStruct, frozen=True):
             raise InputError(f"there is no joint '{name}' with friction", expected=expected, hint=hint)
         constraint = of_loops[name]
         if isinstance(constraint, Coupling):
-            return (self._of_coupling(constraint),)
+            return (self._of_coupling(model, constraint),)
         return self._of_loop(constraint)
 
     def _of_ball(self, ball: Ball) -> tuple[JointContact, ...]:
@@ -146,16 +149,21 @@ class Friction(InputStruct, frozen=True):
             raise InputError(f"mu of the ball joint '{name}' needs the radius of its ball", expected="radius: 12 mm")
         return Bearing.ball(float(self.radius), float(self.preload))
 
-    def _of_coupling(self, coupling: Coupling) -> CouplingContact:
-        """Return the friction of a screw between two joints, or of a worm and its wheel."""
+    def _of_coupling(self, model: pin.Model, coupling: Coupling) -> FrictionContact:
+        """Return the friction of a screw between two joints, of a worm and its wheel, or of spur wheels."""
+        if self.teeth is not None:
+            from pinarm.mechanics.friction.tooth import tooth_friction
+
+            law = self._law(Joint(coupling.name, 0, 0, 0, METRE))
+            return tooth_friction(model, coupling, self.teeth, law, shared=self._shared)
         weights = coupling.coordinate.weights
         first, second = _coupled(weights, coupling.name)
         ratio, radius = -float(weights[first]), self._thread_radius(coupling.name)
         wheel = 1.0
         if coupling.kind != "screw":
             if self.lead_angle is None:
-                raise InputError(f"friction of the {coupling.kind} '{coupling.name}' is that of a worm",
-                                 expected="lead_angle, with the worm as the first joint")  # fmt: skip
+                raise InputError(f"friction of the {coupling.kind} '{coupling.name}' is that of a worm or spur wheels",
+                                 expected="lead_angle, the worm being the first joint, or teeth")  # fmt: skip
             wheel = radius * np.tan(self.lead_angle) / abs(ratio)
         thread = ThreadGeometry(radius, wheel * ratio, float(self.flank))
         slip, (turning, sliding) = np.zeros(len(weights)), thread.along
