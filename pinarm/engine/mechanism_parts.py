@@ -43,13 +43,13 @@ def frictions_of(
     from pinarm.mechanics.friction.definition import Friction
 
     others = [constraint for constraint in constraints if isinstance(constraint, LoopJoint | Coupling)]
-    contacts = []
+    contacts = list[FrictionContact]()
     for name, definition in description.friction.items():
         with here("friction", name):
-            contacts.append(definition.bind(name, model, joints, others))
+            contacts.extend(definition.bind(name, model, joints, others))
     for name, friction in robot.friction.items():
         if name not in description.friction:
-            contacts.append(Friction(constant=friction).bind(name, model, joints, ()))
+            contacts.extend(Friction(constant=friction).bind(name, model, joints, ()))
     return tuple(contacts)
 
 

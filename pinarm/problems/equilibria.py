@@ -141,8 +141,13 @@ def outcome(balance: ForceBalance, found: Sequence[Equilibrium]) -> Outcome:
     notes = tuple(f"row {row}: a direction has no mass, so its stability is that of the stiffness alone"
                   for row in weightless)  # fmt: skip
     if balance.mechanism.frictions:
-        names = ", ".join(one.name for one in balance.mechanism.frictions)
+        names = ", ".join(dict.fromkeys(one.name for one in balance.mechanism.frictions))
         notes += (f"friction of {names} holds positions beside these as well: the table has those that need none",)
+        if balance.held.names:
+            notes += (
+                f"efforts that hold {', '.join(balance.held.names)} are those without friction; kind: statics at "
+                "these positions tells the band that friction leaves",
+            )
     stable = sum(equilibrium.modes.stability == 1 for equilibrium in found)
     figures = {"equilibria": float(len(found)), "stable": float(stable)}
     return Outcome(rows_of(balance, found), figures=figures, notes=notes)
@@ -160,5 +165,5 @@ def rows_of(balance: ForceBalance, found: Sequence[Equilibrium]) -> Trajectory:
         balance.mechanism, ROW, unit("1"), Grid.cover(np.arange(1.0, len(found) + 1.0), []), q, np.zeros_like(q),
         np.zeros_like(q), tau, Multipliers.known(lam, balance.mechanism.closure.size), balance.closure,
         balance.dynamics, columns=columns, separate=True,
-        driven=driven_along(balance.held.coordinates, q.shape[1]),
+        driven=driven_along(balance.held.coordinates, q.shape[1]), drives=tuple(balance.held.names),
     )  # fmt: skip

@@ -36,7 +36,7 @@ from pinarm.mechanics.laws import Motion
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
-from pinarm.problems.joint_values import check_levels, check_rates
+from pinarm.problems.joint_values import check_levels, check_rates, is_coordinate
 from pinarm.problems.loads import LOADS, bind_loads, schema_row
 from pinarm.problems.prescribed_laws import laws_of
 from pinarm.problems.time_grid import TimeGrid
@@ -56,7 +56,8 @@ class InitialState(InputStruct, frozen=True):
     Attributes:
         position: Joint -> coordinate; of a ball joint J the rotation vector, ``J.rotation.x`` and so on, or ``J.roll``,
             ``J.pitch``, ``J.yaw``; a floating joint J has ``J.x``, ``J.y``, ``J.z`` too.
-        velocity: Joint -> velocity; of a ball joint J ``J.angular_velocity.x`` and so on, in the link's own axes.
+        velocity: Joint, or another coordinate such as ``L.angle`` of a loop joint L -> velocity; of a ball joint J
+            ``J.angular_velocity.x`` and so on, in the link's own axes.
     """
 
     position: dict[str, Level] = {}
@@ -208,12 +209,15 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         with place("initial", "position"):
             q = start_configuration(mechanism, {**self.start, **self.initial.position})
         joints, balls = mechanism.joints, mechanism.balls
-        v = velocity(mechanism.model, joints, balls, self.initial.velocity)
+        others = {name: rate for name, rate in self.initial.velocity.items() if is_coordinate(mechanism, name)}
+        own = {name: rate for name, rate in self.initial.velocity.items() if name not in others}
+        v = velocity(mechanism.model, joints, balls, own)
         positions, velocities = (
             tuple(dict.fromkeys(index for name in given for index in indices_of(name, joints, balls)))
-            for given in (self.initial.position, self.initial.velocity)
+            for given in (self.initial.position, own)
         )
-        return Initial(q, v, positions, velocities)
+        rates = tuple((mechanism.coordinate(name), float(rate)) for name, rate in others.items())
+        return Initial(q, v, positions, velocities, rates)
 
 
 def _changed(mechanism: Mechanism, hybrid: HybridSystem, v: Array) -> list[str]:

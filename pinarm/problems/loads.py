@@ -67,4 +67,5 @@ def schema_row(
     """
     forces = bind_loads(mechanism, loads, lambda *path: nullcontext())
     row = Trajectory.schema_row(mechanism, generic_near(mechanism, start), parameter, measured, drives.closure)
-    return replace(row, dynamics=Dynamics.of(mechanism.model, forces), driven=drives.driven)
+    names = (*drives.coordinates(mechanism),)
+    return replace(row, dynamics=Dynamics.of(mechanism.model, forces), driven=drives.driven, drives=names)

@@ -30,7 +30,7 @@ def friction_columns(contacts: Sequence[FrictionContact], friction: Array) -> di
         contacts: The k joints.
         friction: Along their slips [N*m or N], shape (n, k).
     """
-    names = [f"{one.name}.friction" for one in contacts]
+    names = [one.quantity for one in contacts]
     return {name: Series(name, one.effort, values)
             for name, one, values in zip(names, contacts, friction.T, strict=True)} if contacts else {}  # fmt: skip
 

@@ -26,6 +26,7 @@ from pinarm.engine.integration.integrator import Interval, Method, Solution, Ste
 from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.end_stops import RESTING, Bound, Contacts
+from pinarm.engine.motion.initial_velocity import velocity_with_rates
 from pinarm.engine.motion.segments import MotionSegment, SegmentedMotion
 from pinarm.engine.motion.stick_slip import FrictionalSystem, StickSlip
 from pinarm.engine.motion.systems import Initial, System, system_of
@@ -162,9 +163,12 @@ class HybridSystem:
         Raises:
             InputError: It contradicts itself, the laws, or a stop.
         """
-        system = self.system()
-        q, v = (x[None] for x in system.begin(initial, *self.cuts[:2]))
-        whole_q, whole_v = system.whole(np.array(self.cuts[:1]), q, v)
+        system, start = self.system(), np.array(self.cuts[:1])
+        whole_q, whole_v = system.whole(start, *(x[None] for x in system.begin(initial, *self.cuts[:2])))
+        if initial.rates:
+            v = velocity_with_rates(initial, self.closure, self.prescribed, whole_q[0], self.cuts[:2])
+            given = replace(initial, q=whole_q[0], v=v, velocities=tuple(range(len(v))))
+            whole_q, whole_v = system.whole(start, *(x[None] for x in system.begin(given, *self.cuts[:2])))
         for one in self.bounds:
             if one.gap(whole_q[0]) < -one.slack:
                 raise InputError(

@@ -26,7 +26,7 @@ COLUMNS = {
     "equilibrium.frequency2": "squared angular frequency of a small motion, in ascending order",
     "equilibrium.stiffness": "eigenvalue of the stiffness, in ascending order",
 }  # fmt: skip
-"""Beginning or end of the names that kinds of problem add -> meaning."""
+"""Part of the names of columns that friction and kinds of problem add -> meaning."""
 
 
 class NamedQuantity(NamedTuple):
@@ -120,7 +120,7 @@ def _entries(quantities: Quantities) -> Iterator[NamedQuantity]:
         if name not in mechanism.symbols and name not in quantities.symbols and name != run.parameter:
             yield _entry(quantities, name, "coordinate")
     for name in run.columns:
-        meaning = next((text for mark, text in COLUMNS.items() if name.startswith(mark) or name.endswith(mark)), "")
+        meaning = next((text for mark, text in COLUMNS.items() if mark in name), "")
         yield _entry(quantities, name, meaning)
     for word in FAMILIES:
         of = family(word, quantities.evaluation)

@@ -156,7 +156,8 @@ def _quantities(
     acting = actuation(mechanism, drives, drives) if drives else everywhere(mechanism)
     if acting is None:
         return Quantities(replace(run, no_efforts=NO_DRIVES))
-    return Quantities(_driven(replace(run, closure=acting.closure, driven=acting.driven), acting, demand))
+    run = replace(run, closure=acting.closure, driven=acting.driven, drives=(*acting.coordinates(mechanism),))
+    return Quantities(_driven(run, acting, demand))
 
 
 def _driven(run: Trajectory, acting: Actuation, demand: Array) -> Trajectory:
@@ -164,7 +165,8 @@ def _driven(run: Trajectory, acting: Actuation, demand: Array) -> Trajectory:
     if run.mechanism.frictions:
         from pinarm.engine.motion.known_friction import KnownFriction
 
-        return KnownFriction(run, acting, demand).solved()
+        paces = row_paces(run.mechanism, run.v, run.a)
+        return KnownFriction(run, acting, demand, paces, np.zeros_like(run.v)).solved()
     tau, lam = acting.efforts(run.grid.t, run.q, demand)
     return replace(run, tau=tau, lam=lam)
 

@@ -21,6 +21,7 @@ from pinarm.arrays import Array
 from pinarm.input.units import Unit
 from pinarm.mechanics.couplings.coupling import Coupling, outwards
 from pinarm.mechanics.couplings.transmissions import ThreadContact
+from pinarm.mechanics.friction.contact import quantity_of
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
@@ -83,6 +84,11 @@ class CouplingContact:
     law: FrictionLaw
     bearing: Bearing = field(repr=False)
     shared: bool = False
+
+    @property
+    def quantity(self) -> str:
+        """``coupling.C.friction``."""
+        return quantity_of(self.name)
 
     def row(self, state: Kinematics) -> Array:
         """Return J, shape (nv,)."""

@@ -11,6 +11,7 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
@@ -26,12 +27,14 @@ class Initial:
         v: The given velocities, and 0, shape (nv,).
         positions: Indices in v of the joints whose coordinates are given.
         velocities: Indices in v of the joints whose velocities are given.
+        rates: Other coordinates whose rates are given, and these [rad/s or m/s].
     """
 
     q: Array
     v: Array
     positions: tuple[int, ...] = ()
     velocities: tuple[int, ...] = ()
+    rates: tuple[tuple[Coordinate, float], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ class CoordinateQuantities(JointQuantities):
         guided = run.closure.slices().keys() - run.mechanism.closure.slices().keys()
         for name in run.mechanism.coordinates:
             yield from (Offered(name, rate) for rate in RATES)
-            if name in guided:
+            if name in guided or run.effort_along(name) is not None:
                 yield Offered(name, "effort")
 
     def series(self, asked: Asked) -> Series:
@@ -45,8 +45,10 @@ class CoordinateQuantities(JointQuantities):
         self.require_efforts(asked)
         if along in run.mechanism.joints:
             return super().series(Asked(asked.name, (along, "effort")))
+        unit = NEWTON if run.mechanism.coordinates[along].unit == METRE else NEWTON_METRE
+        if (effort := run.effort_along(along)) is not None:
+            return Series(asked.name, unit, effort)
         rows = run.closure.slices().get(along)
         if rows is None or along in run.mechanism.closure.slices():
             raise InputError(f"no drive acts along '{along}'", expected="a coordinate named in drives:")
-        unit = NEWTON if run.mechanism.coordinates[along].unit == METRE else NEWTON_METRE
         return Series(asked.name, unit, run.lam.along[:, rows.start - run.mechanism.closure.size])
