@@ -43,7 +43,7 @@ def frictions_of(
     from pinarm.mechanics.friction.definition import Friction
 
     others = [constraint for constraint in constraints if isinstance(constraint, LoopJoint | Coupling)]
-    contacts = list[FrictionContact]()
+    contacts: list[FrictionContact] = []
     for name, definition in description.friction.items():
         with here("friction", name):
             contacts.extend(definition.bind(name, model, joints, others))

@@ -43,11 +43,11 @@ class CoordinateQuantities(JointQuantities):
         """Return the effort of a drive along a coordinate: a joint's, or one that has a multiplier of its own."""
         run = self.run
         self.require_efforts(asked)
-        if along in run.mechanism.joints:
-            return super().series(Asked(asked.name, (along, "effort")))
         unit = NEWTON if run.mechanism.coordinates[along].unit == METRE else NEWTON_METRE
         if (effort := run.effort_along(along)) is not None:
             return Series(asked.name, unit, effort)
+        if along in run.mechanism.joints:
+            return super().series(Asked(asked.name, (along, "effort")))
         rows = run.closure.slices().get(along)
         if rows is None or along in run.mechanism.closure.slices():
             raise InputError(f"no drive acts along '{along}'", expected="a coordinate named in drives:")
