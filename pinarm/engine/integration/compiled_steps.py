@@ -114,7 +114,8 @@ class CompiledSteps:
         """Add what the library has written to the solution, and give the last slopes to the stepper."""
         count, written = self.solution.count, course.written
         times, states, slopes = record.times[:, :written].T.tolist(), record.states, record.slopes
-        self.solution.steps += [Step(*times[k], states[k], slopes[k], index) for k in range(written)]
+        added = zip(times, states[:written], slopes[:written], strict=True)
+        self.solution.steps += [Step(t, h, until, y, k, index) for (t, h, until), y, k in added]
         before = count.rejected
         self._rejected += [before + number for number in record.rejections[:written].tolist()]
         count.rejected += course.rejected

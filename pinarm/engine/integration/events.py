@@ -58,7 +58,8 @@ def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int,
     for end, states in ((0, ends[:-1]), (-1, ends[1:])):
         q[:, end], v[:, end] = states[:, :nq], states[:, nq:]
     flat = instants.ravel(), q.reshape(-1, nq), v.reshape(len(instants.ravel()), -1)
-    return indices[~np.all([keeps_sign(watch.value(*flat).reshape(shape[:2])) for watch in watches], axis=0)]
+    kept = np.all([keeps_sign(watch.value(*flat).reshape(shape[:2])) for watch in watches], axis=0)
+    return np.asarray(indices[~kept])
 
 
 def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y: Array) -> bool:

@@ -57,8 +57,8 @@ def absence() -> str:
     if library() is not None:
         return ""
     if os.environ.get(SWITCH) == "off":
-        return f"{SWITCH}=off"
-    return f"{PATH.name} does not fit this version or system" if PATH.exists() else "it was not built"
+        return f"switched off by {SWITCH}=off"
+    return f"{PATH.name} is of another version or system" if PATH.exists() else "not built, for want of a C compiler"
 
 
 def pointer(array: Array | Indices) -> int:
