@@ -5,17 +5,19 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.integration.integrator import EmbeddedPair, Interval, Solution, Step
-from pinarm.engine.integration.methods.explicit import AdaptiveStepper
 from pinarm.engine.integration.step_control import FASTEST, GAIN, HUGE, LOST, SAFETY, SHORTEST, SLOWEST, TINY
 from pinarm.engine.integration.tableaus import Tableau
 from pinarm.engine.kernel.library import Flow, contiguous, library, pointer
-from pinarm.engine.kernel.structures import Control, Course, Pair
+from pinarm.engine.kernel.structures import ControlStructure, CourseStructure, PairStructure
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.methods.explicit import AdaptiveStepper
 
 FEWEST, MOST = 16, 512
 """Most steps of the first call, and of later ones: each may take twice as many as the one before. An event that ends
@@ -30,7 +32,7 @@ class _Coefficients(NamedTuple):
         arrays: What it points to.
     """
 
-    structure: Pair
+    structure: PairStructure
     arrays: list[Array]
 
     @classmethod
@@ -38,7 +40,7 @@ class _Coefficients(NamedTuple):
         names = ("a", "b", "c", "error", "dense_a", "dense_c", "dense_d")
         arrays = [contiguous(getattr(tableau, name)) for name in names]
         counts = tableau.stages, len(tableau.error), len(tableau.dense_c), len(tableau.dense_d)
-        return cls(Pair(*counts, tableau.error_order + 1, *map(pointer, arrays)), arrays)
+        return cls(PairStructure(*counts, tableau.error_order + 1, *map(pointer, arrays)), arrays)
 
 
 class _Record(NamedTuple):
@@ -94,7 +96,7 @@ class CompiledSteps:
         interval, stages, y = self.solution.intervals[index], self.pair.tableau.stages, self.stepper.y
         record, self.room = _Record.of(self.room, stages, len(y)), min(2 * self.room, MOST)
         record.slopes[0, 0] = self.stepper.stages.slopes[0]
-        course = Course(
+        course = CourseStructure(
             t, interval.start, interval.end, h, self.stepper.ceiling, tries, len(record.states), 0, 0,
             pointer(y), *record.pointers(),
         )  # fmt: skip
@@ -107,10 +109,12 @@ class CompiledSteps:
         self.stepper.ceiling = course.ceiling
         return course.t, course.h
 
-    def _control(self, interval: Interval) -> Control:
-        return Control(self.pair.tolerance, interval.size, SAFETY, GAIN, SLOWEST, FASTEST, LOST, HUGE, TINY, SHORTEST)
+    def _control(self, interval: Interval) -> ControlStructure:
+        return ControlStructure(
+            self.pair.tolerance, interval.size, SAFETY, GAIN, SLOWEST, FASTEST, LOST, HUGE, TINY, SHORTEST
+        )
 
-    def _add(self, index: int, course: Course, record: _Record) -> None:
+    def _add(self, index: int, course: CourseStructure, record: _Record) -> None:
         """Add what the library has written to the solution, and give the last slopes to the stepper."""
         count, written = self.solution.count, course.written
         times, states, slopes = record.times[:, :written].T.tolist(), record.states, record.slopes

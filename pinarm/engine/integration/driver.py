@@ -58,7 +58,7 @@ def integrate(
     return solution
 
 
-class Steps(Protocol):
+class StepTaker(Protocol):
     """How steps are taken: one at a time, or many by the compiled library."""
 
     def take(self, index: int, t: float, h: float, tries: int) -> tuple[float, float]:
@@ -131,7 +131,7 @@ class _Driver:
 
     solution: Solution
     stepper: Stepper
-    steps: Steps
+    steps: StepTaker
     max_steps: int
     watches: Sequence[Watch]
     h: float = 0.0
@@ -203,7 +203,7 @@ class _Driver:
         return self.solution.intervals[-1].end - t > HOPELESS * self.max_steps * longest
 
 
-def _compiled(solution: Solution, stepper: Stepper, steps_over: StepsOver | None) -> Steps | None:
+def _compiled(solution: Solution, stepper: Stepper, steps_over: StepsOver | None) -> StepTaker | None:
     """Return the steps of the compiled library; ``None`` where it does not know the motion or the method."""
     pair = solution.method.pair
     if pair is None or steps_over or not all(interval.compiled for interval in solution.intervals):

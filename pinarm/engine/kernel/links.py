@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.kernel.structures import REAL, Link, Screw
+from pinarm.engine.kernel.structures import REAL, LinkStructure, ScrewStructure
 
 SCREW, CONTINUOUS, BALL, FLOATING, PLANAR, TRANSLATION = range(6)
 """Kinds of joints, see ``joints.h``."""
@@ -46,14 +46,14 @@ class JointFrame(NamedTuple):
     rotation: Array
 
 
-def links_of(model: pin.Model) -> tuple[list[Link], list[Screw]] | None:
+def links_of(model: pin.Model) -> tuple[list[LinkStructure], list[ScrewStructure]] | None:
     """Return the links of a model, and the screw of each velocity; ``None`` where a joint is of no known kind."""
     known = [_frame(model, joint) for joint in model.joints.tolist()[1:]]
     frames = [one for one in known if one is not None]
     if len(frames) < len(known):
         return None
     links = [_link(model, index, frames) for index in range(1, model.njoints)]
-    return links, [Screw(*screw) for frame in frames for screw in frame.screws]
+    return links, [ScrewStructure(*screw) for frame in frames for screw in frame.screws]
 
 
 def _frame(model: pin.Model, joint: pin.JointModel) -> JointFrame | None:
@@ -80,14 +80,14 @@ def _with_z_along(axis: Array) -> Array:
     return np.stack([x, np.cross(axis, x), axis], axis=1)
 
 
-def _link(model: pin.Model, index: int, frames: list[JointFrame]) -> Link:
+def _link(model: pin.Model, index: int, frames: list[JointFrame]) -> LinkStructure:
     """Return the link of a joint of the model, in the frames of the library: ``R = A_p^T R_0 A`` and so on."""
     parent, frame, joint = int(model.parents[index]), frames[index - 1], model.joints[index]
     outer, turned = frames[parent - 1].rotation if parent else np.eye(3), frame.rotation
     placement, body = model.jointPlacements[index], model.inertias[index]
     rotation = outer.T @ placement.rotation @ turned
     inertia = turned.T @ body.matrix()[3:, 3:] @ turned
-    return Link(
+    return LinkStructure(
         parent - 1, frame.kind, joint.idx_q, joint.idx_v,
         (REAL * 9)(*rotation.flat), (REAL * 3)(*(outer.T @ placement.translation)),
         body.mass, (REAL * 3)(*(turned.T @ (body.mass * body.lever))),

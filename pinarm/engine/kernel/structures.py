@@ -7,13 +7,13 @@ import ctypes
 REAL, INT, SIZE, POINTER = ctypes.c_double, ctypes.c_int, ctypes.c_ssize_t, ctypes.c_void_p
 
 
-class Screw(ctypes.Structure):
+class ScrewStructure(ctypes.Structure):
     """A column of the motion subspace of a joint: it slides along, and turns about, an axis of the link's frame."""
 
     _fields_ = [("axis", INT), ("slide", REAL), ("turn", REAL)]
 
 
-class Link(ctypes.Structure):
+class LinkStructure(ctypes.Structure):
     """A link with its joint and its body."""
 
     _fields_ = [
@@ -22,34 +22,34 @@ class Link(ctypes.Structure):
     ]  # fmt: skip
 
 
-class Degree(ctypes.Structure):
+class DegreeStructure(ctypes.Structure):
     """A velocity of a joint, and what acts along it."""
 
     _fields_ = [
-        ("screw", Screw), ("sprung", INT),
+        ("screw", ScrewStructure), ("sprung", INT),
         *((name, REAL) for name in ("armature", "effort", "stiffness", "damping", "rest")),
     ]  # fmt: skip
 
 
-class RotationSpring(ctypes.Structure):
+class RotationSpringStructure(ctypes.Structure):
     """A spring of a ball joint."""
 
     _fields_ = [("q", INT), ("v", INT), ("stiffness", REAL)]
 
 
-class LinkState(ctypes.Structure):
+class LinkStateStructure(ctypes.Structure):
     """Buffers of the recursion for a link."""
 
     _fields_ = [("numbers", REAL * (12 + 18 + 21 + 6))]
 
 
-class DegreeState(ctypes.Structure):
+class DegreeStateStructure(ctypes.Structure):
     """Buffers of the recursion for a velocity."""
 
     _fields_ = [("numbers", REAL * 8)]
 
 
-class Tree(ctypes.Structure):
+class TreeStructure(ctypes.Structure):
     """A tree of links with its buffers."""
 
     _fields_ = [
@@ -58,7 +58,7 @@ class Tree(ctypes.Structure):
     ]  # fmt: skip
 
 
-class Pair(ctypes.Structure):
+class PairStructure(ctypes.Structure):
     """The coefficients of an embedded Runge-Kutta pair."""
 
     _fields_ = [
@@ -73,7 +73,7 @@ class FlowStructure(ctypes.Structure):
     _fields_ = [("n", SIZE), ("rates", POINTER), ("system", POINTER)]
 
 
-class Control(ctypes.Structure):
+class ControlStructure(ctypes.Structure):
     """The numbers of the step control."""
 
     _fields_ = [
@@ -82,7 +82,7 @@ class Control(ctypes.Structure):
     ]
 
 
-class Course(ctypes.Structure):
+class CourseStructure(ctypes.Structure):
     """A motion on an interval: where it is, and where its steps are written."""
 
     _fields_ = [
@@ -92,5 +92,17 @@ class Course(ctypes.Structure):
     ]
 
 
-STRUCTURES = (Screw, Link, Degree, RotationSpring, LinkState, DegreeState, Tree, Pair, FlowStructure, Control, Course)
+STRUCTURES = (
+    ScrewStructure,
+    LinkStructure,
+    DegreeStructure,
+    RotationSpringStructure,
+    LinkStateStructure,
+    DegreeStateStructure,
+    TreeStructure,
+    PairStructure,
+    FlowStructure,
+    ControlStructure,
+    CourseStructure,
+)
 """In the order of ``kernel_sizes`` in ``kernel.c``."""

@@ -16,8 +16,16 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.kernel.library import Flow, library, pointer
 from pinarm.engine.kernel.links import links_of
-from pinarm.engine.kernel.structures import Degree, DegreeState, FlowStructure, Link, LinkState, RotationSpring, Screw
-from pinarm.engine.kernel.structures import Tree as TreeStructure
+from pinarm.engine.kernel.structures import (
+    DegreeStateStructure,
+    DegreeStructure,
+    FlowStructure,
+    LinkStateStructure,
+    LinkStructure,
+    RotationSpringStructure,
+    ScrewStructure,
+    TreeStructure,
+)
 from pinarm.mechanics.forces import ForceElement
 
 if TYPE_CHECKING:
@@ -45,8 +53,8 @@ class CompiledTree:
     """
 
     model: pin.Model
-    links: Sequence[Link]
-    screws: Sequence[Screw]
+    links: Sequence[LinkStructure]
+    screws: Sequence[ScrewStructure]
 
     @classmethod
     def of(cls, model: pin.Model) -> CompiledTree | None:
@@ -64,12 +72,14 @@ class CompiledTree:
         from pinarm.mechanics.forces.joint_springs import BallSpring, SpringDamper
 
         springs = [one for one in changing if isinstance(one, SpringDamper)]
-        balls = [RotationSpring(one.q, one.v, one.stiffness) for one in changing if isinstance(one, BallSpring)]
+        balls = [
+            RotationSpringStructure(one.q, one.v, one.stiffness) for one in changing if isinstance(one, BallSpring)
+        ]
         if len(springs) + len(balls) < len(changing) or len(springs) > 1:
             return None
-        model, links = self.model, _array(Link, self.links)
-        degrees, held = _array(Degree, self._degrees(steady, springs)), _array(RotationSpring, balls)
-        buffers = (LinkState * len(links))(), (DegreeState * model.nv)(), np.zeros(model.nv)
+        model, links = self.model, _array(LinkStructure, self.links)
+        degrees, held = _array(DegreeStructure, self._degrees(steady, springs)), _array(RotationSpringStructure, balls)
+        buffers = (LinkStateStructure * len(links))(), (DegreeStateStructure * model.nv)(), np.zeros(model.nv)
         tree = TreeStructure(
             len(links), model.nq, model.nv, len(balls), tuple(model.gravity.linear),
             *map(ctypes.addressof, (links, degrees, held, *buffers[:2])), pointer(buffers[2]),
@@ -81,10 +91,12 @@ class CompiledTree:
         structure = FlowStructure(model.nq + model.nv, rates, ctypes.addressof(tree))
         return Flow(structure, (tree, links, degrees, held, buffers))
 
-    def _degrees(self, steady: Array, springs: Sequence[SpringDamper]) -> list[Degree]:
+    def _degrees(self, steady: Array, springs: Sequence[SpringDamper]) -> list[DegreeStructure]:
         """Return each velocity with its rotor and what acts along it."""
         rotors, efforts = self.model.armature.tolist(), steady.tolist()
-        degrees = [Degree(*each) for each in zip(self.screws, (0,) * len(rotors), rotors, efforts, strict=True)]
+        degrees = [
+            DegreeStructure(*each) for each in zip(self.screws, (0,) * len(rotors), rotors, efforts, strict=True)
+        ]
         for spring in springs:
             numbers = (spring.q, spring.v, spring.stiffness, spring.damping, spring.rest)
             for q, v, *coefficients in zip(*(each.tolist() for each in numbers), strict=True):
