@@ -10,7 +10,7 @@ import pytest
 
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration import compiled_steps
+from pinarm.engine.integration import compiled_steps, driver
 from pinarm.engine.integration.driver import SingleSteps, integrate
 from pinarm.engine.integration.events import Watch
 from pinarm.engine.integration.methods.explicit import Adaptive
@@ -166,6 +166,26 @@ class TestEvents:
         assert found.count == expected.count
         assert len(found.steps) == len(expected.steps)
         assert max(found.interpolated_steps) < len(found.steps)
+
+    def test_that_stop_after_rejected_steps_leave_the_count_of_python(self):
+        dynamics, at = regular(["RX", "RX"], seed=2), 18.0
+        over = Watch(lambda t, q, v: t - at + 0.0 * q[:, 0], 1, stops=True)
+        found, expected = both(dynamics, Adaptive(1e-9), 0.0, 40.0, watches=[over])
+        assert found.end == pytest.approx(at, abs=1e-12)
+        assert found.count == expected.count
+        assert found.count.rejected > 10
+        assert len(found.steps) > 3 * compiled_steps.FEWEST
+
+    def test_are_looked_for_in_every_step_where_they_may_be(self, monkeypatch):
+        """Also at the ends of steps, where the dense output of two meets but for rounding: with bounds or without."""
+        levels = [step.y[0] for step in self.motion([], end=3.0).steps[1:]]
+        watches = [linear(1.0, -level) for level in levels]
+        found = self.motion(watches, end=3.0)
+        every = lambda solution, _, first, y: range(first, len(solution.steps))  # noqa: E731
+        monkeypatch.setattr(driver, "possible_crossings", every)
+        expected = self.motion(watches, end=3.0)
+        assert [(one.watch, one.t) for one in found.crossings] == [(one.watch, one.t) for one in expected.crossings]
+        assert {one.watch for one in found.crossings} == set(range(len(watches)))
 
 
 class TestFailures:

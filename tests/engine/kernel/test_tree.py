@@ -183,6 +183,11 @@ class TestChecks:
         assert known.flow(np.zeros(2), (SpringDamper(np.array([2]), np.array([0]), one, one, one),)) is None
         assert known.flow(np.zeros(2), (BallSpring(0, 0, 1.0),)) is None
 
+    def test_springs_that_are_not_finite_are_refused(self):
+        known = CompiledTree.of(tree(["Spherical"], 0))
+        assert known.flow(np.zeros(3), (BallSpring(0, 0, 1.0),)) is not None
+        assert known.flow(np.zeros(3), (BallSpring(0, 0, math.nan),)) is None
+
     def test_accelerations_that_differ_from_pinocchio_are_noticed(self):
         model = tree(list(JOINTS), 7)
         dynamics = Dynamics.of(model)
