@@ -27,6 +27,7 @@ ELSEWHERE = {
         "the order of every method", "engine/integration/integrator engine/integration/methods/conserving "
         "engine/integration/methods/explicit",
     ),
+    "engine/kernel/test_library.py": ("its structures", "engine/kernel/structures"),
     "engine/kinematics/test_newton.py": (
         "positions that laws ask for", "engine/kinematics/continuation engine/kinematics/joint_motion "
         "engine/kinematics/prescribed",
