@@ -26,7 +26,7 @@ from pinarm.engine.kernel.structures import (
     ScrewStructure,
     TreeStructure,
 )
-from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.forces.force_element import ForceElement
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Acceleration
