@@ -20,7 +20,7 @@ def commands() -> set[str]:
 
 
 def test_every_command_is_a_call() -> None:
-    known = "new run check validate explain sweep tradeoff replay report schema examples selftest"
+    known = "new run check validate explain quantities sweep tradeoff replay report schema examples selftest"
     assert commands() == set(known.split())
     assert commands() <= set(pinarm.__all__)
 
@@ -107,3 +107,20 @@ def test_a_scenario_is_never_named_like_another_folder(
     scenario("statics")
     (folder / "statics.yaml").rename(folder / file)
     assert pinarm.load(folder / file).name == name
+
+
+def test_a_scenario_may_be_plain_data():
+    """Paths in it are relative to the working folder, and mistakes have their path."""
+    root = Path(pinarm.__file__).parents[1]
+    arm = (root / "models/gen411_arm/mechanism.yaml").as_posix()
+    data = {
+        "pinarm": 1, "mechanism": arm, "outputs": ["C_B"],
+        "problem": {"kind": "statics", "hold": {"O": 0.0}, "over": {"phi": {"from": "-60 deg", "to": "60 deg"}}},
+    }  # fmt: skip
+    with pinarm.file_root(root):
+        result = pinarm.run(data, {"arguments.m_A": "0.2 kg"})
+        file = pinarm.run(root / "scenarios/gen411_arm_static.yaml", {"arguments.m_A": "0.2 kg"})
+        assert result["C_B"].max() == pytest.approx(float(file["C_B"].max()), rel=1e-14)
+        with pytest.raises(InputError, match="unknown key 'hld'") as error:
+            pinarm.validate({**data, "problem": {**data["problem"], "hld": {}}})
+    assert str(error.value.location) == "scenario: problem.hld"

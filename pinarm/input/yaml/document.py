@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
+import numpy as np
 
-from pinarm.errors import InputError, Key, Location, PinarmError
+from pinarm.errors import InputError, Key, Location, PinarmError, within
 from pinarm.input.roots import similar_file
 from pinarm.input.yaml.deferred import with_types
 from pinarm.input.yaml.parser import Builder, Path_
@@ -75,6 +76,22 @@ class Document:
         """Read YAML text; see ``read``."""
         data, places, keys = _built(text, source)
         return cls(source, path, _copy(data), places, keys)
+
+    @classmethod
+    def of_data(cls, data: Any, source: str) -> Document:
+        """Return data built in Python as if they had been read: maps, lists, text, numbers, arrays, ``None``.
+
+        The location of a value is its path.
+
+        Raises:
+            InputError: Something else is among them.
+        """
+        try:
+            plain = _plain(data)
+        except InputError as error:
+            raise error.at(_named(source, error.path)) from None
+        places = {path: _named(source, path) for path in _paths(plain)}
+        return cls(source, None, plain, places, {path: place for path, place in places.items() if path})
 
     def locate(self, path: Path_) -> Location:
         """Return the location of the value at a path, or of its nearest ancestor; a final ``Key`` asks for the key."""
@@ -175,6 +192,38 @@ def _copy(data: Any) -> Any:
     if isinstance(data, dict):
         return {key: _copy(value) for key, value in data.items()}
     return [_copy(value) for value in data] if isinstance(data, list) else data
+
+
+def _paths(data: Any, at: Path_ = ()) -> Iterator[Path_]:
+    """Yield the paths of data and of everything in them."""
+    yield at
+    items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    for key, value in items:
+        yield from _paths(value, (*at, key))
+
+
+def _named(source: str, path: Path_) -> Location:
+    return Location(f"{source}: {'.'.join(map(str, path))}" if path else source)
+
+
+def _plain(data: Any) -> Any:
+    """Return data as a file would give them."""
+    if isinstance(data, Mapping):
+        plain = {}
+        for key, value in data.items():
+            with within(str(key)):
+                plain[str(key)] = _plain(value)
+        return plain
+    if isinstance(data, np.ndarray | np.generic):
+        return data.tolist()
+    if isinstance(data, list | tuple):
+        return [_plain(value) for value in data]
+    if isinstance(data, str | int | float | None):
+        return data
+    if isinstance(data, Path):
+        return str(data)
+    raise InputError(f"a {type(data).__name__} is nothing that a file can hold",
+                     expected="text with a unit such as '30 deg', a number, a list, or a map")  # fmt: skip
 
 
 def _merged(data: Any, changes: Any, place: Location) -> Any:

@@ -71,13 +71,13 @@ class Scenario:
         return cls(document, content, _problem(document, content.problem), folder)
 
     @classmethod
-    def of_data(cls, data: Mapping[str, Any], path: Path) -> Scenario:
-        """Return the scenario of plain data, as if it had been read from a file.
+    def of_data(cls, data: Mapping[str, Any]) -> Scenario:
+        """Return the scenario of plain data, such as a file would hold; see ``pinarm.load``.
 
         Raises:
             InputError: It has a mistake.
         """
-        return cls.of(Document(str(path), path, dict(data), {}, {}), path.parent)
+        return cls.of(Document.of_data(data, "scenario"), Path())
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Say how another process makes the same scenario: from its text, since what is built from it has functions."""
@@ -344,17 +344,24 @@ def _problem(document: Document, given: object) -> Problem:
     return problem
 
 
-def load(scenario: Scenario | str | Path, values: Values | None = None) -> Scenario:
+Given = Scenario | str | Path | Mapping[str, Any]
+"""A scenario, its file, or what such a file would hold as plain data."""
+
+
+def load(scenario: Given, values: Values | None = None) -> Scenario:
     """Read and check a scenario file; nothing is computed before ``run``.
 
     Args:
-        scenario: The file; or a scenario that has been read, of which values are to be replaced.
+        scenario: The file; or what such a file would hold, ``{"pinarm": 1, "mechanism": "panda", ...}``, with paths
+            relative to the working folder; or a scenario that has been read, of which values are to be replaced.
         values: Other values than those of the file: ``{"problem.time.end": "3 s", "arguments.m_A": 0.2}``, or texts
             ``["problem.time.end=3 s"]``. A bare number is in SI, and allowed where the file has an SI unit or none.
 
     Raises:
         InputError: The file cannot be read or has a mistake, or a path leads nowhere; the message says where.
     """
+    if isinstance(scenario, Mapping):
+        scenario = Scenario.of_data(scenario)
     if isinstance(scenario, Scenario):
         return scenario.varied(values) if values else scenario
     return Scenario.load(scenario, values)

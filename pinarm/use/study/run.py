@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from pinarm.errors import InputError
@@ -10,10 +10,10 @@ from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import Values
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.file_kind import is_mechanism
-from pinarm.use.scenario.scenario import Scenario, load
+from pinarm.use.scenario.scenario import Given, Scenario, load
 
 
-def run(scenario: Scenario | str | Path, values: Values | None = None) -> Result:
+def run(scenario: Given, values: Values | None = None) -> Result:
     """Solve a scenario; with ``accuracy.target``, at the cheapest setting whose error is below it.
 
     Args:
@@ -30,7 +30,7 @@ def run(scenario: Scenario | str | Path, values: Values | None = None) -> Result
     return load(scenario, values).run()
 
 
-def validate(scenario: Scenario | str | Path, values: Values | None = None) -> list[Scenario]:
+def validate(scenario: Given, values: Values | None = None) -> list[Scenario]:
     """Check everything that can be checked without solving, and return what was checked.
 
     Args:
@@ -46,14 +46,15 @@ def validate(scenario: Scenario | str | Path, values: Values | None = None) -> l
     return checked
 
 
-def scenarios(given: Scenario | str | Path, values: Values | None = None) -> list[Scenario]:
+def scenarios(given: Given, values: Values | None = None) -> list[Scenario]:
     """Return a scenario, that of a file, or those of a folder, with other values.
 
     Raises:
         InputError: A file has a mistake, or the folder has none.
     """
-    files = [given] if isinstance(given, Scenario) else scenario_files(Path(given))
-    return [load(each, values) for each in files]
+    if isinstance(given, Scenario | Mapping):
+        return [load(given, values)]
+    return [load(file, values) for file in scenario_files(Path(given))]
 
 
 def scenario_files(path: Path) -> Iterator[Path]:

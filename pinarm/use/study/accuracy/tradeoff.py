@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pinarm.errors import InputError
 from pinarm.input.yaml.values import Values
 from pinarm.use.output.folder import whole_folder
-from pinarm.use.scenario.scenario import Scenario, load
+from pinarm.use.scenario.scenario import Given, Scenario, load
 from pinarm.use.store.files import json_text, write
 from pinarm.use.study.accuracy.setting_errors import (
     WANTED,
@@ -97,7 +97,7 @@ class Tradeoff:
         return blocks(*parts)
 
 
-def tradeoff(scenario: Scenario | str | Path, values: Values | None = None) -> Tradeoff:
+def tradeoff(scenario: Given, values: Values | None = None) -> Tradeoff:
     """Measure what accuracy costs: of settings, where the scenario is integrated over time, and of its variants.
 
     Args:

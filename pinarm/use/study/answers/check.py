@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from pinarm.use.result.curve_figures import figure, is_figure
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.result import Result
 from pinarm.use.result.row_lookup import NotReached
-from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.scenario.scenario import Given
 from pinarm.use.study.run import run, scenarios
 
 FORMULA = 1e-10
@@ -87,7 +86,7 @@ class Findings(tuple[Finding, ...]):
         return blocks(table([list(HEADING), *rows(self)]), lines(remarks(self)))
 
 
-def check(scenario: Scenario | str | Path, values: Values | None = None, *, result: Result | None = None) -> Findings:
+def check(scenario: Given, values: Values | None = None, *, result: Result | None = None) -> Findings:
     """Solve scenarios and compare them with their answer keys.
 
     Args:

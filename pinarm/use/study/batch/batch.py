@@ -16,7 +16,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError, NumericsError
 from pinarm.input.yaml.values import Values
 from pinarm.use.result.result import Result
-from pinarm.use.scenario.scenario import Scenario, load
+from pinarm.use.scenario.scenario import Given, load
 from pinarm.use.study.batch.block import Block, Question, answered
 from pinarm.use.study.batch.initial_states import Starts
 from pinarm.use.study.batch.reduced_table import ReducedTable
@@ -230,7 +230,7 @@ class Batch:
 
 
 def batch(
-    scenario: Scenario | str | Path, position: Mapping[str, ArrayLike] | None = None,
+    scenario: Given, position: Mapping[str, ArrayLike] | None = None,
     velocity: Mapping[str, ArrayLike] | None = None, *, values: Values | None = None, workers: int = 1,
 ) -> Batch:  # fmt: skip
     """Ask a scenario of kind ``forward`` from many initial states.

@@ -16,7 +16,7 @@ from pinarm.errors import InputError, Interrupted, PinarmError, choices
 from pinarm.input.roots import given_root, noting_files
 from pinarm.input.units import DIMENSIONLESS, unit
 from pinarm.input.yaml.values import Values, written_unit
-from pinarm.use.scenario.scenario import Scenario, declared_unit, load
+from pinarm.use.scenario.scenario import Given, Scenario, declared_unit, load
 from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Sampling, draw
 from pinarm.use.study.sweep.case_solver import Solving
 from pinarm.use.study.sweep.cases import WORTH, Task, Wanted
@@ -104,7 +104,7 @@ class Sweep:
 
 
 def sweep(
-    scenario: Scenario | str | Path,
+    scenario: Given,
     over: Mapping[str, object] | None = None,
     *,
     values: Values | None = None,
