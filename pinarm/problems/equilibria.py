@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import msgspec
 import numpy as np
@@ -21,16 +21,21 @@ from pinarm.engine.statics.actuation import along
 from pinarm.engine.statics.equilibrium import Equilibrium, ForceBalance
 from pinarm.errors import AssemblyError, InputError, Key, Place
 from pinarm.input.units import Unit, unit
+from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, Level
 from pinarm.mechanics.coordinates import driven_along
-from pinarm.mechanics.forces import Force
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.joint_values import check_levels
-from pinarm.problems.loads import bind_constant_loads, schema_row
+from pinarm.problems.loads import LOADS, bind_constant_loads, schema_row
 from pinarm.problems.prescribed_laws import laws_of
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.forces.kinds import Force
+else:  # imported where a file has loads, see LOADS
+    Force = Any
 
 
 class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
@@ -52,6 +57,7 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
     """
 
     kind: ClassVar[str] = "equilibria"
+    deferred: ClassVar[Deferred] = LOADS
     starts: Annotated[list[dict[str, Level]], msgspec.Meta(min_length=1)]
     hold: dict[str, Level] = {}
     loads: dict[str, Force] = {}

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,8 +19,10 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.friction.response import SlipResponse
 from pinarm.engine.friction.slipping import Slipping
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.friction.contact import FrictionContact
 from pinarm.mechanics.friction.slip_vectors import unit_vectors
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.friction.contact import FrictionContact
 
 PARALLEL = 1e-9
 """Square of the sine between the free parts of two slips, in the measure of the masses, that rounding leaves."""

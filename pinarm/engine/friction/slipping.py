@@ -15,12 +15,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.friction.contact import FrictionContact
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.friction.contact import FrictionContact
 
 CONTRACTING = 1.0 - 1e-9
 """Spectral radius of C from which on (1) is not known to have one root."""

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,11 +25,13 @@ from pinarm.engine.friction.slipping import CarriedLoads, Slipping
 from pinarm.engine.motion.standstill import leading
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
-from pinarm.engine.statics.actuation import Actuation
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.friction.contact import slip_drifts, slip_rows
 from pinarm.mechanics.friction.slip_vectors import several, sizes, unit_vectors
+
+if TYPE_CHECKING:
+    from pinarm.engine.statics.actuation import Actuation
 
 MOVES = 1e-9
 """Slip per unit of a drive's coordinate, relative to the largest, below which a joint does not move with it."""
@@ -254,15 +257,3 @@ def notes_of(run: Trajectory) -> list[str]:
             found.append(f"{name.removesuffix('.effort')} is self-locking in {locked.sum()} of {len(run)} rows: "
                          "it holds without any effort")  # fmt: skip
     return found
-
-
-def with_friction_columns(row: Trajectory, drives: Actuation) -> Trajectory:
-    """Return a row of a known motion with the columns that friction adds to it, 0: enough to see which there are."""
-    mechanism = row.mechanism
-    if not mechanism.frictions:
-        return row
-    none = np.zeros(len(row))
-    sides = [band_column(mechanism.joints, name, coordinate, part, none)
-             for name, coordinate in drives.coordinates(mechanism).items() for part in BANDS]  # fmt: skip
-    friction = friction_columns(mechanism.frictions, np.zeros((len(row), len(mechanism.frictions))))
-    return replace(row, columns={**row.columns, **friction, **{side.name: side for side in sides}})

@@ -17,13 +17,13 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.outcome import Outcome, positions_by_interval
 from pinarm.engine.motion.standstill import STANDSTILL, at_rest, directions, law_size, lossy, pace_of, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.statics.actuation import Actuation
 from pinarm.errors import AssemblyError
 from pinarm.input.units import Unit
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+    from pinarm.engine.statics.actuation import Actuation
 
 KINEMATIC = "the problem is kinematic and asks for no forces"
 

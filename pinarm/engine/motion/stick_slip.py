@@ -27,7 +27,6 @@ from pinarm.engine.friction.sliding import SlidingFriction
 from pinarm.engine.friction.switching import Slip, decided
 from pinarm.engine.friction.watches import REST, Approach, Reserve
 from pinarm.engine.integration.events import Watch
-from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
 from pinarm.errors import DynamicsError, IntegrationError
@@ -40,6 +39,8 @@ from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from pinarm.engine.integration.integrator import Interval, Manifold
 
 TURNING = 1e-6
 """Slip [rad/s or m/s] above which one with several components has turned rather than come to rest: the instant is

@@ -17,7 +17,6 @@ from pinarm.engine.series import Series
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
-from pinarm.mechanics.friction.contact import slip_rows
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
@@ -137,6 +136,8 @@ class Trajectory:
         """The same as generalised loads [N*m or N], shape (n, nv)."""
         if not self.mechanism.frictions:
             return np.zeros_like(self.v)
+        from pinarm.mechanics.friction.contact import slip_rows
+
         return np.asarray(np.vecmat(self.friction, slip_rows(self.mechanism.model, self.mechanism.frictions, self.q)))
 
     def intervals(self) -> list[tuple[slice, Dynamics]]:

@@ -26,7 +26,6 @@ from pinarm.engine.statics.actuation import Actuation, actuation, everywhere
 from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.ball_joints import configuration, places_of, unit_of, velocities_of
-from pinarm.mechanics.friction.contact import slip_rows
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.mechanics.loading.pinocchio_layout import UNIT
 
@@ -180,6 +179,7 @@ def _friction(
         return {}, np.zeros_like(v)
     from pinarm.engine.friction.columns import friction_columns
     from pinarm.engine.friction.given_efforts import friction_under
+    from pinarm.mechanics.friction.contact import slip_rows
 
     friction = friction_under(mechanism.frictions, dynamics, mechanism.closure, t, q, v, tau)
     loads = np.vecmat(friction, slip_rows(mechanism.model, mechanism.frictions, q))

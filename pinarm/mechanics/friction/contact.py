@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.input.units import Unit
-from pinarm.mechanics.friction.bearing import Bearing
-from pinarm.mechanics.friction.law import FrictionLaw
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.loops.loop_joints import LoopJoint
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.friction.bearing import Bearing
+    from pinarm.mechanics.friction.law import FrictionLaw
+    from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 
 class FrictionContact(Protocol):

@@ -1,0 +1,41 @@
+"""Coordinates with their derivatives, and the efforts of drives along them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pinarm.engine.quantities.families.joint import JointQuantities
+from pinarm.engine.quantities.family import NEWTON, NEWTON_METRE, RATES, Asked
+from pinarm.engine.series import Series
+from pinarm.errors import InputError
+from pinarm.mechanics.joints import METRE
+
+
+@dataclass(frozen=True, eq=False)
+class CoordinateQuantities(JointQuantities):
+    """``coordinate.C...``: of coordinates of joints, and of those defined beside them."""
+
+    def names(self) -> list[str]:
+        """Return the names of its quantities."""
+        return [f"{name}.{rate}" for name in self.run.mechanism.coordinates for rate in RATES]
+
+    def series(self, asked: Asked) -> Series:
+        """Return a quantity; see ``Family.series``."""
+        along = ".".join(asked.words[:-1])
+        if asked.words[-1] == "effort" and along in self.run.mechanism.coordinates:
+            return self._effort(asked, along)
+        return self.rate(asked, along, asked.words[-1])
+
+    def _effort(self, asked: Asked, along: str) -> Series:
+        """Return the effort of a drive along a coordinate: of joints, or one that has a multiplier of its own."""
+        run = self.run
+        self.require_efforts(asked)
+        unit = NEWTON if run.mechanism.coordinates[along].unit == METRE else NEWTON_METRE
+        if (effort := run.effort_along(along)) is not None:
+            return Series(asked.name, unit, effort)
+        if along in run.mechanism.joints:
+            return super().series(Asked(asked.name, (along, "effort")))
+        rows = run.closure.slices().get(along)
+        if rows is None or along in run.mechanism.closure.slices():
+            raise InputError(f"no drive acts along '{along}'", expected="a coordinate named in drives:")
+        return Series(asked.name, unit, run.lam.along[:, rows.start - run.mechanism.closure.size])
