@@ -27,6 +27,7 @@ ELSEWHERE = {
         "the order of every method", "engine/integration/integrator engine/integration/methods/conserving "
         "engine/integration/methods/explicit",
     ),
+    "engine/kernel/test_library.py": ("its structures", "engine/kernel/structures"),
     "engine/kinematics/test_newton.py": (
         "positions that laws ask for", "engine/kinematics/continuation engine/kinematics/joint_motion "
         "engine/kinematics/prescribed",
@@ -43,6 +44,7 @@ ELSEWHERE = {
         "engine/quantities/families/joint engine/quantities/families/link engine/quantities/families/momentum "
         "engine/quantities/families/power engine/quantities/families/subtree",
     ),
+    "engine/quantities/test_catalogue.py": ("as of the command", "use/study/quantities"),
     "engine/quantities/test_reactions.py": (
         "components of what joints transmit", "engine/quantities/transmitted engine/quantities/families/coupling "
         "engine/quantities/families/loop",

@@ -50,6 +50,7 @@ from pinarm.mechanics.perturbation import perturbed
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint import Constraint
+    from pinarm.engine.quantities.catalogue import QuantityCatalogue
     from pinarm.engine.quantities.states import States
     from pinarm.mechanics.drives import Drive
     from pinarm.mechanics.friction.contact import FrictionContact
@@ -249,6 +250,19 @@ class Mechanism:
         from pinarm.engine.quantities import states
 
         return states.quantities(self, q, v, a, tau, drives, t)
+
+    def quantities(self, like: str = "") -> QuantityCatalogue:
+        """Return what can be asked by name of a mechanism in motion: names, units, meanings.
+
+        Args:
+            like: Part of the name or of the meaning; all where it is empty.
+
+        Raises:
+            AssemblyError: The loops cannot be closed.
+        """
+        from pinarm.engine.quantities.catalogue import catalogue_of
+
+        return catalogue_of(self, like)
 
     def from_pinocchio(self, q: ArrayLike, v: ArrayLike | None = None) -> tuple[Array, Array]:
         """Return q and v of this mechanism from those of ``pin.buildModelFromUrdf`` of the same URDF.

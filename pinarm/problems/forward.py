@@ -159,7 +159,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         whole = IntegratedMotion(mechanism, hybrid, motion).outcome(grid)
         energy = {} if self.motion else energy_of(motion)
         notes = motion.diagnose() or _lost(energy.get("energy", 0.0))
-        return replace(whole, figures={**motion.cost(), **energy}, notes=(*_changed(mechanism, hybrid, v), *notes))
+        remarks = [*_changed(mechanism, hybrid, v), *motion.remarks()]
+        return replace(whole, figures={**motion.cost(), **energy}, notes=(*remarks, *notes))
 
     def require_masses(self, mechanism: Mechanism, hybrid: HybridSystem, q: Array) -> Closure:
         """Return the constraints and the coordinates that follow laws, where masses determine the accelerations.

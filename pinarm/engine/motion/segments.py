@@ -96,6 +96,11 @@ class SegmentedMotion:
         floored = sum(count.floored for count in counts)
         return {**cost, "steps at the noise floor": float(floored)} if floored else cost
 
+    def remarks(self) -> list[str]:
+        """Return what is to be said of how the motion was computed; mostly nothing."""
+        remarks = (interval.remark for segment in self.segments for interval in segment.solution.intervals)
+        return list(dict.fromkeys(filter(None, remarks)))
+
     def diagnose(self) -> list[str]:
         """Return what says that the integrator was a poor choice."""
         solutions = [segment.solution for segment in self.segments]

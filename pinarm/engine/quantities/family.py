@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -61,15 +61,38 @@ class Asked:
         return UnknownQuantity(self.name)
 
 
+class Offered(NamedTuple):
+    """A quantity of a family, with its components.
+
+    Attributes:
+        element: The joint, link, element, ... that it is a quantity of; empty for the whole mechanism.
+        part: Which quantity of it: a key of ``Family.meanings``.
+        components: Last words of its names; empty for a scalar.
+    """
+
+    element: str
+    part: str
+    components: tuple[str, ...] = ()
+
+    def names(self) -> list[str]:
+        """Return its names, without the family's word."""
+        base = ".".join(filter(None, (self.element, self.part)))
+        return [f"{base}.{component}" for component in self.components] or [base]
+
+
 @dataclass(frozen=True, eq=False)
 class Family(ABC):
     """Quantities whose names begin with the same word.
 
     Attributes:
+        element: Letter that stands for what the quantities are of, for documentation.
+        meanings: Part -> what it is, in words.
         undetermined: Whether rigid bodies may leave some of them undetermined.
         evaluation: What they are computed from.
     """
 
+    element: ClassVar[str]
+    meanings: ClassVar[Mapping[str, str]]
     undetermined: ClassVar[bool] = False
     evaluation: Evaluation
 
@@ -79,8 +102,12 @@ class Family(ABC):
         return self.evaluation.run
 
     @abstractmethod
-    def names(self) -> Sequence[str]:
+    def entries(self) -> Iterator[Offered]:
+        """Yield its quantities."""
+
+    def names(self) -> list[str]:
         """Return the names of its quantities, without the family's word."""
+        return [name for entry in self.entries() for name in entry.names()]
 
     @abstractmethod
     def series(self, asked: Asked) -> Series:

@@ -1,55 +1,14 @@
 """Quantities by name: what can be asked of a trajectory.
 
-=============================================  ==================================================================
-``t``                                          the parameter that runs along the rows
-``joint.J.position .velocity .acceleration``   of a joint with one coordinate
-``joint.J.effort .power``                      of its drive, its rotor's share included: ``Mechanism.inverse``; of the
-                                               couplings that move a joint without one
-``joint.J.link_effort``                        what of it reaches the links: without ``armature * acceleration``
-``joint.J.force.x``, ``joint.J.moment.x``      action of the parent on the child, at the child's origin, which slides
-``joint.J.moment.at_parent.x``                 the same moment about the joint's place on the parent (its marker)
-``joint.J.moment.about.P.x``                   the same moment about the origin of link P
-``joint.J.force.axial .radial``                the part along the joint's axis, and the size of that at right angles to
-                                               it; of moments too (``radial``: overturning), and of loop joints
-``joint.J.quaternion.x``, ``joint.J.roll``     of a ball joint; likewise ``pitch``, ``yaw``
-``joint.J.angular_velocity.x``                 of a ball joint, in the link's own axes; likewise ``effort.x``
-``loop.L.force.x``, ``loop.L.moment.x``        action of the first link on the second, at the second one's frame
-``loop.L.angle``, ``loop.L.position``          of a loop joint with an axis: how far frame 2 has turned, or slid
-``coupling.C.effort``                          multiplier of a coupling: effort at its second joint
-``coupling.C.force.x``, ``.moment.x``          action of its first member on the second, where they touch
-``coupling.C.tangential .radial .axial``       of the force of teeth; ``.separating`` along the normal of bevel wheels
-``coupling.C.axial .torque``, ``.tight .slack``  of a thread; tensions of the strands of a belt
-``coordinate.C.position`` (and so on)          of any coordinate
-``coordinate.C.effort``                        of a drive along a coordinate, as along a sum of joints
-``point.P.position.x`` (and so on)             of the origin of link P
-``body.B.angular_velocity.x``                  of link B; likewise ``angular_acceleration``
-``drive.D.torque .speed .power``               at the motor
-``energy.kinetic .potential .total``           of the whole mechanism, springs and rotors included
-``energy.J.kinetic .potential``                of the bodies that joint J moves by itself
-``momentum.S.linear.x``                        of S: ``all``, or a joint and everything beyond it
-``momentum.S.angular.about.P.x``               about the origin of link P
-``dynamic.S.force.x``, ``.moment.about.P.x``   rates of the momenta of the bodies, summed likewise
-``joint.J.friction``, ``loop.L.friction``       friction that sticks, along the coordinate, on the child; of ball joints
-                                               ``.x``, ``.y``, ``.z``, of cylindrical ones ``.tangential``, ``.axial``
-``joint.J.effort.lower .upper``                at rest, between which friction holds: less moves it down, more up
-``power.gravity``, ``power.F``                 of the weights, and of the force element F
-``power.friction``                             of all friction that sticks
-``force.F.length .tension``                    of a point spring
-``force.F.displacement.x``, ``.rotation.x``    of a bushing: of its second frame from the first
-``force.F.force.x``, ``force.F.moment.x``      action of its first link on the second, at the second one's frame
-``equilibrium.stability .starts``              of ``kind: equilibria``: 1 stable, 0 indifferent, -1 unstable
-``equilibrium.frequency2_K .stiffness_K``      and the K-th smallest w^2 and eigenvalue of the stiffness
-=============================================  ==================================================================
-
-Vectors are in world axes; ``.along.B`` before the component gives them in the axes of link B:
-``point.P.velocity.along.arm_2.x``. The component ``norm`` is the length. Formulas combine quantities with the published
-symbols, the model's arguments, ``g``, the magnitude of gravity, and numbers with units, ``(2e4 N/m)*Y``. A name with
-several meanings is refused.
+The families of names stand in ``families``; ``docs/quantities.md`` lists them. Vectors are in world axes; ``.along.B``
+before the component gives them in the axes of link B: ``point.P.velocity.along.arm_2.x``. The component ``norm`` is the
+length. Formulas combine quantities with the published symbols, the model's arguments, ``g``, the magnitude of gravity,
+and numbers with units, ``(2e4 N/m)*Y``. A name with several meanings is refused.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -134,6 +93,14 @@ class Quantities:
         if name not in self._known:
             self._known[name] = self._find(name)
         return self._known[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names of all quantities."""
+        return iter(self.names())
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the names, for completion in notebooks."""
+        return self.names()
 
     def names(self) -> list[str]:
         """Return the names of all quantities, for messages and completion."""

@@ -245,6 +245,10 @@ class Result:
 
         return views.html(self)
 
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the names of its quantities, for completion in notebooks."""
+        return self.quantities.names()
+
     def require_finite(self, name: str) -> None:
         """Raise where a quantity is not a number somewhere.
 

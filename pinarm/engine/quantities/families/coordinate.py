@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 from pinarm.engine.quantities.families.joint import JointQuantities
-from pinarm.engine.quantities.family import NEWTON, NEWTON_METRE, RATES, Asked
+from pinarm.engine.quantities.family import NEWTON, NEWTON_METRE, RATES, Asked, Offered
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.mechanics.joints import METRE
@@ -15,9 +17,20 @@ from pinarm.mechanics.joints import METRE
 class CoordinateQuantities(JointQuantities):
     """``coordinate.C...``: of coordinates of joints, and of those defined beside them."""
 
-    def names(self) -> list[str]:
-        """Return the names of its quantities."""
-        return [f"{name}.{rate}" for name in self.run.mechanism.coordinates for rate in RATES]
+    element: ClassVar[str] = "C"
+    meanings: ClassVar[Mapping[str, str]] = {
+        "position": "coordinate", "velocity": "its rate", "acceleration": "its second derivative",
+        "effort": "effort of the drive along it",
+    }  # fmt: skip
+
+    def entries(self) -> Iterator[Offered]:
+        """Yield all coordinates, and the efforts of drives along those that are no joint's."""
+        run = self.run
+        guided = run.closure.slices().keys() - run.mechanism.closure.slices().keys()
+        for name in run.mechanism.coordinates:
+            yield from (Offered(name, rate) for rate in RATES)
+            if name in guided or run.effort_along(name) is not None:
+                yield Offered(name, "effort")
 
     def series(self, asked: Asked) -> Series:
         """Return a quantity; see ``Family.series``."""

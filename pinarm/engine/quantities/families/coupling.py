@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
-from pinarm.engine.quantities.family import NEWTON, NEWTON_METRE, Asked
+from pinarm.engine.quantities.family import AXES, NEWTON, NEWTON_METRE, Asked, Offered
 from pinarm.engine.quantities.transmitted import SAY_HOW, WRENCH, WrenchFamily, components
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
@@ -16,10 +18,25 @@ from pinarm.mechanics.joints import METRE
 class CouplingQuantities(WrenchFamily):
     """``coupling.C...``: the multiplier, and actions of the first member on the second."""
 
-    def names(self) -> list[str]:
-        """Return the names of its quantities."""
-        couplings = self.evaluation.reactions.couplings
-        return [f"{name}.{part}" for name, coupling in couplings.items() for part in coupling_parts(coupling)]
+    element: ClassVar[str] = "C"
+    meanings: ClassVar[Mapping[str, str]] = {
+        "effort": "multiplier: effort at its second joint",
+        "force": "force of the first member on the second, where they touch",
+        "moment": "moment of the first member on the second, about the point where they touch",
+        "tangential": "force of the teeth along the pitch circle", "radial": "force of the teeth towards the axis",
+        "axial": "force of the teeth, or of a thread, along the axis",
+        "separating": "force of bevel teeth along the normal of the pitch cone",
+        "torque": "moment of the thread about its axis",
+        "tight": "tension of the strand that pulls", "slack": "tension of the other strand",
+    }  # fmt: skip
+
+    def entries(self) -> Iterator[Offered]:
+        """Yield the quantities of gears, racks, screws and belts; their forces where these are known."""
+        for name, coupling in self.evaluation.reactions.couplings.items():
+            yield Offered(name, "effort")
+            if (transmission := coupling.transmission) is not None:
+                yield from (Offered(name, part) for part in transmission.parts())
+                yield from (Offered(name, part, AXES) for part in WRENCH)
 
     def series(self, asked: Asked) -> Series:
         """Return a quantity; see ``Family.series``."""

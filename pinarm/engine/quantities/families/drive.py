@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from pinarm.engine.quantities.family import NEWTON_METRE, WATT, Asked, Family
+from pinarm.engine.quantities.family import NEWTON_METRE, WATT, Asked, Family, Offered
 from pinarm.engine.series import Series
 from pinarm.input.units import unit
 
@@ -17,9 +19,16 @@ PARTS = ("torque", "speed", "power")
 class DriveQuantities(Family):
     """``drive.D...``: of the motor of drive D."""
 
-    def names(self) -> list[str]:
-        """Return the names of its quantities."""
-        return [f"{name}.{part}" for name in self.run.mechanism.drives for part in PARTS]
+    element: ClassVar[str] = "D"
+    meanings: ClassVar[Mapping[str, str]] = {
+        "torque": "torque of the motor, its rotor's share and the losses of the gear included",
+        "speed": "speed of the motor: that of the joint times the ratio",
+        "power": "torque times speed",
+    }
+
+    def entries(self) -> Iterator[Offered]:
+        """Yield the quantities of the motors."""
+        return (Offered(name, part) for name in self.run.mechanism.drives for part in self.meanings)
 
     def series(self, asked: Asked) -> Series:
         """Return a quantity; see ``Family.series``."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.quantities.family import AXES, Asked, Family
+from pinarm.engine.quantities.family import AXES, Asked, Family, Offered
 from pinarm.engine.series import Series
 
 
@@ -14,13 +16,21 @@ from pinarm.engine.series import Series
 class ForceQuantities(Family):
     """``force.F...``: the measures of force element F."""
 
-    def names(self) -> list[str]:
-        """Return the names of its quantities."""
-        return [
-            f"{name}.{part}{axis}" for name, force in self.run.dynamics.forces.items()
-            for part, measure in force.measures().items()
-            for axis in ([f".{axis}" for axis in AXES] if measure.vector else [""])
-        ]  # fmt: skip
+    element: ClassVar[str] = "F"
+    meanings: ClassVar[Mapping[str, str]] = {
+        "length": "distance of the ends of a point spring", "tension": "pull of a point spring on its ends",
+        "effort": "effort along the coordinate that the element acts along",
+        "displacement": "of a bushing: of its second frame from the first",
+        "rotation": "of a bushing: rotation vector of its second frame from the first",
+        "force": "of a bushing: force of the first link on the second, at the second one's frame",
+        "moment": "of a bushing: moment of the first link on the second, about the second one's frame",
+    }  # fmt: skip
+
+    def entries(self) -> Iterator[Offered]:
+        """Yield the measures of the force elements."""
+        for name, force in self.run.dynamics.forces.items():
+            for part, measure in force.measures().items():
+                yield Offered(name, part, AXES if measure.vector else ())
 
     def series(self, asked: Asked) -> Series:
         """Return a quantity; see ``Family.series``."""

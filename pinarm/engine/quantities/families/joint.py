@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.quantities.ball_quantities import MEANINGS as BALL_MEANINGS
 from pinarm.engine.quantities.ball_quantities import PARTS as BALL_PARTS
 from pinarm.engine.quantities.ball_quantities import ball_quantity
-from pinarm.engine.quantities.family import RATES, WATT, Asked
+from pinarm.engine.quantities.family import AXES, RATES, WATT, Asked, Offered
 from pinarm.engine.quantities.joint_axes import ALONG_AXIS, tree_axis
-from pinarm.engine.quantities.transmitted import SAY_HOW, WRENCH, WrenchFamily, acts, components
+from pinarm.engine.quantities.transmitted import SAY_HOW, WRENCH, WrenchFamily, acts
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.mechanics.forces.joint_definitions import effort_unit
@@ -27,16 +30,33 @@ EFFORTS = ("effort", "link_effort")
 class JointQuantities(WrenchFamily):
     """``joint.J...``: of joints with one coordinate and of ball joints."""
 
-    def names(self) -> list[str]:
-        """Return the names of its quantities."""
+    element: ClassVar[str] = "J"
+    meanings: ClassVar[Mapping[str, str]] = {
+        "position": "coordinate of the joint", "velocity": "its rate", "acceleration": "its second derivative",
+        "effort": "effort of the joint's drive, its rotor's share included; of a joint without a drive, of the "
+                  "couplings that move it",
+        "link_effort": "what of the effort reaches the links: without armature * acceleration",
+        "power": "effort times velocity",
+        "force": "force of the parent on the child, at the child's origin",
+        "moment": "moment of the parent on the child, about the child's origin",
+        f"moment.{AT_PARENT}": "the same moment about the joint's place on the parent",
+        **BALL_MEANINGS,
+    }  # fmt: skip
+
+    def entries(self) -> Iterator[Offered]:
+        """Yield the quantities of joints with one coordinate, then of ball joints."""
         mechanism = self.run.mechanism
-        transmitted = components((*WRENCH, f"moment.{AT_PARENT}"))
-        names = [f"{name}.{part}" for name in mechanism.joints for part in (*RATES, *EFFORTS, "power", *transmitted)]
-        with_axis = [
-            name for name, joint in mechanism.joints.items() if tree_axis(mechanism.model, joint.index) is not None
-        ]
-        names += [f"{name}.{kind}.{part}" for name in with_axis for kind in WRENCH for part in ALONG_AXIS]
-        return names + [f"{name}.{part}" for name in mechanism.balls for part in (*BALL_PARTS, *transmitted)]
+        for name, joint in mechanism.joints.items():
+            yield from (Offered(name, part) for part in (*RATES, *EFFORTS, "power"))
+            along = ALONG_AXIS if tree_axis(mechanism.model, joint.index) is not None else ()
+            yield from self._transmitted_entries(name, along)
+        for name in mechanism.balls:
+            yield from (Offered(name, part, components) for part, components in BALL_PARTS.items())
+            yield from self._transmitted_entries(name, ())
+
+    def _transmitted_entries(self, name: str, along: tuple[str, ...]) -> Iterator[Offered]:
+        yield from (Offered(name, part, (*AXES, *along)) for part in WRENCH)
+        yield Offered(name, f"moment.{AT_PARENT}", AXES)
 
     def series(self, asked: Asked) -> Series:
         """Return a quantity; see ``Family.series``."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
-from pinarm.engine.quantities.family import AXES, RATES, SECOND, Asked, Family, links
+from pinarm.engine.quantities.family import AXES, RATES, SECOND, Asked, Family, Offered, links
 from pinarm.engine.series import Series
 from pinarm.input.units import unit
 from pinarm.mechanics.joints import METRE
@@ -16,9 +18,14 @@ TURNS = ("angular_velocity", "angular_acceleration")
 class PointQuantities(Family):
     """``point.P...``: of the origin of link P."""
 
-    def names(self) -> list[str]:
-        """Return the names of its quantities."""
-        return [f"{name}.{rate}.{axis}" for name in links(self.run) for rate in RATES for axis in AXES]
+    element: ClassVar[str] = "P"
+    meanings: ClassVar[Mapping[str, str]] = {
+        "position": "position of the link's origin", "velocity": "its velocity", "acceleration": "its acceleration",
+    }  # fmt: skip
+
+    def entries(self) -> Iterator[Offered]:
+        """Yield position, velocity and acceleration of every link's origin."""
+        return (Offered(name, rate, AXES) for name in links(self.run) for rate in RATES)
 
     def series(self, asked: Asked) -> Series:
         """Return a quantity; see ``Family.series``."""
@@ -33,9 +40,14 @@ class PointQuantities(Family):
 class BodyQuantities(Family):
     """``body.B...``: of the rotation of link B."""
 
-    def names(self) -> list[str]:
-        """Return the names of its quantities."""
-        return [f"{name}.{rate}.{axis}" for name in links(self.run) for rate in TURNS for axis in AXES]
+    element: ClassVar[str] = "B"
+    meanings: ClassVar[Mapping[str, str]] = {
+        "angular_velocity": "angular velocity of the link", "angular_acceleration": "its angular acceleration",
+    }  # fmt: skip
+
+    def entries(self) -> Iterator[Offered]:
+        """Yield angular velocity and acceleration of every link."""
+        return (Offered(name, rate, AXES) for name in links(self.run) for rate in TURNS)
 
     def series(self, asked: Asked) -> Series:
         """Return a quantity; see ``Family.series``."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 from pinarm.arrays import Array
-from pinarm.engine.quantities.family import Asked
+from pinarm.engine.quantities.family import AXES, Asked, Offered
 from pinarm.engine.quantities.joint_axes import ALONG_AXIS, loop_axis
-from pinarm.engine.quantities.transmitted import WRENCH, WrenchFamily, components
+from pinarm.engine.quantities.transmitted import WRENCH, WrenchFamily
 from pinarm.engine.series import Series
 
 COORDINATES = ("angle", "position")
@@ -17,13 +19,21 @@ COORDINATES = ("angle", "position")
 class LoopQuantities(WrenchFamily):
     """``loop.L...``: actions of the first link on the second, at the second one's frame."""
 
-    def names(self) -> list[str]:
-        """Return the names of its quantities."""
-        loops, known = self.evaluation.reactions.loops, self.run.mechanism.coordinates
-        names = [f"{name}.{part}" for name in loops for part in components()]
-        names += [f"{name}.{kind}.{part}" for name, loop in loops.items() if loop_axis(loop) is not None
-                  for kind in WRENCH for part in ALONG_AXIS]  # fmt: skip
-        return names + [f"{name}.{part}" for name in loops for part in COORDINATES if f"{name}.{part}" in known]
+    element: ClassVar[str] = "L"
+    meanings: ClassVar[Mapping[str, str]] = {
+        "force": "force of the first link on the second, at the second one's frame",
+        "moment": "moment of the first link on the second, about the origin of the second one's frame",
+        "angle": "how far frame 2 has turned about the axis of frame 1, turns counted",
+        "position": "how far frame 2 has slid along the axis of frame 1",
+    }
+
+    def entries(self) -> Iterator[Offered]:
+        """Yield the quantities of the loop joints."""
+        known = self.run.mechanism.coordinates
+        for name, loop in self.evaluation.reactions.loops.items():
+            along = ALONG_AXIS if loop_axis(loop) is not None else ()
+            yield from (Offered(name, part, (*AXES, *along)) for part in WRENCH)
+            yield from (Offered(name, part) for part in COORDINATES if f"{name}.{part}" in known)
 
     def series(self, asked: Asked) -> Series:
         """Return a quantity; see ``Family.series``."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from pinarm.engine.quantities.families.subtree import ALL, beyond, moved_joints
-from pinarm.engine.quantities.family import AXES, SECOND, Asked, Family
+from pinarm.engine.quantities.family import AXES, SECOND, Asked, Family, Offered
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.joints import METRE
@@ -18,13 +19,18 @@ from pinarm.mechanics.joints import METRE
 class MomentumQuantities(Family):
     """``momentum.S...``: of a joint S and everything beyond it, or of ``all``."""
 
+    element: ClassVar[str] = "S"
+    meanings: ClassVar[Mapping[str, str]] = {
+        "linear": "momentum of a joint's body and of all beyond it",
+        "angular": "angular momentum of the same, about the world's origin",
+    }
+
     parts: ClassVar[tuple[str, str]] = ("linear", "angular")
     order: ClassVar[int] = 0
 
-    def names(self) -> list[str]:
-        """Return the names of its quantities."""
-        return [f"{name}.{part}.{axis}" for name in (ALL, *moved_joints(self.run)) for part in self.parts
-                for axis in AXES]  # fmt: skip
+    def entries(self) -> Iterator[Offered]:
+        """Yield the quantities of the mechanism, then of subtrees."""
+        return (Offered(name, part, AXES) for name in (ALL, *moved_joints(self.run)) for part in self.parts)
 
     def series(self, asked: Asked) -> Series:
         """Return a quantity; see ``Family.series``."""
@@ -42,5 +48,9 @@ class MomentumQuantities(Family):
 class DynamicQuantities(MomentumQuantities):
     """``dynamic.S...``: rates of the momenta of the same bodies, as a force and a moment."""
 
+    meanings: ClassVar[Mapping[str, str]] = {
+        "force": "rate of the momentum of a joint's body and of all beyond it",
+        "moment": "rate of the angular momentum of the same, about the world's origin",
+    }
     parts: ClassVar[tuple[str, str]] = ("force", "moment")
     order: ClassVar[int] = 1

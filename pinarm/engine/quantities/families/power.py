@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
-from pinarm.engine.quantities.family import WATT, Asked, Family
+from pinarm.engine.quantities.family import WATT, Asked, Family, Offered
 from pinarm.engine.series import Series
 from pinarm.mechanics.forces.force_element import power
 
@@ -13,9 +15,18 @@ from pinarm.mechanics.forces.force_element import power
 class PowerQuantities(Family):
     """``power.gravity``, ``power.friction``, and ``power.F`` of force element F."""
 
-    def names(self) -> list[str]:
-        """Return the names of its quantities."""
-        return ["gravity", *(["friction"] if self.run.mechanism.frictions else []), *self.run.dynamics.forces]
+    element: ClassVar[str] = ""
+    meanings: ClassVar[Mapping[str, str]] = {
+        "gravity": "power of the weights", "friction": "power of all friction that sticks",
+        "": "power of the force element on the mechanism",
+    }  # fmt: skip
+
+    def entries(self) -> Iterator[Offered]:
+        """Yield the powers."""
+        yield Offered("", "gravity")
+        if self.run.mechanism.frictions:
+            yield Offered("", "friction")
+        yield from (Offered(name, "") for name in self.run.dynamics.forces)
 
     def series(self, asked: Asked) -> Series:
         """Return a quantity; see ``Family.series``."""
