@@ -11,11 +11,11 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Interval, Manifold
+    from pinarm.mechanics.coordinates import Coordinate
 
 
 @dataclass(frozen=True, eq=False)

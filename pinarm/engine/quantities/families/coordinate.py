@@ -40,7 +40,7 @@ class CoordinateQuantities(JointQuantities):
         return self.rate(asked, along, asked.words[-1])
 
     def _effort(self, asked: Asked, along: str) -> Series:
-        """Return the effort of a drive along a coordinate: a joint's, or one that has a multiplier of its own."""
+        """Return the effort of a drive along a coordinate: of joints, or one that has a multiplier of its own."""
         run = self.run
         self.require_efforts(asked)
         unit = NEWTON if run.mechanism.coordinates[along].unit == METRE else NEWTON_METRE
