@@ -323,7 +323,7 @@ def sum_of(model: pin.Model, joints: Mapping[str, Joint], names: Sequence[str]) 
 
 def driven_along(coordinates: Iterable[Coordinate], nv: int) -> Flags:
     """Return the joints that drives along coordinates act on, but for those along task coordinates, shape (nv,)."""
-    weights = [one.weights for one in coordinates if isinstance(one, LinearCoordinate)]
+    weights = [coordinate.weights for coordinate in coordinates if isinstance(coordinate, LinearCoordinate)]
     return np.asarray(np.array(weights, dtype=np.float64).reshape(-1, nv).any(axis=0), dtype=bool)
 
 

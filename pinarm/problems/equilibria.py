@@ -141,7 +141,7 @@ def outcome(balance: ForceBalance, found: Sequence[Equilibrium]) -> Outcome:
     notes = tuple(f"row {row}: a direction has no mass, so its stability is that of the stiffness alone"
                   for row in weightless)  # fmt: skip
     if balance.mechanism.frictions:
-        names = ", ".join(dict.fromkeys(one.name for one in balance.mechanism.frictions))
+        names = ", ".join(dict.fromkeys(friction.name for friction in balance.mechanism.frictions))
         notes += (f"friction of {names} holds positions beside these as well: the table has those that need none",)
         if balance.held.names:
             notes += (

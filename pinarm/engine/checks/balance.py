@@ -105,7 +105,7 @@ def _most_powers(wrenches: Array, twists: Array) -> Array:
 def _weights(links: LinkPlacements, columns: Array, moved: Flags) -> Array:
     """Return the most that weights can do: m g times the paths of mass centres when one joint moves, shape (n, nv)."""
     inertias = links.model.inertias.tolist()
-    masses, levers = np.array([one.mass for one in inertias]), np.array([one.lever for one in inertias])
+    masses, levers = np.array([inertia.mass for inertia in inertias]), np.array([inertia.lever for inertia in inertias])
     centres = links.places + np.matvec(links.turns, levers)
     linear, angular = columns[:, None, :3].swapaxes(2, 3), columns[:, None, 3:].swapaxes(2, 3)
     paths = linear + crossed(angular, centres[:, :, None])

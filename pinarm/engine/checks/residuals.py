@@ -52,10 +52,10 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
     if run.no_efforts:
         return figures
     alike = found.of_one_freedom(run)
-    condition = max(one.condition for one in alike)
+    condition = max(measure.condition for measure in alike)
     if not np.isfinite(condition):
         return figures
-    error, size = (max(figure) for figure in zip(*(one.return_trip(run) for one in alike), strict=True))
+    error, size = (max(figure) for figure in zip(*(measure.return_trip(run) for measure in alike), strict=True))
     return figures | {"condition": condition, "return trip": error / size if size else 0.0}
 
 

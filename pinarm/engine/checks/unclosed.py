@@ -32,9 +32,9 @@ def unclosed(run: Trajectory) -> list[str]:
 
     found = mobility_of(run.mechanism, run.q[rows[left.max(axis=1).argmax()]])
     torn: dict[str, float] = {}
-    for (one, row), size, reach in zip(closure.owners(), worst.tolist(), closure.reach.tolist(), strict=True):
+    for (constraint, row), size, reach in zip(closure.owners(), worst.tolist(), closure.reach.tolist(), strict=True):
         if size > ROUNDED * reach:
-            owner = f"{one.unit(row)} of {one.name}"
+            owner = f"{constraint.unit(row)} of {constraint.name}"
             torn[owner] = max(size, torn.get(owner, 0.0))
     said = ", ".join(f"{size:.2g} {owner}" for owner, size in torn.items())
     return [

@@ -90,16 +90,16 @@ class EvaluatedPair:
     def rows(self, wanted: Container[int]) -> Mapping[int, Row]:
         """Return ``e . p' + w . omega``."""
         e, w = self._directions(wanted)
-        found: dict[int, Row] = {k: self.placed.along(one) for k, one in e.items()}
-        return found | {k: _sum(found.get(k, {}), self.placed.about(one)) for k, one in w.items()}
+        found: dict[int, Row] = {k: self.placed.along(direction) for k, direction in e.items()}
+        return found | {k: _sum(found.get(k, {}), self.placed.about(direction)) for k, direction in w.items()}
 
     def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
         """Return ``e . p'' + w . omega' + e' . p' + w' . omega``, for a = 0."""
         dp, omega, ddp, domega = self.placed.rates(v)
         e, w = self._directions(wanted)
         bend = self.pair.bend(self.placed.p, self.placed.axes, dp, omega)
-        found = {k: dot(one, ddp) + bend[k] for k, one in e.items()}
-        return found | {k: dot(one, domega) + found.get(k, bend[k]) for k, one in w.items()}
+        found = {k: dot(direction, ddp) + bend[k] for k, direction in e.items()}
+        return found | {k: dot(direction, domega) + found.get(k, bend[k]) for k, direction in w.items()}
 
     def _directions(self, wanted: Container[int]) -> tuple[dict[int, Array], dict[int, Array]]:
         """Return e and w of the wanted rows that have them, shape (3, n) or (3, 1)."""
@@ -271,13 +271,13 @@ class EvaluatedJacobians:
 def rows_of(model: pin.Model, coordinates: Sequence[Coordinate], q: Array) -> Array:
     """Return the rows J of coordinates at configurations q, shape (n, nq), as an array of shape (n, d, nv)."""
     found = np.zeros((len(q), len(coordinates), model.nv))
-    for d, one in enumerate(coordinates):
-        measures = BatchJacobians.of(model, [one])
-        if isinstance(one, LinearCoordinate):
-            found[:, d] = one.weights
+    for d, coordinate in enumerate(coordinates):
+        measures = BatchJacobians.of(model, [coordinate])
+        if isinstance(coordinate, LinearCoordinate):
+            found[:, d] = coordinate.weights
         elif measures is not None:
             for j, x in measures.at(q.T).rows([0])[0].items():
                 found[:, d, j] = x
         else:
-            found[:, d] = [one.row(Kinematics.at(model, configuration)) for configuration in q]
+            found[:, d] = [coordinate.row(Kinematics.at(model, configuration)) for configuration in q]
     return found

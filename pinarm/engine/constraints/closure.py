@@ -54,7 +54,7 @@ class Closure:
         It is at least that of a frame that lies beyond the last joint, and 1 m for a model without lengths.
         """
         joints = sum(float(np.linalg.norm(place.translation)) for place in self.model.jointPlacements)
-        return joints + max(float(np.linalg.norm(one.placement.translation)) for one in self.model.frames) or 1.0
+        return joints + max(float(np.linalg.norm(frame.placement.translation)) for frame in self.model.frames) or 1.0
 
     @cached_property
     def length(self) -> float:
@@ -72,23 +72,25 @@ class Closure:
     @cached_property
     def scale(self) -> Array:
         """Return the unit of every coordinate's velocity, shape (nv,): that of length, or 1 for angles."""
-        slides = [one.shortname().startswith("JointModelP") for one in self.model.joints[1:] for _ in range(one.nv)]
+        slides = [
+            joint.shortname().startswith("JointModelP") for joint in self.model.joints[1:] for _ in range(joint.nv)
+        ]
         return np.where(slides, self.length, 1.0)
 
     @cached_property
     def measure(self) -> Array:
         """Return the unit of the gap in every row, shape (m,): that of length, or 1 for angles."""
-        return np.array([self.length ** float(one.unit(row).dimension[0]) for one, row in self.owners()])
+        return np.array([self.length ** float(constraint.unit(row).dimension[0]) for constraint, row in self.owners()])
 
     @cached_property
     def reach(self) -> Array:
         """Return the length that every row of G can have, shape (m,): the extent, or 1 where it measures an angle."""
-        return np.array([self.extent ** float(one.unit(row).dimension[0]) for one, row in self.owners()])
+        return np.array([self.extent ** float(constraint.unit(row).dimension[0]) for constraint, row in self.owners()])
 
     @cached_property
     def slack(self) -> Array:
         """Return what every row may leave open where it repeats others [m or rad], shape (m,); nothing of guides."""
-        own = [not isinstance(one, GuidedCoordinate) for one, _ in self.owners()]
+        own = [not isinstance(constraint, GuidedCoordinate) for constraint, _ in self.owners()]
         return np.asarray(UNCLOSED * self.reach * np.array(own, dtype=np.float64))
 
     @cached_property

@@ -257,7 +257,9 @@ class Dynamics:
         configurations tells the work.
         """
         simple = self.model.nq == self.model.nv
-        found = {name: one for name, one in self.forces.items() if not (one.conservative or (one.steady and simple))}
+        found = {
+            name: force for name, force in self.forces.items() if not (force.conservative or (force.steady and simple))
+        }
         return replace(self, forces=found) if found else None
 
     def dissipated_power(self, t: Array, q: Array, v: Array) -> Array:

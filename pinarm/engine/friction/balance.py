@@ -128,9 +128,9 @@ class FrictionBalance:
     def limits(self, f: Array) -> Array:
         """Return the largest friction at rest, under friction f [N*m or N], shape (k,)."""
         wrench = self.response.loads.at(f)
-        return np.array([mu * (one.bearing.load(w) if mu else 0.0) + constant
-                         for one, w in zip(self.contacts, wrench, strict=True)
-                         for mu, constant in [one.law.resting]])  # fmt: skip
+        return np.array([mu * (contact.bearing.load(w) if mu else 0.0) + constant
+                         for contact, w in zip(self.contacts, wrench, strict=True)
+                         for mu, constant in [contact.law.resting]])  # fmt: skip
 
     def solve(self, direction: Array, stuck: Sequence[SlipGroup], resting: Flags) -> FrictionSolution | None:
         """Return the friction while some slips take place and some groups are stuck; ``None`` where there is none.
@@ -143,7 +143,7 @@ class FrictionBalance:
         Raises:
             DynamicsError: There is more than one solution, or it is not known that there is only one.
         """
-        mu, constant = np.array([one.law.resting if rest else one.law.slipping(speed) for one, rest, speed
+        mu, constant = np.array([contact.law.resting if rest else contact.law.slipping(speed) for contact, rest, speed
                                  in zip(self.contacts, resting, self.speed, strict=True)]).reshape(-1, 2).T  # fmt: skip
         slips = (direction != 0.0).astype(float)
         f = np.zeros(len(slips))

@@ -30,9 +30,9 @@ def friction_columns(contacts: Sequence[FrictionContact], friction: Array) -> di
         contacts: The k joints.
         friction: Along their slips [N*m or N], shape (n, k).
     """
-    names = [one.quantity for one in contacts]
-    return {name: Series(name, one.effort, values)
-            for name, one, values in zip(names, contacts, friction.T, strict=True)} if contacts else {}  # fmt: skip
+    names = [contact.quantity for contact in contacts]
+    return {name: Series(name, contact.effort, values)
+            for name, contact, values in zip(names, contacts, friction.T, strict=True)} if contacts else {}  # fmt: skip
 
 
 def band_column(joints: Mapping[str, Joint], name: str, coordinate: Coordinate, part: str, values: Array) -> Series:

@@ -46,7 +46,7 @@ def friction_under(
         slip = decided(balance, moving, np.zeros(len(contacts)))
         solution = balance.solve(np.array(slip.direction, float), slip.stuck, np.zeros(len(contacts), dtype=bool))
         if solution is None:
-            names = ", ".join(dict.fromkeys(one.name for one in contacts))
+            names = ", ".join(dict.fromkeys(contact.name for contact in contacts))
             raise DynamicsError(f"friction of {names} raises the load that it depends on without end: it jams",
                                 expected="a smaller mu, or a longer span of the guide")  # fmt: skip
         found[i] = solution.f

@@ -81,7 +81,7 @@ class SlipEquation:
     @cached_property
     def loaded(self) -> bool:
         """Whether any friction depends on what its joint carries."""
-        return any(one.law.loaded for one in self.contacts)
+        return any(contact.law.loaded for contact in self.contacts)
 
     def at(self, t: float, q: Array, v: Array) -> SlipResponse:
         """Return how slips and loads respond to friction in a state, shapes (nq,) and (nv,)."""
@@ -142,7 +142,7 @@ class BearingReactions:
             inner[k] = [wrench.vector for wrench in data.f.tolist()]
         joints, slices = links.outwards(inner), self.closure.slices()
         named = {name: lam[:, rows] for name, rows in slices.items()}
-        return np.array([one.transmitted(links, joints, named) for one in self.contacts]).swapaxes(0, 1)
+        return np.array([contact.transmitted(links, joints, named) for contact in self.contacts]).swapaxes(0, 1)
 
     def _acting(self, links: LinkPlacements, t: float, q: Array, v: Array, lam: Array, f: Array) -> Array:
         """Return what loads, constraints and friction do to links, [f; m] at the world's origin, (n, njoints, 6)."""
@@ -161,13 +161,13 @@ class BearingReactions:
         Raises:
             DynamicsError: Says which.
         """
-        couplings = [one for one in self.closure.constraints if isinstance(one, Coupling)]
+        couplings = [constraint for constraint in self.closure.constraints if isinstance(constraint, Coupling)]
         left = left_open(self.closure.model, couplings)
-        for one in self.contacts:
-            reaction = left.get(one.index) if isinstance(one, JointContact) and one.law.loaded else None
-            if reaction is not None and one.bearing.most(reaction.wrenches).max() > OPEN:
+        for contact in self.contacts:
+            reaction = left.get(contact.index) if isinstance(contact, JointContact) and contact.law.loaded else None
+            if reaction is not None and contact.bearing.most(reaction.wrenches).max() > OPEN:
                 raise DynamicsError(
-                    f"the friction of {one.name} depends on a reaction that is not known: {reaction}",
+                    f"the friction of {contact.name} depends on a reaction that is not known: {reaction}",
                     expected="couplings that say how they act on bodies, or friction without a load: constant",
                 )
 
@@ -187,10 +187,10 @@ class BearingReactions:
         still, none = np.zeros((len(stresses), self.closure.model.nv)), np.zeros((len(stresses), len(self.contacts)))
         found = self.wrenches(0.0, q, still[0], still, stresses, none)
         for added in found[1:] - found[0]:
-            for one, wrench in zip(self.contacts, added, strict=True):
-                if one.law.loaded and not one.shared and one.bearing.most(wrench) > OPEN:
+            for contact, wrench in zip(self.contacts, added, strict=True):
+                if contact.law.loaded and not contact.shared and contact.bearing.most(wrench) > OPEN:
                     raise DynamicsError(
-                        f"the friction of {one.name} depends on a reaction that rigid bodies do not determine: the "
+                        f"the friction of {contact.name} depends on a reaction that rigid bodies do not determine: the "
                         "mechanism is hyperstatic",
                         expected="a joint that is loosened until its reaction is determined, or friction without a "
                         "load: constant",
@@ -226,8 +226,8 @@ class _Solved:
         mass = mass_matrix(model, q)
         force = equation.efforts + dynamics.loads(t, q, v) - pin.nonLinearEffects(model, dynamics.data, q, v)
         a = solve(split, mass, force, right)
-        slips = np.array([one.row(state) for one in equation.contacts])
-        drift = np.array([one.drift(state) for one in equation.contacts])
+        slips = np.array([contact.row(state) for contact in equation.contacts])
+        drift = np.array([contact.drift(state) for contact in equation.contacts])
         free = slips @ split.free
         ways = split.free @ np.linalg.solve(split.free.T @ mass @ split.free, free.T)  # (nv, k)
         driven = np.linalg.norm(free, axis=1) <= DRIVEN * np.linalg.norm(slips, axis=1)

@@ -78,7 +78,7 @@ class SlidingFriction(ForceElement):
         direction = self.directions(slip_rows(self.closure.model, self.contacts, q[None])[0] @ v)
         found = self.balance(t, q, v).solve(direction, self.slip.stuck, np.zeros(len(self.contacts), dtype=bool))
         if found is None:
-            rubbing = (one.name for one, s in zip(self.contacts, self.direction, strict=True) if s)
+            rubbing = (contact.name for contact, s in zip(self.contacts, self.direction, strict=True) if s)
             names = ", ".join(dict.fromkeys(rubbing))
             raise DynamicsError(
                 f"at t = {t:.9g} s friction of {names} raises the load that it depends on without end: the joint jams",
@@ -95,7 +95,7 @@ class SlidingFriction(ForceElement):
         else:
             slips = np.matvec(slip_rows(self.closure.model, self.contacts, flat_q), flat_v)
             speeds = sizes(self.contacts, slips)
-            laws = [one.law.slipping(speed)[1] for one, speed in zip(self.contacts, speeds.T, strict=True)]
+            laws = [contact.law.slipping(speed)[1] for contact, speed in zip(self.contacts, speeds.T, strict=True)]
             found = -np.array(laws).T * self.directions(slips)
         slipping = sizes(self.contacts, self.direction) > 0.0
         return np.asarray(found * slipping).reshape(*q.shape[:-1], len(self.contacts))

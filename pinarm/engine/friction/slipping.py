@@ -121,8 +121,8 @@ class Slipping:
     def resistance(self, f: Array) -> Array:
         """Return ``mu N(w0 + W f) + c`` [N*m or N], shape (k,)."""
         wrench = self.loads.at(f)
-        normal = np.array([one.bearing.load(w) if mu else 0.0
-                           for one, w, mu in zip(self.contacts, wrench, self.mu, strict=True)])  # fmt: skip
+        normal = np.array([contact.bearing.load(w) if mu else 0.0
+                           for contact, w, mu in zip(self.contacts, wrench, self.mu, strict=True)])  # fmt: skip
         return np.asarray(self.mu * normal + self.constant)
 
     def friction(self) -> Array:
@@ -149,7 +149,7 @@ class Slipping:
     def _slope(self, f: Array) -> Array:
         """Return the derivative of (1), shape (k, k)."""
         wrench, slope = self.loads.at(f), np.eye(len(f))
-        for i, one in enumerate(self.contacts):
+        for i, contact in enumerate(self.contacts):
             if self.mu[i] and self.direction[i]:
-                slope[i] += self.direction[i] * self.mu[i] * self.loads.response[i] @ one.bearing.slope(wrench[i])
+                slope[i] += self.direction[i] * self.mu[i] * self.loads.response[i] @ contact.bearing.slope(wrench[i])
         return slope

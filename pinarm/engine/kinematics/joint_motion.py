@@ -41,7 +41,7 @@ def follow(
     Raises:
         AssemblyError: The positions cannot be reached; ``data`` holds the closest configuration and its gap.
     """
-    couplings = [one for one in mechanism.constraints if isinstance(one, Coupling)]
+    couplings = [constraint for constraint in mechanism.constraints if isinstance(constraint, Coupling)]
     linear = all(isinstance(coordinate, LinearCoordinate) for coordinate in prescribed.coordinates)
     if linear and len(couplings) == len(mechanism.constraints) and independent(couplings):
         return _follow_linear(mechanism, couplings, prescribed, grid)

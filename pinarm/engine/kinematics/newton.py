@@ -91,10 +91,10 @@ class NewtonSolver:
         self.whole = closure.with_guides(prescribed.names, prescribed.coordinates)
         self.names = (*(constraint.name for constraint, _ in owners), *prescribed.names)
         straight = [isinstance(one, Coupling) for one, _ in owners]
-        straight += [isinstance(one, LinearCoordinate) for one in prescribed.coordinates]
+        straight += [isinstance(coordinate, LinearCoordinate) for coordinate in prescribed.coordinates]
         self.curved = ~np.array(straight, dtype=bool)
         self.units = [*(one.unit(row) for one, row in owners), *(c.unit for c in prescribed.coordinates)]
-        self.measure = closure.length ** np.array([float(one.dimension[0]) for one in self.units])
+        self.measure = closure.length ** np.array([float(unit.dimension[0]) for unit in self.units])
         self.scale, self.cuts = closure.scale, CUTS
         threads = [isinstance(one, LoopJoint) and one.helical(row) for one, row in owners]
         self.sliding = 1.0 - np.array([*threads, *(False for _ in prescribed.coordinates)], dtype=np.float64)
@@ -275,7 +275,7 @@ class NewtonSolver:
 
     def _unreachable(self, q: Array, gap: Array, t: float) -> AssemblyError:
         owners = list(zip(self.names, self.units, strict=True))
-        sizes = {owner: float(np.linalg.norm(gap[[one == owner for one in owners]])) for owner in owners}
+        sizes = {owner: float(np.linalg.norm(gap[[other == owner for other in owners]])) for owner in owners}
         worst = max(sizes, key=sizes.__getitem__)
         missed = "misses its value" if worst in owners[self.closure.size :] else "stays open"
         torn = dict.fromkeys(name for (name, _), size in sizes.items() if size > 0.1 * sizes[worst])

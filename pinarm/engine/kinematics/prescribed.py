@@ -93,7 +93,7 @@ class PrescribedCoordinates:
 
     def linear_last(self) -> tuple[PrescribedCoordinates, int]:
         """Return the same coordinates with those of joints, and sums of them, last; and how many others there are."""
-        is_linear = [isinstance(one, LinearCoordinate) for one in self.coordinates]
+        is_linear = [isinstance(coordinate, LinearCoordinate) for coordinate in self.coordinates]
         places = sorted(range(len(is_linear)), key=is_linear.__getitem__)
         ordered = PrescribedCoordinates(
             tuple(self.names[k] for k in places),

@@ -79,7 +79,7 @@ class Contacts:
 
     def near(self, q: Array) -> list[int]:
         """Return the indices of the stops that a configuration touches."""
-        return [k for k, one in enumerate(self.bounds) if abs(one.gap(q)) <= one.slack]
+        return [k for k, bound in enumerate(self.bounds) if abs(bound.gap(q)) <= bound.slack]
 
     def impact(self, t: float, q: Array, v: Array, hit: Iterable[int]) -> Array:
         """Return the velocity after the stops ``hit`` were met with the velocity v, shape (nv,).

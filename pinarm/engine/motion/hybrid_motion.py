@@ -112,9 +112,9 @@ class HybridSystem:
         """Return the coordinates that follow laws, and those of joints that rest on stops."""
         bounds = [self.bounds[k] for k in sorted(held)]
         return PrescribedCoordinates(
-            (*self.prescribed.names, *(one.name for one in bounds)),
-            (*self.prescribed.coordinates, *(one.coordinate for one in bounds)),
-            (*self.prescribed.laws, *(Constant(value=one.limit) for one in bounds)),
+            (*self.prescribed.names, *(bound.name for bound in bounds)),
+            (*self.prescribed.coordinates, *(bound.coordinate for bound in bounds)),
+            (*self.prescribed.laws, *(Constant(value=bound.limit) for bound in bounds)),
         )
 
     def friction(self, held: Held) -> StickSlip:
@@ -170,11 +170,11 @@ class HybridSystem:
             v = velocity_with_rates(initial, self.closure, self.prescribed, whole_q[0], self.cuts[:2])
             given = replace(initial, q=whole_q[0], v=v, velocities=tuple(range(len(v))))
             whole_q, whole_v = system.whole(start, *(x[None] for x in system.begin(given, *self.cuts[:2])))
-        for one in self.bounds:
-            if one.gap(whole_q[0]) < -one.slack:
+        for bound in self.bounds:
+            if bound.gap(whole_q[0]) < -bound.slack:
                 raise InputError(
-                    f"the motion begins at {whole_q[0, one.place]:.6g} {one.coordinate.unit}, beyond the end stop "
-                    f"'{one.name}' at {one.limit:.6g} {one.coordinate.unit}"
+                    f"the motion begins at {whole_q[0, bound.place]:.6g} {bound.coordinate.unit}, beyond the end stop "
+                    f"'{bound.name}' at {bound.limit:.6g} {bound.coordinate.unit}"
                 )
         return whole_q[0], whole_v[0]
 
@@ -223,7 +223,10 @@ class HybridSystem:
     def event_records(self, crossings: Sequence[Crossing]) -> list[EventRecord]:
         """Return the events of a segment that no stop has ended, in order of time."""
         system, names = self.system(), list(self.watches)
-        found = [(one, *system.whole(np.array([one.t]), one.q[None], one.v[None])) for one in crossings]
+        found = [
+            (crossing, *system.whole(np.array([crossing.t]), crossing.q[None], crossing.v[None]))
+            for crossing in crossings
+        ]
         return [EventRecord(names[one.watch], one.t, q[0], v[0]) for one, q, v in found]
 
     def integrate(self, q: Array, v: Array, first: FirstSegment | None = None) -> SegmentedMotion:
@@ -283,7 +286,7 @@ class HybridSystem:
         spans = [(max(low, t), high) for low, high in pairwise(self.cuts) if high > t]
         spans = spans[:1] if self.frictions else spans
         intervals = self._smooth(system, spans)
-        watches = [_of_mechanism(one, system) for _, one in watched]
+        watches = [_of_mechanism(coordinate, system) for _, coordinate in watched]
         steps = self.max_steps - int(sum(motion.cost()[name] for name in ("steps", "rejected steps")))
         method = self.method if system.manifold.nv else self._standing(watches, spans)
         given, steps_over = (intervals, system.manifold, *system.part(q, v), method), self._steps_over(system)
@@ -339,11 +342,11 @@ class HybridSystem:
 
     def _steps_over(self, system: System) -> StepsOver | None:
         """Return whether a step in the integrated states may have gone past a piece of a load."""
-        forces = [one for one in self.dynamics.forces.values() if one.in_pieces]
+        forces = [force for force in self.dynamics.forces.values() if force.in_pieces]
 
         def steps_over(t: Array, q: Array, v: Array) -> bool:
             whole = system.whole(t, q, v)
-            return any(one.passed(*whole) for one in forces)
+            return any(force.passed(*whole) for force in forces)
 
         return steps_over if forces else None
 

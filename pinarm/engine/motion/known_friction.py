@@ -105,7 +105,7 @@ class KnownFriction:
         """What the bearings carry, row by row."""
         contacts, n = self.run.mechanism.frictions, len(self.run)
         k = len(contacts)
-        if not any(one.law.loaded for one in contacts):
+        if not any(contact.law.loaded for contact in contacts):
             return [CarriedLoads(np.zeros((k, 6)), np.zeros((k, k, 6)))] * n
         self._require_determined()
         none = self._carried(self.under(np.zeros((n, k))))
@@ -152,7 +152,7 @@ class KnownFriction:
     def _friction(self, row: int, direction: Array, *, at_rest: bool) -> Array:
         """Return the friction in one row, shape (k,)."""
         contacts = self.run.mechanism.frictions
-        laws = [one.law.resting if at_rest and still else one.law.slipping(speed) for one, still, speed
+        laws = [contact.law.resting if at_rest and still else contact.law.slipping(speed) for contact, still, speed
                 in zip(contacts, self.resting[row], sizes(contacts, self.slips[row]), strict=True)]  # fmt: skip
         mu, constant = np.array(laws).reshape(-1, 2).T * (direction != 0.0)
         equation = Slipping(contacts, direction, mu, constant, self.loads[row])
@@ -162,7 +162,7 @@ class KnownFriction:
 
     def _jammed(self, row: int, direction: Array) -> DynamicsError:
         run = self.run
-        rubbing = (one.name for one, s in zip(run.mechanism.frictions, direction, strict=True) if s)
+        rubbing = (friction.name for friction, s in zip(run.mechanism.frictions, direction, strict=True) if s)
         names = ", ".join(dict.fromkeys(rubbing))
         return DynamicsError(
             f"at {run.parameter} = {run.grid.t[row]:.9g} {run.unit} no effort moves the mechanism against the friction "
@@ -242,7 +242,9 @@ class KnownFriction:
 def notes_of(run: Trajectory) -> list[str]:
     """Return what is to be said of a motion with joints at rest under friction."""
     lower = {
-        name.removesuffix(".lower"): one.values for name, one in run.columns.items() if name.endswith(".effort.lower")
+        name.removesuffix(".lower"): column.values
+        for name, column in run.columns.items()
+        if name.endswith(".effort.lower")
     }
     found = []
     for name, low in lower.items():

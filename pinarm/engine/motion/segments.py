@@ -72,9 +72,10 @@ class SegmentedMotion:
             segment, local = self.segments[number], grid.part(*np.flatnonzero(owners == number)[[0, -1]])
             motions.append(segment.system.complete(self.dynamics, local, *segment.solution.states(local.t)))
         q, v, a, tau, friction = map(
-            np.concatenate, zip(*((one.q, one.v, one.a, one.tau, one.friction) for one in motions), strict=True)
+            np.concatenate,
+            zip(*((motion.q, motion.v, motion.a, motion.tau, motion.friction) for motion in motions), strict=True),
         )
-        return CompletedStates(q, v, a, tau, Multipliers.joined([one.lam for one in motions]), friction)
+        return CompletedStates(q, v, a, tau, Multipliers.joined([motion.lam for motion in motions]), friction)
 
     def positions(self, t: Array) -> Array:
         """Return the configurations at instants, shape (n,), as they have been integrated, shape (n, nq)."""

@@ -151,7 +151,7 @@ class StickSlip:
         return PrescribedCoordinates(
             (*self.prescribed.names, *(f"{self.contacts[group.first].name}, stuck" for group in slip.stuck)),
             (*self.prescribed.coordinates, *coordinates),
-            (*self.prescribed.laws, *(Constant(value=one.value(state)) for one in coordinates)),
+            (*self.prescribed.laws, *(Constant(value=coordinate.value(state)) for coordinate in coordinates)),
         )
 
     def _standing(self, group: SlipGroup, response: Callable[[], SlipResponse]) -> int:

@@ -152,8 +152,12 @@ class Trajectory:
         """Return the couplings that move a joint without a drive, by its index in v: name -> weight of the joint."""
         if self.driven is None or self.driven[joint]:
             return {}
-        couplings = (one for one in self.mechanism.constraints if isinstance(one, Coupling))
-        return {one.name: float(one.coordinate.weights[joint]) for one in couplings if one.coordinate.weights[joint]}
+        couplings = (constraint for constraint in self.mechanism.constraints if isinstance(constraint, Coupling))
+        return {
+            coupling.name: float(coupling.coordinate.weights[joint])
+            for coupling in couplings
+            if coupling.coordinate.weights[joint]
+        }
 
     def effort(self, joint: int) -> Array:
         """Return the effort along a joint [N*m or N], by its index in v, shape (n,).
@@ -171,8 +175,10 @@ class Trajectory:
         Drives e along coordinates with the weights W give joints ``tau = W^T e``.
         """
         known = self.mechanism.coordinates
-        linear = {one: known[one] for one in self.drives if one in known}
-        weights = {one: found.weights for one, found in linear.items() if isinstance(found, LinearCoordinate)}
+        linear = {drive: known[drive] for drive in self.drives if drive in known}
+        weights = {
+            coordinate: found.weights for coordinate, found in linear.items() if isinstance(found, LinearCoordinate)
+        }
         if name not in weights:
             return None
         efforts = np.linalg.lstsq(np.array([*weights.values()]).T, self.tau.T)[0]

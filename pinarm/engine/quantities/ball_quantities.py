@@ -64,7 +64,11 @@ def _effort(run: Trajectory, ball: Ball, name: str) -> Array:
     if run.no_efforts:
         raise InputError(f"'{name}': {run.no_efforts}", hint="kind: inverse")
     coordinates = run.mechanism.coordinates
-    turned = {name: one for name, one in coordinates.items() if isinstance(one, BallCoordinate | BallAngle)}
+    turned = {
+        name: coordinate
+        for name, coordinate in coordinates.items()
+        if isinstance(coordinate, BallCoordinate | BallAngle)
+    }
     guided = [one for one in run.closure.slices() if one in turned and turned[one].ball == ball]
     if guided:
         raise InputError(f"'{name}': the drive acts along {', '.join(guided)}",

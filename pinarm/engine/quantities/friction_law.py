@@ -41,12 +41,12 @@ def friction_figures(run: Trajectory) -> dict[str, float]:
     every, ends = np.arange(len(some)), np.isin(some.grid.t, some.grid.cuts[1:-1])
     rest_speeds = np.where(ends, SWITCHING, SLOW)
     speeds, against, lengths = sizes(contacts, slips), unit_vectors(contacts, slips), sizes(contacts, some.friction)
-    for one, f, size, speed, s in zip(contacts, some.friction.T, lengths.T, speeds.T, against.T, strict=True):
+    for contact, f, size, speed, s in zip(contacts, some.friction.T, lengths.T, speeds.T, against.T, strict=True):
         normal = np.zeros(len(some))
-        if one.law.loaded:
-            normal = one.bearing.load(one.transmitted(reactions.links(every), reactions.joints, lam))
-        mu, constant = one.law.slipping(speed)
-        rest = one.law.static_mu * normal + one.law.static_constant
+        if contact.law.loaded:
+            normal = contact.bearing.load(contact.transmitted(reactions.links(every), reactions.joints, lam))
+        mu, constant = contact.law.slipping(speed)
+        rest = contact.law.static_mu * normal + contact.law.static_constant
         slipping, stuck = np.abs(f + s * (mu * normal + constant)), np.maximum(size - rest, 0.0)
         slow = speed <= np.maximum(rest_speeds * speed.max(), 2.0 * REST)
         missed = max(missed, float(np.where(slow, stuck, slipping).max()))

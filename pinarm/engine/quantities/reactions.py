@@ -48,8 +48,12 @@ class Reactions:
 
     def __init__(self, run: Trajectory, sample: int = SAMPLE) -> None:
         self.run, self.model, self.closure, self.sample = run, run.mechanism.model, run.closure, sample
-        self.loops = {one.name: one for one in self.closure.constraints if isinstance(one, LoopJoint)}
-        self.couplings = {one.name: one for one in self.closure.constraints if isinstance(one, Coupling)}
+        self.loops = {
+            constraint.name: constraint for constraint in self.closure.constraints if isinstance(constraint, LoopJoint)
+        }
+        self.couplings = {
+            constraint.name: constraint for constraint in self.closure.constraints if isinstance(constraint, Coupling)
+        }
 
     @cached_property
     def _links(self) -> LinkPlacements:
@@ -189,10 +193,10 @@ class Reactions:
         from pinarm.mechanics.loops.relative import LoopCoordinate
 
         run, guides = self.run, self.closure.constraints[len(self.run.mechanism.constraints) :]
-        for one in guides:
-            guided = one.coordinate if isinstance(one, GuidedCoordinate) else None
+        for guide in guides:
+            guided = guide.coordinate if isinstance(guide, GuidedCoordinate) else None
             if isinstance(guided, LoopCoordinate) and guided.loop == name:
-                yield guided, self.multipliers[:, self.closure.slices()[one.name].start]
+                yield guided, self.multipliers[:, self.closure.slices()[guide.name].start]
         for key, force in run.dynamics.forces.items():
             along = force.coordinate if isinstance(force, AlongCoordinate) else None
             if isinstance(along, LoopCoordinate) and along.loop == name:
@@ -225,7 +229,7 @@ class Reactions:
         if joint not in self.left_open:
             return []
         turns = np.concatenate([self.links(rows).turns[:, joint] for rows in _blocks(0, len(self.run))])
-        parts = ((turns @ one[:3], turns @ one[3:]) for one in self.left_open[joint].wrenches)
+        parts = ((turns @ wrench[:3], turns @ wrench[3:]) for wrench in self.left_open[joint].wrenches)
         return [np.concatenate(both, axis=1) for both in parts]
 
     def multiplier(self, name: str) -> tuple[Array, list[Array]]:
@@ -242,8 +246,8 @@ class Reactions:
         found = [[coupling.transmitted(self.links(rows), one[rows, None]) for rows in _blocks(0, len(lam))]
                  for one in (lam, np.zeros_like(lam), *stresses)]  # fmt: skip
         points = np.concatenate([point for point, _ in found[0]])
-        wrench, idle, *stressed = (np.concatenate([one for _, one in blocks]) for blocks in found)
-        return points, wrench, [one - idle for one in stressed]
+        wrench, idle, *stressed = (np.concatenate([block for _, block in blocks]) for blocks in found)
+        return points, wrench, [stress - idle for stress in stressed]
 
     @cached_property
     def stresses(self) -> list[Array]:

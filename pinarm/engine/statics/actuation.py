@@ -167,5 +167,9 @@ def everywhere(mechanism: Mechanism) -> Actuation | None:
 
 def followers_of(constraints: Sequence[Constraint]) -> Indices | None:
     """Return the joints that mimic others, one of each constraint; ``None`` where there are other constraints."""
-    found = {one.follower for one in constraints if isinstance(one, Coupling) and one.follower is not None}
+    found = {
+        constraint.follower
+        for constraint in constraints
+        if isinstance(constraint, Coupling) and constraint.follower is not None
+    }
     return np.array(sorted(found), dtype=np.intp) if len(found) == len(constraints) else None

@@ -156,7 +156,9 @@ class ForceBalance:
     def efforts(self, q: Array) -> tuple[Array, Array]:
         """Return what holds the mechanism: tau at joints, shape (nv,), and the multipliers, shape (m,)."""
         lam, m = self.split(q).multipliers(-self.force(q)), self.closure.size
-        weights = [one.weights for one in self.held.coordinates if isinstance(one, LinearCoordinate)]
+        weights = [
+            coordinate.weights for coordinate in self.held.coordinates if isinstance(coordinate, LinearCoordinate)
+        ]
         return lam[m:] @ np.array(weights).reshape(-1, len(self.turns)), lam[:m]
 
     def equilibrium(self, q: Array, start: str) -> Equilibrium:

@@ -71,7 +71,7 @@ class SelectedDrives:
         if not good.all():
             row = int(good.argmin())
             raise self._refusal(t[row], q[row : row + 1], demand[row : row + 1])
-        weights = np.array([one.weights for one in self.joints.values()]).reshape(k, demand.shape[1])
+        weights = np.array([joint.weights for joint in self.joints.values()]).reshape(k, demand.shape[1])
         tau = effort[:, :k] @ weights
         return tau, Multipliers.least(self.closure, q, demand - tau, effort[:, k:])
 

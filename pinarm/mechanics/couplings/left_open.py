@@ -35,7 +35,7 @@ class OpenReaction:
 
     def __str__(self) -> str:
         """Return the reason in words."""
-        named = (f"'{one.name}' ({one.kind}): {one.missing}" for one in self.couplings)
+        named = (f"'{coupling.name}' ({coupling.kind}): {coupling.missing}" for coupling in self.couplings)
         return "couplings leave it open: " + "; ".join(named)
 
 
@@ -46,16 +46,16 @@ def left_open(model: pin.Model, couplings: Sequence[Coupling]) -> dict[int, Open
     are known, so that wrenches that do power on its own motion are not open.
     """
     found: dict[int, OpenReaction] = {}
-    for one in couplings:
-        if one.transmission is not None:
+    for coupling in couplings:
+        if coupling.transmission is not None:
             continue
-        coupled = {k for k in range(1, model.njoints) if one.coordinate.weights[model.joints[k].idx_v]}
+        coupled = {k for k in range(1, model.njoints) if coupling.coordinate.weights[model.joints[k].idx_v]}
         for joint in _between(model, coupled):
             others = found[joint].couplings if joint in found else ()
             wrenches = np.eye(6) if joint in coupled else _without_power(model, joint)
             if joint in found and len(found[joint].wrenches) > len(wrenches):
                 wrenches = found[joint].wrenches
-            found[joint] = OpenReaction((*others, one), wrenches)
+            found[joint] = OpenReaction((*others, coupling), wrenches)
     return found
 
 

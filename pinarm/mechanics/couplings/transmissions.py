@@ -219,7 +219,7 @@ class PureMoments:
         """Return the moments on the two members and on the carrier."""
         bodies, couples = (self.second, self.first, self.carrier), np.zeros((3, 6))
         couples[:, 3:] = self.moments
-        return {body: np.multiply.outer(lam, one) for body, one in zip(bodies, couples, strict=True)}
+        return {body: np.multiply.outer(lam, couple) for body, couple in zip(bodies, couples, strict=True)}
 
     def parts(self) -> dict[str, Unit]:
         """Return nothing: the moment is the effort."""

@@ -35,11 +35,11 @@ class SpringDamper(ForceElement):
     @classmethod
     def sum(cls, elements: Sequence[SpringDamper]) -> SpringDamper:
         """Return the element whose load is the sum of theirs; its energy differs by a constant."""
-        size = max((int(one.v.max(initial=-1)) for one in elements), default=-1) + 1
+        size = max((int(element.v.max(initial=-1)) for element in elements), default=-1) + 1
         sums, places = np.zeros((3, size)), np.zeros(size, np.intp)
-        for one in elements:
-            sums[:, one.v] += [one.stiffness, one.damping, one.stiffness * one.rest]
-            places[one.v] = one.q
+        for element in elements:
+            sums[:, element.v] += [element.stiffness, element.damping, element.stiffness * element.rest]
+            places[element.v] = element.q
         kept = np.flatnonzero(sums[:2].any(axis=0))
         stiffness, damping, pull = sums[:, kept]
         rest = np.divide(pull, stiffness, out=np.zeros(len(kept)), where=stiffness > 0.0)

@@ -184,16 +184,16 @@ class LoopContact:
 
 def slip_rows(model: pin.Model, contacts: Sequence[FrictionContact], q: Array) -> Array:
     """Return J of all contacts at configurations, shape (n, nq), as an array of shape (n, k, nv)."""
-    if all(isinstance(one, JointContact) for one in contacts):
-        fixed = np.eye(model.nv)[[one.v for one in contacts if isinstance(one, JointContact)]]
+    if all(isinstance(contact, JointContact) for contact in contacts):
+        fixed = np.eye(model.nv)[[contact.v for contact in contacts if isinstance(contact, JointContact)]]
         return np.broadcast_to(fixed, (len(q), *fixed.shape))
     states = (Kinematics.at(model, row) for row in q)
-    return np.array([[one.row(state) for one in contacts] for state in states]).reshape(len(q), -1, model.nv)
+    return np.array([[contact.row(state) for contact in contacts] for state in states]).reshape(len(q), -1, model.nv)
 
 
 def slip_drifts(model: pin.Model, contacts: Sequence[FrictionContact], q: Array, v: Array) -> Array:
     """Return J' v of all contacts in states, shapes (n, nq) and (n, nv), as an array of shape (n, k)."""
-    if all(isinstance(one, JointContact) for one in contacts):
+    if all(isinstance(contact, JointContact) for contact in contacts):
         return np.zeros((len(q), len(contacts)))
     states = (Kinematics.at(model, *row) for row in zip(q, v, strict=True))
-    return np.array([[one.drift(state) for one in contacts] for state in states]).reshape(len(q), -1)
+    return np.array([[contact.drift(state) for contact in contacts] for state in states]).reshape(len(q), -1)

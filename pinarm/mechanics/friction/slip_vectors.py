@@ -17,17 +17,17 @@ from pinarm.mechanics.friction.contact import FrictionContact
 
 def same_joint(contacts: Sequence[FrictionContact]) -> Flags:
     """Return which contacts are components of one slip, shape (k, k)."""
-    return _same_names(tuple(one.name for one in contacts))[0]
+    return _same_names(tuple(contact.name for contact in contacts))[0]
 
 
 def several(contacts: Sequence[FrictionContact]) -> Flags:
     """Return which contacts are components of a slip with several, shape (k,)."""
-    return _same_names(tuple(one.name for one in contacts))[1]
+    return _same_names(tuple(contact.name for contact in contacts))[1]
 
 
 @lru_cache(maxsize=16)  # asked at every evaluation of an equation of motion
 def _same_names(names: tuple[str, ...]) -> tuple[Flags, Flags]:
-    same = np.array([[one == other for other in names] for one in names], dtype=bool).reshape(len(names), -1)
+    same = np.array([[name == other for other in names] for name in names], dtype=bool).reshape(len(names), -1)
     return same, same.sum(axis=1) > 1
 
 

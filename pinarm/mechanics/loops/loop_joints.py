@@ -102,7 +102,7 @@ class LoopJoint:
         (turn, origin), (other, place) = links.frame(self.first), links.frame(self.second)
         axes = (turn.swapaxes(1, 2) @ other).transpose(2, 1, 0)
         directions = self.pair.directions(np.vecmat(place - origin, turn).T, axes)
-        inner = (np.einsum("nk,kcn->nc", lam, _spread(one, len(lam))) for one in directions)
+        inner = (np.einsum("nk,kcn->nc", lam, _spread(direction, len(lam))) for direction in directions)
         return np.concatenate([np.matvec(turn, one) for one in inner], axis=1)
 
 

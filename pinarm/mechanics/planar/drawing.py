@@ -131,10 +131,10 @@ class PlanarDrawing(InputStruct, frozen=True):
         self._check_points("points", points=link.points)
         if link.centre is not None:
             _check_known("centre", name=link.centre, what="point", known=self.points)
-        for index, one in enumerate(link.points):
+        for index, point in enumerate(link.points):
             for other in link.points[:index]:
-                if self.points[one] == self.points[other]:
-                    raise InputError(f"the points {other} and {one} of the link '{name}' are at one place",
+                if self.points[point] == self.points[other]:
+                    raise InputError(f"the points {other} and {point} of the link '{name}' are at one place",
                                      expected="points apart from each other")  # fmt: skip
 
     def _check_slide(self, name: str, slide: Slider | Slot) -> None:

@@ -58,11 +58,11 @@ def expanded(drawing: PlanarDrawing) -> ExpandedDrawing:
     robot = ElementTree.Element("robot", name="planar")
     ElementTree.SubElement(robot, "link", name=GROUND)
     origins = {GROUND: np.zeros(2)}
-    for one in linkage.tree:
-        place = origins[one.second] = _place(drawing, one.point)
-        with within("links", one.second):
-            _add_link(robot, one.second, drawing, place)
-        _add_joint(robot, one, place - origins[one.first])
+    for edge in linkage.tree:
+        place = origins[edge.second] = _place(drawing, edge.point)
+        with within("links", edge.second):
+            _add_link(robot, edge.second, drawing, place)
+        _add_joint(robot, edge, place - origins[edge.first])
     for (body, point), mark in marks.items():
         ElementTree.SubElement(robot, "link", name=mark)
         joint = _joint(robot, f"{mark}_fixed", "fixed", body, mark)
@@ -80,7 +80,7 @@ def _marks(drawing: PlanarDrawing, closing: Sequence[DrawnJoint]) -> Marks:
     wanted = [(body, point) for body, points in drawing.bodies.items() for point in points]
     wanted += [(name, link.centre) for name, link in drawing.links.items() if link.centre is not None]
     wanted += [(slot.on, slot.point) for slot in drawing.slots.values()]
-    wanted += [(body, one.point) for one in closing for body in (one.first, one.second)]
+    wanted += [(body, joint.point) for joint in closing for body in (joint.first, joint.second)]
     marks: Marks = {}
     for body, point in dict.fromkeys(wanted):
         marks[body, point] = f"{point}_{body}" if point in marks.values() else point
@@ -158,12 +158,12 @@ def _text(vector: Array) -> str:
 
 def _loops(drawing: PlanarDrawing, linkage: Linkage, marks: Marks) -> dict[str, Loop]:
     loops: dict[str, Loop] = {}
-    for one in linkage.closing:
-        between = marks[one.first, one.point], marks[one.second, one.point]
-        if one.direction is None:
-            loops[one.name] = PointOnLine(between=between, axis="z")
+    for joint in linkage.closing:
+        between = marks[joint.first, joint.point], marks[joint.second, joint.point]
+        if joint.direction is None:
+            loops[joint.name] = PointOnLine(between=between, axis="z")
         else:
-            loops[one.name] = Prismatic(between=between, axis=_spatial(one.direction))
+            loops[joint.name] = Prismatic(between=between, axis=_spatial(joint.direction))
     for name, slot in drawing.slots.items():
         between = marks[slot.on, slot.point], marks[slot.link, slot.point]
         x, y = direction(drawing, slot.along)

@@ -123,7 +123,7 @@ def _tree(slides: Sequence[DrawnJoint], pins: Sequence[DrawnJoint]) -> list[Draw
             sliding = _sliding(slides, pin.second, reached)
             tree += [pin, *sliding]
             waiting.append((pin.second, sliding))
-        waiting += [(one.second, []) for one in slid]
+        waiting += [(slide.second, []) for slide in slid]
     return tree
 
 

@@ -76,8 +76,10 @@ class ReducedMechanism:
         whole = self.whole
         model = self._model()
         joints, balls = joints_of(model), balls_of(model)
-        left = (one for one in whole.constraints if one.name not in self.removed.couplings)
-        constraints = tuple(self._coupling(model, one) if isinstance(one, Coupling) else one for one in left)
+        left = (constraint for constraint in whole.constraints if constraint.name not in self.removed.couplings)
+        constraints = tuple(
+            self._coupling(model, constraint) if isinstance(constraint, Coupling) else constraint for constraint in left
+        )
         drives = {name: drive for name, drive in whole.drives.items() if drive.joint in joints}
         carried = Carried(
             tuple(self.forces.values()), tuple(self.removed.dropped.values()), self.configuration, self.kept_q,
@@ -128,9 +130,9 @@ class ReducedMechanism:
         """Return the coordinates that no removed joint has a part in, but for those of frames, which all stay."""
         gone = list(self.removed.laws)
         found = {
-            name: self._sum(model, one) if isinstance(one, LinearCoordinate) else self._counting(model, one)
-            for name, one in self.whole.coordinates.items()
-            if not (isinstance(one, LinearCoordinate) and one.weights[gone].any())
+            name: self._sum(model, known) if isinstance(known, LinearCoordinate) else self._counting(model, known)
+            for name, known in self.whole.coordinates.items()
+            if not (isinstance(known, LinearCoordinate) and known.weights[gone].any())
         }  # fmt: skip
         balls = balls_of(model)
         return {**found, **ball_coordinates(model, balls), **ball_angles(balls)}
@@ -169,7 +171,7 @@ class ReducedMechanism:
     def restored(self, outcome: Outcome) -> Outcome:
         """Return what came out for the part as what comes out for the whole."""
         motion = outcome.motion and RestoredMotion(self, outcome.motion, outcome.rows.grid.cuts)
-        events = [self._event(one) for one in outcome.events]
+        events = [self._event(event) for event in outcome.events]
         return replace(outcome, rows=self.restored_rows(outcome.rows), motion=motion, events=events)
 
     def restored_rows(self, run: Trajectory) -> Trajectory:
@@ -179,7 +181,7 @@ class ReducedMechanism:
         a[:, self.kept_v], tau[:, self.kept_v] = run.a, run.tau
         for i, law in self.removed.laws.items():
             a[:, i] = grid.evaluate(law)[2]
-        names = [one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]]
+        names = [constraint.name for constraint in run.closure.constraints[len(run.mechanism.constraints) :]]
         closure = self.whole.closure.with_guides(names, [self.whole.coordinate(name) for name in names])
         driven = None if run.driven is None else self._driven(run.driven)
         back = replace(
@@ -218,8 +220,8 @@ class ReducedMechanism:
         tau[:, self.answered] = demand[:, self.answered]
         if not self.removed.couplings:
             return replace(run, tau=tau)
-        removed = (one for one in self._couplings if one.name in self.removed.couplings)
-        geared = np.array([one.coordinate.weights for one in removed])
+        removed = (coupling for coupling in self._couplings if coupling.name in self.removed.couplings)
+        geared = np.array([coupling.coordinate.weights for coupling in removed])
         tied = np.flatnonzero(geared.any(axis=0))
         driven = self.answered[geared[:, self.answered].any(axis=0)]
         ways = np.vstack([np.eye(self.whole.model.nv)[driven], geared])[:, tied]
@@ -229,7 +231,7 @@ class ReducedMechanism:
 
     @property
     def _couplings(self) -> list[Coupling]:
-        return [one for one in self.whole.constraints if isinstance(one, Coupling)]
+        return [constraint for constraint in self.whole.constraints if isinstance(constraint, Coupling)]
 
     def _multipliers(self, lam: Multipliers, geared: Array) -> Multipliers:
         """Return the multipliers of the whole from those of the part and of the couplings removed, shape (n, k)."""

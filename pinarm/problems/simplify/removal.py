@@ -95,23 +95,23 @@ class KnownMotion:
         found = {v: law for v, law in self.own_laws.items() if isinstance(law, Constant)}
         while True:
             before = len(found)
-            for one in self._couplings:
-                weights = one.coordinate.weights
+            for coupling in self._couplings:
+                weights = coupling.coordinate.weights
                 left = [v for v in self.joints_of(weights) if v not in found]
                 if len(left) == 1 and left[0] not in self.own_laws:
                     others = sum(weights[v] * law.value for v, law in found.items())
-                    found[left[0]] = Constant(value=float((one.constant - others) / weights[left[0]]))
+                    found[left[0]] = Constant(value=float((coupling.constant - others) / weights[left[0]]))
             if len(found) == before:
                 return found
 
     @property
     def _couplings(self) -> list[Coupling]:
-        return [one for one in self.mechanism.constraints if isinstance(one, Coupling)]
+        return [constraint for constraint in self.mechanism.constraints if isinstance(constraint, Coupling)]
 
     @cached_property
     def stationary_couplings(self) -> dict[str, set[int]]:
         """Couplings of joints that all stand still, one of them because of it; and their joints."""
-        found = {one.name: self.joints_of(one.coordinate.weights) for one in self._couplings}
+        found = {coupling.name: self.joints_of(coupling.coordinate.weights) for coupling in self._couplings}
         still = {name: joints for name, joints in found.items() if joints <= set(self.stationary)}
         followers = set(self.stationary) - set(self.own_laws)
         return still if len(still) == len(followers & set().union(*still.values())) else {}
@@ -139,8 +139,12 @@ class KnownMotion:
     @cached_property
     def shared_efforts(self) -> set[int]:
         """Joints whose effort is not simply what the motion asks at them: others share in it."""
-        sums = [one for one in self.prescribed.values() if isinstance(one, LinearCoordinate) and one.joint is None]
-        found = set().union(*(self.joints_of(one.weights) for one in sums))
+        sums = [
+            coordinate
+            for coordinate in self.prescribed.values()
+            if isinstance(coordinate, LinearCoordinate) and coordinate.joint is None
+        ]
+        found = set().union(*(self.joints_of(total.weights) for total in sums))
         found |= set().union(*(self._joints_moving(self.mechanism.coordinates[name]) for name in self.guided))
         for name, rows in self.mechanism.closure.slices().items():
             if name not in self.stationary_couplings:
@@ -152,11 +156,13 @@ class KnownMotion:
         mechanism = self.mechanism
         stay = self.shared_efforts | (set(range(mechanism.model.nv)) - set(self.own_laws) - set(self.stationary))
         stay |= {mechanism.joints[name].v for name in requested if name in mechanism.joints}
-        for one in self.watched.values():
-            stay |= self._joints_moving(one) - (set() if isinstance(one, LinearCoordinate) else set(self.stationary))
-        for one in self.prescribed.values():
-            if not isinstance(one, LinearCoordinate):
-                stay |= self._joints_moving(one) - set(self.stationary)
+        for coordinate in self.watched.values():
+            stay |= self._joints_moving(coordinate) - (
+                set() if isinstance(coordinate, LinearCoordinate) else set(self.stationary)
+            )
+        for coordinate in self.prescribed.values():
+            if not isinstance(coordinate, LinearCoordinate):
+                stay |= self._joints_moving(coordinate) - set(self.stationary)
         while torn := [joints for joints in self.stationary_couplings.values() if joints & stay and not joints <= stay]:
             stay |= set().union(*torn)
         return stay
@@ -217,7 +223,11 @@ def removable(
     dropped = known.droppable(stay, () if known.declared.massless else stay) if within else {}
     settled = [name for name, joints in known.stationary_couplings.items() if not joints & stay]
     gone = {*locked, *dropped}
-    left = [one for one in known.prescribed.values() if not (isinstance(one, LinearCoordinate) and one.joint in gone)]
+    left = [
+        coordinate
+        for coordinate in known.prescribed.values()
+        if not (isinstance(coordinate, LinearCoordinate) and coordinate.joint in gone)
+    ]
     if not (stay and gone and (left or known.declared.integrated) and _has_same_drives(known, settled)):
         return None
     geared = set().union(*(joints for name, joints in known.stationary_couplings.items() if name not in settled))
@@ -242,15 +252,18 @@ def _is_reducible(known: KnownMotion) -> bool:
     if not known.declared.integrated:
         return True
     # integrated with loops, the error of a step is measured over all coordinates: fewer of them take other steps
-    straight = all(isinstance(one, LinearCoordinate) for one in known.prescribed.values())
-    couplings = [one for one in known.mechanism.constraints if isinstance(one, Coupling)]
+    straight = all(isinstance(coordinate, LinearCoordinate) for coordinate in known.prescribed.values())
+    couplings = [constraint for constraint in known.mechanism.constraints if isinstance(constraint, Coupling)]
     return straight and len(couplings) == len(known.mechanism.constraints) and independent(couplings)
 
 
 def _has_same_drives(known: KnownMotion, settled: Collection[str]) -> bool:
     """Tell whether drives act on the part as on the whole, where none are named."""
     constraints = known.mechanism.constraints
-    left = [one for one in constraints if one.name not in settled]
+    left = [constraint for constraint in constraints if constraint.name not in settled]
     if known.declared.drives or (followers_of(left) is None) == (followers_of(constraints) is None):
         return True
-    return all(isinstance(one, LinearCoordinate) and one.joint is not None for one in known.prescribed.values())
+    return all(
+        isinstance(coordinate, LinearCoordinate) and coordinate.joint is not None
+        for coordinate in known.prescribed.values()
+    )

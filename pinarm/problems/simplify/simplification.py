@@ -170,5 +170,5 @@ ALONE = "follows its law; nothing that is free, or asked as a force, depends on 
 def removal_lines(removals: Sequence[Removal]) -> list[str]:
     """Return what is removed in a line for each reason, many joints counted."""
     reasons = {"locked": "held still", "dropped": "moved by laws, and nothing that is free or asked depends on it"}
-    names = {how: [one.joint for one in removals if one.how == how] for how in reasons}
+    names = {how: [removal.joint for removal in removals if removal.how == how] for how in reasons}
     return [f"{how}: {listed('joint', joints)} ({reasons[how]})" for how, joints in names.items() if joints]

@@ -35,12 +35,12 @@ def system_of(closure: Closure, dynamics: Dynamics, prescribed: PrescribedCoordi
     Raises:
         InputError: They cannot be prescribed independently.
     """
-    couplings = [one for one in closure.constraints if isinstance(one, Coupling)]
-    linear = [one for one in prescribed.coordinates if isinstance(one, LinearCoordinate)]
+    couplings = [constraint for constraint in closure.constraints if isinstance(constraint, Coupling)]
+    linear = [coordinate for coordinate in prescribed.coordinates if isinstance(coordinate, LinearCoordinate)]
     bent = len(linear) < len(prescribed.coordinates) or len(couplings) < len(closure.constraints)
     if bent or not independent(couplings):
         general = ConstrainedSystem.of(closure, dynamics, prescribed)
-        driven = [one.joint for one in linear if one.joint is not None]
+        driven = [coordinate.joint for coordinate in linear if coordinate.joint is not None]
         points = PointConstraints.of(closure, initial.q, driven) if len(driven) == len(prescribed.names) else None
         return PointSystem(general, points) if points else general
     rows = [one.weights for one in [*(coupling.coordinate for coupling in couplings), *linear]]

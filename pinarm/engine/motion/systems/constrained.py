@@ -102,7 +102,7 @@ class ConstrainedSystem:
         if (left > LASTING * np.abs(right).max(initial=0.0) + rounding).any():
             worst = left.max()
             torn = dict.fromkeys(
-                one.name for (one, _), x in zip(self.rows.owners(), left, strict=True) if x > 0.1 * worst
+                constraint.name for (constraint, _), x in zip(self.rows.owners(), left, strict=True) if x > 0.1 * worst
             )
             raise InputError(
                 f"the position is singular: {', '.join(torn)} can move with these velocities for an instant only",
@@ -186,8 +186,8 @@ class ConstrainedSystem:
         return splits.each(self.rows.size, RowDecomposition.reached, gaps)
 
     def _open(self, t: float, q: Array, gap: Array) -> AssemblyError:
-        owners = [(one.name, one.unit(row)) for one, row in self.rows.owners()]
-        sizes = {owner: float(np.linalg.norm(gap[[one == owner for one in owners]])) for owner in owners}
+        owners = [(constraint.name, constraint.unit(row)) for constraint, row in self.rows.owners()]
+        sizes = {owner: float(np.linalg.norm(gap[[other == owner for other in owners]])) for owner in owners}
         (name, measured), size = max(sizes.items(), key=lambda item: item[1])
         return AssemblyError(
             f"at t = {t:.9g} s {name} stays open by {size:.3g} {measured}",
@@ -239,7 +239,9 @@ class ConstrainedSystem:
         demand = np.concatenate([local.inverse(grid.t[rows], q[rows], v[rows], a[rows])
                                  for rows, local in parts(dynamics, grid)])  # fmt: skip
         others = self.closure.size - self.own.size
-        weights = [one.weights for one in self.prescribed.coordinates if isinstance(one, LinearCoordinate)]
+        weights = [
+            coordinate.weights for coordinate in self.prescribed.coordinates if isinstance(coordinate, LinearCoordinate)
+        ]
         tau = efforts[:, others:] @ np.reshape(weights, (-1, v.shape[1]))
         return CompletedStates(q, v, a, tau, Multipliers.least(self.closure, q, demand - tau, efforts[:, :others]))
 
@@ -248,4 +250,4 @@ def _moved(model: pin.Model, q: Array, x: Array) -> Array:
     """Return configurations, shape (n, nq), after motions x, shape (n, nv)."""
     if model.nq == model.nv:
         return q + x
-    return np.array([pin.integrate(model, *one) for one in zip(q, x, strict=True)])
+    return np.array([pin.integrate(model, *pair) for pair in zip(q, x, strict=True)])

@@ -186,7 +186,7 @@ class _PointMotion:
         except np.linalg.LinAlgError:  # a stage that is not finite; the step will be refused
             return float("nan")
         if closed:
-            self.rank = max(self.rank, sum(one > VANISHED * squares[-1] for one in squares))
+            self.rank = max(self.rank, sum(square > VANISHED * squares[-1] for square in squares))
         return float(max(squares[-self.rank] / squares[-1], 0.0) ** 0.5) / self.points.tied.regularity
 
     def closed(self, q: Array, v: Array) -> tuple[Array, Array]:
