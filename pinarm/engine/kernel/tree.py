@@ -25,7 +25,7 @@ from pinarm.engine.kernel.structures import (
     FlowStructure,
     TreeStructure,
 )
-from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.forces.force_element import ForceElement
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Acceleration

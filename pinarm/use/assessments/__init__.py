@@ -5,8 +5,9 @@ Each is imported when a scenario first asks for it.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
+
+from pinarm.input.yaml.deferred import Deferred
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -14,10 +15,10 @@ if TYPE_CHECKING:
     from pinarm.use.result.result import Result
     from pinarm.use.result.section import Section
 
-KINDS = {
-    "shaking": ("shaking", "Shaking"),
-    "sizing": ("sizing.sizing", "Sizing"),
-    "loads": ("loads.loads", "Loads"),
+ASSESSMENTS: Deferred = {
+    "shaking": ("pinarm.use.assessments.shaking", "Shaking"),
+    "sizing": ("pinarm.use.assessments.sizing.sizing", "Sizing"),
+    "loads": ("pinarm.use.assessments.loads.loads", "Loads"),
 }
 """Key of a scenario -> module and class. A new one is a class, an entry here, and the key in ``ScenarioFile``."""
 
@@ -51,11 +52,4 @@ if TYPE_CHECKING:  # mypy compares the classes with the protocol, which are impo
     from pinarm.use.assessments.shaking import Shaking
     from pinarm.use.assessments.sizing.sizing import Sizing
 
-    _ASSESSMENTS: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads)
-
-
-def assessment_class(key: str) -> type[Any]:
-    """Return the class of an assessment."""
-    module, name = KINDS[key]
-    loaded: type[Any] = getattr(import_module(f"pinarm.use.assessments.{module}"), name)
-    return loaded
+    _CLASSES: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads)

@@ -10,7 +10,6 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.units import read_quantity
 from pinarm.input.yaml.schema import InputStruct, in_si
-from pinarm.use.result.curve_figures import FIGURES, is_figure
 
 Verdict = Literal["agrees", "rounding", "reading", "misprint", "model_error"]
 ERRATA = ("misprint", "model_error")
@@ -66,13 +65,7 @@ class Expectation(InputStruct, frozen=True):
         if self.published is not None:
             with within("published"):
                 read_quantity(self.published)
-        if isinstance(self.at, str) and self.at not in PLACES and not is_figure(self.at):
-            expected, hint = choices(self.at, [*PLACES, *FIGURES])
-            with within("at"):
-                raise InputError(
-                    f"there is no place '{self.at}' on a run", hint=hint,
-                    expected=f"{expected}, a percentile such as p95, or an instant such as {{t: 1.5 s}}",
-                )  # fmt: skip
+        self._check_place()
         if self.value is not None and self.formula is not None:
             raise InputError("give a value or a formula, not both")
         if self.value is None and self.formula is None and self.published is None and self.published_formula is None:
@@ -87,6 +80,19 @@ class Expectation(InputStruct, frozen=True):
         if self.erratum and self.verdict not in ERRATA:
             raise InputError(f"an erratum is a misprint or a model error, not '{self.verdict}'",
                              expected="verdict: misprint, or model_error")  # fmt: skip
+
+    def _check_place(self) -> None:
+        if isinstance(self.at, dict) or self.at in PLACES:
+            return
+        from pinarm.use.result.curve_figures import FIGURES, is_figure
+
+        if not is_figure(self.at):
+            expected, hint = choices(self.at, [*PLACES, *FIGURES])
+            with within("at"):
+                raise InputError(
+                    f"there is no place '{self.at}' on a run", hint=hint,
+                    expected=f"{expected}, a percentile such as p95, or an instant such as {{t: 1.5 s}}",
+                )  # fmt: skip
 
     def check_names(self, quantities: Quantities) -> None:
         """Check its names and units against the quantities of a run.

@@ -17,11 +17,11 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import Source
-from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.mechanics.loading.pinocchio_model import file_suffix
 from pinarm.use.output.folder import whole_folder
+from pinarm.use.result.stored_rows import states
 from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
 
 if TYPE_CHECKING:
@@ -97,17 +97,6 @@ def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
     units = np.array([[series.name, str(series.unit or "?")] for series in columns])
     behind = {f"state.{name}": array for name, array in {**states(result.trajectory), "units": units}.items()}
     return {**behind, **{series.name: np.asarray(series.values) for series in columns}}
-
-
-def states(run: Trajectory) -> dict[str, Any]:
-    """Return the arrays from which ``restore`` makes the states of a run again, for the same scenario."""
-    guides = [one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]]
-    return {
-        "q": run.q, "v": run.v, "a": run.a, "tau": run.tau, "t": run.grid.t, "cuts": np.array(run.grid.cuts),
-        "rows": np.array(run.grid.rows), "lam": np.asarray(run.lam), "guides": np.array(guides, str),
-        "further": np.array([series.values for series in run.columns.values()]),
-        **({} if run.directions is None else {"directions": run.directions}),
-    }  # fmt: skip
 
 
 def _resolved(result: Result, folder: Path) -> str:
