@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pinarm.arrays import Array, Indices
-from pinarm.engine.kernel.structures import STRUCTURES, FlowStructure
+from pinarm.arrays import Array
+from pinarm.engine.kernel.structures import SIZES, FlowStructure
 
 SWITCH = "PINARM_KERNEL"
 """Environment variable: ``off`` leaves the library out, when pinarm is built and when it runs."""
@@ -45,11 +46,11 @@ def library() -> ctypes.PyDLL | None:
         return None
     try:
         loaded = ctypes.PyDLL(str(PATH))
-        sizes = (ctypes.c_int * len(STRUCTURES))()
-        count = loaded.kernel_sizes(len(STRUCTURES), sizes)
+        sizes = (ctypes.c_int * len(SIZES))()
+        count = loaded.kernel_sizes(len(SIZES), sizes)
     except (OSError, AttributeError):  # it is of another system, or of another version
         return None
-    return loaded if (count, *sizes) == (len(STRUCTURES), *map(ctypes.sizeof, STRUCTURES)) else None
+    return loaded if (count, *sizes) == (len(SIZES), *SIZES) else None
 
 
 def absence() -> str:
@@ -61,7 +62,7 @@ def absence() -> str:
     return f"{PATH.name} is of another version or system" if PATH.exists() else "not built, for want of a C compiler"
 
 
-def pointer(array: Array | Indices) -> int:
+def pointer(array: NDArray[Any]) -> int:
     """Return the address of the numbers of an array.
 
     Raises:

@@ -6,21 +6,25 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from pinarm.arrays import Array
-from pinarm.engine.kernel.structures import REAL, LinkStructure, ScrewStructure
+from pinarm.engine.kernel.structures import LINK, SCREW
 
-SCREW, CONTINUOUS, BALL, FLOATING, PLANAR, TRANSLATION = range(6)
+UNIAXIAL, CONTINUOUS, BALL, FLOATING, PLANAR, TRANSLATION = range(6)
 """Kinds of joints, see ``joints.h``."""
 
 KINDS = {
-    "RX": SCREW, "RY": SCREW, "RZ": SCREW, "RevoluteUnaligned": SCREW,
-    "PX": SCREW, "PY": SCREW, "PZ": SCREW, "PrismaticUnaligned": SCREW,
-    "HX": SCREW, "HY": SCREW, "HZ": SCREW, "HelicalUnaligned": SCREW,
+    "RX": UNIAXIAL, "RY": UNIAXIAL, "RZ": UNIAXIAL, "RevoluteUnaligned": UNIAXIAL,
+    "PX": UNIAXIAL, "PY": UNIAXIAL, "PZ": UNIAXIAL, "PrismaticUnaligned": UNIAXIAL,
+    "HX": UNIAXIAL, "HY": UNIAXIAL, "HZ": UNIAXIAL, "HelicalUnaligned": UNIAXIAL,
     "RUBX": CONTINUOUS, "RUBY": CONTINUOUS, "RUBZ": CONTINUOUS, "RevoluteUnboundedUnaligned": CONTINUOUS,
     "Spherical": BALL, "FreeFlyer": FLOATING, "Planar": PLANAR, "Translation": TRANSLATION,
 }  # fmt: skip
 """Pinocchio's name of a joint, without ``JointModel`` -> its kind."""
+
+SYMMETRIC = np.array([4, 5, 7, 5, 6, 8, 7, 8, 9])
+"""Places of a symmetric matrix's entries in Pinocchio's parameters of a body, where xx, xy, yy, xz, yz, zz are last."""
 
 X, Y, Z = range(3)
 COLUMNS: dict[int, tuple[tuple[int, float, float], ...]] = {
@@ -29,7 +33,11 @@ COLUMNS: dict[int, tuple[tuple[int, float, float], ...]] = {
     PLANAR: ((X, 1, 0), (Y, 1, 0), (Z, 0, 1)),
     TRANSLATION: ((X, 1, 0), (Y, 1, 0), (Z, 1, 0)),
 }
-"""Kind of a joint with several velocities -> the axis, the slide and the turn of each: see ``Screw``."""
+"""Kind of a joint with several velocities -> the axis, the slide and the turn of each: see ``structures.SCREW``."""
+
+
+ALONG = {"X": np.eye(3)[:, [1, 2, 0]], "Y": np.eye(3)[:, [2, 0, 1]], "Z": np.eye(3)}
+"""Last letter of the name of a joint, its axis -> a rotation whose last column is that axis."""
 
 
 class JointFrame(NamedTuple):
@@ -46,22 +54,41 @@ class JointFrame(NamedTuple):
     rotation: Array
 
 
-def links_of(model: pin.Model) -> tuple[list[LinkStructure], list[ScrewStructure]] | None:
-    """Return the links of a model, and the screw of each velocity; ``None`` where a joint is of no known kind."""
-    known = [_frame(model, joint) for joint in model.joints.tolist()[1:]]
-    frames = [one for one in known if one is not None]
-    if len(frames) < len(known):
+def links_of(model: pin.Model) -> tuple[NDArray[np.void], NDArray[np.void]] | None:
+    """Return the links of a model, and the screw of each velocity; ``None`` where a joint is of no known kind.
+
+    With the axes A of a link's frame in Pinocchio's, and A_p of its parent's, placements are ``A_p^T R A`` and
+    ``A_p^T r``, and of the body ``A^T m c`` and ``A^T I A``.
+    """
+    joints = [_frame(model, joint) for joint in model.joints.tolist()[1:]]
+    frames = [one for one in joints if one is not None]
+    if len(frames) < len(joints):
         return None
-    links = [_link(model, index, frames) for index in range(1, model.njoints)]
-    return links, [ScrewStructure(*screw) for frame in frames for screw in frame.screws]
+    parents, links = np.array(model.parents.tolist())[1:], np.zeros(len(frames), LINK)
+    turned = np.array([frame.rotation for frame in frames])
+    outwards = np.array([np.eye(3), *turned])[parents].swapaxes(1, 2)
+    placements = np.array([one.homogeneous for one in model.jointPlacements.tolist()[1:]])
+    bodies = np.array([one.toDynamicParameters() for one in model.inertias.tolist()[1:]])
+    links["parent"], links["kind"] = parents - 1, [frame.kind for frame in frames]
+    links["q"], links["v"] = model.idx_qs.tolist()[1:], model.idx_vs.tolist()[1:]
+    links["rotation"] = outwards @ placements[:, :3, :3] @ turned
+    links["translation"] = np.matvec(outwards, placements[:, :3, 3])
+    links["mass"], links["moment"] = bodies[:, 0], np.vecmat(bodies[:, 1:4], turned)
+    inertias = turned.swapaxes(1, 2) @ bodies[:, SYMMETRIC].reshape(-1, 3, 3) @ turned
+    links["inertia"] = inertias[:, *np.triu_indices(3)]
+    return links, np.array([screw for frame in frames for screw in frame.screws], SCREW)
 
 
 def _frame(model: pin.Model, joint: pin.JointModel) -> JointFrame | None:
-    kind = KINDS.get(joint.shortname().removeprefix("JointModel"))
+    name = joint.shortname().removeprefix("JointModel")
+    kind = KINDS.get(name)
     if kind is None:
         return None
     if kind in COLUMNS:
         return JointFrame(kind, COLUMNS[kind], np.eye(3))
+    if name[-1] in ALONG and name[0] != "H":
+        turns = name[0] == "R"
+        return JointFrame(kind, ((Z, float(not turns), float(turns)),), ALONG[name[-1]])
     data = joint.createData()
     joint.calc(data, pin.neutral(model))
     linear, angular = np.reshape(data.S, (2, 3))
@@ -73,23 +100,8 @@ def _frame(model: pin.Model, joint: pin.JointModel) -> JointFrame | None:
 
 
 def _with_z_along(axis: Array) -> Array:
-    """Return a rotation whose last column is a unit vector; one along an axis only changes the order of the axes."""
+    """Return a rotation whose last column is a unit vector, shape (3, 3)."""
     beside = np.eye(3)[(int(np.abs(axis).argmax()) + 1) % 3]
     x = np.cross(beside, axis)
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(axis, x), axis], axis=1)
-
-
-def _link(model: pin.Model, index: int, frames: list[JointFrame]) -> LinkStructure:
-    """Return the link of a joint of the model, in the frames of the library: ``R = A_p^T R_0 A`` and so on."""
-    parent, frame, joint = int(model.parents[index]), frames[index - 1], model.joints[index]
-    outer, turned = frames[parent - 1].rotation if parent else np.eye(3), frame.rotation
-    placement, body = model.jointPlacements[index], model.inertias[index]
-    rotation = outer.T @ placement.rotation @ turned
-    inertia = turned.T @ body.matrix()[3:, 3:] @ turned
-    return LinkStructure(
-        parent - 1, frame.kind, joint.idx_q, joint.idx_v,
-        (REAL * 9)(*rotation.flat), (REAL * 3)(*(outer.T @ placement.translation)),
-        body.mass, (REAL * 3)(*(turned.T @ (body.mass * body.lever))),
-        (REAL * 6)(*inertia[np.triu_indices(3)]),
-    )  # fmt: skip

@@ -4,49 +4,30 @@ from __future__ import annotations
 
 import ctypes
 
+import numpy as np
+
 REAL, INT, SIZE, POINTER = ctypes.c_double, ctypes.c_int, ctypes.c_ssize_t, ctypes.c_void_p
 
+SCREW = np.dtype([("axis", np.intc), ("slide", float), ("turn", float)], align=True)
+"""A column of the motion subspace of a joint: it slides along, and turns about, an axis of the link's frame."""
 
-class ScrewStructure(ctypes.Structure):
-    """A column of the motion subspace of a joint: it slides along, and turns about, an axis of the link's frame."""
+LINK = np.dtype([
+    *((name, np.intc) for name in ("parent", "kind", "q", "v")), ("rotation", float, (3, 3)), ("translation", float, 3),
+    ("mass", float), ("moment", float, 3), ("inertia", float, 6),
+], align=True)  # fmt: skip
+"""A link with its joint and its body."""
 
-    _fields_ = [("axis", INT), ("slide", REAL), ("turn", REAL)]
+DEGREE = np.dtype([
+    ("screw", SCREW), ("sprung", np.intc),
+    *((name, float) for name in ("armature", "effort", "stiffness", "damping", "rest")),
+], align=True)  # fmt: skip
+"""A velocity of a joint, and what acts along it."""
 
+ROTATION_SPRING = np.dtype([("q", np.intc), ("v", np.intc), ("stiffness", float)], align=True)
+"""A spring of a ball joint."""
 
-class LinkStructure(ctypes.Structure):
-    """A link with its joint and its body."""
-
-    _fields_ = [
-        *((name, INT) for name in ("parent", "kind", "q", "v")), ("rotation", REAL * 9), ("translation", REAL * 3),
-        ("mass", REAL), ("moment", REAL * 3), ("inertia", REAL * 6),
-    ]  # fmt: skip
-
-
-class DegreeStructure(ctypes.Structure):
-    """A velocity of a joint, and what acts along it."""
-
-    _fields_ = [
-        ("screw", ScrewStructure), ("sprung", INT),
-        *((name, REAL) for name in ("armature", "effort", "stiffness", "damping", "rest")),
-    ]  # fmt: skip
-
-
-class RotationSpringStructure(ctypes.Structure):
-    """A spring of a ball joint."""
-
-    _fields_ = [("q", INT), ("v", INT), ("stiffness", REAL)]
-
-
-class LinkStateStructure(ctypes.Structure):
-    """Buffers of the recursion for a link."""
-
-    _fields_ = [("numbers", REAL * (12 + 18 + 21 + 6))]
-
-
-class DegreeStateStructure(ctypes.Structure):
-    """Buffers of the recursion for a velocity."""
-
-    _fields_ = [("numbers", REAL * 8)]
+LINK_STATE, DEGREE_STATE = np.dtype((float, 12 + 18 + 21 + 6)), np.dtype((float, 8))
+"""Buffers of the recursion for a link, and for a velocity."""
 
 
 class TreeStructure(ctypes.Structure):
@@ -92,17 +73,7 @@ class CourseStructure(ctypes.Structure):
     ]
 
 
-STRUCTURES = (
-    ScrewStructure,
-    LinkStructure,
-    DegreeStructure,
-    RotationSpringStructure,
-    LinkStateStructure,
-    DegreeStateStructure,
-    TreeStructure,
-    PairStructure,
-    FlowStructure,
-    ControlStructure,
-    CourseStructure,
-)
-"""In the order of ``kernel_sizes`` in ``kernel.c``."""
+ARRAYS = (SCREW, LINK, DEGREE, ROTATION_SPRING, LINK_STATE, DEGREE_STATE)
+STRUCTURES = (TreeStructure, PairStructure, FlowStructure, ControlStructure, CourseStructure)
+SIZES = (*(one.itemsize for one in ARRAYS), *map(ctypes.sizeof, STRUCTURES))
+"""Sizes [bytes], in the order of ``kernel_sizes`` in ``kernel.c``."""

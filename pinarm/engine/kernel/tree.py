@@ -8,22 +8,21 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from pinarm.arrays import Array
 from pinarm.engine.kernel.library import Flow, library, pointer
 from pinarm.engine.kernel.links import links_of
 from pinarm.engine.kernel.structures import (
-    DegreeStateStructure,
-    DegreeStructure,
+    DEGREE,
+    DEGREE_STATE,
+    LINK_STATE,
+    ROTATION_SPRING,
     FlowStructure,
-    LinkStateStructure,
-    LinkStructure,
-    RotationSpringStructure,
-    ScrewStructure,
     TreeStructure,
 )
 from pinarm.mechanics.forces.force_element import ForceElement
@@ -48,13 +47,13 @@ class CompiledTree:
 
     Attributes:
         model: Pinocchio's model.
-        links: Its links.
-        screws: The screw of each velocity.
+        links: Its links, shape (njoints - 1,), of ``structures.LINK``.
+        screws: The screw of each velocity, shape (nv,), of ``structures.SCREW``.
     """
 
     model: pin.Model
-    links: Sequence[LinkStructure]
-    screws: Sequence[ScrewStructure]
+    links: NDArray[np.void]
+    screws: NDArray[np.void]
 
     @classmethod
     def of(cls, model: pin.Model) -> CompiledTree | None:
@@ -72,36 +71,29 @@ class CompiledTree:
         from pinarm.mechanics.forces.joint_springs import BallSpring, SpringDamper
 
         springs = [one for one in changing if isinstance(one, SpringDamper)]
-        balls = [
-            RotationSpringStructure(one.q, one.v, one.stiffness) for one in changing if isinstance(one, BallSpring)
-        ]
+        balls = [(one.q, one.v, one.stiffness) for one in changing if isinstance(one, BallSpring)]
         if len(springs) + len(balls) < len(changing) or len(springs) > 1:
             return None
-        model, links = self.model, _array(LinkStructure, self.links)
-        degrees, held = _array(DegreeStructure, self._degrees(steady, springs)), _array(RotationSpringStructure, balls)
-        buffers = (LinkStateStructure * len(links))(), (DegreeStateStructure * model.nv)(), np.zeros(model.nv)
-        tree = TreeStructure(
-            len(links), model.nq, model.nv, len(balls), tuple(model.gravity.linear),
-            *map(ctypes.addressof, (links, degrees, held, *buffers[:2])), pointer(buffers[2]),
+        model, count = self.model, len(self.links)
+        arrays = (
+            self.links.copy(), self._degrees(steady, springs), np.array(balls, ROTATION_SPRING),
+            np.zeros(count, LINK_STATE), np.zeros(model.nv, DEGREE_STATE), np.zeros(model.nv),
         )  # fmt: skip
+        gravity = tuple(model.gravity.linear)
+        tree = TreeStructure(count, model.nq, model.nv, len(balls), gravity, *map(pointer, arrays))
         compiled = library()
         if compiled is None or compiled.tree_check(ctypes.byref(tree)):
             return None
         rates = ctypes.cast(compiled.tree_rates, ctypes.c_void_p).value
-        structure = FlowStructure(model.nq + model.nv, rates, ctypes.addressof(tree))
-        return Flow(structure, (tree, links, degrees, held, buffers))
+        return Flow(FlowStructure(model.nq + model.nv, rates, ctypes.addressof(tree)), (tree, arrays))
 
-    def _degrees(self, steady: Array, springs: Sequence[SpringDamper]) -> list[DegreeStructure]:
+    def _degrees(self, steady: Array, springs: Sequence[SpringDamper]) -> NDArray[np.void]:
         """Return each velocity with its rotor and what acts along it."""
-        rotors, efforts = self.model.armature.tolist(), steady.tolist()
-        degrees = [
-            DegreeStructure(*each) for each in zip(self.screws, (0,) * len(rotors), rotors, efforts, strict=True)
-        ]
+        degrees = np.zeros(self.model.nv, DEGREE)
+        degrees["screw"], degrees["armature"], degrees["effort"] = self.screws, self.model.armature, steady
         for spring in springs:
-            numbers = (spring.q, spring.v, spring.stiffness, spring.damping, spring.rest)
-            for q, v, *coefficients in zip(*(each.tolist() for each in numbers), strict=True):
-                degree = degrees[v]
-                degree.sprung, (degree.stiffness, degree.damping, degree.rest) = q, coefficients
+            degrees["sprung"][spring.v], degrees["rest"][spring.v] = spring.q, spring.rest
+            degrees["stiffness"][spring.v], degrees["damping"][spring.v] = spring.stiffness, spring.damping
         return degrees
 
 
@@ -129,7 +121,3 @@ def disagreement(model: pin.Model, flow: Flow, acceleration: Acceleration) -> fl
         apart = rates(flow, np.concatenate([q, v]))[model.nq :] - expected
         differences.append(float(np.linalg.norm(apart) / (np.linalg.norm(expected) + v @ v)))
     return float(np.max(differences))
-
-
-def _array(structure: type[ctypes.Structure], items: Sequence[Any]) -> Any:
-    return (structure * len(items))(*items)

@@ -58,7 +58,7 @@ def heavier(monkeypatch):
 
     def wrong(model):
         links, screws = links_of(model)
-        links[-1].mass *= 1.01
+        links["mass"][-1] *= 1.01
         return links, screws
 
     monkeypatch.setattr(kernel_tree, "links_of", wrong)
