@@ -5,12 +5,14 @@ Each is imported when a scenario first asks for it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.quantities.names import Quantities
+    from pinarm.input.units import Unit
     from pinarm.use.result.result import Result
     from pinarm.use.result.section import Section
 
@@ -27,6 +29,10 @@ class Assessment(Protocol):
 
     def requested(self, mechanism: Mechanism) -> list[str]:
         """Return the quantities and formulas that it needs, so that the joints in them are solved for."""
+        ...
+
+    def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
+        """Return the names of the numbers that its section may have, and their units: see ``Numbered``."""
         ...
 
     def check_names(self, quantities: Quantities) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 import msgspec
@@ -11,6 +12,7 @@ from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.units import read_quantity
 from pinarm.input.yaml.schema import InputStruct, in_si
 from pinarm.use.result.curve_figures import FIGURES, is_figure
+from pinarm.use.result.section_number import Numbered, names_section, read_number
 
 Verdict = Literal["agrees", "rounding", "reading", "misprint", "model_error"]
 ERRATA = ("misprint", "model_error")
@@ -23,7 +25,7 @@ class Expectation(InputStruct, frozen=True):
     """What a quantity must be, and what was published of it.
 
     Attributes:
-        quantity: A quantity, a symbol or a formula.
+        quantity: A quantity, a symbol or a formula; or a number of a section, such as ``loads.B.life.time``.
         at: ``all`` for every row; ``start``, ``end``; ``max``, ``min``, ``largest`` (of the absolute value) over the
             run; an instant: ``{t: 1.5 s, side: left}``, ``{phi: 0 deg, occurrence: 1}``; or a figure of the curve over
             the run: ``mean``, ``rms``, ``integral``, ``peak``, or a percentile such as ``p95``.
@@ -88,14 +90,21 @@ class Expectation(InputStruct, frozen=True):
             raise InputError(f"an erratum is a misprint or a model error, not '{self.verdict}'",
                              expected="verdict: misprint, or model_error")  # fmt: skip
 
-    def check_names(self, quantities: Quantities) -> None:
-        """Check its names and units against the quantities of a run.
+    def check_names(self, quantities: Quantities, sections: Mapping[str, Numbered]) -> None:
+        """Check its names and units against the quantities of a run, and the numbers of its sections, by key.
 
         Raises:
             InputError: A quantity does not exist, or a value has another dimension than its quantity.
         """
         with within("quantity"):
-            measured = quantities[self.quantity].unit
+            of_section = names_section(self.quantity, sections)
+            described = read_number(self.quantity).described(quantities, sections) if of_section else (
+                quantities[self.quantity]
+            )  # fmt: skip
+            measured = described.unit
+        if of_section and self.at != "all":
+            with within("at"):
+                raise InputError(f"'{self.quantity}' is one number: it has no place on the run", hint="leave 'at' out")
         for key, text in (("value", self.value), ("atol", self.atol), ("published", self.published)):
             with within(key):
                 _ = None if text is None else in_si(text, measured)

@@ -27,14 +27,14 @@ from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED
 from pinarm.use.result.row_lookup import PLATEAU, Lookup, unreached
-from pinarm.use.result.run_number import RunNumber
+from pinarm.use.result.section_number import AnyNumber, Numbered, read_number
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
     from pinarm.use.assessments import Assessment
     from pinarm.use.result.section import Section
-    from pinarm.use.scenario.scenario import ScenarioFile
+    from pinarm.use.scenario.scenario import Scenario, ScenarioFile
     from pinarm.use.show.plot import Picture
     from pinarm.use.show.replay.page import Replay
     from pinarm.use.store.transfer import TransferredResult
@@ -58,7 +58,9 @@ class Result:
         setting: How the motion was integrated, and what the estimate rests on, in words.
         removals: Joints of the mechanism that were not solved for.
         assessments: What the scenario asks to conclude from it, by key.
-        found: What the search for the values of the scenario tells; none where there was none.
+        known: Sections that are there already, by key: what the search for the values of the scenario tells, and what
+            was read from a folder.
+        scenario: What was solved, with values found and settings chosen; none of a result that was read from a folder.
     """
 
     name: str
@@ -73,7 +75,8 @@ class Result:
     setting: str = ""
     removals: Sequence[Removal] = ()
     assessments: Mapping[str, Assessment] = field(default_factory=dict, repr=False)
-    found: Section | None = field(default=None, repr=False)
+    known: Mapping[str, Section] = field(default_factory=dict, repr=False)
+    scenario: Scenario | None = field(default=None, repr=False)
 
     @property
     def error(self) -> float | None:
@@ -132,27 +135,37 @@ class Result:
 
         Args:
             text: ``QUANTITY @ PLACE`` or ``QUANTITY @ FIGURE``, such as ``"C_B @ max"``, ``"t @ max(C_B)"``,
-                ``"C_B @ t=1.5 s"``, ``"C_B @ rms"``, ``"C_B @ p95"``; see ``RunNumber.read``.
+                ``"C_B @ t=1.5 s"``, ``"C_B @ rms"``, ``"C_B @ p95"``; see ``RunNumber.read``. Or a number of a section,
+                such as ``"loads.B.life.time"``.
 
         Raises:
             InputError: It cannot be read, or the run has no such number.
         """
-        return RunNumber.read(text).value(self.lookup)
+        return read_number(text).value(self)
 
     def numbers(self) -> dict[str, tuple[Series, float]]:
         """Return the numbers that the scenario asks for under ``numbers``, each with the error of its quadrature."""
-        found = {text: RunNumber.read(text) for text in self.content.numbers}
-        values = {text: number.value(self.lookup) for text, number in found.items()}
-        return {
-            text: (replace(number.described(self.quantities), values=np.array([values[text][0]])), values[text][1])
-            for text, number in found.items()
-        }
+        return {text: self.measured(read_number(text)) for text in self.content.numbers}
+
+    def measured(self, number: AnyNumber) -> tuple[Series, float]:
+        """Return a number of the run as a series of one value, with its unit, and the error of its quadrature.
+
+        Raises:
+            InputError: The run has no such number.
+        """
+        value, error = number.value(self)
+        return replace(number.described(self.quantities, self.numbered), values=np.array([value])), error
+
+    @property
+    def numbered(self) -> Mapping[str, Numbered]:
+        """What its sections are of, by key; see ``section_number``."""
+        return {**self.known, **self.assessments}
 
     @cached_property
     def sections(self) -> Mapping[str, Section]:
         """What a search and the assessments of the scenario find, by key, evaluated when they are first asked for."""
-        found = {self.found.key: self.found} if self.found else {}
-        return {**found, **{key: assessment.evaluate(self) for key, assessment in self.assessments.items()}}
+        left = {key: assessment for key, assessment in self.assessments.items() if key not in self.known}
+        return {**self.known, **{key: assessment.evaluate(self) for key, assessment in left.items()}}
 
     def columns(self) -> list[Series]:
         """Return the parameter and the outputs of the scenario."""

@@ -38,7 +38,7 @@ from pinarm.use.assessments import KINDS as KINDS_OF_ASSESSMENT
 from pinarm.use.assessments import Assessment, assessment_class
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.result import Result
-from pinarm.use.result.run_number import RunNumber
+from pinarm.use.result.section_number import Numbered, read_number
 from pinarm.use.scenario.file_kind import refuse_mechanism, refuse_model
 from pinarm.use.scenario.find import Find
 from pinarm.use.scenario.searches import solve_found
@@ -77,7 +77,7 @@ class ScenarioFile(InputStruct, frozen=True):
         problem: The question.
         symbols: Names for quantities or formulas, beside those of the mechanism.
         outputs: Quantities of the table and the plots.
-        numbers: Numbers of the run to tell, such as ``C_B @ rms``: see ``RunNumber.read``.
+        numbers: Numbers of the run to tell, such as ``C_B @ rms`` or ``loads.B.life.time``: see ``read_number``.
         shaking: Shaking force and moment on the frame; see ``assessments.shaking``.
         sizing: Motor and gear of a drive, out of a catalogue; see ``assessments.sizing``.
         loads: Loads of joints, lives of bearings, balance of rotors, sets of loads for FEM; see ``assessments.loads``.
@@ -318,7 +318,7 @@ class Scenario:
         quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
         return Result(
             self.name, self.problem.kind, self.content, self.document.data, outcome, quantities, folder=self.folder,
-            assessments=self.assessments,
+            assessments=self.assessments, scenario=self,
         )  # fmt: skip
 
     def validate(self) -> None:
@@ -335,19 +335,24 @@ class Scenario:
                     quantities[name]
             for index, text in enumerate(self.content.numbers):
                 with self.document.locating("numbers", index):
-                    RunNumber.read(text).described(quantities)
+                    read_number(text).described(quantities, self.numbered)
             if self.content.find:
                 with self.document.locating("find"):
-                    self.content.find.check_names(quantities)
+                    self.content.find.check_names(quantities, self.assessments)
             for key, assessment in self.assessments.items():
                 with self.document.locating(key):
                     assessment.check_names(quantities)
             for index, expectation in enumerate(self.content.expect):
                 with self.document.locating("expect", index):
-                    expectation.check_names(quantities)
+                    expectation.check_names(quantities, self.numbered)
         for name in self.content.variants:
             with self.document.locating("variants", name):
                 self.variant(name).validate()
+
+    @property
+    def numbered(self) -> Mapping[str, Numbered]:
+        """What the sections of its result are of, by key; see ``section_number``."""
+        return {**({"find": self.content.find} if self.content.find else {}), **self.assessments}
 
     def variant(self, name: str) -> Scenario:
         """Return the scenario with the values of one of its variants.

@@ -41,7 +41,7 @@ class TransferredResult:
         """Return the parts of a result."""
         outcome = {"figures": dict(result.outcome.figures), "events": tuple(result.outcome.events),
                    "notes": result.outcome.notes}  # fmt: skip
-        names = ("figures", "errors", "setting", "removals", "found")
+        names = ("figures", "errors", "setting", "removals", "known")
         return cls(
             Scenario.of_data(result.data, result.folder.absolute() / f"{result.name}.yaml"),
             result.trajectory.mechanism, states(result.trajectory), outcome,

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Literal
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, within
-from pinarm.input.units import Unit
+from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.input.yaml.schema import InputStruct
 from pinarm.use.assessments.loads.bearing import PlainBearing, RollingBearing, lives
-from pinarm.use.assessments.loads.envelope import EnvelopeRow, envelope, envelope_table, peaks
+from pinarm.use.assessments.loads.envelope import EnvelopeRow, envelope, envelope_table, peak_units, peaks
 from pinarm.use.assessments.loads.joint import LoadedJoint
 from pinarm.use.assessments.loads.load_sets import LoadSet, sets_table, told
 from pinarm.use.assessments.loads.number import LoadNumber
@@ -66,6 +66,17 @@ class Loads(InputStruct, frozen=True):
         return [*(f"joint.{name}.force.x" for name in names),
                 *(f"{joint.prefix}.force.x" for joint, _ in self._loaded(mechanism))]  # fmt: skip
 
+    def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
+        """Return peaks of joints, numbers of bearings and of rotors; peaks may be missing: see ``Assessment``."""
+        units = dict[str, Unit | None]()
+        for joint, asked in self._loaded(quantities.trajectory.mechanism):
+            units |= {f"{joint.name}.{part}.peak": unit for part, unit in peak_units(joint).items()}
+            for each in (asked.bearing, asked.bushing):
+                units |= {f"{joint.name}.{name}": unit for name, unit in each.units.items()} if each else {}
+        for name, rotor in self.rotors.items():
+            units |= {f"{name}.{part}": unit for part, unit in rotor.units.items()}
+        return {**units, "sets.residual": DIMENSIONLESS} if self.sets else units
+
     def check_names(self, quantities: Quantities) -> None:
         """Check joints, coordinates and rotors: see ``Assessment``."""
         mechanism = quantities.trajectory.mechanism
@@ -91,7 +102,9 @@ class Loads(InputStruct, frozen=True):
             tables.append(sets_table(sets, at))
             numbers["sets.residual"] = LoadNumber.pure(max(each.residual for each in sets))
         series = {name: number.series(name) for name, number in numbers.items()}
-        return Section("loads", "Loads of joints", [_numbers_table(numbers, at), *tables], series, remarks)
+        errors = {name: number.error for name, number in numbers.items()}
+        tables = [_numbers_table(numbers, at), *tables]
+        return Section("loads", "Loads of joints", tables, series, remarks, errors=errors)
 
     def _loaded(self, mechanism: Mechanism) -> Iterator[tuple[LoadedJoint, JointLoads]]:
         for name, asked in self.joints.items():
