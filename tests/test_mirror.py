@@ -112,6 +112,10 @@ ELSEWHERE = {
     "use/assessments/loads/test_loads.py": (
         "joints as they are asked", "use/assessments/loads/joint use/assessments/loads/number",
     ),
+    "use/assessments/sensitivity/test_sensitivity.py": (
+        "numbers of mechanisms in closed form", "use/assessments/sensitivity/accuracy "
+        "use/assessments/sensitivity/tables use/assessments/sensitivity/variation",
+    ),
     "use/assessments/sizing/test_sizing.py": (
         "motors for a joint in closed form", "use/assessments/sizing/catalogue use/assessments/sizing/duty",
     ),

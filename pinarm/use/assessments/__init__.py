@@ -15,11 +15,13 @@ if TYPE_CHECKING:
     from pinarm.input.units import Unit
     from pinarm.use.result.result import Result
     from pinarm.use.result.section import Section
+    from pinarm.use.scenario.scenario import Scenario
 
 KINDS = {
     "shaking": ("shaking", "Shaking"),
     "sizing": ("sizing.sizing", "Sizing"),
     "loads": ("loads.loads", "Loads"),
+    "sensitivity": ("sensitivity.sensitivity", "Sensitivity"),
 }
 """Key of a scenario -> module and class. A new one is a class, an entry here, and the key in ``ScenarioFile``."""
 
@@ -35,8 +37,12 @@ class Assessment(Protocol):
         """Return the names of the numbers that its section may have, and their units: see ``Numbered``."""
         ...
 
-    def check_names(self, quantities: Quantities) -> None:
-        """Check its names and units against the quantities of one row, with nothing solved.
+    def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
+        """Check its names and units, with nothing solved.
+
+        Args:
+            quantities: Those of one row.
+            scenario: What asks for it.
 
         Raises:
             InputError: A name does not exist, or a value has another dimension.
@@ -54,10 +60,11 @@ class Assessment(Protocol):
 
 if TYPE_CHECKING:  # mypy compares the classes with the protocol, which are imported by name
     from pinarm.use.assessments.loads.loads import Loads
+    from pinarm.use.assessments.sensitivity.sensitivity import Sensitivity
     from pinarm.use.assessments.shaking import Shaking
     from pinarm.use.assessments.sizing.sizing import Sizing
 
-    _ASSESSMENTS: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads)
+    _ASSESSMENTS: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads, Sensitivity)
 
 
 def assessment_class(key: str) -> type[Any]:

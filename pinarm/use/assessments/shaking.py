@@ -32,6 +32,7 @@ from pinarm.use.result.section import Curve, Graph, Section, SectionTable
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario
 
 PERIODIC = 1e-6
 """Difference between start and end, relative to the largest size, below which a run is a whole number of periods."""
@@ -68,7 +69,7 @@ class Shaking(InputStruct, frozen=True):
         parts = [*PARTS, "force.norm", "moment.norm"]
         return {f"{part}.{name}": quantities[self.quantity(part)].unit for part in parts for name in PEAKS}
 
-    def check_names(self, quantities: Quantities) -> None:
+    def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
         """Check the point: see ``Assessment``."""
         with within("about"):
             _ = quantities[self.quantity("moment.x")]

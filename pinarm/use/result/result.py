@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -27,7 +27,7 @@ from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED
 from pinarm.use.result.row_lookup import PLATEAU, Lookup, unreached
-from pinarm.use.result.section_number import AnyNumber, Numbered, read_number
+from pinarm.use.result.section_number import Numbered, measured, read_number
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -145,27 +145,31 @@ class Result:
 
     def numbers(self) -> dict[str, tuple[Series, float]]:
         """Return the numbers that the scenario asks for under ``numbers``, each with the error of its quadrature."""
-        return {text: self.measured(read_number(text)) for text in self.content.numbers}
-
-    def measured(self, number: AnyNumber) -> tuple[Series, float]:
-        """Return a number of the run as a series of one value, with its unit, and the error of its quadrature.
-
-        Raises:
-            InputError: The run has no such number.
-        """
-        value, error = number.value(self)
-        return replace(number.described(self.quantities, self.numbered), values=np.array([value])), error
+        return {text: measured(read_number(text), self) for text in self.content.numbers}
 
     @property
     def numbered(self) -> Mapping[str, Numbered]:
         """What its sections are of, by key; see ``section_number``."""
         return {**self.known, **self.assessments}
 
-    @cached_property
+    @property
     def sections(self) -> Mapping[str, Section]:
         """What a search and the assessments of the scenario find, by key, evaluated when they are first asked for."""
-        left = {key: assessment for key, assessment in self.assessments.items() if key not in self.known}
-        return {**self.known, **{key: assessment.evaluate(self) for key, assessment in left.items()}}
+        return {key: self.section(key) for key in self.numbered}
+
+    def section(self, key: str) -> Section:
+        """Return one section, evaluated when it is first asked for; others are left alone.
+
+        Raises:
+            InputError: The run does not have what it needs.
+        """
+        if key not in self._evaluated:
+            self._evaluated[key] = self.assessments[key].evaluate(self)
+        return self._evaluated[key]
+
+    @cached_property
+    def _evaluated(self) -> dict[str, Section]:
+        return dict(self.known)
 
     def columns(self) -> list[Series]:
         """Return the parameter and the outputs of the scenario."""

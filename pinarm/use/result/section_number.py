@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -62,8 +62,7 @@ class SectionNumber:
             InputError: The scenario does not ask for this section, or it has no such number.
         """
         if self.key not in sections:
-            expected = f"one of its sections: {', '.join(sections)}" if sections else "QUANTITY @ PLACE"
-            raise InputError(f"the scenario has no section '{self.key}' for '{self.label}'", expected=expected)
+            raise self._unknown(sections)
         units = sections[self.key].units(quantities)
         if self.name not in units:
             raise self._missing(units)
@@ -75,11 +74,16 @@ class SectionNumber:
         Raises:
             InputError: The section of this run has no such number.
         """
-        section = result.sections.get(self.key)
-        numbers = section.numbers if section else {}
-        if section is None or self.name not in numbers:
-            raise self._missing(numbers)
-        return float(numbers[self.name].values[0]), section.errors.get(self.name, 0.0)
+        if self.key not in result.numbered:
+            raise self._unknown(result.numbered)
+        section = result.section(self.key)
+        if self.name not in section.numbers:
+            raise self._missing(section.numbers)
+        return float(section.numbers[self.name].values[0]), section.errors.get(self.name, 0.0)
+
+    def _unknown(self, sections: Mapping[str, object]) -> InputError:
+        expected = f"one of its sections: {', '.join(sections)}" if sections else "QUANTITY @ PLACE"
+        return InputError(f"the scenario has no section '{self.key}' for '{self.label}'", expected=expected)
 
     def _missing(self, numbers: Mapping[str, object]) -> InputError:
         expected, hint = choices(self.name, numbers)
@@ -87,6 +91,16 @@ class SectionNumber:
 
 
 AnyNumber = RunNumber | SectionNumber
+
+
+def measured(number: AnyNumber, result: Result) -> tuple[Series, float]:
+    """Return a number of a run as a series of one value, with its unit, and the error of its quadrature.
+
+    Raises:
+        InputError: The run has no such number.
+    """
+    value, error = number.value(result)
+    return replace(number.described(result.quantities, result.numbered), values=np.array([value])), error
 
 
 def names_section(text: str, sections: Mapping[str, object]) -> bool:

@@ -25,7 +25,7 @@ from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import read_quantity
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.schema import InputStruct, Measured
-from pinarm.input.yaml.values import Values, varied, written_unit
+from pinarm.input.yaml.values import Values, value_at, varied, written_unit
 from pinarm.mechanics.description import Gravity
 from pinarm.mechanics.forces.force_element import refusals
 from pinarm.mechanics.joints import format_configuration
@@ -80,6 +80,7 @@ class ScenarioFile(InputStruct, frozen=True):
         numbers: Numbers of the run to tell, such as ``C_B @ rms`` or ``loads.B.life.time``: see ``read_number``.
         shaking: Shaking force and moment on the frame; see ``assessments.shaking``.
         sizing: Motor and gear of a drive, out of a catalogue; see ``assessments.sizing``.
+        sensitivity: What numbers of the run depend on, and bands from tolerances; see ``assessments.sensitivity``.
         loads: Loads of joints, lives of bearings, balance of rotors, sets of loads for FEM; see ``assessments.loads``.
         modelled: ``required``, what the question requires: joints that it holds still are locked, and dropped those
             that it moves and nothing depends on; or the ``whole`` mechanism. The answer is the same.
@@ -105,6 +106,7 @@ class ScenarioFile(InputStruct, frozen=True):
     shaking: Any = None
     sizing: Any = None
     loads: Any = None
+    sensitivity: Any = None
     modelled: Literal["required", "whole"] = "required"
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"
     accuracy: Accuracy = msgspec.field(default_factory=Accuracy)
@@ -214,6 +216,28 @@ class Scenario:
                 locate=self.document.locating,
             )  # fmt: skip
         return loaded if self.seed is None else loaded.perturbed(self.seed)
+
+    def number_at(self, path: str) -> Measured:
+        """Return the number that a path leads to, as ``varied`` takes it: of the scenario, or else of its mechanism.
+
+        Raises:
+            InputError: No number stands there.
+        """
+        part, _, rest = path.partition(".")
+        if part == "arguments" and rest in self.mechanism.arguments:
+            given = Measured(self.mechanism.arguments[rest])
+            own = self.content.arguments.get(rest)
+            given.unit = own.unit if own is not None and own.unit else self.mechanism.argument_units.get(rest)
+            return given
+        value = value_at(self.document.data, path)
+        if value is None and part == "changes":
+            value = value_at(self.mechanism.source.data, rest)
+        try:
+            return Measured.read(value)
+        except InputError:
+            what = "nothing stands" if value is None else f"'{str(value)[:40]}' stands"
+            expected = "the path of a number, such as arguments.l2 or problem.time.end"
+            raise InputError(f"no number is at '{path}': {what} there", expected=expected) from None
 
     @cached_property
     def symbols(self) -> Mapping[str, Expression]:
@@ -341,7 +365,7 @@ class Scenario:
                     self.content.find.check_names(quantities, self.assessments)
             for key, assessment in self.assessments.items():
                 with self.document.locating(key):
-                    assessment.check_names(quantities)
+                    assessment.check_names(quantities, self)
             for index, expectation in enumerate(self.content.expect):
                 with self.document.locating("expect", index):
                     expectation.check_names(quantities, self.numbered)

@@ -21,6 +21,7 @@ from pinarm.use.result.section import Section, SectionTable
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario
 
 
 class JointLoads(InputStruct, frozen=True):
@@ -77,8 +78,11 @@ class Loads(InputStruct, frozen=True):
             units |= {f"{name}.{part}": unit for part, unit in rotor.units.items()}
         return {**units, "sets.residual": DIMENSIONLESS} if self.sets else units
 
-    def check_names(self, quantities: Quantities) -> None:
+    def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
         """Check joints, coordinates and rotors: see ``Assessment``."""
+        self._check_joints(quantities)
+
+    def _check_joints(self, quantities: Quantities) -> None:
         mechanism = quantities.trajectory.mechanism
         for joint, asked in self._loaded(mechanism):
             with within("joints", joint.name):
@@ -89,7 +93,7 @@ class Loads(InputStruct, frozen=True):
 
     def evaluate(self, result: Result) -> Section:
         """Return envelopes, lives, grades and sets of loads: see ``Assessment``."""
-        self.check_names(result.quantities)
+        self._check_joints(result.quantities)
         run, at, loaded = result.lookup, result.trajectory.unit, [*self._loaded(result.trajectory.mechanism)]
         rows, numbers, remarks, sets = _joint_loads(run, [joint for joint, _ in loaded], self.sets)
         bearings = [(joint, each) for joint, asked in loaded for each in (asked.bearing, asked.bushing) if each]

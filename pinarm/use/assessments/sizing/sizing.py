@@ -25,6 +25,7 @@ from pinarm.use.result.section import Curve, Graph, Section, SectionTable
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario
 
 TORQUE, SPEED, INERTIA, ENERGY = unit("N*m"), unit("rad/s"), unit("kg*m^2"), unit("J")
 
@@ -102,8 +103,11 @@ class Sizing(InputStruct, frozen=True):
         """Return what is said of the motor that is ranked first: see ``Assessment``."""
         return NUMBERS
 
-    def check_names(self, quantities: Quantities) -> None:
+    def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
         """Check the drive: see ``Assessment``."""
+        self._check_drive(quantities)
+
+    def _check_drive(self, quantities: Quantities) -> None:
         drives = quantities.trajectory.mechanism.drives
         if self.drive not in drives:
             expected, hint = choices(self.drive, drives)
@@ -120,7 +124,7 @@ class Sizing(InputStruct, frozen=True):
         run = result.trajectory
         if result.outcome.motion is None or run.parameter != "t":
             raise InputError("a motor is sized for a motion in time", expected="a problem of kind inverse or forward")
-        self.check_names(result.quantities)
+        self._check_drive(result.quantities)
         drive = run.mechanism.drives[self.drive]
         efficiency = drive.efficiency if self.efficiency is None else self.efficiency
         duty = duty_of(result.lookup, drive.joint, drive.armature, efficiency, float(self.rest))

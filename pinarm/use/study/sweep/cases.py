@@ -19,7 +19,7 @@ from pinarm.input.yaml.values import varied
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result
 from pinarm.use.result.run_number import EXAMPLES
-from pinarm.use.result.section_number import AnyNumber, Numbered, names_section, read_number
+from pinarm.use.result.section_number import AnyNumber, Numbered, measured, names_section, read_number
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
 from pinarm.use.study.sweep.axes import Value
@@ -99,7 +99,7 @@ class Wanted:
             DynamicsError: A number is not finite.
         """
         quantities = result.quantities
-        number = result.measured(self.number) if self.number else None
+        number = measured(self.number, result) if self.number else None
         unit = (number[0] if number else quantities[self.quantity]).unit
         if self.unit and unit and unit.dimension != self.unit.dimension:
             raise InputError(f"{self.labels()[0]} is in {unit} in this case", expected=f"{self.unit}, as in others")
