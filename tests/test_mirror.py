@@ -119,6 +119,7 @@ ELSEWHERE = {
     "use/assessments/sizing/test_sizing.py": (
         "motors for a joint in closed form", "use/assessments/sizing/catalogue use/assessments/sizing/duty",
     ),
+    "use/assessments/test_path_error.py": ("points in lists and files", "use/assessments/wanted_points"),
     "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),
     "use/report/test_report.py": ("its parts", "use/report/chapter use/report/origin use/report/tables"),
     "use/result/test_result.py": ("methods of a result", "use/result/measures use/views"),

@@ -21,9 +21,14 @@ KINDS = {
     "shaking": ("shaking", "Shaking"),
     "sizing": ("sizing.sizing", "Sizing"),
     "loads": ("loads.loads", "Loads"),
+    "path_error": ("path_error", "PathError"),
     "sensitivity": ("sensitivity.sensitivity", "Sensitivity"),
 }
 """Key of a scenario -> module and class. A new one is a class, an entry here, and the key in ``ScenarioFile``."""
+
+
+FILES = {"sizing": "catalogue", "path_error": "wanted"}
+"""Assessment -> the key of it that may name a file beside the scenario, which a result folder keeps."""
 
 
 class Assessment(Protocol):
@@ -60,11 +65,12 @@ class Assessment(Protocol):
 
 if TYPE_CHECKING:  # mypy compares the classes with the protocol, which are imported by name
     from pinarm.use.assessments.loads.loads import Loads
+    from pinarm.use.assessments.path_error import PathError
     from pinarm.use.assessments.sensitivity.sensitivity import Sensitivity
     from pinarm.use.assessments.shaking import Shaking
     from pinarm.use.assessments.sizing.sizing import Sizing
 
-    _ASSESSMENTS: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads, Sensitivity)
+    _ASSESSMENTS: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads, PathError, Sensitivity)
 
 
 def assessment_class(key: str) -> type[Any]:

@@ -80,6 +80,7 @@ class ScenarioFile(InputStruct, frozen=True):
         numbers: Numbers of the run to tell, such as ``C_B @ rms`` or ``loads.B.life.time``: see ``read_number``.
         shaking: Shaking force and moment on the frame; see ``assessments.shaking``.
         sizing: Motor and gear of a drive, out of a catalogue; see ``assessments.sizing``.
+        path_error: How far a point passes from wanted ones; see ``assessments.path_error``.
         sensitivity: What numbers of the run depend on, and bands from tolerances; see ``assessments.sensitivity``.
         loads: Loads of joints, lives of bearings, balance of rotors, sets of loads for FEM; see ``assessments.loads``.
         modelled: ``required``, what the question requires: joints that it holds still are locked, and dropped those
@@ -106,6 +107,7 @@ class ScenarioFile(InputStruct, frozen=True):
     shaking: Any = None
     sizing: Any = None
     loads: Any = None
+    path_error: Any = None
     sensitivity: Any = None
     modelled: Literal["required", "whole"] = "required"
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"

@@ -33,7 +33,7 @@ from pinarm.use.output.folder import complete_folder
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
-from pinarm.use.store.section_files import FILE, read_sections
+from pinarm.use.store.section_files import SECTIONS, read_sections
 
 if TYPE_CHECKING:
     from pinarm.use.show.replay.page import Replay
@@ -63,7 +63,7 @@ def restore(folder: str | Path) -> Result:
         summary, arrays = _summary(folder / "summary.json"), _arrays(folder / "trajectory.npz")
         scenario = Scenario.load(folder / "scenario.yaml")
         mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
-        known = read_sections(folder / FILE)
+        known = read_sections(folder / SECTIONS)
     content = scenario.content
     rows, figures = trajectory_of(scenario, mechanism, arrays), summary["figures"]
     outcome = Outcome(rows, None if rows.numbered else SolvedAnew(scenario, mechanism, rows.grid.cuts))

@@ -22,9 +22,10 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.roots import contained_file, root_of
 from pinarm.mechanics.loading.pinocchio_model import file_suffix
+from pinarm.use.assessments import FILES
 from pinarm.use.output.folder import whole_folder
 from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
-from pinarm.use.store.section_files import FILE, sections_text
+from pinarm.use.store.section_files import SECTIONS, sections_text
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -50,14 +51,14 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
         model = f"model{file_suffix(mechanism.xml)}"
         write(draft / "summary.json", json_text(result.summary()) + "\n")
         write(draft / "scenario.yaml", _resolved(result, folder))
-        for name, source in _catalogues(result).items():
+        for name, source in _tables(result).values():
             write_parts(draft / name, [source.read_bytes()])
         write(draft / "mechanism.yaml", mechanism_text(mechanism.source, folder, model))
         write(draft / model, _model(mechanism, folder))
         write_parts(draft / "trajectory.csv", csv(columns))
         write_arrays(draft / "trajectory.npz", arrays(result, columns))
         if result.sections:
-            write(draft / FILE, sections_text(result.sections))
+            write(draft / SECTIONS, sections_text(result.sections))
         for section in result.sections.values():
             for each in section.tables:
                 write(draft / f"{section.key}_{each.name}.csv", table_csv(each))
@@ -120,9 +121,8 @@ def _resolved(result: Result, folder: Path) -> str:
     """Return the scenario with every argument of the model and every default written out."""
     own = {key: value for key, value in result.data.items() if key != "changes"}  # in which paths are the mechanism's
     written = {**result.data, **_moved(own, result.folder, folder)}
-    for name in _catalogues(result):
-        key = name.removesuffix("_catalogue.csv")
-        written[key] = {**written[key], "catalogue": name}
+    for key, (name, _) in _tables(result).items():
+        written[key] = {**written[key], FILES[key]: name}
     units = result.trajectory.mechanism.argument_units
     written["arguments"] = {
         name: f"{value!r} {units[name]}" if name in units else value
@@ -167,10 +167,9 @@ def _moved(data: Any, source: Path, target: Path) -> Any:
     return moved
 
 
-def _catalogues(result: Result) -> dict[str, Path]:
-    """Return the files that assessments of a result read, by their names in its folder, which they are copied to."""
-    blocks = {key: result.data[key] for key in result.assessments if isinstance(result.data.get(key), dict)}
-    named = {key: block["catalogue"] for key, block in blocks.items() if isinstance(block.get("catalogue"), str)}
+def _tables(result: Result) -> dict[str, tuple[str, Path]]:
+    """Return the files that assessments of a result read, which its folder keeps: assessment -> name there, file."""
+    named = {key: result.data[key].get(of) for key, of in FILES.items() if key in result.assessments}
     root = root_of(result.folder)
-    return {f"{key}_catalogue.csv": contained_file((result.folder / name).absolute(), root)
-            for key, name in named.items()}  # fmt: skip
+    return {key: (f"{key}_{FILES[key]}.csv", contained_file((result.folder / name).absolute(), root))
+            for key, name in named.items() if isinstance(name, str)}  # fmt: skip

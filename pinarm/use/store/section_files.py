@@ -16,7 +16,7 @@ from pinarm.input.units import Unit
 from pinarm.use.result.section import Cell, Curve, Graph, Section, SectionTable
 from pinarm.use.store.files import json_text
 
-FILE = "sections.json"
+SECTIONS = "sections.json"
 
 MOST_BYTES = 200_000_000
 """Of a file of sections that is read: a thousand times those of the longest here."""

@@ -10,7 +10,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import DIMENSIONLESS, unit
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable
-from pinarm.use.store.section_files import FILE, read_sections, sections_text
+from pinarm.use.store.section_files import SECTIONS, read_sections, sections_text
 
 SERIES = Series("force", unit("kN"), np.array([0.1, 1e-300, -0.0]), "least multipliers")
 TABLE = SectionTable("figures", "Peaks", ("", "x"), (None, unit("N*m")), [("a", 1 / 3), ("b", math.inf)])
@@ -23,8 +23,8 @@ SECTION = Section(
 
 
 def test_sections_come_back_to_the_last_bit(tmp_path: Path) -> None:
-    (tmp_path / FILE).write_text(sections_text({"shaking": SECTION}))
-    [again] = read_sections(tmp_path / FILE).values()
+    (tmp_path / SECTIONS).write_text(sections_text({"shaking": SECTION}))
+    [again] = read_sections(tmp_path / SECTIONS).values()
     assert (again.key, again.title, list(again.remarks)) == (SECTION.key, SECTION.title, list(SECTION.remarks))
     assert again.tables[0].rows == SECTION.tables[0].rows
     assert again.tables[0].headings() == SECTION.tables[0].headings()
@@ -40,7 +40,7 @@ def test_sections_come_back_to_the_last_bit(tmp_path: Path) -> None:
 
 
 def test_a_result_without_sections_has_no_file(tmp_path: Path) -> None:
-    assert read_sections(tmp_path / FILE) == {}
+    assert read_sections(tmp_path / SECTIONS) == {}
 
 
 @pytest.mark.parametrize(
@@ -51,12 +51,12 @@ def test_a_result_without_sections_has_no_file(tmp_path: Path) -> None:
 def test_a_damaged_file_is_told(tmp_path: Path, before: str, after: str) -> None:
     text = sections_text({"shaking": SECTION})
     assert before in text
-    (tmp_path / FILE).write_text(text.replace(before, after, 1))
+    (tmp_path / SECTIONS).write_text(text.replace(before, after, 1))
     with pytest.raises(InputError, match="holds no sections of a result"):
-        read_sections(tmp_path / FILE)
+        read_sections(tmp_path / SECTIONS)
 
 
 def test_units_without_a_factor_are_pure(tmp_path: Path) -> None:
     section = Section("a", "A", numbers={"x": Series("x", DIMENSIONLESS, np.array([1.0]))})
-    (tmp_path / FILE).write_text(sections_text({"a": section}))
-    assert str(read_sections(tmp_path / FILE)["a"].numbers["x"].unit) == "1"
+    (tmp_path / SECTIONS).write_text(sections_text({"a": section}))
+    assert str(read_sections(tmp_path / SECTIONS)["a"].numbers["x"].unit) == "1"
