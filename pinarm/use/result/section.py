@@ -106,3 +106,9 @@ class Section:
     def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
         """Return the units of its numbers by name: see ``Numbered``."""
         return {name: series.unit for name, series in self.numbers.items()}
+
+    def _repr_html_(self) -> str:
+        """Return tables, remarks and graphs, for notebooks."""
+        from pinarm.use.show.section_html import section_html
+
+        return section_html(self)
