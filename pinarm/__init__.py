@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pinarm.use.study.answers.selftest import SelfTest, selftest
     from pinarm.use.study.batch.batch import Batch, batch
     from pinarm.use.study.explain import explain
+    from pinarm.use.study.quantities import quantities
     from pinarm.use.study.run import run, validate
     from pinarm.use.study.sweep.sweep import Sweep, sweep
 
@@ -45,6 +46,7 @@ _HOMES = {
     "load": "pinarm.use.scenario.scenario",
     "new": "pinarm.use.store.new",
     "replay": "pinarm.use.store.restore",
+    "quantities": "pinarm.use.study.quantities",
     "report": "pinarm.use.report.report",
     "file_root": "pinarm.input.roots",
     "run": "pinarm.use.study.run",
@@ -58,8 +60,8 @@ _HOMES = {
 
 __all__ = [
     "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "SelfTest", "Series", "Sweep", "Tradeoff", "Trajectory",
-    "batch", "check", "examples", "explain", "file_root", "load", "new", "replay", "report", "run", "schema",
-    "selftest", "sweep", "tradeoff", "validate",
+    "batch", "check", "examples", "explain", "file_root", "load", "new", "quantities", "replay", "report", "run",
+    "schema",    "selftest", "sweep", "tradeoff", "validate",
 ]  # fmt: skip
 
 

@@ -19,8 +19,8 @@ FLOOR_PLAN = {
     "input": "numbers units roots xml_text xml_names mjcf_includes formulas yaml csv_rows motion_tables xacro robots",
     "mechanics": "geometry joints laws drives coordinates ball_joints loops forces loading couplings friction "
     "payloads perturbation planar description",
-    "engine": "series integration constraints dynamics model_source kinematics statics friction motion checks "
-    "quantities mechanism",
+    "engine": "series kernel integration constraints dynamics model_source kinematics statics friction motion checks "
+    "quantities mechanism_parts mechanism",
     "problems": "time_grid accuracy prescribed_laws joint_values loads declaration events "
     "equilibria inverse kinematics states forward batch_table simplify",
     "use": "result assessments scenario output show store views study report",
@@ -64,8 +64,13 @@ def nodes(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def imports(tree: ast.AST) -> Iterator[str]:
-    """Yield the modules that are imported anywhere in a tree, inside functions too; those for types alone are not."""
+    """Yield the modules that are imported anywhere in a tree, inside functions too; those for types alone are not.
+
+    Modules that are imported by their name count as well: texts that are names of modules.
+    """
     for node in nodes(tree):
+        if isinstance(node, ast.Constant) and str(node.value).removeprefix("pinarm.") in MODULES:
+            yield str(node.value)
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):

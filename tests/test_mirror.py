@@ -27,6 +27,7 @@ ELSEWHERE = {
         "the order of every method", "engine/integration/integrator engine/integration/methods/conserving "
         "engine/integration/methods/explicit",
     ),
+    "engine/kernel/test_library.py": ("its structures", "engine/kernel/structures"),
     "engine/kinematics/test_newton.py": (
         "positions that laws ask for", "engine/kinematics/continuation engine/kinematics/joint_motion "
         "engine/kinematics/prescribed",
@@ -37,9 +38,18 @@ ELSEWHERE = {
         "engine/motion/segments",
     ),
     "engine/quantities/test_names.py": (
-        "quantities asked by name", "engine/quantities/ball_quantities engine/quantities/row_kinematics",
+        "quantities asked by name", "engine/quantities/ball_quantities engine/quantities/evaluation "
+        "engine/quantities/family engine/quantities/row_kinematics engine/quantities/families/coordinate "
+        "engine/quantities/families/drive engine/quantities/families/energy engine/quantities/families/force "
+        "engine/quantities/families/joint engine/quantities/families/link engine/quantities/families/momentum "
+        "engine/quantities/families/power engine/quantities/families/subtree",
     ),
-    "engine/test_mechanism.py": ("loading", "engine/model_source"),
+    "engine/quantities/test_catalogue.py": ("as of the command", "use/study/quantities"),
+    "engine/quantities/test_reactions.py": (
+        "components of what joints transmit", "engine/quantities/transmitted engine/quantities/families/coupling "
+        "engine/quantities/families/loop",
+    ),
+    "engine/test_mechanism.py": ("loading", "engine/mechanism_parts engine/model_source"),
     "hostile/test_model_attacks.py": ("its bounds", "input/xml_text"),
     "input/formulas/test_expressions.py": ("what formulas mean", "input/formulas/dimensions input/formulas/grammar"),
     "input/xacro/test_expansion.py": (
@@ -55,8 +65,9 @@ ELSEWHERE = {
         "engine/motion/systems/constrained engine/motion/systems/point_constrained engine/motion/systems/row_motion",
     ),
     "loops/test_kinds.py": (
-        "every kind against Newton and Euler", "engine/constraints/constraint mechanics/loops/loop_joints "
-        "mechanics/loops/lower_pairs mechanics/loops/pair mechanics/loops/rod mechanics/loops/universal",
+        "every kind against Newton and Euler", "engine/constraints/constraint mechanics/loops/kinds "
+        "mechanics/loops/loop_joints mechanics/loops/lower_pairs mechanics/loops/pair mechanics/loops/rod "
+        "mechanics/loops/universal",
     ),
     "loops/test_many_rows.py": (
         "many rows against each alone", "engine/constraints/batch_jacobians engine/constraints/closure "
@@ -76,6 +87,8 @@ ELSEWHERE = {
     "mechanics/couplings/test_gear.py": (
         "wheels in mesh", "mechanics/couplings/members mechanics/couplings/teeth",
     ),
+    "mechanics/couplings/test_transmissions.py": ("wrenches of every kind", "mechanics/couplings/kinds"),
+    "mechanics/forces/test_force_element.py": ("every kind of element", "mechanics/forces/kinds"),
     "mechanics/forces/test_bushing.py": ("its measure of deflection", "mechanics/geometry/deflection"),
     "mechanics/laws/test_interpolated.py": ("laws that are tables", "input/motion_tables"),
     "mechanics/laws/test_motion_law.py": ("every law", "mechanics/laws/steady"),
@@ -101,7 +114,8 @@ ELSEWHERE = {
     ),
     "problems/test_profiles.py": ("laws in problems", "mechanics/forces/breakpoints problems/prescribed_laws"),
     "test_messages.py": (
-        "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/scenario",
+        "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/failures "
+        "use/scenario/scenario use/scenario/scenario_file",
     ),
     "test_readme.py": ("what is printed", "use/show/terminal"),
     "physics/test_friction.py": (

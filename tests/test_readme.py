@@ -1,4 +1,4 @@
-"""Every block of the README is what it says: commands, scenario, output, Python."""
+"""Every marked block of the README and of docs/many_cases.md is what it says; links of all pages lead somewhere."""
 
 import os
 import re
@@ -15,7 +15,9 @@ from pinarm.use.study.answers.check import check
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"<!-- (?P<name>\w+) -->\n```\w+\n(?P<text>.*?)```", re.DOTALL)
-BLOCKS = {match["name"]: match["text"] for match in BLOCK.finditer((ROOT / "README.md").read_text(encoding="utf-8"))}
+MARKED = "\n".join((ROOT / page).read_text(encoding="utf-8") for page in ("README.md", "docs/many_cases.md"))
+BLOCKS = {match["name"]: match["text"] for match in BLOCK.finditer(MARKED)}
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 @pytest.fixture
@@ -111,4 +113,10 @@ def test_the_table_has_every_command_and_its_call():
     told = re.findall(r"^\| `(\w+)(?:[^|]|\\\|)*\| `pinarm\.(\w+)\(", text, re.MULTILINE)
     assert [command for command, _ in told] == [call for _, call in told]
     done = subprocess.run([sys.executable, "-m", "pinarm", "-h"], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert {command for command, _ in told} == set(re.findall(r"^    (\w+) ", done.stdout, re.MULTILINE))
+    assert {command for command, _ in told} == set(re.findall(r"^    (\w+)(?: |$)", done.stdout, re.MULTILINE))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_to_files(page: Path):
+    links = re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8"))
+    assert [link for link in links if "://" not in link and not (page.parent / link).exists()] == []

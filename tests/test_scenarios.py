@@ -13,7 +13,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
 from pinarm.input.yaml.document import Document
-from pinarm.use.scenario.scenario import ScenarioFile
+from pinarm.use.scenario.scenario_file import ScenarioFile
 
 FOLDER = Path(pinarm.__file__).parents[1] / "scenarios"
 FILES = sorted(FOLDER.glob("*.yaml"))

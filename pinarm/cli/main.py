@@ -144,6 +144,19 @@ def _validate(options: argparse.Namespace) -> int:
     return BAD_INPUT if mistakes else OK
 
 
+def _quantities(options: argparse.Namespace) -> int:
+    from pinarm.use.study.quantities import quantities
+
+    known = quantities(options.path, options.values, like=options.like)
+    if options.json:
+        import msgspec
+
+        _print_json({"quantities": msgspec.to_builtins([entry._asdict() for entry in known])})
+    else:
+        print(printable(str(known)))
+    return OK
+
+
 def _explain(options: argparse.Namespace) -> int:
     from pinarm.use.study.explain import explain
 
@@ -333,6 +346,7 @@ COMMANDS = {
     "check": (_check, "compare scenarios with their answer keys"),
     "validate": (_validate, "read and check input only"),
     "explain": (_explain, "coordinates, mobility, loops, redundancy"),
+    "quantities": (_quantities, "names that can be asked, with units and meanings"),
     "sweep": (_sweep, "solve a scenario for many values"),
     "tradeoff": (_tradeoff, "error against cost of settings, of models"),
     "replay": (_replay, "show the motion of a result in a web page"),

@@ -20,6 +20,7 @@ EXAMPLES_OF = {
     "check": ["check scenarios", "check scenario.yaml"],
     "validate": ["validate scenarios"],
     "explain": ["explain scenario.yaml", "explain mechanism.yaml", "explain arm.urdf", "explain panda"],
+    "quantities": ["quantities scenario.yaml --like force", "quantities arm.urdf"],
     "sweep": ["sweep scenario.yaml --over arguments.m_A='0.1:0.5:9 kg' --result 'C_B @ max'",
               "sweep scenario.yaml --over arguments.m_A='normal(0.25, 0.01) kg' --sample 1000"],
     "tradeoff": ["tradeoff scenario.yaml"],
@@ -78,6 +79,12 @@ def _validate(validate: ArgumentParser) -> None:
 def _explain(explain: ArgumentParser) -> None:
     explain.add_argument("path", metavar="SCENARIO|MODEL")
     _values(explain)
+
+
+def _quantities(quantities: ArgumentParser) -> None:
+    quantities.add_argument("path", metavar="SCENARIO|MODEL")
+    quantities.add_argument("--like", default="", metavar="TEXT", help="part of a name or of a meaning, such as force")
+    _values(quantities)
 
 
 def _tradeoff(trade: ArgumentParser) -> None:
@@ -143,8 +150,8 @@ def _report(report: ArgumentParser) -> None:
 
 
 OPTIONS: dict[str, Callable[[ArgumentParser], None]] = {
-    "new": _new, "run": _run, "check": _check, "validate": _validate, "explain": _explain, "sweep": _sweep,
-    "tradeoff": _tradeoff, "replay": _replay, "report": _report, "schema": _schema, "examples": _examples,
-    "selftest": _selftest,
+    "new": _new, "run": _run, "check": _check, "validate": _validate, "explain": _explain, "quantities": _quantities,
+    "sweep": _sweep, "tradeoff": _tradeoff, "replay": _replay, "report": _report, "schema": _schema,
+    "examples": _examples, "selftest": _selftest,
 }  # fmt: skip
 """Command -> what adds its own options."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,38 +17,45 @@ from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import massive
+from pinarm.engine.mechanism_parts import (
+    Locate,
+    arguments_of,
+    check_start,
+    couplings_of,
+    forces_of,
+    frictions_of,
+    loaded,
+    loop_coordinates_of,
+    loop_joints_of,
+    mount_drives,
+    naming_arguments,
+    symbols_of,
+)
 from pinarm.engine.model_source import Source, numeric, read_robot
-from pinarm.errors import InputError, Key, choices, within
+from pinarm.errors import InputError, choices
 from pinarm.input.formulas.expressions import Expression
-from pinarm.input.units import Unit, unit
-from pinarm.input.xacro.expansion import UnknownArgument, check_declared
+from pinarm.input.units import Unit
+from pinarm.input.xacro.expansion import check_declared
 from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.schema import Measured, check_unit, quantity
 from pinarm.input.yaml.values import Values, varied
-from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, balls_of, positions_of, unit_of
+from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, balls_of, positions_of
 from pinarm.mechanics.coordinates import Coordinate, coordinates_of
 from pinarm.mechanics.couplings.coupling import mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector
-from pinarm.mechanics.drives import Drive
-from pinarm.mechanics.forces import ForceElement, bound
-from pinarm.mechanics.forces.force_element import check_new
-from pinarm.mechanics.friction.contact import FrictionContact
-from pinarm.mechanics.joints import Joint, joint_of, joints_of
-from pinarm.mechanics.loading.pinocchio_model import RobotModel
-from pinarm.mechanics.loops import Loop
-from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.mechanics.payloads import Payload, with_payloads
+from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.joints import Joint, joints_of
 from pinarm.mechanics.perturbation import perturbed
 
 if TYPE_CHECKING:
+    from pinarm.engine.constraints.constraint import Constraint
+    from pinarm.engine.quantities.catalogue import QuantityCatalogue
     from pinarm.engine.quantities.states import States
+    from pinarm.mechanics.drives import Drive
+    from pinarm.mechanics.friction.contact import FrictionContact
     from pinarm.mechanics.loading.pinocchio_layout import PinocchioLayout
-
-Locate = Callable[..., AbstractContextManager[None]]
-"""``with locate("forces", "spring"):`` gives errors of the block that place of a file."""
+    from pinarm.mechanics.payloads import Payload
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +137,8 @@ class Mechanism:
 
     def _bound(self) -> Mechanism:
         """Return the mechanism with the forces of its description bound to its model."""
+        from pinarm.mechanics.forces.kinds import bound
+
         forces = {name: bound(force, self.model, self.joints, self.coordinates)
                   for name, force in self.description.forces.items()}  # fmt: skip
         return replace(self, forces={**self.forces, **forces})
@@ -241,6 +250,19 @@ class Mechanism:
         from pinarm.engine.quantities import states
 
         return states.quantities(self, q, v, a, tau, drives, t)
+
+    def quantities(self, like: str = "") -> QuantityCatalogue:
+        """Return what can be asked by name of a mechanism in motion: names, units, meanings.
+
+        Args:
+            like: Part of the name or of the meaning; all where it is empty.
+
+        Raises:
+            AssemblyError: The loops cannot be closed.
+        """
+        from pinarm.engine.quantities.catalogue import catalogue_of
+
+        return catalogue_of(self, like)
 
     def from_pinocchio(self, q: ArrayLike, v: ArrayLike | None = None) -> tuple[Array, Array]:
         """Return q and v of this mechanism from those of ``pin.buildModelFromUrdf`` of the same URDF.
@@ -379,170 +401,28 @@ def _build(
     arguments: Mapping[str, float | str], payloads: Mapping[str, Payload], here: Locate, caller: Locate,
 ) -> Mechanism:  # fmt: skip
     """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's."""
-    units, given = _arguments(description, arguments, here, caller)
-    with here("planar" if description.planar else "robot"), _naming_arguments(caller):
+    units, given = arguments_of(description, arguments, here, caller)
+    with here("planar" if description.planar else "robot"), naming_arguments(caller):
         robot, texts, source = read_robot(description, data, folder, given)
     resolved = dict(numeric(texts))
-    with _naming_arguments(here):
+    with naming_arguments(here):
         check_declared(units, texts)
-    model, carried = _loaded(robot.model, description.payloads, payloads, here, caller)
+    model, carried = loaded(robot.model, description.payloads, payloads, here, caller)
     joints, balls = joints_of(model), balls_of(model)
     model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
-    _check_start(description, joints, balls, here)
+    check_start(description, joints, balls, here)
     turns = {**ball_coordinates(model, balls), **ball_angles(balls)}
-    loops = _loops(model, robot.loops, description.loops, here)
-    turns |= _of_loops(model, loops, {*joints, *turns}, here)
+    loops = loop_joints_of(model, robot.loops, description.loops, here)
+    turns |= loop_coordinates_of(model, loops, {*joints, *turns}, here)
     with here("coordinates"):
         coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
-    constraints: list[Constraint] = [*(mimic_coupling(mimic, joints, model) for mimic in robot.mimics), *loops]
-    for name, coupling in description.couplings.items():
-        with here("couplings", name):
-            if name in description.loops or name in robot.loops:
-                raise InputError(f"the coupling '{name}' has the name of a loop joint", expected="a name of its own")
-            constraints.append(coupling.bind(joints, model, name))
-    forces = dict(robot.forces)
-    for name, force in description.forces.items():
-        with here("forces", name):
-            check_new(name, forces)
-            forces[name] = bound(force, model, joints, coordinates)
-    symbols = {}
-    for name, text in description.symbols.items():
-        with here("symbols", name):
-            symbols[name] = Expression.parse(text)
-    mounted: dict[str, str] = {}
-    for name, drive in description.drives.items():
-        with here("drives", name):
-            _mount(model, joints, drive, name, mounted)
+    mimics = [mimic_coupling(mimic, joints, model) for mimic in robot.mimics]
+    constraints: tuple[Constraint, ...] = (*mimics, *loops, *couplings_of(robot, description, model, joints, here))
+    symbols = symbols_of(description, here)
+    mount_drives(model, joints, description, here)
     return Mechanism(
-        description.title or model.name, model, robot.xml, joints, balls, coordinates, tuple(constraints),
-        dict(description.drives), forces, symbols, resolved,
+        description.title or model.name, model, robot.xml, joints, balls, coordinates, constraints,
+        dict(description.drives), forces_of(robot, description, model, joints, coordinates, here), symbols, resolved,
         {name: units[name].si for name in resolved if name in units}, description, source, carried, robot.notes,
-        _frictions(robot, description, model, joints, constraints, here),
+        frictions_of(robot, description, model, joints, constraints, here),
     )  # fmt: skip
-
-
-def _frictions(
-    robot: RobotModel, description: MechanismDescription, model: pin.Model, joints: Mapping[str, Joint],
-    constraints: Sequence[Constraint], here: Locate,
-) -> tuple[FrictionContact, ...]:  # fmt: skip
-    """Return the joints with friction that sticks: those of the mechanism file, and others of the model."""
-    if not robot.friction and not description.friction:
-        return ()
-    from pinarm.mechanics.couplings.coupling import Coupling
-    from pinarm.mechanics.friction.definition import Friction
-
-    rubbing = [one for one in constraints if isinstance(one, LoopJoint | Coupling)]
-    found = []
-    for name, definition in description.friction.items():
-        with here("friction", name):
-            found.append(definition.bind(name, model, joints, rubbing))
-    left = {name: friction for name, friction in robot.friction.items() if name not in description.friction}
-    return (*found, *(Friction(constant=friction).bind(name, model, joints, ()) for name, friction in left.items()))
-
-
-def _of_loops(
-    model: pin.Model, loops: Sequence[LoopJoint], known: Container[str], here: Locate
-) -> dict[str, Coordinate]:
-    """Return the coordinates of loop joints.
-
-    Raises:
-        InputError: One has the name of a joint's.
-    """
-    if not loops:
-        return {}
-    from pinarm.mechanics.loops.relative import loop_coordinates
-
-    found = loop_coordinates(model, loops)
-    for name in found:
-        if name in known:
-            with here("loops", name.rpartition(".")[0]):
-                raise InputError(f"its coordinate '{name}' has the name of a joint", expected="a name of its own")
-    return found
-
-
-def _check_start(
-    description: MechanismDescription, joints: Mapping[str, Joint], balls: Mapping[str, Ball], here: Locate
-) -> None:
-    """Check names and units of the joint coordinates near which the loops close."""
-    known = positions_of(joints, balls)
-    for name, value in description.start.items():
-        with here("start", Key(name)):
-            measured = unit_of(name, known)
-        with here("start", name):
-            check_unit(value, measured)
-
-
-def _loops(model: pin.Model, drawn: Mapping[str, Loop], said: Mapping[str, Loop], here: Locate) -> list[LoopJoint]:
-    """Return the loop joints of a drawing, and those that the mechanism file says beside."""
-    with here("planar"):
-        loops = [loop.bind(model, name) for name, loop in drawn.items()]
-    for name, loop in said.items():
-        with here("loops", name):
-            if name in drawn:
-                raise InputError(f"the drawing has a loop joint '{name}' already", expected="a name of its own")
-            loops.append(loop.bind(model, name))
-    return loops
-
-
-def _arguments(
-    description: MechanismDescription, arguments: Mapping[str, float | str], here: Locate, caller: Locate
-) -> tuple[dict[str, Unit], dict[str, float]]:
-    """Return the units of the model's arguments and the given values in SI."""
-    units, given = {}, {}
-    for name, text in description.arguments.items():
-        with here("arguments", name):
-            units[name] = unit(text)
-    for name, value in arguments.items():
-        with caller("arguments", name):
-            given[name] = _argument(name, value, units.get(name))
-    return units, given
-
-
-@contextmanager
-def _naming_arguments(place: Locate) -> Iterator[None]:
-    """Locate arguments that the model does not have at their keys."""
-    try:
-        yield
-    except UnknownArgument as error:
-        with place("arguments", Key(error.name)):
-            raise
-
-
-def _argument(name: str, value: float | str, expected: Unit | None) -> float:
-    """Return an argument in SI, its dimension checked where the mechanism file gives its unit."""
-    unitless = expected is None or str(expected) == "1" or not isinstance(value, str | Measured)
-    kind = quantity(str(expected)) if expected else Measured
-    try:
-        return float(kind.read(value, bare=unitless))
-    except InputError as error:
-        raise type(error)(f"the argument {name}: {error.message}", expected=error.expected, hint=error.hint) from None
-
-
-def _loaded(
-    model: pin.Model, own: Mapping[str, Payload], given: Mapping[str, Payload], here: Locate, caller: Locate
-) -> tuple[pin.Model, dict[str, Payload]]:
-    """Return the model with the payloads of its file and of the caller, and all of them by name."""
-    carried: dict[str, Payload] = {}
-    for place, payloads in ((here, own), (caller, given)):
-        for name, payload in payloads.items():
-            with place("payloads", name):
-                if name in carried:
-                    raise InputError(f"the mechanism has a payload '{name}' already", expected="a name of its own")
-                model, carried[name] = with_payloads(model, [payload]), payload
-    return model, carried
-
-
-def _mount(model: pin.Model, joints: Mapping[str, Joint], drive: Drive, name: str, mounted: dict[str, str]) -> None:
-    """Give the rotor's inertia to the joint of a drive.
-
-    Raises:
-        InputError: The joint does not exist, or has a drive already.
-    """
-    with within("joint"):
-        joint = joint_of(joints, drive.joint)
-        if drive.joint in mounted:
-            raise InputError(f"the joint '{drive.joint}' has two drives, '{mounted[drive.joint]}' and '{name}'",
-                             expected="one drive at each joint")  # fmt: skip
-    mounted[drive.joint] = name
-    armature: Any = model.armature
-    armature[joint.v] += drive.armature

@@ -7,22 +7,22 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from pinarm.errors import Location, ModelError
 from pinarm.input.mjcf_includes import resolve_includes
 from pinarm.input.numbers import decimal
-from pinarm.input.robots import is_floating
-from pinarm.input.robots import robot as robot_file
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.xacro.expansion import check_declared, expand
 from pinarm.input.xml_names import UnknownName
 from pinarm.input.xml_text import MAX_BYTES, location, read
 from pinarm.mechanics.description import Gravity, MechanismDescription
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects, RobotModel, build_model
-from pinarm.mechanics.planar.drawing import PlanarDrawing
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.planar.drawing import PlanarDrawing
 
 FILES = (".urdf", ".xacro", ".xml", ".mjcf")
 """Endings of model files; what has none of them is the name of a robot."""
@@ -71,6 +71,9 @@ def read_robot(
         root, base, defects = root_of(folder / "mechanism.yaml"), description.base, description.defects or "refused"
         path = contained_file((folder / description.robot).absolute(), root, {})
     else:
+        from pinarm.input.robots import is_floating
+        from pinarm.input.robots import robot as robot_file
+
         path, defects = robot_file(description.robot), description.defects or "noted"
         root, base = path.parent, description.base or ("floating" if is_floating(path) else None)
     expansion = expand(path, arguments, root=root)

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError
+from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import Acceleration, InputStruct, Level, Positive
-from pinarm.mechanics.coordinates import CoordinateDefinition
-from pinarm.mechanics.couplings import CouplingDefinition
-from pinarm.mechanics.drives import Drive
-from pinarm.mechanics.forces import Force
-from pinarm.mechanics.friction.definition import Friction
 from pinarm.mechanics.joints import AXES, Axis
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects
-from pinarm.mechanics.loops import Loop
-from pinarm.mechanics.payloads import Payload
-from pinarm.mechanics.planar.drawing import PlanarDrawing
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.coordinates import CoordinateDefinition
+    from pinarm.mechanics.couplings.kinds import CouplingDefinition
+    from pinarm.mechanics.drives import Drive
+    from pinarm.mechanics.forces.kinds import Force
+    from pinarm.mechanics.friction.definition import Friction
+    from pinarm.mechanics.loops.kinds import Loop
+    from pinarm.mechanics.payloads import Payload
+    from pinarm.mechanics.planar.drawing import PlanarDrawing
+else:  # imported where a file has the key, see MechanismDescription.deferred
+    CoordinateDefinition = CouplingDefinition = Drive = Force = Friction = Loop = Payload = PlanarDrawing = Any
 
 STANDARD_GRAVITY = 9.81
 """Magnitude used where a file gives only a direction [m/s^2]."""
@@ -79,6 +84,17 @@ class MechanismDescription(InputStruct, frozen=True):
         payloads: What links carry beside the model's own masses.
         symbols: Published symbols and what they stand for: a quantity, a number with its unit, or a formula of them.
     """
+
+    deferred: ClassVar[Deferred] = {
+        "planar": ("pinarm.mechanics.planar.drawing", "PlanarDrawing"),
+        "coordinates": ("pinarm.mechanics.coordinates", "CoordinateDefinition"),
+        "loops": ("pinarm.mechanics.loops.kinds", "Loop"),
+        "couplings": ("pinarm.mechanics.couplings.kinds", "CouplingDefinition"),
+        "drives": ("pinarm.mechanics.drives", "Drive"),
+        "forces": ("pinarm.mechanics.forces.kinds", "Force"),
+        "friction": ("pinarm.mechanics.friction.definition", "Friction"),
+        "payloads": ("pinarm.mechanics.payloads", "Payload"),
+    }
 
     pinarm: Literal[1]
     robot: str = ""

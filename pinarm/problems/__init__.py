@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Protocol, Union
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pinarm.errors import InputError, Place, choices
 
@@ -72,8 +72,3 @@ def problem_class(kind: object) -> type[Any]:
     module, name = KINDS[kind]
     found: type[Any] = getattr(import_module(f"pinarm.problems.{module}"), name)
     return found
-
-
-def any_problem() -> Any:
-    """Return the annotation of a problem of any kind, for the JSON Schema."""
-    return Union[tuple(problem_class(kind) for kind in KINDS)]  # noqa: UP007

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 
-from pinarm.engine.integration.integrator import Method
 from pinarm.engine.integration.methods import METHODS, MethodName, described
 from pinarm.errors import InputError, within
 from pinarm.input.yaml.schema import Duration, InputStruct
 
 if TYPE_CHECKING:
+    from pinarm.engine.integration.integrator import Method
     from pinarm.engine.mechanism import Mechanism
 
 TOLERANCE = 1e-9

@@ -6,10 +6,9 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
-from pinarm.mechanics.forces import Force
-from pinarm.mechanics.laws import Motion
-
 if TYPE_CHECKING:
+    from pinarm.mechanics.forces.kinds import Force
+    from pinarm.mechanics.laws import Motion
     from pinarm.problems import Problem
 
 ValueT = TypeVar("ValueT")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import msgspec
 import numpy as np
@@ -21,16 +21,21 @@ from pinarm.engine.statics.actuation import along
 from pinarm.engine.statics.equilibrium import Equilibrium, ForceBalance
 from pinarm.errors import AssemblyError, InputError, Key, Place
 from pinarm.input.units import Unit, unit
+from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, Level
 from pinarm.mechanics.coordinates import driven_along
-from pinarm.mechanics.forces import Force
 from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.joint_values import check_levels
-from pinarm.problems.loads import bind_constant_loads, schema_row
+from pinarm.problems.loads import LOADS, bind_constant_loads, schema_row
 from pinarm.problems.prescribed_laws import laws_of
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.forces.kinds import Force
+else:  # imported where a file has loads, see LOADS
+    Force = Any
 
 
 class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
@@ -52,6 +57,7 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
     """
 
     kind: ClassVar[str] = "equilibria"
+    deferred: ClassVar[Deferred] = LOADS
     starts: Annotated[list[dict[str, Level]], msgspec.Meta(min_length=1)]
     hold: dict[str, Level] = {}
     loads: dict[str, Force] = {}
@@ -135,8 +141,13 @@ def outcome(balance: ForceBalance, found: Sequence[Equilibrium]) -> Outcome:
     notes = tuple(f"row {row}: a direction has no mass, so its stability is that of the stiffness alone"
                   for row in weightless)  # fmt: skip
     if balance.mechanism.frictions:
-        names = ", ".join(one.name for one in balance.mechanism.frictions)
+        names = ", ".join(dict.fromkeys(one.name for one in balance.mechanism.frictions))
         notes += (f"friction of {names} holds positions beside these as well: the table has those that need none",)
+        if balance.held.names:
+            notes += (
+                f"efforts that hold {', '.join(balance.held.names)} are those without friction; kind: statics at "
+                "these positions tells the band that friction leaves",
+            )
     stable = sum(equilibrium.modes.stability == 1 for equilibrium in found)
     figures = {"equilibria": float(len(found)), "stable": float(stable)}
     return Outcome(rows_of(balance, found), figures=figures, notes=notes)
@@ -154,5 +165,5 @@ def rows_of(balance: ForceBalance, found: Sequence[Equilibrium]) -> Trajectory:
         balance.mechanism, ROW, unit("1"), Grid.cover(np.arange(1.0, len(found) + 1.0), []), q, np.zeros_like(q),
         np.zeros_like(q), tau, Multipliers.known(lam, balance.mechanism.closure.size), balance.closure,
         balance.dynamics, columns=columns, separate=True,
-        driven=driven_along(balance.held.coordinates, q.shape[1]),
+        driven=driven_along(balance.held.coordinates, q.shape[1]), drives=tuple(balance.held.names),
     )  # fmt: skip

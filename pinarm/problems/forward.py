@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
 import numpy as np
@@ -22,7 +22,6 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.bifurcation import undetermined_rest
 from pinarm.engine.motion.hybrid_motion import FirstSegment, HybridSystem
 from pinarm.engine.motion.integrated_motion import IntegratedMotion, event_columns
-from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.segments import SegmentedMotion
 from pinarm.engine.motion.small_motions import integrate_to_size
 from pinarm.engine.motion.systems import Initial
@@ -30,17 +29,23 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import along
 from pinarm.errors import InputError, IntegrationError, Interrupted, Key, Place
 from pinarm.input.units import unit
+from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, Level, Rate
 from pinarm.mechanics.ball_joints import coordinate_name, indices_of, velocity
-from pinarm.mechanics.forces import Force
 from pinarm.mechanics.laws import Motion
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
-from pinarm.problems.joint_values import check_levels, check_rates
-from pinarm.problems.loads import bind_loads, schema_row
+from pinarm.problems.joint_values import check_levels, check_rates, is_coordinate
+from pinarm.problems.loads import LOADS, bind_loads, schema_row
 from pinarm.problems.prescribed_laws import laws_of
 from pinarm.problems.time_grid import TimeGrid
+
+if TYPE_CHECKING:
+    from pinarm.engine.motion.outcome import Outcome
+    from pinarm.mechanics.forces.kinds import Force
+else:  # imported where a file has loads, see LOADS
+    Force = Any
 
 DEFAULT = Accuracy()
 
@@ -51,7 +56,8 @@ class InitialState(InputStruct, frozen=True):
     Attributes:
         position: Joint -> coordinate; of a ball joint J the rotation vector, ``J.rotation.x`` and so on, or ``J.roll``,
             ``J.pitch``, ``J.yaw``; a floating joint J has ``J.x``, ``J.y``, ``J.z`` too.
-        velocity: Joint -> velocity; of a ball joint J ``J.angular_velocity.x`` and so on, in the link's own axes.
+        velocity: Joint, or another coordinate such as ``L.angle`` of a loop joint L -> velocity; of a ball joint J
+            ``J.angular_velocity.x`` and so on, in the link's own axes.
     """
 
     position: dict[str, Level] = {}
@@ -73,6 +79,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
     """
 
     kind: ClassVar[str] = "forward"
+    deferred: ClassVar[Deferred] = LOADS
     time: TimeGrid
     initial: InitialState = msgspec.field(default_factory=InitialState)
     start: dict[str, Level] = {}
@@ -152,7 +159,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         whole = IntegratedMotion(mechanism, hybrid, motion).outcome(grid)
         energy = {} if self.motion else energy_of(motion)
         notes = motion.diagnose() or _lost(energy.get("energy", 0.0))
-        return replace(whole, figures={**motion.cost(), **energy}, notes=(*_changed(mechanism, hybrid, v), *notes))
+        remarks = [*_changed(mechanism, hybrid, v), *motion.remarks()]
+        return replace(whole, figures={**motion.cost(), **energy}, notes=(*remarks, *notes))
 
     def require_masses(self, mechanism: Mechanism, hybrid: HybridSystem, q: Array) -> Closure:
         """Return the constraints and the coordinates that follow laws, where masses determine the accelerations.
@@ -202,12 +210,15 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         with place("initial", "position"):
             q = start_configuration(mechanism, {**self.start, **self.initial.position})
         joints, balls = mechanism.joints, mechanism.balls
-        v = velocity(mechanism.model, joints, balls, self.initial.velocity)
+        others = {name: rate for name, rate in self.initial.velocity.items() if is_coordinate(mechanism, name)}
+        own = {name: rate for name, rate in self.initial.velocity.items() if name not in others}
+        v = velocity(mechanism.model, joints, balls, own)
         positions, velocities = (
             tuple(dict.fromkeys(index for name in given for index in indices_of(name, joints, balls)))
-            for given in (self.initial.position, self.initial.velocity)
+            for given in (self.initial.position, own)
         )
-        return Initial(q, v, positions, velocities)
+        rates = tuple((mechanism.coordinate(name), float(rate)) for name, rate in others.items())
+        return Initial(q, v, positions, velocities, rates)
 
 
 def _changed(mechanism: Mechanism, hybrid: HybridSystem, v: Array) -> list[str]:

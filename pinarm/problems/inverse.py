@@ -3,32 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import msgspec
 from msgspec.structs import replace as replace_fields
 
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.friction.columns import with_friction_columns
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.known_friction import with_friction_columns
-from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.prescribed_motion import Prescription
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
 from pinarm.errors import Place, locating_drives
 from pinarm.input.units import unit
+from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, Level
-from pinarm.mechanics.forces import Force, ForceElement
+from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.joint_values import check_levels
-from pinarm.problems.loads import bind_loads, schema_row
+from pinarm.problems.loads import LOADS, bind_loads, schema_row
 from pinarm.problems.prescribed_laws import laws_of
 from pinarm.problems.time_grid import TimeGrid
+
+if TYPE_CHECKING:
+    from pinarm.engine.motion.outcome import Outcome
+    from pinarm.mechanics.forces.kinds import Force
+else:  # imported where a file has loads, see LOADS
+    Force = Any
 
 
 class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
@@ -44,6 +50,7 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     """
 
     kind: ClassVar[str] = "inverse"
+    deferred: ClassVar[Deferred] = LOADS
     time: TimeGrid
     motion: Annotated[dict[str, Motion], msgspec.Meta(min_length=1)]
     drives: list[str] = []

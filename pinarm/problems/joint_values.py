@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import Key, Place
-from pinarm.input.units import Unit
+from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import check_unit
 from pinarm.mechanics.ball_joints import positions_of, unit_of, velocities_of
 
@@ -22,8 +22,17 @@ def check_levels(mechanism: Mechanism, levels: Mapping[str, float], place: Place
 
 
 def check_rates(mechanism: Mechanism, rates: Mapping[str, float], place: Place, *at: str) -> None:
-    """Check names and units of values given for the velocities of joints; errors as ``check_levels``."""
-    _check_values(velocities_of(mechanism.joints, mechanism.balls), rates, place, *at)
+    """Check names and units of values given for velocities; errors as ``check_levels``.
+
+    They are of joints, or of other coordinates of the mechanism.
+    """
+    others = {name: mechanism.coordinate(name).unit / unit("s") for name in rates if is_coordinate(mechanism, name)}
+    _check_values({**velocities_of(mechanism.joints, mechanism.balls), **others}, rates, place, *at)
+
+
+def is_coordinate(mechanism: Mechanism, name: str) -> bool:
+    """Return whether a name is that of a coordinate that is not simply a joint's velocity."""
+    return name not in velocities_of(mechanism.joints, mechanism.balls) and name in mechanism.coordinates
 
 
 def _check_values(known: Mapping[str, Unit], values: Mapping[str, float], place: Place, *at: str) -> None:

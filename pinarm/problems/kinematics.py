@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import msgspec
 from msgspec.structs import replace as replace_fields
@@ -13,7 +13,6 @@ from pinarm.engine.kinematics.closed_configurations import generic_near
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.prescribed_motion import KINEMATIC, Prescription
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import Place
@@ -26,6 +25,9 @@ from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.prescribed_laws import laws_of
 from pinarm.problems.time_grid import TimeGrid
+
+if TYPE_CHECKING:
+    from pinarm.engine.motion.outcome import Outcome
 
 
 class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematics"):

@@ -5,17 +5,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.closed_configurations import generic_near
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.statics.actuation import Actuation
 from pinarm.errors import InputError, Place
 from pinarm.input.units import Unit
-from pinarm.mechanics.forces import Force, ForceElement, bound
-from pinarm.mechanics.forces.force_element import check_new
+from pinarm.input.yaml.deferred import Deferred
+from pinarm.mechanics.forces.force_element import ForceElement, check_new
 from pinarm.mechanics.laws import Constant
+
+if TYPE_CHECKING:
+    from pinarm.engine.statics.actuation import Actuation
+    from pinarm.mechanics.forces.kinds import Force
+
+LOADS: Deferred = {"loads": ("pinarm.mechanics.forces.kinds", "Force")}
+"""The field of a problem that holds its loads."""
 
 
 def bind_constant_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -> dict[str, ForceElement]:
@@ -40,6 +47,8 @@ def bind_loads(mechanism: Mechanism, loads: Mapping[str, Force], place: Place) -
         InputError: A load names something that does not exist.
     """
     forces = dict(mechanism.forces)
+    if loads:
+        from pinarm.mechanics.forces.kinds import bound
     for name, load in loads.items():
         with place("loads", name):
             check_new(name, forces)
@@ -58,4 +67,5 @@ def schema_row(
     """
     forces = bind_loads(mechanism, loads, lambda *path: nullcontext())
     row = Trajectory.schema_row(mechanism, generic_near(mechanism, start), parameter, measured, drives.closure)
-    return replace(row, dynamics=Dynamics.of(mechanism.model, forces), driven=drives.driven)
+    names = (*drives.coordinates(mechanism),)
+    return replace(row, dynamics=Dynamics.of(mechanism.model, forces), driven=drives.driven, drives=names)

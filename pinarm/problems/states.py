@@ -4,33 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import msgspec
 import numpy as np
 from msgspec.structs import replace as replace_fields
 
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.friction.columns import with_friction_columns
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
-from pinarm.engine.motion.known_friction import with_friction_columns
-from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.prescribed_motion import Prescription, Rates
 from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.engine.statics.actuation import Actuation, actuation
 from pinarm.errors import InputError, Key, Place, choices, locating_drives
 from pinarm.input.units import Unit, unit
+from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, Level, Rate, SecondRate, check_unit
 from pinarm.mechanics.ball_joints import positions_of
-from pinarm.mechanics.forces import Force, ForceElement
+from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.mechanics.laws.motion_law import FILE_KEYS, Grid, MotionLaw
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.joint_values import check_levels
-from pinarm.problems.loads import bind_constant_loads, schema_row
+from pinarm.problems.loads import LOADS, bind_constant_loads, schema_row
 from pinarm.problems.prescribed_laws import laws_of
+
+if TYPE_CHECKING:
+    from pinarm.engine.motion.outcome import Outcome
+    from pinarm.mechanics.forces.kinds import Force
+else:  # imported where a file has loads, see LOADS
+    Force = Any
 
 
 class Range(InputStruct, frozen=True, rename=FILE_KEYS):
@@ -64,6 +70,7 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
     """
 
     kind: ClassVar[str] = "statics"
+    deferred: ClassVar[Deferred] = LOADS
     over: Annotated[dict[str, Range], msgspec.Meta(max_length=1)] = {}
     hold: dict[str, Level] = {}
     drives: list[str] = []
@@ -118,6 +125,7 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
     """
 
     kind: ClassVar[str] = "state"
+    deferred: ClassVar[Deferred] = LOADS
     over: Annotated[dict[str, Range], msgspec.Meta(max_length=1)] = {}
     hold: dict[str, Level] = {}
     velocity: dict[str, Rate] = {}

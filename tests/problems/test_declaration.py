@@ -6,8 +6,9 @@ from typing import Any, get_args, get_type_hints
 import msgspec
 import pytest
 
+from pinarm.input.yaml.deferred import with_types
 from pinarm.input.yaml.schema import Level, Rate, SecondRate
-from pinarm.mechanics.forces import Force
+from pinarm.mechanics.forces.kinds import Force
 from pinarm.mechanics.laws import Constant, Motion
 from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.events import EndStop, Event
@@ -44,8 +45,9 @@ def value_of(field: Any, *names: str) -> Any:
 
 def fields_of(kind: str) -> dict[str, Any]:
     """The fields of a kind of problem with their types, as they are without ``Annotated``."""
-    hints = get_type_hints(problem_class(kind))
-    return {name: hints[name] for name in problem_class(kind).__struct_fields__}
+    problem = problem_class(kind)
+    hints = get_type_hints(with_types(problem, problem.deferred))
+    return {name: hints[name] for name in problem.__struct_fields__}
 
 
 def naming(kind: str, name: str) -> Any:

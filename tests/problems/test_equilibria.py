@@ -18,6 +18,7 @@ from pinarm.mechanics.forces.point import PointSpring, Wrench
 from pinarm.mechanics.laws import Constant, Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.equilibria import Equilibria
+from pinarm.problems.states import Statics
 from pinarm.use.result.row_lookup import Lookup
 
 ROOT = Path(pinarm.__file__).parents[1]
@@ -485,3 +486,21 @@ def test_its_quantities_are_known_before_it_is_solved():
         with pytest.raises(InputError, match=rf"there is no quantity '{name}'") as caught:
             pinarm.load(file, [*held, "problem.starts=[{O: 1 rad}]", f"outputs=[{name}]"]).validate()
         assert "equilibrium.frequency2_1" in caught.value.expected
+
+
+def test_equilibria_with_friction_are_those_without_and_the_notes_say_so(mechanism, chain):
+    """Two arms, the first one held: statics there has the band, 2 N*m to either side of the same effort."""
+    bodies = [{"name": name, "axis": "0 -1 0", "com": "0.5 0 0"} for name in "ab"]
+    friction = {"a": {"constant": "2 N*m"}, "b": {"constant": "1 N*m"}}
+    arms = mechanism(chain(*bodies), friction=friction)
+    found = outcome(arms, [{"b": -1.5}], hold={"a": 0.3})
+    assert found.rows.q[0, 1] == pytest.approx(-math.pi / 2 - 0.3, rel=1e-12)
+    weight = G * 0.5 * math.cos(0.3)
+    assert found.rows.tau[0] == pytest.approx([weight, 0.0], rel=1e-12, abs=1e-12)
+    assert len(found.notes) == 2
+    assert "friction of joint.a, joint.b holds positions beside these" in found.notes[0]
+    assert "efforts that hold a are those without friction" in found.notes[1]
+    hold = {"a": float(found.rows.q[0, 0]), "b": float(found.rows.q[0, 1])}
+    held = Statics(hold=hold).solve(arms, Accuracy(), place).rows
+    sides = [held.columns[f"joint.{joint}.effort.{side}"].values[0] for joint in "ab" for side in ("lower", "upper")]
+    assert sides == pytest.approx([weight - 2.0, weight + 2.0, -1.0, 1.0], rel=1e-12, abs=1e-12)

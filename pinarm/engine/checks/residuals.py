@@ -6,6 +6,7 @@ A fixed, even choice of rows is looked at, so that the cost of large tables stay
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,8 +15,10 @@ from pinarm.engine.checks.balance import SAMPLE
 from pinarm.engine.checks.singularity import nearest_singularity
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
-from pinarm.engine.motion.outcome import SolvedMotion
 from pinarm.engine.motion.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from pinarm.engine.motion.outcome import SolvedMotion
 
 
 def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: int = SAMPLE) -> dict[str, float]:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.nullspace import RANK
-from pinarm.engine.motion.outcome import SolvedMotion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import PinarmError
+
+if TYPE_CHECKING:
+    from pinarm.engine.motion.outcome import SolvedMotion
 
 NEAR = 0.1
 """Regularity at the rows from which on it is looked for between them."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -24,8 +24,10 @@ from pinarm.mechanics.geometry.vectors import dot
 from pinarm.mechanics.joints import UNIVERSE
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import PointOnPlane
-from pinarm.mechanics.loops.pair import Pair
 from pinarm.mechanics.loops.rod import Tie
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.loops.pair import Pair
 
 BLOCK = 2048
 """Number of configurations that are worked on at once: arrays of more would not stay in the processor's cache."""

@@ -158,7 +158,7 @@ class Closure:
 
         Those of few configurations are kept, to be read only: all that looks at a table asks for them.
         """
-        if len(q) >= MANY and self.batch_jacobians:
+        if self.size and len(q) >= MANY and self.batch_jacobians:
             return self._kept(q.tobytes(), len(q)) if len(q) <= KEPT else self._together(q)
         gaps, rows = np.empty((len(q), self.size)), np.empty((len(q), self.size, self.model.nv))
         for k, one in enumerate(q if self.size else ()):
@@ -184,12 +184,12 @@ class Closure:
 
     def splits(self, q: Array, rows: Array) -> RowDecompositions:
         """Return G taken apart at configurations, shape (n, nq); ``rows`` are what ``at`` says of them."""
-        kept = MANY <= len(q) <= KEPT and self.batch_jacobians
+        kept = self.size and MANY <= len(q) <= KEPT and self.batch_jacobians
         return self._split(q.tobytes(), len(q)) if kept else RowDecompositions.of(rows, self.reach)
 
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
-        if len(q) >= MANY and self.batch_jacobians:
+        if self.size and len(q) >= MANY and self.batch_jacobians:
             return self.batch_jacobians.at(q.T).drifts(v.T, self.size)
         found = np.empty((len(q), self.size))
         for k, one in enumerate(q if self.size else ()):

@@ -9,14 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration.integrator import Acceleration, Accelerations
 from pinarm.errors import InputError
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.integrator import Acceleration, Accelerations
 
 Targets = Callable[[float], tuple[Array, Array, Array]]
 """``t -> w, w', w''``, each of shape (k,)."""

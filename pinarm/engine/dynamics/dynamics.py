@@ -18,7 +18,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, as_rows, same_rows
 from pinarm.engine.dynamics.mass_matrix import mass_matrices
 from pinarm.engine.dynamics.parallel import Parallel
-from pinarm.mechanics.forces import ForceElement, summed
+from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
@@ -72,6 +72,10 @@ class Dynamics:
 
     @cached_property
     def _acting(self) -> tuple[ForceElement, ...]:
+        if not self.forces:
+            return ()
+        from pinarm.mechanics.forces.joint_springs import summed
+
         return summed(self.forces.values())
 
     def on(self, start: float, end: float) -> Dynamics:

@@ -10,19 +10,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.constraints.nullspace import RANK, VANISHED
 from pinarm.engine.dynamics.coordinate_partition import Targets
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
-from pinarm.engine.integration.integrator import Acceleration
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+
+if TYPE_CHECKING:
+    from pinarm.engine.constraints.constraint import Constraint
+    from pinarm.engine.integration.integrator import Acceleration
 
 PROXIMAL, ITERATIONS = 1e-10, 3
 """Proximal term of accelerations, relative to the smallest Delassus diagonal, and iterations."""

@@ -3,13 +3,15 @@
 Joints that can only move together, such as the pins of a four-bar linkage or a finger and one that mimics it, form a
 group with one slip: the rows of its members are multiples c_i of the first. Only the sum ``phi = sum_i c_i f_i`` of a
 group that is stuck is determined. It is stuck as long as ``|phi| <= sum_i |c_i| limit_i``; its members share phi in
-proportion to their limits, so that they reach them together, as they do when the group begins to slip.
+proportion to their limits, so that they reach them together, as they do when the group begins to slip. Components
+of one slip, as of a cylindrical joint, count with its length: as members of one group they have one direction.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +19,10 @@ from pinarm.arrays import Array, Flags
 from pinarm.engine.friction.response import SlipResponse
 from pinarm.engine.friction.slipping import Slipping
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.friction.contact import FrictionContact
+from pinarm.mechanics.friction.slip_vectors import unit_vectors
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.friction.contact import FrictionContact
 
 PARALLEL = 1e-9
 """Square of the sine between the free parts of two slips, in the measure of the masses, that rounding leaves."""
@@ -33,10 +38,12 @@ class SlipGroup:
     Attributes:
         members: Their indices, the first stands for all; shape (m,).
         ratios: c, slips of the members per slip of the first, shape (m,).
+        units: Directions of the members as the first one slips forwards: 1 or -1, or components of a unit vector, (m,).
     """
 
     members: tuple[int, ...]
     ratios: Array
+    units: Array
 
     @property
     def first(self) -> int:
@@ -46,7 +53,7 @@ class SlipGroup:
     def directions(self, sign: float, k: int) -> Array:
         """Return the directions of all k slips where the first one has that of ``sign``; 0 of others, shape (k,)."""
         found = np.zeros(k)
-        found[list(self.members)] = np.sign(self.ratios) * sign
+        found[list(self.members)] = self.units * sign
         return found
 
 
@@ -57,11 +64,12 @@ def companions(response: SlipResponse, first: int) -> list[int]:
     return [int(i) for i in np.flatnonzero(alike & ~response.driven & ~response.driven[first])]
 
 
-def groups_of(response: SlipResponse, some: Sequence[int]) -> list[SlipGroup]:
+def groups_of(contacts: Sequence[FrictionContact], response: SlipResponse, some: Sequence[int]) -> list[SlipGroup]:
     """Return the groups that some slips form, none of them driven.
 
     Raises:
-        DynamicsError: Groups are not independent: friction would hold a motion in more ways than it has.
+        DynamicsError: Groups are not independent: friction would hold a motion in more ways than it has. Or a slip with
+            several components can begin in more than one direction.
     """
     mobility, found = response.mobility, list[SlipGroup]()
     left = list(some)
@@ -69,7 +77,10 @@ def groups_of(response: SlipResponse, some: Sequence[int]) -> list[SlipGroup]:
         first, together = left[0], companions(response, left[0])
         members = [i for i in left if i in together]
         left = [i for i in left if i not in together]
-        found.append(SlipGroup(tuple(members), mobility[members, first] / mobility[first, first]))
+        ratios = np.zeros(len(contacts))
+        ratios[members] = mobility[members, first] / mobility[first, first]
+        found.append(SlipGroup(tuple(members), ratios[members], unit_vectors(contacts, ratios)[members]))
+    _require_one_direction(contacts, found)
     firsts = [group.first for group in found]
     size = np.sqrt(np.diag(mobility)[firsts])
     if found and np.linalg.eigvalsh(mobility[np.ix_(firsts, firsts)] / np.outer(size, size))[0] < PARALLEL:
@@ -81,6 +92,25 @@ def groups_of(response: SlipResponse, some: Sequence[int]) -> list[SlipGroup]:
     return found
 
 
+def _require_one_direction(contacts: Sequence[FrictionContact], groups: Sequence[SlipGroup]) -> None:
+    """Raise where components of one slip are in different groups.
+
+    Raises:
+        DynamicsError: Says which joint's.
+    """
+    seen = set[str]()
+    for group in groups:
+        names = {contacts[i].name for i in group.members}
+        for name in sorted(names & seen):
+            raise DynamicsError(
+                f"{name} is at rest and may begin to slip in more than one direction: friction that holds it there is "
+                "not supported",
+                expected="a mechanism in which it has one motion, or a motion that does not come to rest",
+                hint="in place of its friction a force regularised_friction, or friction in joints with one motion",
+            )
+        seen |= names
+
+
 @dataclass(frozen=True, eq=False)
 class FrictionBalance:
     """The laws of k joints and what friction does in one state.
@@ -88,7 +118,7 @@ class FrictionBalance:
     Attributes:
         contacts: The joints.
         response: What friction does.
-        speed: |u| [rad/s or m/s], shape (k,).
+        speed: |u| [rad/s or m/s], of slips with several components their length, shape (k,).
     """
 
     contacts: Sequence[FrictionContact]
@@ -106,7 +136,7 @@ class FrictionBalance:
         """Return the friction while some slips take place and some groups are stuck; ``None`` where there is none.
 
         Args:
-            direction: 1 or -1 of joints that slip, 0 of others, shape (k,).
+            direction: Of joints that slip, 0 of others; see ``Slipping``, shape (k,).
             stuck: Groups that are stuck.
             resting: Which joints that slip have the friction of rest, as they only begin to, shape (k,).
 
@@ -115,7 +145,7 @@ class FrictionBalance:
         """
         mu, constant = np.array([one.law.resting if rest else one.law.slipping(speed) for one, rest, speed
                                  in zip(self.contacts, resting, self.speed, strict=True)]).reshape(-1, 2).T  # fmt: skip
-        slips = np.abs(direction)
+        slips = (direction != 0.0).astype(float)
         f = np.zeros(len(slips))
         shares = self._shares(f, stuck)
         for _ in range(ROUNDS):
@@ -133,7 +163,7 @@ class FrictionBalance:
                 break
         held = np.array([group.ratios @ f[list(group.members)] for group in stuck])
         most = self.limits(f)
-        bounds = np.array([np.abs(group.ratios) @ most[list(group.members)] for group in stuck])
+        bounds = np.array([(group.ratios * group.units) @ most[list(group.members)] for group in stuck])
         return FrictionSolution(f, self.response.at(f), held, bounds)
 
     def _eliminated(self, slips: Array, shares: Array, stuck: Sequence[SlipGroup]) -> tuple[Array, Array]:
@@ -151,8 +181,9 @@ class FrictionBalance:
         limits = self.limits(f) if any(len(group.members) > 1 for group in stuck) else f
         for g, group in enumerate(stuck):
             members = list(group.members)
-            size = limits[members] if limits[members].any() else np.eye(len(members))[0]
-            found[members, g] = np.sign(group.ratios) * size / (np.abs(group.ratios) @ size)
+            own = [self.contacts[i].name == self.contacts[group.first].name for i in members]
+            shared = group.units * (limits[members] if limits[members].any() else own)
+            found[members, g] = shared / (group.ratios @ shared)
         return found
 
 

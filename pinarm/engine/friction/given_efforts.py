@@ -14,6 +14,7 @@ from pinarm.engine.friction.response import SlipEquation
 from pinarm.engine.friction.switching import decided
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.contact import FrictionContact, slip_rows
+from pinarm.mechanics.friction.slip_vectors import sizes, unit_vectors
 
 NOTHING = np.zeros(0)
 
@@ -37,14 +38,15 @@ def friction_under(
     """
     found = np.zeros((len(q), len(contacts)))
     slips = np.matvec(slip_rows(closure.model, contacts, q), v)
-    for i, moving in enumerate(np.sign(slips)):
+    speeds = sizes(contacts, slips)
+    for i, moving in enumerate(unit_vectors(contacts, slips)):
         equation = SlipEquation(contacts, closure, dynamics, lambda t: (NOTHING, NOTHING, NOTHING), tau[i])
         equation.require_determined(q[i])
-        balance = FrictionBalance(contacts, equation.at(t, q[i], v[i]), np.abs(slips[i]))
+        balance = FrictionBalance(contacts, equation.at(t, q[i], v[i]), speeds[i])
         slip = decided(balance, moving, np.zeros(len(contacts)))
         solution = balance.solve(np.array(slip.direction, float), slip.stuck, np.zeros(len(contacts), dtype=bool))
         if solution is None:
-            names = ", ".join(one.name for one in contacts)
+            names = ", ".join(dict.fromkeys(one.name for one in contacts))
             raise DynamicsError(f"friction of {names} raises the load that it depends on without end: it jams",
                                 expected="a smaller mu, or a longer span of the guide")  # fmt: skip
         found[i] = solution.f

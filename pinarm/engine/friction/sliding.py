@@ -18,12 +18,13 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.friction.contact import FrictionContact, slip_rows
+from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, unit_vectors
 from pinarm.mechanics.laws.motion_law import MotionLaw
 
 
 @dataclass(frozen=True, eq=False)
 class SlidingFriction(ForceElement):
-    """Friction against slips whose directions stay as they are, zero of joints that are stuck.
+    """Friction against slips that do not reverse, zero of joints that are stuck.
 
     Attributes:
         contacts: The k joints with friction.
@@ -43,8 +44,19 @@ class SlidingFriction(ForceElement):
 
     @cached_property
     def direction(self) -> Array:
-        """Directions of the slips, shape (k,)."""
+        """Directions of the slips, of those with several components near the states, shape (k,)."""
         return np.array(self.slip.direction, float)
+
+    def directions(self, slips: Array) -> Array:
+        """Return the directions of slips, shape (.., k): constant, but for those with several components.
+
+        These have the direction of the slip, or the opposite one where it has passed its rest within a step.
+        """
+        vectors = several(self.contacts)
+        if not vectors.any():
+            return np.broadcast_to(self.direction, slips.shape)
+        forwards = np.sign((slips * self.direction) @ same_joint(self.contacts).astype(float))
+        return np.where(vectors, forwards * unit_vectors(self.contacts, slips), self.direction)
 
     @cached_property
     def equation(self) -> SlipEquation:
@@ -54,8 +66,8 @@ class SlidingFriction(ForceElement):
 
     def balance(self, t: float, q: Array, v: Array) -> FrictionBalance:
         """Return the laws and what friction does in a state, shapes (nq,) and (nv,)."""
-        rows = slip_rows(self.closure.model, self.contacts, q[None])[0]
-        return FrictionBalance(self.contacts, self.equation.at(t, q, v), np.abs(rows @ v))
+        slips = slip_rows(self.closure.model, self.contacts, q[None])[0] @ v
+        return FrictionBalance(self.contacts, self.equation.at(t, q, v), sizes(self.contacts, slips))
 
     def solution(self, t: float, q: Array, v: Array) -> FrictionSolution:
         """Return the friction in a state, of stuck joints too.
@@ -63,9 +75,11 @@ class SlidingFriction(ForceElement):
         Raises:
             DynamicsError: There is none, or more than one.
         """
-        found = self.balance(t, q, v).solve(self.direction, self.slip.stuck, np.zeros(len(self.contacts), dtype=bool))
+        direction = self.directions(slip_rows(self.closure.model, self.contacts, q[None])[0] @ v)
+        found = self.balance(t, q, v).solve(direction, self.slip.stuck, np.zeros(len(self.contacts), dtype=bool))
         if found is None:
-            names = ", ".join(one.name for one, s in zip(self.contacts, self.direction, strict=True) if s)
+            rubbing = (one.name for one, s in zip(self.contacts, self.direction, strict=True) if s)
+            names = ", ".join(dict.fromkeys(rubbing))
             raise DynamicsError(
                 f"at t = {t:.9g} s friction of {names} raises the load that it depends on without end: the joint jams",
                 expected="a smaller mu, or a longer span of the guide", t=t, q=q,
@@ -79,11 +93,12 @@ class SlidingFriction(ForceElement):
             instants = np.broadcast_to(t, q.shape[:-1]).ravel()
             found = np.array([self.solution(*row).f for row in zip(instants, flat_q, flat_v, strict=True)])
         else:
-            speeds = np.abs(np.matvec(slip_rows(self.closure.model, self.contacts, flat_q), flat_v))
+            slips = np.matvec(slip_rows(self.closure.model, self.contacts, flat_q), flat_v)
+            speeds = sizes(self.contacts, slips)
             laws = [one.law.slipping(speed)[1] for one, speed in zip(self.contacts, speeds.T, strict=True)]
-            found = -np.array(laws).T
-            found *= self.direction
-        return np.asarray(found * np.abs(self.direction)).reshape(*q.shape[:-1], len(self.contacts))
+            found = -np.array(laws).T * self.directions(slips)
+        slipping = sizes(self.contacts, self.direction) > 0.0
+        return np.asarray(found * slipping).reshape(*q.shape[:-1], len(self.contacts))
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add ``J^T f`` of the joints that slip."""

@@ -15,12 +15,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import DynamicsError
-from pinarm.mechanics.friction.contact import FrictionContact
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.friction.contact import FrictionContact
 
 CONTRACTING = 1.0 - 1e-9
 """Spectral radius of C from which on (1) is not known to have one root."""
@@ -56,7 +59,7 @@ class Slipping:
 
     Attributes:
         contacts: The k joints.
-        direction: s: 1, -1, or 0 for those without friction here, shape (k,).
+        direction: s: 1, -1, components of a unit vector where the slip has several, or 0 without friction here, (k,).
         mu: Shape (k,).
         constant: c [N*m or N], shape (k,).
         loads: What their bearings carry.
@@ -74,9 +77,9 @@ class Slipping:
         return [int(i) for i in np.flatnonzero(self.mu * self.direction != 0.0)]
 
     def contraction(self) -> float:
-        """Return the spectral radius of C: below 1 there is exactly one root."""
-        some = self._rubbing
-        most = np.array([self.mu[i] * self.contacts[i].bearing.most(self.loads.response[i, some]) for i in some])
+        """Return the spectral radius of C, its rows times |s|: below 1 there is exactly one root."""
+        some, size = self._rubbing, self.mu * np.abs(self.direction)
+        most = np.array([size[i] * self.contacts[i].bearing.most(self.loads.response[i, some]) for i in some])
         return float(np.abs(np.linalg.eigvals(most)).max()) if most.any() else 0.0
 
     def require_one_root(self) -> bool:
@@ -91,7 +94,7 @@ class Slipping:
         coupled = [i for i in some if self.contacts[i].bearing.most(self.loads.response[i, some]).any()]
         if len(coupled) == 1 and not self._dips(coupled[0]):
             return False
-        names = " and ".join(self.contacts[i].name for i in coupled)
+        names = " and ".join(dict.fromkeys(self.contacts[i].name for i in coupled))
         raise DynamicsError(
             f"the friction of {names} and the reactions that it depends on do not determine each other: "
             f"friction raises its own load {self.contraction():.3g} times; more than one motion is possible, or none",

@@ -19,6 +19,8 @@ import numpy as np
 from pinarm.arrays import Array, Flags
 from pinarm.engine.friction.balance import FrictionBalance, FrictionSolution, SlipGroup, groups_of
 from pinarm.errors import DynamicsError
+from pinarm.mechanics.friction.contact import FrictionContact
+from pinarm.mechanics.friction.slip_vectors import sizes, unit_vectors
 
 MARGIN = 1e-9
 """Part of its terms by which an acceleration may contradict its direction, and a friction exceed its bound."""
@@ -31,11 +33,12 @@ class Slip(NamedTuple):
     """What the joints with friction do on a stretch of the motion.
 
     Attributes:
-        direction: 1 or -1 of a joint that slips, 0 of one at rest, for each of k joints.
+        direction: 1 or -1 of a joint that slips, 0 of one at rest, for each of k joints; of a slip with several
+            components a unit vector, the direction from which it does not turn away by more than 60 deg.
         stuck: Groups of joints that friction keeps at rest.
     """
 
-    direction: tuple[int, ...] = ()
+    direction: tuple[float, ...] = ()
     stuck: tuple[SlipGroup, ...] = ()
 
 
@@ -50,9 +53,11 @@ def decided(balance: FrictionBalance, moving: Array, broken: Array) -> Slip:
     Raises:
         DynamicsError: There is no solution, or more than one.
     """
-    driven = balance.response.driven & (moving == 0.0)
-    given = np.where(driven, _direction(balance.response.acceleration), moving)
-    groups = groups_of(balance.response, np.flatnonzero((moving == 0.0) & ~driven).tolist())
+    contacts, resting = balance.contacts, sizes(balance.contacts, moving) == 0.0
+    driven = balance.response.driven & resting
+    given = moving + unit_vectors(contacts, np.where(driven, _significant(balance.response.acceleration), 0.0))
+    groups = groups_of(contacts, balance.response, np.flatnonzero(resting & ~driven).tolist())
+    _require_rest(contacts, given, groups)
     decision = _Decision(balance, given, groups)
     start = [int(np.sign(broken[list(group.members)] @ group.ratios)) for group in groups]
     signs = decision.exchanged(start, frozen=[g for g, sign in enumerate(start) if sign], slips=any(start))
@@ -62,11 +67,25 @@ def decided(balance: FrictionBalance, moving: Array, broken: Array) -> Slip:
         signs = kinetic
     direction = decision.direction(signs)
     stuck = tuple(group for group, sign in zip(groups, signs, strict=True) if not sign)
-    return Slip(tuple(int(s) for s in direction), stuck)
+    return Slip(tuple(direction.tolist()), stuck)
 
 
-def _direction(alpha: Array) -> Array:
-    return np.where(np.abs(alpha) > MARGIN * np.abs(alpha).max(initial=0.0), np.sign(alpha), 0.0)
+def _significant(alpha: Array) -> Array:
+    return np.where(np.abs(alpha) > MARGIN * np.abs(alpha).max(initial=0.0), alpha, 0.0)
+
+
+def _require_rest(contacts: Sequence[FrictionContact], given: Array, groups: Sequence[SlipGroup]) -> None:
+    """Raise where one component of a slip is set in motion by laws or constraints, and another one is free.
+
+    Raises:
+        DynamicsError: Says which joint's.
+    """
+    begun = sizes(contacts, given) > 0.0
+    for i in (i for group in groups for i in group.members if begun[i]):
+        raise DynamicsError(
+            f"{contacts[i].name} begins to slip in a direction that depends on its friction: this is not supported",
+            expected="a start at which it moves, or a law for all of its motion",
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +182,7 @@ class _Decision:
                 raise self._refusal("several", "possible")
 
     def _refusal(self, count: str, possible: str) -> DynamicsError:
-        names = ", ".join(self.balance.contacts[i].name for group in self.groups for i in group.members)
+        names = ", ".join(dict.fromkeys(self.balance.contacts[i].name for group in self.groups for i in group.members))
         return DynamicsError(
             f"{count} ways in which {names} stick or begin to slip are {possible}: rigid bodies with friction do not "
             "determine the motion",

@@ -13,12 +13,20 @@ import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integration.batch_solution import BatchStep, Ensemble
-from pinarm.engine.integration.driver import PASSED, SHORTEST
 from pinarm.engine.integration.events import Watch, keeps_sign, locate_crossings, nodes
 from pinarm.engine.integration.first_step import first_step
 from pinarm.engine.integration.integrator import EmbeddedPair, Interval, Manifold, Solution, StepsOver, interpolated
 from pinarm.engine.integration.methods.explicit import HALVES, middle, terms_of
-from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, TINY, growth, shrinkage
+from pinarm.engine.integration.step_control import (
+    FASTEST,
+    HUGE,
+    LOST,
+    PASSED,
+    SHORTEST,
+    TINY,
+    growth,
+    shrinkage,
+)
 
 
 def integrate_batch(
@@ -240,7 +248,7 @@ class _BatchDriver:
         ensemble, number = self.ensemble, int(taken.number[column])
         step = taken.step(number)
         alone = Solution(self.method, self.manifold, ensemble.intervals, [step] if step else [])
-        stops = locate_crossings(alone, self.watches, new)
+        stops = locate_crossings(alone, self.watches, len(alone.steps) - 1, new)
         ensemble.crossings[number].extend(alone.crossings)
         if stops:
             at = alone.crossings[-1]

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.integration.events import Watch, locate_crossings
+from pinarm.engine.integration.events import Watch, locate_crossings, possible_crossings
 from pinarm.engine.integration.integrator import Interval, Manifold, Method, Solution, Step, Stepper, StepsOver
+from pinarm.engine.integration.step_control import PASSED, SHORTEST
 from pinarm.errors import IntegrationError, Interrupted
-
-PASSED = 1e12
-"""Error assigned to a step that may have stepped over a piece of a load, so that it is rejected."""
-
-SHORTEST = 16.0
-"""Smallest step, in units in the last place of t: in shorter ones ``t + c h`` of some stage equals t."""
 
 PROBED = 20
 """Part of the largest number of steps after which the driver looks whether the rest can come to the end."""
@@ -51,7 +48,9 @@ def integrate(
     """
     q, v = manifold.project(np.asarray(q, float)), np.asarray(v, float)
     solution = Solution(method, manifold, method.prepare(intervals, q, v))
-    driver = _Driver(solution, method.stepper(manifold, solution.count), max_steps, watches, steps_over)
+    stepper = method.stepper(manifold, solution.count)
+    steps = _compiled(solution, stepper, steps_over) or SingleSteps(solution, stepper, steps_over)
+    driver = _Driver(solution, stepper, steps, max_steps, watches)
     try:
         driver.run(np.concatenate([q, v]))
     except KeyboardInterrupt:
@@ -59,20 +58,84 @@ def integrate(
     return solution
 
 
+class StepTaker(Protocol):
+    """How steps are taken: one at a time, or many by the compiled library."""
+
+    def take(self, index: int, t: float, h: float, tries: int) -> tuple[float, float]:
+        """Try to take steps in an interval, and add those that are accepted to the solution.
+
+        Args:
+            index: Index of the interval.
+            t: Present time [s].
+            h: Next step [s].
+            tries: Largest number of steps to try, rejected ones included; at least 1.
+
+        Returns:
+            The time that is reached and the next step [s].
+        """
+        ...
+
+    def drop_after(self, index: int) -> None:
+        """Take the steps after the one of an index out of the solution, and of the count of its cost."""
+        ...
+
+
+@dataclass
+class SingleSteps:
+    """Steps one at a time.
+
+    Attributes:
+        solution: Where they are added.
+        stepper: What takes them.
+        steps_over: Whether a step may have stepped over a piece of a load.
+    """
+
+    solution: Solution
+    stepper: Stepper
+    steps_over: StepsOver | None
+
+    def take(self, index: int, t: float, h: float, tries: int) -> tuple[float, float]:
+        """Try one step."""
+        stepper, end = self.stepper, self.solution.intervals[index].end
+        last = t + 1.01 * h >= end
+        taken = end - t if last else h
+        error = stepper.attempt(t, taken)
+        if error <= 1.0 and self.steps_over:
+            error = self.rejected_if_stepped_over(self.steps_over, error, t, taken)
+        if not error <= 1.0:  # NaN included
+            self.solution.count.rejected += 1
+            return t, stepper.retry(taken, error)
+        y, until = stepper.y.copy(), end if last else t + taken
+        slopes, following = stepper.accept(until, taken, error)
+        self.solution.steps.append(Step(t, taken, until, y, slopes, index))
+        return until, max(h, following) if last else following
+
+    def rejected_if_stepped_over(self, steps_over: StepsOver, error: float, t: float, h: float) -> float:
+        """Return the error of a step, or ``PASSED`` where it may have stepped over a load and can be shorter."""
+        instants, states = self.stepper.along(t, h)
+        nq = self.solution.manifold.nq
+        if not steps_over(instants, states[:, :nq], states[:, nq:]):
+            return error
+        if self.stepper.retry(h, PASSED):
+            return PASSED
+        self.solution.count.stepped_over += 1
+        return error
+
+    def drop_after(self, index: int) -> None:
+        """Do nothing: no step is taken after the last one."""
+
+
+@dataclass
 class _Driver:
     """The loop over intervals and steps."""
 
-    def __init__(
-        self,
-        solution: Solution,
-        stepper: Stepper,
-        max_steps: int,
-        watches: Sequence[Watch],
-        steps_over: StepsOver | None,
-    ) -> None:
-        self.solution, self.stepper, self.max_steps = solution, stepper, max_steps
-        self.watches, self.steps_over = watches, steps_over
-        self.h, self.stopped = 0.0, False
+    solution: Solution
+    stepper: Stepper
+    steps: StepTaker
+    max_steps: int
+    watches: Sequence[Watch]
+    h: float = 0.0
+    stopped: bool = False
 
     def run(self, y: Array) -> None:
         """Integrate all intervals from the state y."""
@@ -88,36 +151,38 @@ class _Driver:
 
     def run_interval(self, interval: Interval, index: int) -> None:
         """Integrate one interval."""
-        t, end, stepper = interval.start, interval.end, self.stepper
-        while t < end and not self.stopped:
+        t = interval.start
+        while t < interval.end and not self.stopped:
             self.check_progress(t, interval)
-            last = t + 1.01 * self.h >= end
-            taken = end - t if last else self.h
-            error = stepper.attempt(t, taken)
-            if error <= 1.0 and self.steps_over:
-                error = self.rejected_if_stepped_over(error, t, taken)
-            if error <= 1.0:
-                y, until = stepper.y.copy(), end if last else t + taken
-                slopes, following = stepper.accept(until, taken, error)
-                self.solution.steps.append(Step(t, taken, until, y, slopes, index))
-                self.h = max(self.h, following) if last else following
-                t = until
-                if self.watches:
-                    self.stopped = locate_crossings(self.solution, self.watches, stepper.y)
-            else:  # NaN included
-                self.solution.count.rejected += 1
-                self.h = stepper.retry(taken, error)
+            known = len(self.solution.steps)
+            t, self.h = self.steps.take(index, t, self.h, self.tries_until_check)
+            if self.watches:
+                self.stopped = self.locate_crossings(known)
 
-    def rejected_if_stepped_over(self, error: float, t: float, h: float) -> float:
-        """Return the error of a step, or ``PASSED`` where it may have stepped over a load and can be shorter."""
-        instants, states = self.stepper.along(t, h)
-        nq = self.solution.manifold.nq
-        if not (self.steps_over and self.steps_over(instants, states[:, :nq], states[:, nq:])):
-            return error
-        if self.stepper.retry(h, PASSED):
-            return PASSED
-        self.solution.count.stepped_over += 1
-        return error
+    def locate_crossings(self, first: int) -> bool:
+        """Record the crossings from the step of an index on; return whether one of them stops the integration."""
+        steps, y = self.solution.steps, self.stepper.y
+        for index in possible_crossings(self.solution, self.watches, first, y):
+            end = steps[index + 1].y if index + 1 < len(steps) else y
+            if locate_crossings(self.solution, self.watches, index, end):
+                self.steps.drop_after(index)
+                return True
+        return False
+
+    @property
+    def taken(self) -> int:
+        """Number of steps, rejected ones included."""
+        return len(self.solution.steps) + self.solution.count.rejected
+
+    @property
+    def probe(self) -> int:
+        """Number of steps after which ``is_hopeless`` is asked."""
+        return max(self.max_steps // PROBED, 100)
+
+    @property
+    def tries_until_check(self) -> int:
+        """Number of steps after which ``check_progress`` has to see their number."""
+        return (self.probe if self.taken < self.probe else self.max_steps) - self.taken
 
     def check_progress(self, t: float, interval: Interval) -> None:
         """Raise where the steps have become too short or too many.
@@ -126,17 +191,27 @@ class _Driver:
             IntegrationError: See ``integrate``.
         """
         solution = self.solution
-        if self.h < SHORTEST * math.ulp(max(abs(t), interval.end - interval.start)):
+        if not self.h >= SHORTEST * math.ulp(max(abs(t), interval.end - interval.start)):  # NaN included
             raise _stuck(solution, t, self.h, self.stepper)
-        taken = len(solution.steps) + solution.count.rejected
-        if taken >= self.max_steps or (taken == max(self.max_steps // PROBED, 100) and self.is_hopeless(t)):
-            raise _too_many(solution, t, self.h, taken)
+        if self.taken >= self.max_steps or (self.taken == self.probe and self.is_hopeless(t)):
+            raise _too_many(solution, t, self.h, self.taken)
 
     def is_hopeless(self, t: float) -> bool:
         """Tell whether steps ten times as long as until now would still be far too many, as with huge velocities."""
         steps = self.solution.steps
         longest = 10.0 * max(self.h, (t - steps[0].t) / len(steps)) if steps else 10.0 * self.h
         return self.solution.intervals[-1].end - t > HOPELESS * self.max_steps * longest
+
+
+def _compiled(solution: Solution, stepper: Stepper, steps_over: StepsOver | None) -> StepTaker | None:
+    """Return the steps of the compiled library; ``None`` where it does not know the motion or the method."""
+    pair = solution.method.pair
+    if pair is None or steps_over or not all(interval.compiled for interval in solution.intervals):
+        return None
+    from pinarm.engine.integration.compiled_steps import CompiledSteps
+    from pinarm.engine.integration.methods.explicit import AdaptiveStepper
+
+    return CompiledSteps(solution, pair, stepper) if isinstance(stepper, AdaptiveStepper) else None
 
 
 def _not_finite(solution: Solution, t: float, y: Array) -> IntegrationError:

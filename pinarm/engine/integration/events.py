@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from pinarm.arrays import Array, Flags
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.integration.integrator import Crossing, Solution
 
 PARTS, REFINEMENTS = 16, 14
@@ -36,8 +36,34 @@ class Watch:
     stops: bool
 
 
-def locate_crossings(solution: Solution, watches: Sequence[Watch], y: Array) -> bool:
-    """Record the zero crossings in the last step of a solution, and end the step at one that stops the integration.
+def possible_crossings(solution: Solution, watches: Sequence[Watch], first: int, y: Array) -> Indices:
+    """Return in which steps of a solution a watched value may cross zero: bounds on its Chebyshev series decide.
+
+    Args:
+        solution: The solution.
+        watches: The watched values.
+        first: Index of the first step that is looked at; all those after it are, too.
+        y: State at the end of the last one, projected onto the constraints, shape (nq + nv,).
+    """
+    steps, nq, x = solution.steps[first:], solution.manifold.nq, nodes(solution.method.subdivisions)
+    indices = np.arange(first, first + len(steps))
+    if len(steps) < 2:  # what would be computed here is computed again to locate them
+        return indices
+    t, h = np.array([(step.t, step.h) for step in steps]).T
+    instants = t[:, None] + h[:, None] * x
+    instants[:, -1] = [step.until for step in steps]
+    ends = np.array([*(step.y for step in steps), y])
+    shape = (len(steps), len(x), -1)
+    q, v = (z.reshape(shape) for z in solution.states_in(np.repeat(indices, len(x)), instants.ravel()))
+    for end, states in ((0, ends[:-1]), (-1, ends[1:])):
+        q[:, end], v[:, end] = states[:, :nq], states[:, nq:]
+    flat = instants.ravel(), q.reshape(-1, nq), v.reshape(len(instants.ravel()), -1)
+    kept = np.all([keeps_sign(watch.value(*flat).reshape(shape[:2])) for watch in watches], axis=0)
+    return np.asarray(indices[~kept])
+
+
+def locate_crossings(solution: Solution, watches: Sequence[Watch], index: int, y: Array) -> bool:
+    """Record the zero crossings in a step of a solution, and end the step at one that stops the integration.
 
     Each value is interpolated by a Chebyshev polynomial at ``2 method.subdivisions + 1`` points of the step, all of
     whose roots are computed: a coordinate that is linear in q is such a polynomial, and none of its crossings is
@@ -47,12 +73,12 @@ def locate_crossings(solution: Solution, watches: Sequence[Watch], y: Array) -> 
     Args:
         solution: Solution whose crossings are recorded.
         watches: The watched values.
+        index: Index of the step.
         y: State at the end of the step, projected onto the constraints, shape (nq + nv,).
 
     Returns:
         Whether the integration stops.
     """
-    index = len(solution.steps) - 1
     step, nq = solution.steps[index], solution.manifold.nq
     t = step.t + step.h * nodes(solution.method.subdivisions)
     t[-1] = step.until

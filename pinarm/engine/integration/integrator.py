@@ -16,6 +16,7 @@ from pinarm.arrays import Array, Indices
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.tableaus import Tableau
+    from pinarm.engine.kernel.library import Flow
 
 Acceleration = Callable[[float, Array, Array], Array]
 """``(t, q, v) -> a`` of one state, shapes (nq,), (nv,) and (nv,); the integrator reuses the arrays q and v."""
@@ -96,6 +97,8 @@ class Interval:
         batch: Acceleration of many states at once; ``None`` where only that of one state is known.
         unchecked_batch: ``batch`` without its comparison with ``acceleration``, for callers that compare themselves.
         size: Errors of a step are relative to ``size + |y|``: 1 in SI, or the size of a motion that is much smaller.
+        compiled: The same motion in compiled code; ``None`` where there is none.
+        remark: What is to be said to the user of how the motion is computed; mostly empty.
     """
 
     start: float
@@ -108,6 +111,8 @@ class Interval:
     batch: Accelerations | None = None
     unchecked_batch: Accelerations | None = None
     size: float = 1.0
+    compiled: Flow | None = None
+    remark: str = ""
 
     def accelerations(self, start: Array, t: Array, q: Array, v: Array) -> Array:
         """Return the accelerations, shape (n, nv), of states at times t in steps from ``start``, both of shape (n,)."""
@@ -347,6 +352,11 @@ class Solution:
         """Return the distinct entries of an array of step indices, ascending, and the position of each entry."""
         needed = np.flatnonzero(np.bincount(index, minlength=len(self.steps)))
         return needed.tolist(), np.searchsorted(needed, index)
+
+    def truncate(self, count: int) -> None:
+        """Keep the first steps only."""
+        del self.steps[count:]
+        self._interpolants = {index: terms for index, terms in self._interpolants.items() if index < count}
 
     @property
     def interpolated_steps(self) -> list[int]:

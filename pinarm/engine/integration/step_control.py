@@ -25,6 +25,12 @@ LOST, HUGE = 0.1, 1e300
 TINY = 1e-300
 """Smallest error in powers and quotients, which keeps them finite."""
 
+PASSED = 1e12
+"""Error assigned to a step that may have stepped over a piece of a load, so that it is rejected."""
+
+SHORTEST = 16.0
+"""Smallest step, in units in the last place of t: in shorter ones ``t + c h`` of some stage equals t."""
+
 
 def growth(
     error: Number, order: int, ceiling: Number, least: Callable[..., Number] = min, most: Callable[..., Number] = max

@@ -13,6 +13,7 @@ from pinarm.arrays import Array
 from pinarm.engine.kinematics.continuation_batch import NOTHING, BatchContinuation
 from pinarm.engine.kinematics.newton import NewtonSolver
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.errors import InputError
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ def follow_branch(
         w[:, :, k] = grid.evaluate(law)
     q, (v, a) = np.empty((len(t), len(start))), np.empty((2, len(t), solver.model.nv))
     q[0] = solver.assemble(start, w[0, 0], t[0])
+    _check_regular(mechanism, prescribed, q[0], float(t[0]))
     prescribed.check_mobility(mechanism, q[0])
     v[0], a[0] = solver.rates(q[0], w[1, 0], w[2, 0], t[0])
     for begin, end, part in grid.intervals():
@@ -41,6 +43,29 @@ def follow_branch(
             rows = slice(row, row + len(found[0]))
             (q[rows], v[rows], a[rows]), row = found, rows.stop
     return q, v, a
+
+
+def _check_regular(mechanism: Mechanism, prescribed: PrescribedCoordinates, q: Array, t: float) -> None:
+    """Raise where a motion begins at a singular position of the mechanism, beside which the laws are enough.
+
+    Raises:
+        InputError: Several motions meet there, and no law tells them apart.
+    """
+    closure = mechanism.closure
+    freedom = closure.split(closure.rows(closure.state(q))).free.shape[1]
+    if freedom <= len(prescribed.names):
+        return
+    from pinarm.engine.kinematics.closed_configurations import beside
+
+    usual = min(closure.split(closure.rows(closure.state(one))).free.shape[1] for one in beside(mechanism, q))
+    if usual == len(prescribed.names):
+        raise InputError(
+            f"at {t:.9g} the motion begins exactly at a singular position, such as a change point: there the mechanism "
+            f"has {freedom} degrees of freedom, beside it {usual}; the motions that meet there obey the same laws",
+            expected=f"a motion that begins beside it, from which it is passed smoothly: {', '.join(prescribed.names)} "
+            "from another value",
+            hint="a time that starts earlier",
+        )
 
 
 def branch_rates(

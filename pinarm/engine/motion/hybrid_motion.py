@@ -26,6 +26,7 @@ from pinarm.engine.integration.integrator import Interval, Method, Solution, Ste
 from pinarm.engine.integration.methods.explicit import FixedStep
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.end_stops import RESTING, Bound, Contacts
+from pinarm.engine.motion.initial_velocity import velocity_with_rates
 from pinarm.engine.motion.segments import MotionSegment, SegmentedMotion
 from pinarm.engine.motion.stick_slip import FrictionalSystem, StickSlip
 from pinarm.engine.motion.systems import Initial, System, system_of
@@ -33,7 +34,6 @@ from pinarm.engine.motion.systems.constrained import ConstrainedSystem
 from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.errors import InputError, IntegrationError, Interrupted, NumericsError
 from pinarm.mechanics.forces.force_element import refusals
-from pinarm.mechanics.friction.contact import FrictionContact
 from pinarm.mechanics.joints import format_configuration
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid
@@ -41,6 +41,7 @@ from pinarm.mechanics.laws.motion_law import ROUNDING, Grid
 if TYPE_CHECKING:
     from pinarm.engine.integration.batch_solution import Ensemble
     from pinarm.engine.integration.integrator import Crossing
+    from pinarm.mechanics.friction.contact import FrictionContact
 
 FirstSegment = Callable[[], Solution]
 """Returns the first segment where it has been integrated already, or raises the error that ended it."""
@@ -162,9 +163,12 @@ class HybridSystem:
         Raises:
             InputError: It contradicts itself, the laws, or a stop.
         """
-        system = self.system()
-        q, v = (x[None] for x in system.begin(initial, *self.cuts[:2]))
-        whole_q, whole_v = system.whole(np.array(self.cuts[:1]), q, v)
+        system, start = self.system(), np.array(self.cuts[:1])
+        whole_q, whole_v = system.whole(start, *(x[None] for x in system.begin(initial, *self.cuts[:2])))
+        if initial.rates:
+            v = velocity_with_rates(initial, self.closure, self.prescribed, whole_q[0], self.cuts[:2])
+            given = replace(initial, q=whole_q[0], v=v, velocities=tuple(range(len(v))))
+            whole_q, whole_v = system.whole(start, *(x[None] for x in system.begin(given, *self.cuts[:2])))
         for one in self.bounds:
             if one.gap(whole_q[0]) < -one.slack:
                 raise InputError(

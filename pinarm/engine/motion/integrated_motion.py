@@ -78,7 +78,7 @@ def states(mechanism: Mechanism, hybrid: HybridSystem, grid: Grid, motion: Compl
     return Trajectory(
         mechanism, "t", unit("s"), grid, motion.q, motion.v, motion.a, motion.tau, motion.lam,
         hybrid.system().closure, hybrid.dynamics,
-        driven=driven_along(hybrid.prescribed.coordinates, mechanism.model.nv),
+        driven=driven_along(hybrid.prescribed.coordinates, mechanism.model.nv), drives=tuple(hybrid.prescribed.names),
         columns=friction_columns(mechanism.frictions, motion.friction),
     )  # fmt: skip
 

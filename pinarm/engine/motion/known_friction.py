@@ -10,24 +10,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Flags
 from pinarm.engine.constraints.batch_jacobians import rows_of
 from pinarm.engine.constraints.nullspace import RowDecomposition
 from pinarm.engine.friction.columns import BANDS, band_column, friction_columns
 from pinarm.engine.friction.response import BearingReactions
 from pinarm.engine.friction.slipping import CarriedLoads, Slipping
-from pinarm.engine.motion.standstill import STANDSTILL
+from pinarm.engine.motion.standstill import leading
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
-from pinarm.engine.statics.actuation import Actuation
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.friction.contact import slip_drifts, slip_rows
+from pinarm.mechanics.friction.slip_vectors import several, sizes, unit_vectors
+
+if TYPE_CHECKING:
+    from pinarm.engine.statics.actuation import Actuation
 
 MOVES = 1e-9
 """Slip per unit of a drive's coordinate, relative to the largest, below which a joint does not move with it."""
@@ -47,11 +51,16 @@ class KnownFriction:
         run: The motion of n rows; its efforts are not looked at.
         drives: What carries the load.
         demand: ``M a + nle - loads`` without friction that sticks [N*m or N], shape (n, nv).
+        pace: What rounding of velocities and accelerations is judged against, shape (2, nv) of one motion, (n, 2, nv)
+            of separate states; see ``standstill``.
+        inside: Velocities a little inside the interval, looked at where a row stands still, shape (n, nv).
     """
 
     run: Trajectory
     drives: Actuation
     demand: Array
+    pace: Array
+    inside: Array
 
     @cached_property
     def rows(self) -> Array:
@@ -65,19 +74,23 @@ class KnownFriction:
 
     @cached_property
     def directions(self) -> Array:
-        """Directions of the slips: 1, -1, or 0 at rest, shape (n, k).
+        """Directions of the slips: 1, -1, components of a unit vector, or 0 at rest, shape (n, k).
 
         At standstill that of the motion beside the row, on its side of the interval; of a state of its own that of the
-        motion about to begin.
+        motion about to begin. The pace of a slip is ``|J|`` times that of the joints.
         """
-        run, contacts = self.run, self.run.mechanism.frictions
-        rates = np.matvec(self.rows, run.a) + slip_drifts(run.mechanism.model, contacts, run.q, run.v)
-        if run.separate:
-            return np.where(self.slips == 0.0, np.sign(rates), np.sign(self.slips))
-        # Duration times acceleration: the size of the speed, from this row alone.
-        length = abs(run.grid.cuts[-1] - run.grid.cuts[0])
-        still = np.abs(self.slips) <= STANDSTILL * length * np.abs(rates)
-        return np.where(still, np.sign(rates) * run.grid.sides()[:, None], np.sign(self.slips))
+        run = self.run
+        drift = slip_drifts(run.mechanism.model, run.mechanism.frictions, run.q, run.v)
+        paces = np.matvec(np.abs(self.rows)[:, None], self.pace)
+        side = np.ones(len(run)) if run.separate else run.grid.sides()
+        rates, later = np.matvec(self.rows, run.a) + drift, np.matvec(self.rows, self.inside)
+        size = partial(sizes, run.mechanism.frictions)
+        return unit_vectors(run.mechanism.frictions, leading(self.slips, rates, paces, side, later, size))
+
+    @cached_property
+    def resting(self) -> Flags:
+        """Which joints are at rest, shape (n, k)."""
+        return np.asarray(sizes(self.run.mechanism.frictions, self.directions) == 0.0)
 
     def under(self, friction: Array) -> Trajectory:
         """Return the motion with the efforts and multipliers under friction, shape (n, k)."""
@@ -139,10 +152,9 @@ class KnownFriction:
     def _friction(self, row: int, direction: Array, *, at_rest: bool) -> Array:
         """Return the friction in one row, shape (k,)."""
         contacts = self.run.mechanism.frictions
-        rest = at_rest & (self.directions[row] == 0.0)
-        laws = [one.law.resting if still else one.law.slipping(speed)
-                for one, still, speed in zip(contacts, rest, np.abs(self.slips[row]), strict=True)]  # fmt: skip
-        mu, constant = np.array(laws).reshape(-1, 2).T * np.abs(direction)
+        laws = [one.law.resting if at_rest and still else one.law.slipping(speed) for one, still, speed
+                in zip(contacts, self.resting[row], sizes(contacts, self.slips[row]), strict=True)]  # fmt: skip
+        mu, constant = np.array(laws).reshape(-1, 2).T * (direction != 0.0)
         equation = Slipping(contacts, direction, mu, constant, self.loads[row])
         if not equation.require_one_root():
             raise self._jammed(row, direction)
@@ -150,7 +162,8 @@ class KnownFriction:
 
     def _jammed(self, row: int, direction: Array) -> DynamicsError:
         run = self.run
-        names = ", ".join(one.name for one, s in zip(run.mechanism.frictions, direction, strict=True) if s)
+        rubbing = (one.name for one, s in zip(run.mechanism.frictions, direction, strict=True) if s)
+        names = ", ".join(dict.fromkeys(rubbing))
         return DynamicsError(
             f"at {run.parameter} = {run.grid.t[row]:.9g} {run.unit} no effort moves the mechanism against the friction "
             f"of {names}: friction raises its own load without end, it jams",
@@ -193,10 +206,10 @@ class KnownFriction:
         Joints that do not move with it, as a piston at its dead centre, may rub either way: that counts which holds
         best.
         """
-        slips = np.matvec(self.rows, way)
+        slips, contacts = np.matvec(self.rows, way), self.run.mechanism.frictions
         largest = np.abs(slips).max(axis=1, keepdims=True, initial=0.0)
-        begun = np.where(np.abs(slips) > MOVES * largest, sign * np.sign(slips), 0.0)
-        directions = np.where(self.directions == 0.0, begun, self.directions)
+        begun = sign * unit_vectors(contacts, np.where(np.abs(slips) > MOVES * largest, slips, 0.0))
+        directions = np.where(self.resting, begun, self.directions)
         bare, found = (way * self.demand).sum(axis=1), np.empty(len(way))
         for i, direction in enumerate(directions):
             each = [bare[i] - slips[i] @ self._friction(i, one, at_rest=True) for one in self._possible(i, direction)]
@@ -207,8 +220,14 @@ class KnownFriction:
         """Return directions of friction: given ones, and both of joints that do not move but load those that do."""
         contacts, response = self.run.mechanism.frictions, self.loads[row].response
         moving = [j for j in np.flatnonzero(direction).tolist() if contacts[j].law.loaded]
-        idle = [i for i in np.flatnonzero(direction == 0.0).tolist()
+        idle = [i for i in np.flatnonzero(sizes(contacts, direction) == 0.0).tolist()
                 if any(contacts[j].bearing.most(response[j, i]) > FEW for j in moving)]  # fmt: skip
+        for i in (i for i in idle if several(contacts)[i]):
+            raise DynamicsError(
+                f"{contacts[i].name} stands still, with friction in any direction, and loads joints that begin to "
+                "move: what begins to move the mechanism is not found by trying directions",
+                expected="no friction in it",
+            )  # fmt: skip
         if len(idle) > MANY:
             raise DynamicsError(f"{len(idle)} joints that stand still load those that begin to move",
                                 expected=f"friction in at most {MANY} of them")  # fmt: skip
@@ -238,15 +257,3 @@ def notes_of(run: Trajectory) -> list[str]:
             found.append(f"{name.removesuffix('.effort')} is self-locking in {locked.sum()} of {len(run)} rows: "
                          "it holds without any effort")  # fmt: skip
     return found
-
-
-def with_friction_columns(row: Trajectory, drives: Actuation) -> Trajectory:
-    """Return a row of a known motion with the columns that friction adds to it, 0: enough to see which there are."""
-    mechanism = row.mechanism
-    if not mechanism.frictions:
-        return row
-    none = np.zeros(len(row))
-    sides = [band_column(mechanism.joints, name, coordinate, part, none)
-             for name, coordinate in drives.coordinates(mechanism).items() for part in BANDS]  # fmt: skip
-    friction = friction_columns(mechanism.frictions, np.zeros((len(row), len(mechanism.frictions))))
-    return replace(row, columns={**row.columns, **friction, **{side.name: side for side in sides}})

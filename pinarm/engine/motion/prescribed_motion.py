@@ -17,13 +17,13 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.outcome import Outcome, positions_by_interval
 from pinarm.engine.motion.standstill import STANDSTILL, at_rest, directions, law_size, lossy, pace_of, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.statics.actuation import Actuation
 from pinarm.errors import AssemblyError
 from pinarm.input.units import Unit
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+    from pinarm.engine.statics.actuation import Actuation
 
 KINEMATIC = "the problem is kinematic and asks for no forces"
 
@@ -64,9 +64,9 @@ class Prescription:
         Raises:
             AssemblyError: A position cannot be reached.
         """
-        rows = self.states(grid, start)
+        rows = self.moving(grid, start)
         pace = self._pace(rows)
-        rows = self.directed(rows, pace)
+        rows = self.solved(rows, pace)
         motion = None if rows.numbered else PrescribedMotion(self, grid.cuts, grid.t, rows.q, pace)
         return Outcome(rows, motion, notes=tuple(self._notes(rows)))
 
@@ -78,45 +78,60 @@ class Prescription:
 
         return notes_of(rows)
 
-    def states(self, grid: Grid, near: Array) -> Trajectory:
-        """Return the states at the rows of a grid, on the branch of a configuration near the first one."""
-        mechanism, t = self.mechanism, grid.t
+    def moving(self, grid: Grid, near: Array) -> Trajectory:
+        """Return the motion at the rows of a grid, without efforts, on the branch of a configuration near the first."""
+        mechanism = self.mechanism
         q, v, a = follow(mechanism, self.prescribed, grid, near)
         if self.rates is not None:
             v, a = joint_rates(mechanism, self.prescribed, q, *self.rates)
         lam = Multipliers.zero(len(q), mechanism.closure.size)
         closure = self.drives.closure if self.drives else mechanism.closure
-        rows = Trajectory(
+        return Trajectory(
             mechanism, self.parameter, self.unit, grid, q, v, a, np.zeros_like(v), lam, closure, self.dynamics,
             separate=self.rates is not None, driven=self.drives.driven if self.drives else None,
+            drives=(*self.drives.coordinates(mechanism),) if self.drives else (),
         )  # fmt: skip
-        if self.drives is None:
-            return replace(rows, no_efforts=KINEMATIC)
-        demand = rows.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], a[part]))
-        if self.mechanism.frictions:
-            from pinarm.engine.motion.known_friction import KnownFriction
-
-            return KnownFriction(rows, self.drives, demand).solved()
-        tau, lam = self.drives.efforts(t, q, demand)
-        return replace(rows, tau=tau, lam=lam)
 
     def _pace(self, rows: Trajectory) -> Array | None:
-        """Return what rounding is judged against; ``None`` where no direction is asked for."""
-        if not lossy(self.mechanism) or self.rates is not None:
+        """Return what rounding is judged against, shape (2, nv); ``None`` where there is none."""
+        if not self._directed or self.rates is not None:
             return None
         followed = zip(self.prescribed.coordinates, self.prescribed.laws, strict=True)
         return pace_of(self.mechanism, rows.v, rows.a, followed, rows.grid)
 
-    def directed(self, rows: Trajectory, pace: Array | None) -> Trajectory:
-        """Return states with the directions of the joints, where drives have losses."""
-        if not (joints := lossy(self.mechanism)):
-            return rows
-        v, a, inside = rows.v, rows.a, np.zeros_like(rows.v)
-        if pace is None:
-            return replace(rows, directions=directions(v, a, row_paces(self.mechanism, v, a), np.ones(len(v)), inside))
-        still = np.flatnonzero(at_rest(v, a, pace)[:, joints].any(axis=1))
-        inside[still] = self._inside(rows.some(still))
-        return replace(rows, directions=directions(v, a, pace, rows.grid.sides(), inside))
+    @property
+    def _directed(self) -> list[int]:
+        """Indices in v of the joints whose directions matter: those behind gears with losses, or all with friction."""
+        return [*range(self.mechanism.model.nv)] if self.mechanism.frictions else lossy(self.mechanism)
+
+    def solved(self, rows: Trajectory, pace: Array | None) -> Trajectory:
+        """Return the rows of a motion with directions and efforts.
+
+        Args:
+            rows: The motion without efforts.
+            pace: See ``_pace``.
+        """
+        paces, inside = row_paces(self.mechanism, rows.v, rows.a) if pace is None else pace, np.zeros_like(rows.v)
+        if pace is not None and (joints := self._directed):
+            still = np.flatnonzero(at_rest(rows.v, rows.a, pace)[:, joints].any(axis=1))
+            inside[still] = self._inside(rows.some(still))
+        if lossy(self.mechanism):
+            side = np.ones(len(rows)) if pace is None else rows.grid.sides()
+            rows = replace(rows, directions=directions(rows.v, rows.a, paces, side, inside))
+        return self._loaded(rows, paces, inside)
+
+    def _loaded(self, rows: Trajectory, paces: Array, inside: Array) -> Trajectory:
+        """Return the rows of a motion with efforts."""
+        if self.drives is None:
+            return replace(rows, no_efforts=KINEMATIC)
+        t, q, v, a = rows.grid.t, rows.q, rows.v, rows.a
+        demand = rows.gather(lambda dynamics, part: dynamics.inverse(t[part], q[part], v[part], a[part]))
+        if self.mechanism.frictions:
+            from pinarm.engine.motion.known_friction import KnownFriction
+
+            return KnownFriction(rows, self.drives, demand, paces, inside).solved()
+        tau, lam = self.drives.efforts(t, q, demand)
+        return replace(rows, tau=tau, lam=lam)
 
     def _inside(self, rows: Trajectory) -> Array:
         """Return the velocities a little inside the intervals, from the positions of the rows, shape (n, nv)."""
@@ -151,8 +166,8 @@ class PrescribedMotion:
 
     def at(self, grid: Grid) -> Trajectory:
         """Return the states at other values of the parameter, on the branch of the nearest solved row."""
-        rows = self.prescription.states(grid, self.q[np.abs(self.t - grid.t[0]).argmin()])
-        return self.prescription.directed(rows, self.pace)
+        rows = self.prescription.moving(grid, self.q[np.abs(self.t - grid.t[0]).argmin()])
+        return self.prescription.solved(rows, self.pace)
 
     def positions(self, t: Array) -> Array:
         """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration.integrator import Solution
 from pinarm.engine.motion.systems import CompletedStates, System
 from pinarm.engine.motion.trajectory import EventRecord
 from pinarm.mechanics.laws.motion_law import Grid
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.integrator import Solution
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +95,11 @@ class SegmentedMotion:
         }
         floored = sum(count.floored for count in counts)
         return {**cost, "steps at the noise floor": float(floored)} if floored else cost
+
+    def remarks(self) -> list[str]:
+        """Return what is to be said of how the motion was computed; mostly nothing."""
+        remarks = (interval.remark for segment in self.segments for interval in segment.solution.intervals)
+        return list(dict.fromkeys(filter(None, remarks)))
 
     def diagnose(self) -> list[str]:
         """Return what says that the integrator was a poor choice."""

@@ -8,7 +8,7 @@ to the motion that the row is of: other rows, looked at or not, have no part in 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -77,7 +77,7 @@ def law_size(law: MotionLaw, grid: Grid) -> Array:
 
 def at_rest(v: Array, a: Array, pace: Array) -> Flags:
     """Return where velocity and acceleration are both zero but for rounding, of the shape of v."""
-    return np.asarray((_signs(v, pace[..., 0, :]) == 0.0) & (_signs(a, pace[..., 1, :]) == 0.0))
+    return np.asarray((_significant(v, pace[..., 0, :]) == 0.0) & (_significant(a, pace[..., 1, :]) == 0.0))
 
 
 def directions(v: Array, a: Array, pace: Array, side: Array, inside: Array) -> Array:
@@ -90,9 +90,18 @@ def directions(v: Array, a: Array, pace: Array, side: Array, inside: Array) -> A
         side: 1 where the motion that follows counts, -1 where the one that has ended does, shape (n,).
         inside: Velocities a little later or earlier, looked at where v and a are zero, shape (n, nv).
     """
-    now, later = _signs(v, pace[..., 0, :]), _signs(inside, pace[..., 0, :])
-    beside = side[:, None] * _signs(a, pace[..., 1, :])
-    return np.where(now != 0.0, now, np.where(beside != 0.0, beside, later))
+    return np.sign(leading(v, a, pace, side, inside, np.abs))
+
+
+def leading(v: Array, a: Array, pace: Array, side: Array, inside: Array, size: Callable[[Array], Array]) -> Array:
+    """Return v, or a towards the side, or velocities inside: what has the direction of the motion, shape (n, k).
+
+    It is 0 at rest. ``size`` returns lengths, of the shape of its argument, where several components make up one
+    velocity; the other arguments are those of ``directions``.
+    """
+    now, later = _significant(v, pace[..., 0, :]), _significant(inside, pace[..., 0, :])
+    beside = side[:, None] * _significant(a, pace[..., 1, :])
+    return np.where(size(now) > 0.0, now, np.where(size(beside) > 0.0, beside, later))
 
 
 def law_directions(law: MotionLaw, grid: Grid) -> Array:
@@ -102,8 +111,8 @@ def law_directions(law: MotionLaw, grid: Grid) -> Array:
     return directions(v[:, None], a[:, None], size, grid.sides(), inside[:, None])[:, 0]
 
 
-def _signs(x: Array, scale: Array) -> Array:
-    return np.where(np.abs(x) > STANDSTILL * scale, np.sign(x), 0.0)
+def _significant(x: Array, scale: Array) -> Array:
+    return np.where(np.abs(x) > STANDSTILL * scale, x, 0.0)
 
 
 def _sliding(mechanism: Mechanism) -> Flags:

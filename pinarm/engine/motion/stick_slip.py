@@ -25,22 +25,26 @@ from pinarm.engine.friction.balance import FrictionSolution, SlipGroup, companio
 from pinarm.engine.friction.response import SlipResponse
 from pinarm.engine.friction.sliding import SlidingFriction
 from pinarm.engine.friction.switching import Slip, decided
+from pinarm.engine.friction.watches import REST, Approach, Reserve
 from pinarm.engine.integration.events import Watch
-from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.system import CompletedStates, Initial, System
 from pinarm.errors import DynamicsError, IntegrationError
 from pinarm.mechanics.ball_joints import coordinate_at
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.friction.contact import FrictionContact, JointContact, slip_rows
+from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, unit_vectors
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-REST = 1e-12
-"""Slip that is rest, over 1 rad/s or m/s or the largest slip at the start: rounding of a velocity that vanishes."""
+    from pinarm.engine.integration.integrator import Interval, Manifold
+
+TURNING = 1e-6
+"""Slip [rad/s or m/s] above which one with several components has turned rather than come to rest: the instant is
+known to the tolerance of the integration."""
 
 EXCEEDED = 1e-6
 """Part of its bound by which the friction of a row may exceed it: the row may stand at the switch."""
@@ -85,7 +89,7 @@ class StickSlip:
             DynamicsError: Rigid bodies with friction do not determine it.
         """
         slips = self.slips(q[None], v[None])[0]
-        moving = np.where(np.abs(slips) > REST, np.sign(slips), 0.0)
+        moving = unit_vectors(self.contacts, np.where(sizes(self.contacts, slips) > REST, slips, 0.0))
         return self._decided(span, q, v, moving, np.zeros(len(moving)))
 
     def switched(self, span: tuple[float, float], q: Array, v: Array, slip: Slip, index: int) -> tuple[Array, Slip]:
@@ -96,22 +100,29 @@ class StickSlip:
             q: Configuration, shape (nq,).
             v: Velocity, shape (nv,).
             slip: What joints did until then.
-            index: Which joint comes to rest, or which group of stuck joints breaks loose: the complement of its number.
+            index: Which joint comes to rest, or has turned its slip, or which group of stuck joints breaks loose: the
+                complement of its number.
         """
-        moving, slips = np.array(slip.direction, float), self.slips(q[None], v[None])[0]
-        moving[np.abs(slips) <= 2.0 * REST] = 0.0
+        sliding, slips = self.sliding(slip, span), self.slips(q[None], v[None])[0]
+        speeds, slipping = sizes(self.contacts, slips), sizes(self.contacts, sliding.direction) > 0.0
+        moving = np.where(speeds <= 2.0 * REST, 0.0, sliding.directions(slips))
         broken = np.zeros(len(moving))
-        if index >= 0:
-            balance = self.sliding(slip, span).balance(span[0], q, v)
-            moving[[index, *companions(balance.response, index)]] = 0.0
-            v = self._stopped(span[0], q, v, np.flatnonzero((moving == 0.0) & (np.array(slip.direction) != 0)))
+        if index >= 0 and not (slipping[index] and several(self.contacts)[index] and speeds[index] > TURNING):
+            balance = sliding.balance(span[0], q, v)
+            same = same_joint(self.contacts)
+            parts = np.flatnonzero(same[index]).tolist()
+            ended = [i for part in parts for i in (part, *companions(balance.response, part))]
+            moving[same[ended].any(axis=0)] = 0.0
+            v = self._stopped(span[0], q, v, np.flatnonzero(slipping & (sizes(self.contacts, moving) == 0.0)))
+        elif index >= 0:
+            moving = unit_vectors(self.contacts, np.where(moving != 0.0, slips, 0.0))
         else:
-            found = self.sliding(slip, span).solution(span[0], q, v)
+            found = sliding.solution(span[0], q, v)
             broken = slip.stuck[~index].directions(-float(np.sign(found.held[~index])), len(moving))
         return v, self._decided(span, q, v, moving, broken)
 
     def _decided(self, span: tuple[float, float], q: Array, v: Array, moving: Array, broken: Array) -> Slip:
-        balance = self.sliding(Slip(tuple(int(s) for s in moving)), span).balance(span[0], q, v)
+        balance = self.sliding(Slip(tuple(moving.tolist())), span).balance(span[0], q, v)
         try:
             return decided(balance, moving, broken)
         except DynamicsError as error:
@@ -147,7 +158,7 @@ class StickSlip:
         """Return the index in v of a joint that stands still if and only if a group does."""
         for i in group.members:
             contact = self.contacts[i]
-            if isinstance(contact, JointContact):
+            if isinstance(contact, JointContact) and not contact.part:
                 return contact.v
         found = response()
         slip, free = found.slips[group.first], found.free
@@ -163,42 +174,16 @@ class StickSlip:
 
     def watches(self, slip: Slip, system: FrictionalSystem) -> list[tuple[int, Watch]]:
         """Return what ends a stretch of the motion: number of a joint whose slip ends, or complement of a group's."""
-        found = []
-        for i, direction in enumerate(slip.direction):
-            held = any(i in group.members for group in slip.stuck)
-            if not held:
-                found.append((i, Watch(_Approach(self, i, direction).gap, -1, stops=True)))
+        found, same = [], same_joint(self.contacts)
+        held = {i for group in slip.stuck for i in group.members}
+        for i in (i for i in range(len(same)) if int(same[i].argmax()) == i):
+            parts = np.flatnonzero(same[i])
+            if not held.intersection(parts.tolist()):
+                approach = Approach(self.slips, parts, np.array(slip.direction)[parts])
+                found.append((i, Watch(approach.gap, -1, stops=True)))
         for g in range(len(slip.stuck)):
-            found.append((~g, Watch(_Reserve(system, g).left, -1, stops=True)))
+            found.append((~g, Watch(Reserve(system.sliding_at, g).left, -1, stops=True)))
         return found
-
-
-@dataclass(frozen=True, eq=False)
-class _Approach:
-    """How far a slip is from rest, or one at rest from slip."""
-
-    friction: StickSlip
-    index: int
-    direction: int
-
-    def gap(self, t: Array, q: Array, v: Array) -> Array:
-        """Return ``s u`` with some slack, so that a slip that begins does not end at once, shape (n,)."""
-        slips = self.friction.slips(q, v)[:, self.index]
-        return np.asarray(self.direction * slips + REST if self.direction else REST - np.abs(slips))
-
-
-@dataclass(frozen=True, eq=False)
-class _Reserve:
-    """How far the friction that holds a group of joints is from its bound."""
-
-    system: FrictionalSystem
-    group: int
-
-    def left(self, t: Array, q: Array, v: Array) -> Array:
-        """Return ``bound^2 - phi^2``, which is smooth where phi vanishes, shape (n,)."""
-        sliding = self.system.sliding_at(float(t[0]), float(t[-1]))
-        found = [sliding.solution(*row) for row in zip(t, q, v, strict=True)]
-        return np.array([one.bounds[self.group] ** 2 - one.held[self.group] ** 2 for one in found])
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,8 @@ from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit
+from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
-from pinarm.mechanics.friction.contact import slip_rows
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
@@ -63,6 +63,7 @@ class Trajectory:
         columns: What the problem found beside the states, by name, a value a row.
         separate: Whether velocities are given row by row, and the rows are not one motion.
         driven: Joints that drives act on, shape (nv,); ``None`` where all efforts are given as they are.
+        drives: Names of the coordinates that drives act along; those that follow laws, of forward problems.
         directions: Directions of the joints, 1, 0 or -1, where drives have losses, shape (n, nv); see
             ``motion.standstill``.
     """
@@ -82,6 +83,7 @@ class Trajectory:
     columns: Mapping[str, Series] = field(default_factory=dict)
     separate: bool = False
     driven: Flags | None = field(default=None, repr=False)
+    drives: tuple[str, ...] = ()
     directions: Array | None = field(default=None, repr=False)
 
     @classmethod
@@ -125,7 +127,7 @@ class Trajectory:
     def friction(self) -> Array:
         """Friction at the mechanism's contacts, along their slips [N*m or N], shape (n, k); 0 where none is told."""
         none = np.zeros(len(self))
-        names = [f"{contact.name}.friction" for contact in self.mechanism.frictions]
+        names = [contact.quantity for contact in self.mechanism.frictions]
         found = [self.columns[name].values if name in self.columns else none for name in names]
         return np.array(found).reshape(-1, len(self)).T
 
@@ -134,6 +136,8 @@ class Trajectory:
         """The same as generalised loads [N*m or N], shape (n, nv)."""
         if not self.mechanism.frictions:
             return np.zeros_like(self.v)
+        from pinarm.mechanics.friction.contact import slip_rows
+
         return np.asarray(np.vecmat(self.friction, slip_rows(self.mechanism.model, self.mechanism.frictions, self.q)))
 
     def intervals(self) -> list[tuple[slice, Dynamics]]:
@@ -160,6 +164,19 @@ class Trajectory:
             return self.tau[:, joint]
         lam, places = np.asarray(self.lam), self.closure.slices()
         return np.asarray(sum(weight * lam[:, places[name].start] for name, weight in acting.items()))
+
+    def effort_along(self, name: str) -> Array | None:
+        """Return the effort of a drive along a joint or a sum of joints [N*m or N], shape (n,); ``None`` without one.
+
+        Drives e along coordinates with the weights W give joints ``tau = W^T e``.
+        """
+        known = self.mechanism.coordinates
+        linear = {one: known[one] for one in self.drives if one in known}
+        weights = {one: found.weights for one, found in linear.items() if isinstance(found, LinearCoordinate)}
+        if name not in weights:
+            return None
+        efforts = np.linalg.lstsq(np.array([*weights.values()]).T, self.tau.T)[0]
+        return np.asarray(efforts[[*weights].index(name)])
 
     def direction(self, index: int) -> Array:
         """Return the direction of a joint's motion at every row, 1, 0 or -1, shape (n,).

@@ -16,9 +16,17 @@ VECTORS = {
     "link_effort": unit("N*m"),
 }  # fmt: skip
 COMPONENTS = ("x", "y", "z", "norm")
-PARTS = (*(f"quaternion.{axis}" for axis in "xyzw"), *ANGLES,
-         *(f"{vector}.{axis}" for vector in VECTORS for axis in COMPONENTS), "power")  # fmt: skip
-"""What can be asked of a ball joint, beside the wrench that every joint transmits."""
+PARTS = {
+    "quaternion": ("x", "y", "z", "w"), **dict.fromkeys(ANGLES, ()), **dict.fromkeys(VECTORS, COMPONENTS), "power": (),
+}  # fmt: skip
+"""What can be asked of a ball joint, beside the wrench that every joint transmits, with its components."""
+
+MEANINGS = {
+    "quaternion": "orientation of a ball joint's link in the joint's placement",
+    "roll": "its angle about x", "pitch": "its angle about y", "yaw": "its angle about z",
+    "angular_velocity": "of a ball joint's link, in the link's own axes",
+    "angular_acceleration": "of a ball joint's link, in the link's own axes",
+}  # fmt: skip
 
 
 def ball_quantity(run: Trajectory, ball: Ball, name: str, part: str) -> Series | None:
@@ -28,7 +36,7 @@ def ball_quantity(run: Trajectory, ball: Ball, name: str, part: str) -> Series |
         run: The motion.
         ball: The joint.
         name: Name of the series.
-        part: One of ``PARTS``: the quaternion of the link in the joint's placement; roll, pitch and yaw [rad];
+        part: As ``PARTS`` has it: the quaternion of the link in the joint's placement; roll, pitch and yaw [rad];
             ``angular_velocity``, ``angular_acceleration`` and ``effort`` [rad/s, rad/s^2, N*m], the moment of its
             drive, its rotor's share included, and ``link_effort`` without that; ``power`` of the first [W].
 
@@ -36,7 +44,7 @@ def ball_quantity(run: Trajectory, ball: Ball, name: str, part: str) -> Series |
         InputError: The effort is asked of a joint that is moved along the components of its rotation vector.
     """
     word, _, axis = part.partition(".")
-    if part not in PARTS:
+    if word not in PARTS or axis not in (PARTS[word] or ("",)):
         return None
     if word == "quaternion":
         return Series(name, unit("1"), ball.quaternion(run.q)[:, "xyzw".index(axis)])

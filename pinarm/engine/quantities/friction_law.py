@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinarm.engine.motion.stick_slip import REST
+from pinarm.engine.friction.watches import REST
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.contact import slip_rows
+from pinarm.mechanics.friction.slip_vectors import sizes, unit_vectors
 
 SAMPLE = 64
 """Number of rows that are looked at: a fixed, even choice."""
@@ -16,8 +17,9 @@ SAMPLE = 64
 CONTRADICTED = 1e-6
 """Part of the largest friction by which the law may be missed: what rounding leaves of large reactions is less."""
 
-SLOW = 1e-9
-"""Slip, relative to the largest of the run, that is rest."""
+SLOW, SWITCHING = 1e-9, 1e-3
+"""Slips, relative to the largest of the run, that are rest: anywhere, and where an interval of the run ends, as at
+switches, whose instants are known to the tolerance of the integration."""
 
 
 def friction_figures(run: Trajectory) -> dict[str, float]:
@@ -36,15 +38,17 @@ def friction_figures(run: Trajectory) -> dict[str, float]:
     reactions, missed, largest = Reactions(some), 0.0, 0.0
     slips = np.matvec(slip_rows(run.mechanism.model, contacts, some.q), some.v)
     lam = {name: reactions.multipliers[:, rows] for name, rows in some.closure.slices().items()}
-    every = np.arange(len(some))
-    for one, f, slip in zip(contacts, some.friction.T, slips.T, strict=True):
+    every, ends = np.arange(len(some)), np.isin(some.grid.t, some.grid.cuts[1:-1])
+    rest_speeds = np.where(ends, SWITCHING, SLOW)
+    speeds, against, lengths = sizes(contacts, slips), unit_vectors(contacts, slips), sizes(contacts, some.friction)
+    for one, f, size, speed, s in zip(contacts, some.friction.T, lengths.T, speeds.T, against.T, strict=True):
         normal = np.zeros(len(some))
         if one.law.loaded:
             normal = one.bearing.load(one.transmitted(reactions.links(every), reactions.joints, lam))
-        mu, constant = one.law.slipping(np.abs(slip))
+        mu, constant = one.law.slipping(speed)
         rest = one.law.static_mu * normal + one.law.static_constant
-        slipping, stuck = np.abs(f * np.sign(slip) + mu * normal + constant), np.maximum(np.abs(f) - rest, 0.0)
-        slow = np.abs(slip) <= max(SLOW * np.abs(slip).max(), 2.0 * REST)
+        slipping, stuck = np.abs(f + s * (mu * normal + constant)), np.maximum(size - rest, 0.0)
+        slow = speed <= np.maximum(rest_speeds * speed.max(), 2.0 * REST)
         missed = max(missed, float(np.where(slow, stuck, slipping).max()))
         largest = max(largest, float(rest.max()))
     left = missed / largest if largest else 0.0

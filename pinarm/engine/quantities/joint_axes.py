@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.mechanics.geometry.chains import screw_of
-from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.mechanics.loops.lower_pairs import LowerPair
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 ALONG_AXIS = ("axial", "radial")
 """Components of a force or moment F by an axis u: ``F . u``, and ``|F - (F . u) u|``."""
@@ -30,6 +33,8 @@ def tree_axis(model: pin.Model, joint: int) -> Array | None:
 
 def loop_axis(loop: LoopJoint) -> Array | None:
     """Return the axis of a loop joint, in the axes of frame 1, shape (3,); ``None`` where it has none."""
+    from pinarm.mechanics.loops.lower_pairs import LowerPair
+
     return loop.pair.axis if isinstance(loop.pair, LowerPair) and loop.kind not in NO_AXIS else None
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pinocchio as pin
@@ -23,13 +23,12 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.joint_axes import loop_axis, tree_axis
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.couplings.left_open import OpenReaction, left_open
-from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
-from pinarm.mechanics.friction.contact import LoopContact
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 if TYPE_CHECKING:
+    from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
     from pinarm.mechanics.loops.relative import LoopCoordinate
 
 SAMPLE = 64
@@ -174,6 +173,10 @@ class Reactions:
         for coordinate, effort in self._own_efforts(name):
             blocks = _blocks(0, len(self.run))
             held += np.concatenate([coordinate.way.wrench(self.links(rows), effort[rows, None]) for rows in blocks])
+        if not self.run.mechanism.frictions:
+            return held
+        from pinarm.mechanics.friction.contact import LoopContact
+
         every = np.arange(len(self.run))
         for contact, f in zip(self.run.mechanism.frictions, self.run.friction.T, strict=True):
             if isinstance(contact, LoopContact) and contact.joint.name == name:
@@ -182,6 +185,7 @@ class Reactions:
 
     def _own_efforts(self, name: str) -> Iterator[tuple[LoopCoordinate, Array]]:
         """Yield the coordinates of a loop joint with efforts along them, of drives and force elements, shape (n,)."""
+        from pinarm.mechanics.forces.along_coordinate import AlongCoordinate
         from pinarm.mechanics.loops.relative import LoopCoordinate
 
         run, guides = self.run, self.closure.constraints[len(self.run.mechanism.constraints) :]
@@ -195,8 +199,7 @@ class Reactions:
                 yield along, run.gather(partial(self._efforts, key))
 
     def _efforts(self, name: str, dynamics: Dynamics, rows: slice) -> Array:
-        run, force = self.run, dynamics.forces[name]
-        assert isinstance(force, AlongCoordinate)
+        run, force = self.run, cast("AlongCoordinate", dynamics.forces[name])
         return force.efforts(run.grid.t[rows], run.q[rows], run.v[rows])
 
     def loop_origins(self, name: str) -> Array:

@@ -26,7 +26,6 @@ from pinarm.engine.statics.actuation import Actuation, actuation, everywhere
 from pinarm.errors import InputError
 from pinarm.input.units import unit
 from pinarm.mechanics.ball_joints import configuration, places_of, unit_of, velocities_of
-from pinarm.mechanics.friction.contact import slip_rows
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.mechanics.loading.pinocchio_layout import UNIT
 
@@ -157,7 +156,8 @@ def _quantities(
     acting = actuation(mechanism, drives, drives) if drives else everywhere(mechanism)
     if acting is None:
         return Quantities(replace(run, no_efforts=NO_DRIVES))
-    return Quantities(_driven(replace(run, closure=acting.closure, driven=acting.driven), acting, demand))
+    run = replace(run, closure=acting.closure, driven=acting.driven, drives=(*acting.coordinates(mechanism),))
+    return Quantities(_driven(run, acting, demand))
 
 
 def _driven(run: Trajectory, acting: Actuation, demand: Array) -> Trajectory:
@@ -165,7 +165,8 @@ def _driven(run: Trajectory, acting: Actuation, demand: Array) -> Trajectory:
     if run.mechanism.frictions:
         from pinarm.engine.motion.known_friction import KnownFriction
 
-        return KnownFriction(run, acting, demand).solved()
+        paces = row_paces(run.mechanism, run.v, run.a)
+        return KnownFriction(run, acting, demand, paces, np.zeros_like(run.v)).solved()
     tau, lam = acting.efforts(run.grid.t, run.q, demand)
     return replace(run, tau=tau, lam=lam)
 
@@ -178,6 +179,7 @@ def _friction(
         return {}, np.zeros_like(v)
     from pinarm.engine.friction.columns import friction_columns
     from pinarm.engine.friction.given_efforts import friction_under
+    from pinarm.mechanics.friction.contact import slip_rows
 
     friction = friction_under(mechanism.frictions, dynamics, mechanism.closure, t, q, v, tau)
     loads = np.vecmat(friction, slip_rows(mechanism.model, mechanism.frictions, q))

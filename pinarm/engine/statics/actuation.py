@@ -17,13 +17,13 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
-from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
 
 if TYPE_CHECKING:
+    from pinarm.engine.constraints.constraint import Constraint
     from pinarm.engine.mechanism import Mechanism
 
 

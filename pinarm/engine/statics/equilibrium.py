@@ -18,7 +18,7 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.statics.stiffness import ZERO, Modes, force, slope, stiffness
 from pinarm.errors import AssemblyError, InputError, Key, within
 from pinarm.mechanics.coordinates import LinearCoordinate
-from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import METRE, format_configuration
 from pinarm.mechanics.laws import Constant

@@ -12,7 +12,7 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import MASSLESS
-from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.forces.force_element import ForceElement
 
 ZERO = 1e-9
 """Stiffness, relative to the terms that make it up, below which it is 0: differences of loads leave up to 1e-12."""

@@ -18,6 +18,7 @@ import msgspec
 
 from pinarm.errors import InputError, Key, Location, PinarmError
 from pinarm.input.roots import similar_file
+from pinarm.input.yaml.deferred import with_types
 from pinarm.input.yaml.parser import Builder, Path_
 from pinarm.input.yaml.schema import InputStruct, convert, reading_from
 from pinarm.input.yaml.validation_messages import explain, failing_path, unknown_key
@@ -146,6 +147,7 @@ class Document:
         data = self.data
         for key in at:
             data = data[key]
+        struct = with_types(struct, data) if isinstance(data, dict) else struct
         with reading_from(self.path.parent if self.path else Path()):
             try:
                 return msgspec.convert(data, struct, dec_hook=convert)

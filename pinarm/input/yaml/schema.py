@@ -15,6 +15,7 @@ import numpy as np
 
 from pinarm.errors import InputError, PinarmError, UnitError, within
 from pinarm.input.units import Unit, read_quantity, unit
+from pinarm.input.yaml.deferred import Deferred, with_types
 
 _folder: ContextVar[Path | None] = ContextVar("folder", default=None)
 
@@ -143,12 +144,18 @@ RotationStiffness, RotationDamping = quantity("N*m/rad", least=0.0), quantity("N
 
 
 class InputStruct(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """An immutable part of an input file; unknown keys are errors."""
+    """An immutable part of an input file; unknown keys are errors.
+
+    Attributes:
+        deferred: Keys whose types are imported when a file has them; see ``deferred.with_types``.
+    """
+
+    deferred: ClassVar[Deferred] = {}
 
     def __post_init__(self) -> None:
         """Validate values given in Python against the annotations, as those from files are; then run ``check``."""
         if current_folder() is None:
-            for field in _fields(type(self)):
+            for field in _fields(with_types(type(self), self.deferred)):
                 given = getattr(self, field.name)
                 value = validated(given, field)
                 if value is not given:

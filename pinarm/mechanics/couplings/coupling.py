@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -12,12 +13,14 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import LinearCoordinate, sum_of
-from pinarm.mechanics.couplings.transmissions import Transmission
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import crossed
 from pinarm.mechanics.joints import Joint, joint_of
 from pinarm.mechanics.loading.model_tree import Mimic
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.couplings.transmissions import Transmission
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,12 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.mechanics.couplings.coupling import Coupling
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.couplings.coupling import Coupling
 
 
 @dataclass(frozen=True, eq=False)

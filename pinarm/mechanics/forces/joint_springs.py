@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -154,3 +154,11 @@ def _following(indices: Indices) -> slice | Indices:
         return indices
     first, last = int(indices[0]), int(indices[-1]) + 1
     return slice(first, last) if np.array_equal(indices, np.arange(first, last)) else indices
+
+
+def summed(forces: Iterable[ForceElement]) -> tuple[ForceElement, ...]:
+    """Return elements with the same load in all, the springs and dampers at joints as one."""
+    known = tuple(forces)
+    springs = [force for force in known if isinstance(force, SpringDamper)]
+    others = tuple(force for force in known if not isinstance(force, SpringDamper))
+    return (SpringDamper.sum(springs), *others) if springs else others

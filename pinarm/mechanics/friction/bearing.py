@@ -8,6 +8,8 @@ the axis:
 - A joint that turns slips on the circumference of its journals, at ``radius``, and on its shoulder, which carries the
   axial force, at ``thrust_radius``.
 - A joint that slides slips along its guides; a key at ``radius`` carries the moment about the axis, ``|M_a| / radius``.
+- A cylindrical joint slips on the circumference of its journals, at ``radius``, and along them.
+- A ball joint slips on its ball, of ``radius``, which carries F: the moment ``mu r F`` is against the angular velocity.
 
 A journal has the moment ``mu r F_n`` of textbooks. F_n being the resultant, of normal force and friction together, a
 dry journal with one line of contact has ``sin(atan mu)`` in place of mu: 0.5 % less at 0.1.
@@ -81,6 +83,11 @@ class Bearing:
             key[0, 3:] = axis / radius
             parts = [*parts, key]
         return cls(np.ones(len(parts)), np.array(parts), preload)
+
+    @classmethod
+    def ball(cls, radius: float, preload: float = 0.0) -> Bearing:
+        """Return a ball in its socket, which slips at its radius [m] under the whole force."""
+        return cls(np.array([radius]), np.eye(3, 6)[None], radius * preload)
 
     @classmethod
     def thread(cls, axis: Array, lever: float) -> Bearing:

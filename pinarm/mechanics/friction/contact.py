@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.input.units import Unit
-from pinarm.mechanics.friction.bearing import Bearing
-from pinarm.mechanics.friction.law import FrictionLaw
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
-from pinarm.mechanics.loops.loop_joints import LoopJoint
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.friction.bearing import Bearing
+    from pinarm.mechanics.friction.law import FrictionLaw
+    from pinarm.mechanics.loops.loop_joints import LoopJoint
 
 
 class FrictionContact(Protocol):
@@ -23,7 +25,12 @@ class FrictionContact(Protocol):
 
     @property
     def name(self) -> str:
-        """``joint.J`` or ``loop.L``: friction is asked as ``joint.J.friction``."""
+        """``joint.J`` or ``loop.L``: the components of one slip have one name."""
+        ...
+
+    @property
+    def quantity(self) -> str:
+        """Name of the friction, ``joint.J.friction``."""
         ...
 
     @property
@@ -72,9 +79,14 @@ class FrictionContact(Protocol):
         ...
 
 
+def quantity_of(name: str, part: str = "") -> str:
+    """Return the name of a friction in tables."""
+    return f"{name}.friction.{part}" if part else f"{name}.friction"
+
+
 @dataclass(frozen=True, eq=False)
 class JointContact:
-    """The slip of a joint of the tree with one coordinate.
+    """The slip of a joint of the tree along one of its velocities.
 
     Attributes:
         name: ``joint.J``.
@@ -84,6 +96,7 @@ class JointContact:
         law: Of friction.
         bearing: In the axes of the child.
         shared: See ``FrictionContact``.
+        part: ``x``, ``y`` or ``z`` of a ball joint, in the axes of the child; empty of a joint with one coordinate.
     """
 
     name: str
@@ -93,6 +106,12 @@ class JointContact:
     law: FrictionLaw
     bearing: Bearing = field(repr=False)
     shared: bool = False
+    part: str = ""
+
+    @property
+    def quantity(self) -> str:
+        """``joint.J.friction``, of a ball joint ``joint.J.friction.x``."""
+        return quantity_of(self.name, self.part)
 
     def row(self, state: Kinematics) -> Array:
         """Return the unit vector of the joint, shape (nv,)."""
@@ -117,7 +136,7 @@ class JointContact:
 
 @dataclass(frozen=True, eq=False)
 class LoopContact:
-    """The slip of a loop joint that turns or slides.
+    """The slip of a loop joint that turns or slides, or one component of it.
 
     Attributes:
         name: ``loop.L``.
@@ -127,6 +146,8 @@ class LoopContact:
         law: Of friction.
         bearing: In the axes of the joint's first frame.
         shared: See ``FrictionContact``.
+        part: Of a slip with several components: ``tangential`` and ``axial`` of a cylindrical joint, ``x``, ``y`` and
+            ``z`` of a ball joint, in the axes of the first frame.
     """
 
     name: str
@@ -136,6 +157,12 @@ class LoopContact:
     law: FrictionLaw
     bearing: Bearing = field(repr=False)
     shared: bool = False
+    part: str = ""
+
+    @property
+    def quantity(self) -> str:
+        """``loop.L.friction``, and ``loop.L.friction.axial`` of a component."""
+        return quantity_of(self.name, self.part)
 
     def row(self, state: Kinematics) -> Array:
         """Return J, shape (nv,)."""

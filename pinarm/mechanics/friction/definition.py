@@ -11,8 +11,9 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, choices, within
-from pinarm.input.units import unit
+from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import Angle, Force, InputStruct, NotNegative, Positive, Span, check_unit
+from pinarm.mechanics.ball_joints import Ball, balls_of
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.couplings.transmissions import ToothContact
 from pinarm.mechanics.forces.joint_definitions import effort_unit
@@ -40,6 +41,9 @@ class Friction(InputStruct, frozen=True):
     along it with ``thrust_radius``, the moment across it with ``span``, the moment about a sliding joint's axis with
     ``radius``.
 
+    A cylindrical joint, which turns and slides, has forces [N] around and along the surface at ``radius``; a ball
+    joint, of the tree or of a loop, a moment against its angular velocity, with ``radius`` of the ball.
+
     Of a screw, a loop joint or a coupling, and of a worm and its wheel, a coupling ``gear`` whose first joint is the
     worm, friction acts along the thread: forces in N, velocities in m/s, both along it. It takes ``radius``, the mean
     one of the thread, ``flank`` and, of a worm, ``lead_angle``.
@@ -54,6 +58,8 @@ class Friction(InputStruct, frozen=True):
         flank: Angle of a thread's flank in the axial section: 0 of a square thread, 30 deg of a metric one; of a worm,
             its pressure angle there.
         lead_angle: Of a worm.
+        teeth: Number of teeth of the first of two spur wheels, a coupling ``gear`` with a ``pressure_angle``; friction
+            is that of the mean slip of the flanks, in N and m/s.
         preload: Normal force that is there without any reaction.
         constant: Part that does not depend on the reaction [N*m or N].
         static_constant: The same at rest; ``constant`` where it is left out.
@@ -71,6 +77,7 @@ class Friction(InputStruct, frozen=True):
     span: Span | None = None
     flank: Angle = 0.0
     lead_angle: Angle | None = None
+    teeth: Annotated[int, msgspec.Meta(ge=4)] | None = None
     preload: Force = 0.0
     constant: NotNegative = 0.0
     static_constant: NotNegative | None = None
@@ -97,8 +104,8 @@ class Friction(InputStruct, frozen=True):
 
     def bind(
         self, name: str, model: pin.Model, joints: Mapping[str, Joint], constraints: Sequence[LoopJoint | Coupling]
-    ) -> FrictionContact:
-        """Return the friction of a joint of the tree, a loop joint or a coupling, by its name.
+    ) -> tuple[FrictionContact, ...]:
+        """Return the friction of a joint of the tree, a loop joint or a coupling, by its name: its components.
 
         Raises:
             InputError: There is none, or none that turns or slides; or a size is missing.
@@ -108,25 +115,55 @@ class Friction(InputStruct, frozen=True):
             joint = joints[name]
             axis = _axis(model, joint)
             law, bearing = self._law(joint), self._bearing(axis, turns=joint.unit == RADIAN)
-            return JointContact(f"joint.{name}", effort_unit(joint), joint.index, joint.v, law, bearing, self._shared)
+            return (
+                JointContact(f"joint.{name}", effort_unit(joint), joint.index, joint.v, law, bearing, self._shared),
+            )
+        balls = balls_of(model)
+        if name in balls:
+            return self._of_ball(balls[name])
         if name not in of_loops:
-            expected, hint = choices(name, [*joints, *of_loops])
-            raise InputError(f"there is no joint '{name}' with one coordinate", expected=expected, hint=hint)
+            expected, hint = choices(name, [*joints, *balls, *of_loops])
+            raise InputError(f"there is no joint '{name}' with friction", expected=expected, hint=hint)
         constraint = of_loops[name]
         if isinstance(constraint, Coupling):
-            return self._of_coupling(constraint)
+            return (self._of_coupling(model, constraint),)
         return self._of_loop(constraint)
 
-    def _of_coupling(self, coupling: Coupling) -> CouplingContact:
-        """Return the friction of a screw between two joints, or of a worm and its wheel."""
+    def _of_ball(self, ball: Ball) -> tuple[JointContact, ...]:
+        """Return the friction of a ball joint of the tree: a moment in the axes of the child."""
+        law, bearing = self._law(Joint(ball.name, 0, 0, 0, RADIAN)), self._socket(ball.name)
+        return tuple(
+            JointContact(f"joint.{ball.name}", unit("N*m"), ball.index, ball.v + k, law, bearing, self._shared, part)
+            for k, part in enumerate("xyz")
+        )
+
+    def _socket(self, name: str) -> Bearing:
+        """Return the bearing of a ball joint."""
+        for key in ("thrust_radius", "span"):
+            if getattr(self, key):
+                with within(key):
+                    raise InputError("a ball joint has no shoulder and no second bearing", expected="radius, preload")
+        if not (self.mu or self.static_mu):
+            return Bearing.none()
+        if not self.radius:
+            raise InputError(f"mu of the ball joint '{name}' needs the radius of its ball", expected="radius: 12 mm")
+        return Bearing.ball(float(self.radius), float(self.preload))
+
+    def _of_coupling(self, model: pin.Model, coupling: Coupling) -> FrictionContact:
+        """Return the friction of a screw between two joints, of a worm and its wheel, or of spur wheels."""
+        if self.teeth is not None:
+            from pinarm.mechanics.friction.tooth import tooth_friction
+
+            law = self._law(Joint(coupling.name, 0, 0, 0, METRE))
+            return tooth_friction(model, coupling, self.teeth, law, shared=self._shared)
         weights = coupling.coordinate.weights
         first, second = _coupled(weights, coupling.name)
         ratio, radius = -float(weights[first]), self._thread_radius(coupling.name)
         wheel = 1.0
         if coupling.kind != "screw":
             if self.lead_angle is None:
-                raise InputError(f"friction of the {coupling.kind} '{coupling.name}' is that of a worm",
-                                 expected="lead_angle, with the worm as the first joint")  # fmt: skip
+                raise InputError(f"friction of the {coupling.kind} '{coupling.name}' is that of a worm or spur wheels",
+                                 expected="lead_angle, the worm being the first joint, or teeth")  # fmt: skip
             wheel = radius * np.tan(self.lead_angle) / abs(ratio)
         thread = ThreadGeometry(radius, wheel * ratio, float(self.flank))
         slip, (turning, sliding) = np.zeros(len(weights)), thread.along
@@ -145,19 +182,56 @@ class Friction(InputStruct, frozen=True):
             raise InputError(f"friction of '{name}' needs the mean radius of its thread", expected="radius: 12 mm")
         return float(self.radius)
 
-    def _of_loop(self, loop: LoopJoint) -> LoopContact:
+    def _of_loop(self, loop: LoopJoint) -> tuple[LoopContact, ...]:
         if isinstance(loop.pair, LowerPair) and isinstance(loop.pair.rotation, Thread):
-            return self._of_screw(loop, loop.pair.axis, loop.pair.rotation.pitch)
+            return (self._of_screw(loop, loop.pair.axis, loop.pair.rotation.pitch),)
+        if loop.kind == "cylindrical" and isinstance(loop.pair, LowerPair):
+            return self._of_cylinder(loop, loop.pair.axis)
+        if loop.kind == "spherical":
+            return self._of_socket(loop)
         if loop.kind not in SLIPS or not isinstance(loop.pair, LowerPair):
             raise InputError(f"the loop joint '{loop.name}' is of the kind {loop.kind}",
-                             expected=f"friction of the kinds {', '.join(SLIPS)}, screw")  # fmt: skip
+                             expected=f"one of {', '.join(SLIPS)}, cylindrical, spherical, screw")  # fmt: skip
         measured, axis, nothing = SLIPS[loop.kind], loop.pair.axis[None], np.zeros((1, 3))
         turns = measured == RADIAN
         free = LowerPair(nothing, axis, axis[0], None) if turns else LowerPair(axis, nothing, axis[0], None)
         slip = LoopJoint(loop.name, "slip", loop.first, loop.second, free)
         joint = Joint(loop.name, 0, 0, 0, measured)
         law, bearing = self._law(joint), self._bearing(axis[0], turns=turns)
-        return LoopContact(f"loop.{loop.name}", effort_unit(joint), loop, slip, law, bearing, self._shared)
+        return (LoopContact(f"loop.{loop.name}", effort_unit(joint), loop, slip, law, bearing, self._shared),)
+
+    def _of_cylinder(self, loop: LoopJoint, axis: Array) -> tuple[LoopContact, ...]:
+        """Return the friction on the surface of a cylinder: forces [N] around it, at its radius, and along it."""
+        if self.thrust_radius:
+            with within("thrust_radius"):
+                raise InputError("a joint that slides has no shoulder", expected="radius, span, preload")
+        if not self.radius:
+            raise InputError(f"friction of the cylindrical joint '{loop.name}' needs the radius at which it slips",
+                             expected="radius: 12 mm")  # fmt: skip
+        bearing = Bearing.none()
+        if self.mu or self.static_mu:
+            bearing = Bearing.guide(axis, 0.0, float(self.span or 0.0), float(self.preload))
+        rows = {"tangential": (np.zeros(3), float(self.radius) * axis), "axial": (axis, np.zeros(3))}
+        return self._components(loop, rows, METRE, bearing)
+
+    def _of_socket(self, loop: LoopJoint) -> tuple[LoopContact, ...]:
+        """Return the friction of a ball in its socket: a moment [N*m] in the axes of the first frame."""
+        rows = {part: (np.zeros(3), about) for part, about in zip("xyz", np.eye(3), strict=True)}
+        return self._components(loop, rows, RADIAN, self._socket(loop.name))
+
+    def _components(
+        self, loop: LoopJoint, rows: Mapping[str, tuple[Array, Array]], measured: Unit, bearing: Bearing
+    ) -> tuple[LoopContact, ...]:
+        """Return the components of a slip, with their directions of translation and rotation in the first frame."""
+        joint = Joint(loop.name, 0, 0, 0, measured)
+        return tuple(
+            LoopContact(
+                f"loop.{loop.name}", effort_unit(joint), loop,
+                LoopJoint(loop.name, "slip", loop.first, loop.second, LowerPair(e[None], w[None], e + w, None)),
+                self._law(joint), bearing, self._shared, part,
+            )
+            for part, (e, w) in rows.items()
+        )  # fmt: skip
 
     def _of_screw(self, loop: LoopJoint, axis: Array, pitch: float) -> LoopContact:
         thread = ThreadGeometry(self._thread_radius(loop.name), pitch, float(self.flank))

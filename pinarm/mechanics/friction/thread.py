@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import atan, cos, sin, tan
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,10 +21,13 @@ from pinarm.arrays import Array
 from pinarm.input.units import Unit
 from pinarm.mechanics.couplings.coupling import Coupling, outwards
 from pinarm.mechanics.couplings.transmissions import ThreadContact
-from pinarm.mechanics.friction.bearing import Bearing
-from pinarm.mechanics.friction.law import FrictionLaw
+from pinarm.mechanics.friction.contact import quantity_of
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.friction.bearing import Bearing
+    from pinarm.mechanics.friction.law import FrictionLaw
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,11 @@ class CouplingContact:
     law: FrictionLaw
     bearing: Bearing = field(repr=False)
     shared: bool = False
+
+    @property
+    def quantity(self) -> str:
+        """``coupling.C.friction``."""
+        return quantity_of(self.name)
 
     def row(self, state: Kinematics) -> Array:
         """Return J, shape (nv,)."""

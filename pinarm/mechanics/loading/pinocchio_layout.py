@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 from xml.etree import ElementTree
 
 import numpy as np
@@ -28,9 +28,11 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError
-from pinarm.mechanics.ball_joints import Ball
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.loading.pinocchio_model import BASE
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.ball_joints import Ball
 
 FREE_FLYER = "root_joint"
 """Name that Pinocchio gives to the joint of a floating base."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 from xml.etree import ElementTree
 
 import numpy as np
@@ -23,7 +23,9 @@ from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.forces.joint_definitions import CREEP
 from pinarm.mechanics.loading.model_tree import Bounds, Mimic, Tree, TreeJoint, from_z, listed
 from pinarm.mechanics.loading.urdf import urdf_tree
-from pinarm.mechanics.loops import Loop
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.loops.kinds import Loop
 
 BASE = "root"
 """Name of the joint that is added where ``base: floating`` frees a model that its file fixes to the ground."""

@@ -1,13 +1,1 @@
 """Joints that close loops: between two links that the tree has already joined another way, one family a module."""
-
-from __future__ import annotations
-
-from pinarm.mechanics.loops.lower_pairs import LowerKind
-from pinarm.mechanics.loops.rod import Rod
-from pinarm.mechanics.loops.screw import Helical
-from pinarm.mechanics.loops.universal import Universal
-
-Loop = LowerKind | Helical | Universal | Rod
-"""Any loop joint. A new one is a module or class beside these and one entry here."""
-
-__all__ = ["Loop"]

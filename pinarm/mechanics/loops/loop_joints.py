@@ -7,6 +7,7 @@ the origin of frame 2 and a moment ``lam w``, of the first link on the second: t
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -19,7 +20,9 @@ from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 from pinarm.mechanics.geometry.vectors import cross, crossed
 from pinarm.mechanics.joints import METRE, RADIAN, frame_of
-from pinarm.mechanics.loops.pair import Pair
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.loops.pair import Pair
 
 LOCAL = pin.ReferenceFrame.LOCAL
 

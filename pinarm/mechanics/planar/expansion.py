@@ -11,16 +11,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
-from pinarm.mechanics.loops import Loop
 from pinarm.mechanics.loops.lower_pairs import PointOnLine, PointOnPlane, Prismatic
 from pinarm.mechanics.planar.drawing import GROUND, PlanarDrawing, PlanarLink
 from pinarm.mechanics.planar.linkage import DrawnJoint, Linkage, direction
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.loops.kinds import Loop
 
 Element = ElementTree.Element
 

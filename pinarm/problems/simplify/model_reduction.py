@@ -8,7 +8,7 @@ positions of their laws, and the efforts that inverse dynamics of the whole give
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -25,29 +25,10 @@ from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.mechanics.ball_joints import ball_angles, ball_coordinates, balls_of
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
-from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
-
-
-@dataclass(frozen=True, eq=False)
-class Removed:
-    """What is removed of a mechanism. Joints are named by their index in v.
-
-    Attributes:
-        locked: Joint -> the law that it stands still by.
-        dropped: Joint -> the law that it moves by.
-        couplings: Names of couplings all of whose joints are locked.
-    """
-
-    locked: Mapping[int, MotionLaw]
-    dropped: Mapping[int, MotionLaw]
-    couplings: Collection[str] = ()
-
-    @property
-    def laws(self) -> dict[int, MotionLaw]:
-        """Return the laws of all joints that are removed."""
-        return {**self.locked, **self.dropped}
+from pinarm.problems.simplify.removal import Removed
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,13 +19,12 @@ from pinarm.engine.statics.actuation import followers_of
 from pinarm.errors import Place
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling, independent
-from pinarm.mechanics.forces import ForceElement
+from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.laws import Constant, Over
 from pinarm.mechanics.laws.motion_law import MotionLaw
 from pinarm.problems.declaration import Declaration
 from pinarm.problems.prescribed_laws import laws_of
-from pinarm.problems.simplify.model_reduction import Removed
 
 ABSENT = 1e-12
 """Entry of a row, relative to the largest, that is 0 but for rounding: the joint has no part in it."""
@@ -44,6 +43,26 @@ def known_laws(declared: Declaration, mechanism: Mechanism, place: Place) -> dic
     """
     held = {name: Constant(value=value) for name, value in declared.held.items()}
     return {**held, **laws_of(mechanism, declared.laws, place, declared.span)}
+
+
+@dataclass(frozen=True, eq=False)
+class Removed:
+    """What is removed of a mechanism. Joints are named by their index in v.
+
+    Attributes:
+        locked: Joint -> the law that it stands still by.
+        dropped: Joint -> the law that it moves by.
+        couplings: Names of couplings all of whose joints are locked.
+    """
+
+    locked: Mapping[int, MotionLaw]
+    dropped: Mapping[int, MotionLaw]
+    couplings: Collection[str] = ()
+
+    @property
+    def laws(self) -> dict[int, MotionLaw]:
+        """Return the laws of all joints that are removed."""
+        return {**self.locked, **self.dropped}
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,12 +211,10 @@ def removable(
     """
     if not _is_reducible(known):
         return None
-    from pinarm.mechanics.forces.joint_springs import BallSpring, DryFriction, SpringDamper
-
     stay = known.kept_joints(requested)
     locked = {v: law for v, law in known.stationary.items() if v not in stay}
-    single = all(isinstance(one, SpringDamper | DryFriction | BallSpring) for one in forces.values())
-    dropped = known.droppable(stay, () if known.declared.massless else stay) if single else {}
+    within = _act_within_joints(forces.values())
+    dropped = known.droppable(stay, () if known.declared.massless else stay) if within else {}
     settled = [name for name, joints in known.stationary_couplings.items() if not joints & stay]
     gone = {*locked, *dropped}
     left = [one for one in known.prescribed.values() if not (isinstance(one, LinearCoordinate) and one.joint in gone)]
@@ -206,6 +223,15 @@ def removable(
     geared = set().union(*(joints for name, joints in known.stationary_couplings.items() if name not in settled))
     answered = np.array(sorted(set(known.own_laws) - known.shared_efforts - geared), dtype=np.intp)
     return Removed(locked, dropped, settled), answered
+
+
+def _act_within_joints(forces: Collection[ForceElement]) -> bool:
+    """Tell whether all force elements act between the two links of one joint each."""
+    if not forces:
+        return True
+    from pinarm.mechanics.forces.joint_springs import BallSpring, DryFriction, SpringDamper
+
+    return all(isinstance(force, SpringDamper | DryFriction | BallSpring) for force in forces)
 
 
 def _is_reducible(known: KnownMotion) -> bool:

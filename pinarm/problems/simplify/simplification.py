@@ -82,7 +82,6 @@ class Simplification:
         declared = problem.declaration()
         if declared is None or mechanism.frictions:  # which of them stick is decided for all joints together
             return cls.whole(problem, mechanism)
-        from pinarm.problems.simplify.model_reduction import ReducedMechanism
         from pinarm.problems.simplify.removal import KnownMotion, known_laws, removable
 
         known = KnownMotion(declared, mechanism, known_laws(declared, mechanism, place))
@@ -96,6 +95,8 @@ class Simplification:
             found = None
         if found is None:
             return cls.whole(problem, mechanism)
+        from pinarm.problems.simplify.model_reduction import ReducedMechanism
+
         problem.prepare(mechanism, place)
         part = ReducedMechanism(mechanism, forces, *found)
         removed = mechanism.coordinates.keys() - part.mechanism.coordinates.keys()

@@ -6,8 +6,9 @@ Each is imported when a scenario first asks for it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
+
+from pinarm.input.yaml.deferred import Deferred
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
@@ -17,18 +18,18 @@ if TYPE_CHECKING:
     from pinarm.use.result.section import Section
     from pinarm.use.scenario.scenario import Scenario
 
-KINDS = {
-    "shaking": ("shaking", "Shaking"),
-    "sizing": ("sizing.sizing", "Sizing"),
-    "loads": ("loads.loads", "Loads"),
-    "path_error": ("path_error", "PathError"),
-    "sensitivity": ("sensitivity.sensitivity", "Sensitivity"),
+ASSESSMENTS: Deferred = {
+    "shaking": ("pinarm.use.assessments.shaking", "Shaking"),
+    "sizing": ("pinarm.use.assessments.sizing.sizing", "Sizing"),
+    "loads": ("pinarm.use.assessments.loads.loads", "Loads"),
+    "path_error": ("pinarm.use.assessments.path_error", "PathError"),
+    "sensitivity": ("pinarm.use.assessments.sensitivity.sensitivity", "Sensitivity"),
 }
 """Key of a scenario -> module and class. A new one is a class, an entry here, and the key in ``ScenarioFile``."""
 
 
 FILES = {"sizing": "catalogue", "path_error": "wanted"}
-"""Assessment -> the key of it that may name a file beside the scenario, which a result folder keeps."""
+"""Assessment -> the key of it that may name a file, which a result folder keeps."""
 
 
 class Assessment(Protocol):
@@ -70,11 +71,4 @@ if TYPE_CHECKING:  # mypy compares the classes with the protocol, which are impo
     from pinarm.use.assessments.shaking import Shaking
     from pinarm.use.assessments.sizing.sizing import Sizing
 
-    _ASSESSMENTS: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads, PathError, Sensitivity)
-
-
-def assessment_class(key: str) -> type[Any]:
-    """Return the class of an assessment."""
-    module, name = KINDS[key]
-    loaded: type[Any] = getattr(import_module(f"pinarm.use.assessments.{module}"), name)
-    return loaded
+    _CLASSES: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads, PathError, Sensitivity)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
-import secrets
 import shutil
 import signal
 import threading
@@ -84,7 +83,7 @@ def write_file(path: Path, parts: Iterable[bytes]) -> None:
     Raises:
         InputError: It cannot be written, or something stands there that is no file, or none of the manifest's.
     """
-    draft = path.with_name(f"{DRAFT}{secrets.token_hex(4)}.part")
+    draft = path.with_name(f"{DRAFT}{os.urandom(4).hex()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_symlink() or (path.exists() and not path.is_file()):
@@ -117,7 +116,7 @@ def complete_folder(folder: Path) -> Iterator[None]:
 def _draft(folder: Path) -> Path:
     """Make an empty folder: inside of one that exists, which may be all that this user can write; else beside it."""
     folder.parent.mkdir(parents=True, exist_ok=True)
-    draft = (folder if folder.exists() else folder.parent) / f"{DRAFT}{secrets.token_hex(4)}.part"
+    draft = (folder if folder.exists() else folder.parent) / f"{DRAFT}{os.urandom(4).hex()}.part"
     draft.mkdir()
     return draft
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import secrets
 import stat
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
@@ -138,7 +137,7 @@ def read_manifest(folder: Path) -> Manifest | None:
 def write_manifest(folder: Path, manifest: Manifest) -> None:
     """Write the manifest of a folder in place of an older one."""
     raw = msgspec.json.format(msgspec.json.encode(_sorted(manifest)), indent=1) + b"\n"
-    draft = folder / f"{DRAFT}{secrets.token_hex(4)}.part"
+    draft = folder / f"{DRAFT}{os.urandom(4).hex()}.part"
     try:
         with open(draft, "xb") as stream:
             stream.write(raw)

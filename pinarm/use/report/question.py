@@ -76,7 +76,7 @@ def _given(result: Result) -> Iterator[tuple[str, str, str]]:
         yield "Payload", name, f"{number(float(payload.mass))} kg at {payload.point}"
     gravity = mechanism.model.gravity.linear
     yield "Gravity", "", f"({', '.join(number(x) for x in gravity)}) m/s²" if gravity.any() else "none"
-    for key in ("changes", "find", *result.assessments):
+    for key in ("changes", "find", *result.content.assessments):
         if key in result.data:
             yield key.capitalize(), "", shortened(words(result.data[key]), MOST)
     if content.accuracy.target is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
 
@@ -11,8 +11,10 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.units import read_quantity
 from pinarm.input.yaml.schema import InputStruct, in_si
-from pinarm.use.result.curve_figures import FIGURES, is_figure
-from pinarm.use.result.section_number import Numbered, names_section, read_number
+
+if TYPE_CHECKING:
+    from pinarm.engine.series import Series
+    from pinarm.use.result.section_number import Numbered
 
 Verdict = Literal["agrees", "rounding", "reading", "misprint", "model_error"]
 ERRATA = ("misprint", "model_error")
@@ -68,13 +70,7 @@ class Expectation(InputStruct, frozen=True):
         if self.published is not None:
             with within("published"):
                 read_quantity(self.published)
-        if isinstance(self.at, str) and self.at not in PLACES and not is_figure(self.at):
-            expected, hint = choices(self.at, [*PLACES, *FIGURES])
-            with within("at"):
-                raise InputError(
-                    f"there is no place '{self.at}' on a run", hint=hint,
-                    expected=f"{expected}, a percentile such as p95, or an instant such as {{t: 1.5 s}}",
-                )  # fmt: skip
+        self._check_place()
         if self.value is not None and self.formula is not None:
             raise InputError("give a value or a formula, not both")
         if self.value is None and self.formula is None and self.published is None and self.published_formula is None:
@@ -90,6 +86,19 @@ class Expectation(InputStruct, frozen=True):
             raise InputError(f"an erratum is a misprint or a model error, not '{self.verdict}'",
                              expected="verdict: misprint, or model_error")  # fmt: skip
 
+    def _check_place(self) -> None:
+        if isinstance(self.at, dict) or self.at in PLACES:
+            return
+        from pinarm.use.result.curve_figures import FIGURES, is_figure
+
+        if not is_figure(self.at):
+            expected, hint = choices(self.at, [*PLACES, *FIGURES])
+            with within("at"):
+                raise InputError(
+                    f"there is no place '{self.at}' on a run", hint=hint,
+                    expected=f"{expected}, a percentile such as p95, or an instant such as {{t: 1.5 s}}",
+                )  # fmt: skip
+
     def check_names(self, quantities: Quantities, sections: Mapping[str, Numbered]) -> None:
         """Check its names and units against the quantities of a run, and the numbers of its sections, by key.
 
@@ -97,14 +106,7 @@ class Expectation(InputStruct, frozen=True):
             InputError: A quantity does not exist, or a value has another dimension than its quantity.
         """
         with within("quantity"):
-            of_section = names_section(self.quantity, sections)
-            described = read_number(self.quantity).described(quantities, sections) if of_section else (
-                quantities[self.quantity]
-            )  # fmt: skip
-            measured = described.unit
-        if of_section and self.at != "all":
-            with within("at"):
-                raise InputError(f"'{self.quantity}' is one number: it has no place on the run", hint="leave 'at' out")
+            measured = self._described(quantities, sections).unit
         for key, text in (("value", self.value), ("atol", self.atol), ("published", self.published)):
             with within(key):
                 _ = None if text is None else in_si(text, measured)
@@ -118,6 +120,22 @@ class Expectation(InputStruct, frozen=True):
                 measured = quantities[name].unit
             with within("at", name):
                 in_si(text, measured)
+
+    def _described(self, quantities: Quantities, sections: Mapping[str, Numbered]) -> Series:
+        """Return its name and unit as a series.
+
+        Raises:
+            InputError: There is no such quantity or number.
+        """
+        if not sections:
+            return quantities[self.quantity]
+        from pinarm.use.result.section_number import names_section, read_number
+
+        if not names_section(self.quantity, sections):
+            return quantities[self.quantity]
+        if self.at != "all":
+            raise InputError(f"'{self.quantity}' is one number: it has no place on the run", hint="leave 'at' out")
+        return read_number(self.quantity).described(quantities, sections)
 
     def instant(self) -> dict[str, str | int | float]:
         """Return the coordinate, and its value, that say where on the run the quantity is asked; empty for words."""

@@ -7,7 +7,6 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +15,6 @@ import numpy as np
 
 from pinarm.engine.checks.balance import LOST
 from pinarm.engine.checks.limits import Excess, excesses
-from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.motion.trajectory import EventRecord, Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
@@ -27,17 +25,17 @@ from pinarm.mechanics.perturbation import coarse_angles
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED
 from pinarm.use.result.row_lookup import PLATEAU, Lookup, unreached
-from pinarm.use.result.section_number import Numbered, measured, read_number
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from pinarm.use.assessments import Assessment
+    from pinarm.engine.motion.outcome import Outcome
     from pinarm.use.result.section import Section
-    from pinarm.use.scenario.scenario import Scenario, ScenarioFile
+    from pinarm.use.result.section_number import Numbered
+    from pinarm.use.scenario.scenario import Scenario
+    from pinarm.use.scenario.scenario_file import ScenarioFile
     from pinarm.use.show.plot import Picture
     from pinarm.use.show.replay.page import Replay
-    from pinarm.use.store.transfer import TransferredResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,37 +44,47 @@ class Result:
 
     Attributes:
         name: Name of the scenario.
-        kind: Kind of its problem.
-        content: The scenario, validated.
-        data: The scenario as plain data.
+        scenario: The question, as it was solved.
         outcome: What came out of the problem, for the whole mechanism.
         quantities: Everything that can be asked of the run, by name.
         figures: Measured accuracy and cost, by name.
-        folder: Folder of the scenario file; paths in it are relative to that.
         errors: Bound of the global error of each output, relative to its scale (see ``output_scales``), that holds in
             99 of 100 cases; empty where none was asked for.
         setting: How the motion was integrated, and what the estimate rests on, in words.
         removals: Joints of the mechanism that were not solved for.
-        assessments: What the scenario asks to conclude from it, by key.
         known: Sections that are there already, by key: what the search for the values of the scenario tells, and what
             was read from a folder.
-        scenario: What was solved, with values found and settings chosen; none of a result that was read from a folder.
     """
 
     name: str
-    kind: str
-    content: ScenarioFile = field(repr=False)
-    data: Mapping[str, Any] = field(repr=False)
+    scenario: Scenario = field(repr=False)
     outcome: Outcome = field(repr=False)
     quantities: Quantities = field(repr=False)
     figures: Mapping[str, float] = field(default_factory=dict)
-    folder: Path = Path()
     errors: Mapping[str, float] = field(default_factory=dict)
     setting: str = ""
     removals: Sequence[Removal] = ()
-    assessments: Mapping[str, Assessment] = field(default_factory=dict, repr=False)
     known: Mapping[str, Section] = field(default_factory=dict, repr=False)
-    scenario: Scenario | None = field(default=None, repr=False)
+
+    @property
+    def kind(self) -> str:
+        """Kind of its problem."""
+        return self.scenario.problem.kind
+
+    @property
+    def content(self) -> ScenarioFile:
+        """The scenario, validated."""
+        return self.scenario.content
+
+    @property
+    def data(self) -> Mapping[str, Any]:
+        """The scenario as plain data."""
+        return self.scenario.document.data  # type: ignore[no-any-return]
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the scenario file; paths in it are relative to that."""
+        return self.scenario.folder
 
     @property
     def error(self) -> float | None:
@@ -141,16 +149,22 @@ class Result:
         Raises:
             InputError: It cannot be read, or the run has no such number.
         """
+        from pinarm.use.result.section_number import read_number
+
         return read_number(text).value(self)
 
     def numbers(self) -> dict[str, tuple[Series, float]]:
         """Return the numbers that the scenario asks for under ``numbers``, each with the error of its quadrature."""
+        if not self.content.numbers:
+            return {}
+        from pinarm.use.result.section_number import measured, read_number
+
         return {text: measured(read_number(text), self) for text in self.content.numbers}
 
     @property
     def numbered(self) -> Mapping[str, Numbered]:
         """What its sections are of, by key; see ``section_number``."""
-        return {**self.known, **self.assessments}
+        return {**self.known, **self.content.assessments}
 
     @property
     def sections(self) -> Mapping[str, Section]:
@@ -164,7 +178,7 @@ class Result:
             InputError: The run does not have what it needs.
         """
         if key not in self._evaluated:
-            self._evaluated[key] = self.assessments[key].evaluate(self)
+            self._evaluated[key] = self.content.assessments[key].evaluate(self)
         return self._evaluated[key]
 
     @cached_property
@@ -233,15 +247,23 @@ class Result:
         return views.save(self, Path(folder), plots=plots)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Say how another process makes the same result; see ``store.transfer``."""
-        transfer = import_module("pinarm.use.store.transfer")  # which needs scenarios, and these need results
-        return _result_again, (transfer.TransferredResult.of(self),)
+        """Say how another process makes the same result: by its scenario, with the same rows to the last bit."""
+        from pinarm.use.result.stored_rows import states
+
+        rows, figures = self.trajectory, dict(self.outcome.figures)
+        outcome = {"figures": figures, "events": tuple(self.outcome.events), "notes": self.outcome.notes}
+        measured = {name: getattr(self, name) for name in ("name", "figures", "errors", "setting", "removals", "known")}
+        return self.scenario.result_of_rows, (rows.mechanism, states(rows), outcome, measured)
 
     def _repr_html_(self) -> str:
         """Return numbers, plots and the replay, for notebooks; saved ones keep them."""
         from pinarm.use import views
 
         return views.html(self)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the names of its quantities, for completion in notebooks."""
+        return self.quantities.names()
 
     def require_finite(self, name: str) -> None:
         """Raise where a quantity is not a number somewhere.
@@ -362,10 +384,6 @@ class Result:
         described = msgspec.to_builtins(mechanism.description, enc_hook=float)
         text = json.dumps([relevant, described, mechanism.xml], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _result_again(parts: TransferredResult) -> Result:
-    return parts.result()
 
 
 CONTRADICTED = 0.01

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, Union
 
 import msgspec
 
 from pinarm.errors import InputError
-from pinarm.input.yaml.schema import json_schema
+from pinarm.input.yaml.deferred import with_types
+from pinarm.input.yaml.schema import InputStruct, json_schema
 from pinarm.mechanics.description import MechanismDescription
-from pinarm.problems import any_problem
-from pinarm.use.assessments import KINDS, assessment_class
-from pinarm.use.scenario.scenario import ScenarioFile
+from pinarm.problems import KINDS, problem_class
+from pinarm.use.scenario.scenario_file import ScenarioFile
 
 
 def schema(of: Literal["scenario", "mechanism"] = "scenario") -> dict[str, Any]:
@@ -25,13 +25,14 @@ def schema(of: Literal["scenario", "mechanism"] = "scenario") -> dict[str, Any]:
     """
     if of not in ("scenario", "mechanism"):
         raise InputError(f"there is no schema of '{of}'", expected="scenario or mechanism")
-    keys = [*KINDS] if of == "scenario" else []
-    models: list[Any] = [MechanismDescription]
-    if of == "scenario":
-        models = [ScenarioFile, any_problem(), *(assessment_class(key) for key in keys)]
-    roots, definitions = msgspec.json.schema_components(models, schema_hook=json_schema, ref_template="#/$defs/{name}")
-    if of == "scenario":
-        properties = definitions["ScenarioFile"]["properties"]
-        properties |= dict(zip(["problem", *keys], roots[1:], strict=True))
-    own = definitions.pop(models[0].__name__)
+    file: type[InputStruct] = ScenarioFile if of == "scenario" else MechanismDescription
+    kinds = [problem_class(kind) for kind in KINDS] if of == "scenario" else []
+    structs = [with_types(struct, struct.deferred) for struct in (file, *kinds)]
+    roots, definitions = msgspec.json.schema_components(
+        [structs[0], Union[tuple(structs[1:])]] if kinds else structs,  # noqa: UP007
+        schema_hook=json_schema, ref_template="#/$defs/{name}",
+    )  # fmt: skip
+    if kinds:
+        definitions["ScenarioFile"]["properties"]["problem"] = roots[1]
+    own = definitions.pop(file.__name__)
     return {**own, "$defs": definitions, "$schema": "https://json-schema.org/draft/2020-12/schema"}

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
-
-import msgspec
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import residual_figures
@@ -19,102 +16,22 @@ from pinarm.engine.checks.unclosed import unclosed
 from pinarm.engine.mechanism import Mechanism, mechanism_document, read_mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import DynamicsError, InputError, MethodError, NumericsError
+from pinarm.errors import InputError, MethodError, NumericsError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.roots import contained_file, root_of
-from pinarm.input.units import read_quantity
 from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.schema import InputStruct, Measured
+from pinarm.input.yaml.schema import Measured
 from pinarm.input.yaml.values import Values, value_at, varied, written_unit
-from pinarm.mechanics.description import Gravity
-from pinarm.mechanics.forces.force_element import refusals
-from pinarm.mechanics.joints import format_configuration
-from pinarm.mechanics.payloads import Payload
 from pinarm.problems import KINDS, Problem, problem_class
-from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
-from pinarm.use.assessments import KINDS as KINDS_OF_ASSESSMENT
-from pinarm.use.assessments import Assessment, assessment_class
-from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.result import Result
-from pinarm.use.result.section_number import Numbered, read_number
+from pinarm.use.scenario.failures import failures_in_words, overflow
 from pinarm.use.scenario.file_kind import refuse_mechanism, refuse_model
-from pinarm.use.scenario.find import Find
-from pinarm.use.scenario.searches import solve_found
+from pinarm.use.scenario.scenario_file import ScenarioFile
 
-
-class Argument(Measured):
-    """A value of an argument; the mechanism decides whether it needs a unit."""
-
-    @classmethod
-    def read(cls, value: object, *, bare: bool = True) -> Argument:
-        """Read a number with or without a unit.
-
-        Raises:
-            InputError: It is none.
-        """
-        if isinstance(value, bool) or not isinstance(value, str | int | float):
-            raise InputError("an argument is a number, with a unit where it has one")
-        number, written = read_quantity(str(value))
-        measured = cls(number)
-        measured.unit = written
-        return measured
-
-
-class ScenarioFile(InputStruct, frozen=True):
-    """Content of a scenario file.
-
-    Attributes:
-        pinarm: Version of the format.
-        title: For headings.
-        mechanism: A mechanism file, a URDF or xacro file, relative to this one, or the name of a robot of
-            example-robot-data.
-        arguments: Values for the model's arguments, with units.
-        gravity: Replaces that of the mechanism; ``none`` for none.
-        payloads: What links carry in this run, beside the payloads of the mechanism.
-        changes: Values that replace others of the mechanism file, such as ``{drives: {knee: {ratio: 100}}}``.
-        problem: The question.
-        symbols: Names for quantities or formulas, beside those of the mechanism.
-        outputs: Quantities of the table and the plots.
-        numbers: Numbers of the run to tell, such as ``C_B @ rms`` or ``loads.B.life.time``: see ``read_number``.
-        shaking: Shaking force and moment on the frame; see ``assessments.shaking``.
-        sizing: Motor and gear of a drive, out of a catalogue; see ``assessments.sizing``.
-        path_error: How far a point passes from wanted ones; see ``assessments.path_error``.
-        sensitivity: What numbers of the run depend on, and bands from tolerances; see ``assessments.sensitivity``.
-        loads: Loads of joints, lives of bearings, balance of rotors, sets of loads for FEM; see ``assessments.loads``.
-        modelled: ``required``, what the question requires: joints that it holds still are locked, and dropped those
-            that it moves and nothing depends on; or the ``whole`` mechanism. The answer is the same.
-        undetermined: What to do with reactions that rigid bodies do not determine: ``refuse`` them, or give those of
-            the least multipliers (``minimum_norm``), marked as such.
-        accuracy: How accurate the answer is wanted.
-        variants: Simplified models to compare with this one (see ``tradeoff``): name -> values replaced, by their path.
-        find: Numbers of the scenario to find first, and what they are to bring about.
-        expect: The answer key: what the answer must be, and what was published.
-    """
-
-    pinarm: Literal[1]
-    mechanism: str
-    problem: Any
-    outputs: Annotated[list[str], msgspec.Meta(min_length=1)]
-    title: str = ""
-    arguments: dict[str, Argument] = {}
-    gravity: Gravity | Literal["none"] | None = None
-    payloads: dict[str, Payload] = {}
-    changes: dict[str, Any] = {}
-    symbols: dict[str, str] = {}
-    numbers: list[str] = []
-    shaking: Any = None
-    sizing: Any = None
-    loads: Any = None
-    path_error: Any = None
-    sensitivity: Any = None
-    modelled: Literal["required", "whole"] = "required"
-    undetermined: Literal["refuse", "minimum_norm"] = "refuse"
-    accuracy: Accuracy = msgspec.field(default_factory=Accuracy)
-    variants: dict[str, dict[str, Any]] = {}
-    find: Find | None = None
-    expect: list[Expectation] = []
+if TYPE_CHECKING:
+    from pinarm.use.result.section_number import Numbered
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +42,6 @@ class Scenario:
         document: The file with the places of its lines.
         content: The same, validated.
         problem: The question in it.
-        assessments: Key -> what it asks to conclude from the run.
         folder: Folder that paths in it are relative to.
         seed: Of changes in the last digits of the mechanism; none for the mechanism as it is.
     """
@@ -133,7 +49,6 @@ class Scenario:
     document: Document = field(repr=False)
     content: ScenarioFile
     problem: Problem
-    assessments: Mapping[str, Assessment]
     folder: Path
     seed: int | None = None
 
@@ -157,7 +72,7 @@ class Scenario:
             InputError: It has a mistake; the message says where.
         """
         content = document.validate(ScenarioFile)
-        return cls(document, content, _problem(document, content.problem), _assessments(document, content), folder)
+        return cls(document, content, _problem(document, content.problem), folder)
 
     @classmethod
     def of_data(cls, data: Mapping[str, Any], path: Path) -> Scenario:
@@ -195,8 +110,7 @@ class Scenario:
     def _of(self, document: Document) -> Scenario:
         """Return the scenario of another document in the same place, with the same last digits."""
         content = document.validate(ScenarioFile)
-        problem, assessments = _problem(document, content.problem), _assessments(document, content)
-        return replace(self, document=document, content=content, problem=problem, assessments=assessments)
+        return replace(self, document=document, content=content, problem=_problem(document, content.problem))
 
     @property
     def name(self) -> str:
@@ -258,7 +172,7 @@ class Scenario:
         expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
         wanted = self.content.find.requested() if self.content.find else ()
         texts = [*self.content.outputs, *self.content.numbers, *wanted, *expected]
-        for key, assessment in self.assessments.items():
+        for key, assessment in self.content.assessments.items():
             with self.document.locating(key):
                 texts += assessment.requested(self.mechanism)
         requested = requested_joints(texts, self.symbols, self.mechanism)
@@ -291,9 +205,11 @@ class Scenario:
             PinarmError: See ``run``.
         """
         if self.content.find:
+            from pinarm.use.scenario.searches import solve_found
+
             return solve_found(self, self.content.find)
         try:
-            with _failures_in_words():
+            with failures_in_words():
                 return self._solve_once()
         except NumericsError as error:
             if isinstance(error.partial, Outcome):
@@ -336,16 +252,30 @@ class Scenario:
                 result.require_finite(name)
         result = replace(result, figures={**result.figures, **result.quantities.figures()})
         if not all(math.isfinite(figure) for figure in result.figures.values()):
-            raise _overflow(whole)
+            raise overflow(whole)
         return result
 
     def result(self, outcome: Outcome) -> Result:
         """Return the result of what came out for the whole mechanism; its accuracy is not measured."""
         quantities = Quantities(outcome.rows, self.symbols, self.content.undetermined)
-        return Result(
-            self.name, self.problem.kind, self.content, self.document.data, outcome, quantities, folder=self.folder,
-            assessments=self.assessments, scenario=self,
-        )  # fmt: skip
+        return Result(self.name, self, outcome, quantities)
+
+    def result_of_rows(
+        self, mechanism: Mechanism, arrays: Mapping[str, Any], outcome: Mapping[str, Any], measured: Mapping[str, Any]
+    ) -> Result:
+        """Return a result from its parts: what ``Result`` gives to another process.
+
+        Args:
+            mechanism: The whole mechanism.
+            arrays: Of its rows; see ``stored_rows.states``.
+            outcome: Fields of its outcome but for rows and motion.
+            measured: Figures, errors and what else the result has been given.
+        """
+        from pinarm.use.result.stored_rows import SolvedAnew, trajectory_of
+
+        rows = trajectory_of(self, mechanism, arrays)
+        motion = None if rows.numbered else SolvedAnew(self, mechanism, rows.grid.cuts)
+        return replace(self.result(Outcome(rows, motion, **outcome)), **measured)
 
     def validate(self) -> None:
         """Check everything that can be checked without solving: the model, all names, all units.
@@ -353,19 +283,21 @@ class Scenario:
         Raises:
             PinarmError: Something is wrong; the message says where.
         """
-        with _failures_in_words():
+        with failures_in_words():
             self.problem.prepare(self.mechanism, self._place)
             quantities = self.quantities()
             for index, name in enumerate(self.content.outputs):
                 with self.document.locating("outputs", index):
                     quantities[name]
+            if self.content.numbers:
+                from pinarm.use.result.section_number import read_number
             for index, text in enumerate(self.content.numbers):
                 with self.document.locating("numbers", index):
                     read_number(text).described(quantities, self.numbered)
             if self.content.find:
                 with self.document.locating("find"):
-                    self.content.find.check_names(quantities, self.assessments)
-            for key, assessment in self.assessments.items():
+                    self.content.find.check_names(quantities, self.content.assessments)
+            for key, assessment in self.content.assessments.items():
                 with self.document.locating(key):
                     assessment.check_names(quantities, self)
             for index, expectation in enumerate(self.content.expect):
@@ -378,7 +310,7 @@ class Scenario:
     @property
     def numbered(self) -> Mapping[str, Numbered]:
         """What the sections of its result are of, by key; see ``section_number``."""
-        return {**({"find": self.content.find} if self.content.find else {}), **self.assessments}
+        return {**({"find": self.content.find} if self.content.find else {}), **self.content.assessments}
 
     def variant(self, name: str) -> Scenario:
         """Return the scenario with the values of one of its variants.
@@ -441,50 +373,6 @@ def _problem(document: Document, given: object) -> Problem:
         model = problem_class(given["kind"])
     problem: Problem = document.validate(model, "problem")
     return problem
-
-
-def _assessments(document: Document, content: ScenarioFile) -> dict[str, Assessment]:
-    """Validate the parts of the document that ask for assessments, each by its class."""
-    asked = (key for key in KINDS_OF_ASSESSMENT if getattr(content, key) is not None)
-    return {key: document.validate(assessment_class(key), key) for key in asked}
-
-
-@contextmanager
-def _failures_in_words() -> Iterator[None]:
-    """Raise in words what linear algebra and Python's numbers raise; what is not finite is found in the results.
-
-    Raises:
-        DynamicsError: A matrix is singular, or a number is beyond 1e308.
-    """
-    try:
-        with np.errstate(all="ignore"):
-            yield
-    except np.linalg.LinAlgError as error:
-        raise DynamicsError(
-            f"the equations of this mechanism have no solution ({error})",
-            hint="numbers of ordinary size, and a mass for whatever is free to move",
-        ) from error
-    except ArithmeticError as error:
-        raise DynamicsError(
-            f"a number of this run is too large or too small to be computed with ({error})",
-            hint="numbers of ordinary size: their squares, too, lie between 1e-308 and 1e308",
-        ) from error
-
-
-CHECKABLE = 1e150
-"""Size of numbers whose squares, and so energies and powers, are still finite."""
-
-
-def _overflow(outcome: Outcome) -> DynamicsError:
-    """Return the error of a run whose numbers are too large to be checked: says from where on."""
-    run = outcome.rows
-    state = np.hstack([run.q, run.v, run.a, run.tau])
-    row = int((~(np.abs(state) < CHECKABLE)).any(axis=1).argmax())
-    at = format_configuration(run.mechanism.model, run.q[row])
-    where = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit} on, where {at}"
-    reasons = refusals(run.dynamics.forces, run.q[row])
-    said = f"the numbers of this run are too large to be checked, from {where}{reasons}"
-    return DynamicsError(said, partial=outcome)
 
 
 def load(scenario: Scenario | str | Path, values: Values | None = None) -> Scenario:

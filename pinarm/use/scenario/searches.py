@@ -45,7 +45,7 @@ def solve_found(scenario: Scenario, search: Find) -> Result:
     data = {key: value for key, value in scenario.document.data.items() if key != "find"}
     bare = scenario.restated(data)
     with scenario.document.locating("find"):
-        search.check_names(bare.quantities(), bare.assessments)
+        search.check_names(bare.quantities(), bare.content.assessments)
         if search.wanted is not None:
             root = find_root(search, lambda values: _residuals(bare.varied(values), search))
             values, left = root.values, root.left()
@@ -56,7 +56,7 @@ def solve_found(scenario: Scenario, search: Find) -> Result:
     result = replace(result, figures={**result.figures, **search.figures(values), **left})
     if search.objective is None:
         return result
-    objective = search.objective.described(result.quantities, bare.assessments)
+    objective = search.objective.described(result.quantities, bare.content.assessments)
     return replace(result, known={"find": optimum_section(search, best, objective)})
 
 
@@ -64,7 +64,7 @@ def _residuals(scenario: Scenario, search: Find) -> dict[str, Array]:
     """Return the wanted quantities less their targets, at all rows, and wanted numbers of the run less theirs."""
     result, left = scenario.result(scenario.solved_outcome()), {}
     for name, target in (search.wanted or {}).items():
-        number = search.number(name, scenario.assessments)
+        number = search.number(name, scenario.content.assessments)
         values = np.array([number.value(result)[0]]) if number else result[name].values
         left[name] = values - float(target)
     return left

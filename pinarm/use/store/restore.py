@@ -10,8 +10,7 @@ import math
 import os
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,18 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.mechanism import Mechanism, read_mechanism
-from pinarm.engine.motion.outcome import Outcome, SolvedMotion
-from pinarm.engine.motion.standstill import lossy
-from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.motion.outcome import Outcome
 from pinarm.errors import InputError
-from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.use.output.folder import complete_folder
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result
+from pinarm.use.result.stored_rows import AGAIN, SolvedAnew, trajectory_of
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.store.section_files import SECTIONS, read_sections
 
@@ -41,7 +36,6 @@ if TYPE_CHECKING:
 NEEDED = ("scenario.yaml", "mechanism.yaml", "trajectory.npz", "summary.json", "manifest.json")
 """Files without which a folder is no result."""
 
-AGAIN = "run the scenario again: python -m pinarm run SCENARIO -o DIR"
 STATE = ("q", "v", "a", "tau", "lam", "t", "cuts", "rows")
 
 
@@ -61,29 +55,12 @@ def restore(folder: str | Path) -> Result:
             raise InputError(problem, expected="a folder that 'pinarm run' wrote", hint=AGAIN)
     with complete_folder(folder):
         summary, arrays = _summary(folder / "summary.json"), _arrays(folder / "trajectory.npz")
-        scenario = Scenario.load(folder / "scenario.yaml")
+        scenario, known = Scenario.load(folder / "scenario.yaml"), read_sections(folder / SECTIONS)
         mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
-        known = read_sections(folder / SECTIONS)
-    content = scenario.content
-    rows, figures = trajectory_of(scenario, mechanism, arrays), summary["figures"]
+    rows = trajectory_of(scenario, mechanism, arrays)
     outcome = Outcome(rows, None if rows.numbered else SolvedAnew(scenario, mechanism, rows.grid.cuts))
-    quantities = Quantities(rows, scenario.symbols, content.undetermined)
-    name, kind = str(summary["scenario"]), scenario.problem.kind
-    data = scenario.document.data
-    measured = {key: summary[key] for key in ("errors", "setting", "removals")}
-    return Result(
-        name,
-        kind,
-        content,
-        data,
-        outcome,
-        quantities,
-        figures,
-        folder,
-        assessments=scenario.assessments,
-        known=known,
-        **measured,
-    )
+    measured = {key: summary[key] for key in ("figures", "errors", "setting", "removals")}
+    return replace(scenario.result(outcome), name=str(summary["scenario"]), known=known, **measured)
 
 
 def replay(
@@ -189,71 +166,3 @@ def _mechanism(folder: Path, scenario: Scenario) -> Mechanism:
     units = {name: value.unit for name, value in given.items() if value.unit is not None}
     arguments: Mapping[str, float] = {name: float(value) for name, value in given.items()}
     return replace(mechanism, arguments=arguments, argument_units=units)
-
-
-@dataclass(frozen=True, eq=False)
-class SolvedAnew:
-    """The motion of a result that was read: solved when other instants than the saved ones are asked for.
-
-    Attributes:
-        scenario: The scenario.
-        mechanism: The mechanism, as it was saved.
-        cuts: Bounds of the intervals between jumps.
-    """
-
-    scenario: Scenario
-    mechanism: Mechanism
-    cuts: Sequence[float]
-
-    @cached_property
-    def _motion(self) -> SolvedMotion:
-        place = partial(self.scenario.document.locating, "problem")
-        outcome = self.scenario.problem.solve(self.mechanism, self.scenario.content.accuracy, place)
-        assert outcome.motion is not None
-        return outcome.motion
-
-    def at(self, grid: Grid) -> Trajectory:
-        """Return the states at other values of the parameter.
-
-        Raises:
-            PinarmError: The problem cannot be solved any more.
-        """
-        return self._motion.at(grid)
-
-    def positions(self, t: Array) -> Array:
-        """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""
-        return self._motion.positions(t)
-
-
-def trajectory_of(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
-    """Return the states of a result; see ``states``.
-
-    Raises:
-        InputError: The arrays are not those of this mechanism.
-    """
-    problem, n = scenario.problem, len(arrays["t"])
-    guides = [str(name) for name in arrays["guides"].reshape(-1)]
-    closure = mechanism.closure.with_guides(guides, [mechanism.coordinate(name) for name in guides])
-    first, (nq, nv) = problem.schema_row(mechanism), (mechanism.model.nq, mechanism.model.nv)
-    wanted = {"q": (n, nq), "v": (n, nv), "a": (n, nv), "tau": (n, nv), "lam": (n, closure.size), "t": (n,)}
-    wanted |= {"further": (len(first.columns), n)} if first.columns else {}
-    if "directions" in arrays or (lossy(mechanism) and not first.separate):
-        wanted["directions"] = (n, nv)
-    grid = Grid(arrays["t"], tuple(arrays["cuts"].tolist()), tuple(int(row) for row in arrays["rows"]))
-    shapes = {name: arrays[name].shape for name in wanted if name in arrays}
-    if n == 0 or shapes != wanted or not _fits(grid):
-        raise InputError("the states of this result are not those of its model", hint=AGAIN)
-    columns = {name: replace(series, values=row)
-               for (name, series), row in zip(first.columns.items(), arrays["further"], strict=False)}  # fmt: skip
-    lam = Multipliers.known(arrays["lam"], mechanism.closure.size)
-    return replace(
-        first, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], tau=arrays["tau"], lam=lam,
-        closure=closure, columns=columns, directions=arrays.get("directions"),
-    )  # fmt: skip
-
-
-def _fits(grid: Grid) -> bool:
-    """Tell whether the intervals of a grid cover its rows, in order."""
-    rows = np.array(grid.rows)
-    covers = len(rows) == len(grid.cuts) >= 2 and rows[0] == 0 and rows[-1] == len(grid.t)
-    return bool(covers and (np.diff(rows) >= 0).all())

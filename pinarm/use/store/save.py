@@ -17,13 +17,13 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import Source
-from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.roots import contained_file, root_of
 from pinarm.mechanics.loading.pinocchio_model import file_suffix
 from pinarm.use.assessments import FILES
 from pinarm.use.output.folder import whole_folder
+from pinarm.use.result.stored_rows import states
 from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
 from pinarm.use.store.section_files import SECTIONS, sections_text
 
@@ -106,17 +106,6 @@ def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
     return {**behind, **{series.name: np.asarray(series.values) for series in columns}}
 
 
-def states(run: Trajectory) -> dict[str, Any]:
-    """Return the arrays from which ``restore`` makes the states of a run again, for the same scenario."""
-    guides = [one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]]
-    return {
-        "q": run.q, "v": run.v, "a": run.a, "tau": run.tau, "t": run.grid.t, "cuts": np.array(run.grid.cuts),
-        "rows": np.array(run.grid.rows), "lam": np.asarray(run.lam), "guides": np.array(guides, str),
-        "further": np.array([series.values for series in run.columns.values()]),
-        **({} if run.directions is None else {"directions": run.directions}),
-    }  # fmt: skip
-
-
 def _resolved(result: Result, folder: Path) -> str:
     """Return the scenario with every argument of the model and every default written out."""
     own = {key: value for key, value in result.data.items() if key != "changes"}  # in which paths are the mechanism's
@@ -169,7 +158,7 @@ def _moved(data: Any, source: Path, target: Path) -> Any:
 
 def _tables(result: Result) -> dict[str, tuple[str, Path]]:
     """Return the files that assessments of a result read, which its folder keeps: assessment -> name there, file."""
-    named = {key: result.data[key].get(of) for key, of in FILES.items() if key in result.assessments}
+    named = {key: result.data[key].get(of) for key, of in FILES.items() if key in result.content.assessments}
     root = root_of(result.folder)
     return {key: (f"{key}_{FILES[key]}.csv", contained_file((result.folder / name).absolute(), root))
             for key, name in named.items() if isinstance(name, str)}  # fmt: skip

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.kernel.library import absence
 from pinarm.engine.kinematics.closed_configurations import beside, closed_anywhere, closed_near, generic
 from pinarm.engine.kinematics.mobility import Mobility, joint_kind, mobility_of
 from pinarm.engine.mechanism import Mechanism
@@ -108,13 +109,15 @@ class Explanation:
         return [*lines, *(f"note: {note}" for note in mechanism.notes)]
 
     def _modelled(self) -> list[str]:
-        """Return which joints are solved for, and why the others are not."""
+        """Return which joints are solved for, why the others are not, and whether the compiled kernel is missing."""
         model = self.mechanism.model
         lines = ["meshes are not read: no mass is taken from them"] if "<mesh" in self.mechanism.xml else []
         if self.removals:
             count = model.njoints - 1
             lines.append(f"solved for: {count - len(self.removals)} of {count} joints")
-        return lines + [f"  {one.joint}: {one.how}, {one.why}" for one in self.removals]
+        lines += [f"  {one.joint}: {one.how}, {one.why}" for one in self.removals]
+        reason = absence()
+        return [*lines, f"compiled kernel: {reason}; steps of motions are computed in Python"] if reason else lines
 
 
 def explain(path: str | Path, values: Values | None = None) -> Explanation:

@@ -55,7 +55,8 @@ def test_joints_that_move_together_share_one_limit():
     """Slips v, -2 v and 0.5 v: together they hold 1 + 2 * 3 + 0.5 * 2 = 8."""
     rows = np.array([[1.0], [-2.0], [0.5]])
     limits = [1.0, 3.0, 2.0]
-    (group,) = groups_of(balance(rows, np.zeros(1), limits).response, [0, 1, 2])
+    given = balance(rows, np.zeros(1), limits)
+    (group,) = groups_of(given.contacts, given.response, [0, 1, 2])
     assert group.ratios == pytest.approx([1.0, -2.0, 0.5])
     for pull, direction in ((7.9, (0, 0, 0)), (8.1, (1, -1, 1)), (-8.1, (-1, 1, -1))):
         given = balance(rows, np.array([pull]), limits)

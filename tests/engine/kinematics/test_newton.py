@@ -1,3 +1,4 @@
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,9 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import AssemblyError, InputError
 from pinarm.mechanics.laws import Constant, ConstantSpeed, Cycloidal, Harmonic, Polynomial, Trapezoid
 from pinarm.mechanics.laws.motion_law import Grid
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.inverse import Inverse
+from pinarm.problems.time_grid import TimeGrid
 
 MODELS = Path(__file__).parents[3] / "models"
 SHIN, THIGH, ANKLE_Y = 0.518, 0.431, -0.15
@@ -223,3 +227,18 @@ def test_start_sets_the_named_joints_only(leg):
     q = start_configuration(leg, {"hip": 0.4})
     assert q.tolist() == [0.0, 0.0, 0.4]
     assert np.array_equal(start_configuration(leg, {}), pin.neutral(leg.model))
+
+
+@pytest.mark.parametrize(("angle", "refused"), [(90.0, True), (89.0, False)])
+def test_a_motion_from_exactly_a_change_point_is_refused_with_the_reason(angle, refused):
+    """A parallelogram laid flat may go on as one or as an antiparallelogram; beside it the law is enough."""
+    mechanism = Mechanism.load(MODELS / "four_bar" / "mechanism.yaml")
+    law = ConstantSpeed(speed=2.0, start=np.radians(angle))
+    start = {"coupler_0": -np.radians(angle), "upright_1": np.radians(angle)}
+    problem = Inverse(time=TimeGrid(end=0.1, samples=3), motion={"upright_0": law}, start=start)
+    if refused:
+        with pytest.raises(InputError, match=r"exactly at a singular position.*2 degrees of freedom, beside it 1"):
+            problem.solve(mechanism, Accuracy(), lambda *path: nullcontext())
+    else:
+        rows = problem.solve(mechanism, Accuracy(), lambda *path: nullcontext()).rows
+        assert rows.q[:, mechanism.joints["upright_1"].q] == pytest.approx(rows.q[:, 0], abs=1e-9)

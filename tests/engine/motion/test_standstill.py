@@ -96,3 +96,48 @@ def test_rows_know_the_end_of_their_interval():
     assert grid.sides().tolist() == [1.0, 1.0, -1.0, 1.0, 1.0]
     assert grid.moved_inside().t == pytest.approx([0.001, 0.501, 0.999, 1.001, 1.501], abs=1e-15)
     assert grid.some(np.array([2, 4])).sides().tolist() == [-1.0, 1.0]
+
+
+FRICTION = {name: {"constant": "1 N*m"} for name in ("arm", "hand")}
+
+
+@pytest.mark.parametrize("law", [*DOWN, Harmonic(amplitude=1.0, pulsation=2.0, phase=1.0), Constant(value=1.0)])
+def test_one_row_or_some_tell_the_friction_that_all_rows_tell(mechanism, chain, law):
+    """Each row is solved once more by itself, on its side of its interval."""
+    bodies = [{"name": name, "axis": "0 -1 0", "com": "0.5 0 0"} for name in ("arm", "hand")]
+    arms = mechanism(chain(*bodies), friction=FRICTION)
+    motion = {"arm": law, "hand": Constant(value=0.3)}
+    solved = outcome(Inverse(time=TimeGrid(end=3.0, samples=31), motion=motion), arms)
+    names = ("joint.arm.friction", "joint.arm.effort.lower", "joint.arm.effort.upper", "joint.hand.friction")
+    for number, (*_, rows) in enumerate(solved.rows.grid.intervals()):
+        for row in range(rows.start, rows.stop):
+            alone = on_interval(solved.motion, solved.rows.grid.cuts, number, solved.rows.grid.t[[row]])
+            for name in names:
+                whole = solved.rows.columns[name].values[row]
+                assert alone.columns[name].values[0] == pytest.approx(whole, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("law", DOWN, ids=["trapezoid", "cycloidal", "fifth degree", "seventh degree"])
+def test_friction_at_the_ends_of_a_motion_is_that_of_the_motion(mechanism, chain, law):
+    """Against the arm that goes down: 1 N*m; at rest before and after the table has none."""
+    arm = mechanism(chain({"name": "arm", "axis": "0 -1 0"}), friction={"arm": {"constant": "1 N*m"}})
+    solved = outcome(Inverse(time=TimeGrid(end=3.0, samples=7), motion={"arm": law}), arm)
+    cuts, begin, end = solved.rows.grid.cuts, law.breakpoints()[0], law.breakpoints()[-1]
+    for interval, t, wanted in (
+        (0, begin, 0.0), (1, begin, 1.0), (len(cuts) - 3, end, 1.0), (len(cuts) - 2, end, 0.0),
+    ):  # fmt: skip
+        alone = on_interval(solved.motion, cuts, interval, np.array([t]))
+        assert alone.columns["joint.arm.friction"].values[0] == wanted, (interval, t)
+
+
+def test_a_slip_that_is_zero_but_for_rounding_has_no_friction(mechanism, chain):
+    """The joint b of three that three sums move: see above."""
+    bodies = [{"name": name, "axis": "0 1 0", "com": "0.5 0 0"} for name in "abc"]
+    coordinates = {name: {"kind": "sum", "of": [*name]} for name in ("ab", "bc", "ca")}
+    arm = mechanism(chain(*bodies), coordinates=coordinates, friction={"b": {"constant": "1 N*m"}})
+    motion = {name: Harmonic(amplitude=x, pulsation=2.0) for name, x in (("ab", 0.1), ("bc", 0.7), ("ca", 0.8))}
+    run = outcome(Inverse(time=TimeGrid(end=3.0, samples=31), motion=motion), arm).rows
+    assert 0.0 < np.abs(run.v[:, 1]).max() < 1e-14
+    assert not run.columns["joint.b.friction"].values.any()
+    lower, upper = (run.columns[f"joint.b.effort.{part}"].values for part in ("lower", "upper"))
+    assert upper - lower == pytest.approx(2.0, rel=1e-12)

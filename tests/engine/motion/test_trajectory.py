@@ -5,8 +5,9 @@ import pytest
 
 from pinarm.engine.motion.outcome import on_interval, positions_by_interval
 from pinarm.engine.series import Series
+from pinarm.errors import InputError
 from pinarm.input.units import unit
-from pinarm.mechanics.laws import Constant, Harmonic, Trapezoid
+from pinarm.mechanics.laws import Constant, ConstantSpeed, Harmonic, Trapezoid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.inverse import Inverse
@@ -107,3 +108,33 @@ def test_series_is_labelled_and_becomes_an_array():
     assert Series("x", None, values).label == "x [?]"
     assert np.asarray(Series("x", None, values)).tolist() == [1.0, 2.0]
     assert np.sum(Series("x", None, values)) == 3.0
+
+
+def test_the_effort_of_a_drive_along_a_sum_of_joints(mechanism, chain):
+    """Drives e and f along a + b and 2 a + b give the joints e + 2 f and e + f, which hold the weights."""
+    bodies = [{"name": "a", "axis": "0 -1 0", "com": "0.5 0 0", "mass": 2.0},
+              {"name": "b", "axis": "0 -1 0", "com": "0.5 0 0", "at": "1 0 0"}]  # fmt: skip
+    sums = {"total": {"kind": "sum", "of": ["a", "b"]}, "twice": {"kind": "sum", "of": ["a", "a", "b"]}}
+    arm = mechanism(chain(*bodies), coordinates=sums)
+    q = np.radians([[30.0, 20.0]])
+    outer = 9.81 * 0.5 * np.cos(np.radians(50.0))
+    inner = outer + 9.81 * (2.0 * 0.5 + 1.0) * np.cos(np.radians(30.0))
+    both = arm.at(q, drives=["total", "twice"])
+    assert both["coordinate.twice.effort"].values == pytest.approx([inner - outer], rel=1e-13)
+    assert both["coordinate.total.effort"].values == pytest.approx([2.0 * outer - inner], rel=1e-13)
+    assert both["joint.a.effort"].values == pytest.approx([inner], rel=1e-13)
+    mixed = arm.at(q, drives=["a", "total"])
+    assert mixed["coordinate.total.effort"].values == pytest.approx([outer], rel=1e-13)
+    assert mixed["coordinate.a.effort"].values == pytest.approx([inner - outer], rel=1e-13)  # of the drive at a alone
+    with pytest.raises(InputError, match="no drive acts along 'twice'"):
+        mixed["coordinate.twice.effort"]
+
+
+def test_the_effort_of_a_law_along_a_sum_of_joints_in_a_free_motion(mechanism, chain):
+    """What one drive along a + b gives both joints; the other motion is free."""
+    bodies = [{"name": name, "axis": "0 -1 0", "com": "0.5 0 0"} for name in "ab"]
+    arm = mechanism(chain(*bodies), coordinates={"total": {"kind": "sum", "of": ["a", "b"]}})
+    forward = Forward(time=TimeGrid(end=1.0, samples=3), motion={"total": ConstantSpeed(speed=1.0)})
+    run = forward.solve(arm, Accuracy(), lambda *path: nullcontext()).rows
+    assert run.effort_along("total") == pytest.approx(run.tau[:, 0], rel=1e-12)
+    assert np.abs(run.tau).max() > 1.0

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.mechanics.couplings import CouplingDefinition
+from pinarm.mechanics.couplings.kinds import CouplingDefinition
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 TEETH = {"pressure_angle": "20 deg", "helix_angle": "15 deg"}

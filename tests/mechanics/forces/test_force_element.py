@@ -6,12 +6,11 @@ import pinocchio as pin
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.mechanics import forces
 from pinarm.mechanics.coordinates import Distance, PointCoordinate, coordinates_of
-from pinarm.mechanics.forces import Force
 from pinarm.mechanics.forces.along_coordinate import CoordinateEffort, CoordinateSpring
 from pinarm.mechanics.forces.bushing import Bushing, DampingRates, SpringRates
 from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring, RegularisedFriction, TorqueSpeed
+from pinarm.mechanics.forces.kinds import Force, bound
 from pinarm.mechanics.forces.point import PointSpring, Wrench
 from pinarm.mechanics.laws import Constant, Harmonic, SpeedPoints, Spline, Trapezoid
 
@@ -96,9 +95,9 @@ def load(element, t, q, v):
     return tau
 
 
-def bound(force, model, joints):
+def made(force, model, joints):
     """Return the element of a force on an interval between two breakpoints of every sample."""
-    return forces.bound(force, model, joints, coordinates_of(model, joints, ALONG)).on(0.1, 0.9)
+    return bound(force, model, joints, coordinates_of(model, joints, ALONG)).on(0.1, 0.9)
 
 
 def test_every_force_of_the_union_has_a_sample():
@@ -108,7 +107,7 @@ def test_every_force_of_the_union_has_a_sample():
 
 @every_force
 def test_power_of_the_load_is_what_leaves_the_potential_and_is_not_dissipated(force, model, joints, differentiate):
-    element = bound(force, model, joints)
+    element = made(force, model, joints)
     worked = 0.0
     for t in np.linspace(0.2, 0.8, 9):
         q, v = motion(t)
@@ -124,7 +123,7 @@ def test_power_of_the_load_is_what_leaves_the_potential_and_is_not_dissipated(fo
 @every_force
 @pytest.mark.parametrize("n", [3, 20])
 def test_many_states_at_once_are_the_same_as_one_by_one(force, model, joints, n):
-    element = bound(force, model, joints)
+    element = made(force, model, joints)
     t = np.linspace(0.2, 0.8, n)
     q, v = motion(t)
     many = load(element, t, q, v), element.potential_energy(q), element.dissipated_power(t, q, v)
@@ -141,13 +140,13 @@ def test_many_states_at_once_are_the_same_as_one_by_one(force, model, joints, n)
 
 @every_force
 def test_a_load_is_steady_that_is_the_same_in_all_states_and_at_all_times(force, model, joints):
-    element, t = bound(force, model, joints), np.linspace(0.2, 0.8, 6)
+    element, t = made(force, model, joints), np.linspace(0.2, 0.8, 6)
     assert element.steady == bool(np.ptp(load(element, t, *motion(t)), axis=0).max() == 0.0)
 
 
 @every_force
 def test_load_is_added_to_what_is_there(force, model, joints):
-    element, (q, v) = bound(force, model, joints), motion(0.5)
+    element, (q, v) = made(force, model, joints), motion(0.5)
     tau = np.array([10.0, 20.0])
     element.add_load(0.5, q, v, tau)
     assert tau == pytest.approx(np.array([10.0, 20.0]) + load(element, 0.5, q, v), abs=1e-14)
@@ -157,8 +156,8 @@ def test_load_is_added_to_what_is_there(force, model, joints):
 def test_load_acts_at_the_named_joint_only(force, model, joints):
     q, v = motion(0.5)
     other = 1 - joints[force.joint].v
-    assert load(bound(force, model, joints), 0.5, q, v)[other] == 0.0
-    assert bound(force, model, joints).wrenches(0.5, q, v) == {}
+    assert load(made(force, model, joints), 0.5, q, v)[other] == 0.0
+    assert made(force, model, joints).wrenches(0.5, q, v) == {}
 
 
 @at_joints
@@ -171,7 +170,7 @@ def test_unknown_joints_are_refused(force, model, joints):
 @pytest.mark.parametrize("t", [0.2, 0.5, 0.8])
 def test_wrenches_on_the_links_make_up_the_load(force, model, joints, t):
     """The power of all wrenches, moved to the world's origin, on the twists of their links there."""
-    element, (q, v) = bound(force, model, joints), motion(t)
+    element, (q, v) = made(force, model, joints), motion(t)
     wrenches = element.wrenches(t, q, v)
     data = model.createData()
     pin.computeJointJacobians(model, data, q)
@@ -189,7 +188,7 @@ def test_a_spring_along_a_distance_is_a_spring_between_the_points(model, joints)
     along = CoordinateSpring(coordinate="apart", stiffness=90.0, damping=7.0, rest=0.4)
     between = PointSpring(between=("post", "slide_link"), stiffness=90.0, damping=7.0, free_length=0.4)
     q, v = motion(0.4)
-    one, other = (bound(force, model, joints) for force in (along, between))
+    one, other = (made(force, model, joints) for force in (along, between))
     assert load(one, 0.4, q, v) == pytest.approx(load(other, 0.4, q, v), abs=1e-13)
     assert one.potential_energy(q) == pytest.approx(other.potential_energy(q), abs=1e-13)
     wrenches, right = one.wrenches(0.4, q, v), other.wrenches(0.4, q, v)
@@ -201,7 +200,7 @@ def test_a_spring_along_a_distance_is_a_spring_between_the_points(model, joints)
 @pytest.mark.parametrize("force", SAMPLES[PointSpring], ids=range(len(SAMPLES[PointSpring])))
 def test_the_ends_of_a_point_spring_pull_at_each_other(force, model, joints):
     q, v = motion(0.5)
-    one, other = bound(force, model, joints).wrenches(0.5, q, v).values()
+    one, other = made(force, model, joints).wrenches(0.5, q, v).values()
     assert one == pytest.approx(-other, abs=1e-13)
     assert np.linalg.norm(one[:3]) > 1.0
 

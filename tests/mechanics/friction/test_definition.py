@@ -59,7 +59,20 @@ def test_slips_are_rates_of_joints_and_of_loop_joints(chain, mechanism):
     assert slip_drifts(built.model, built.frictions, q, v)[0] == pytest.approx([0.0, 0.0], abs=1e-13)
 
 
-def test_loop_joints_with_several_motions_have_no_friction(chain, mechanism):
+def test_a_loop_joint_whose_surfaces_are_not_known_has_no_friction(chain, mechanism):
+    loops = {"plate": {"kind": "planar", "between": ["base", "end_link"]}}
+    with pytest.raises(InputError, match="the loop joint 'plate' is of the kind planar"):
+        mechanism(chain(*CHAIN), loops=loops, friction={"plate": {"constant": "1 N*m"}})
+
+
+def test_a_ball_and_a_sleeve_say_their_sizes(chain, mechanism):
     loops = {"ball": {"kind": "spherical", "between": ["base", "end_link"]}}
-    with pytest.raises(InputError, match="the loop joint 'ball' is of the kind spherical"):
-        mechanism(chain(*CHAIN), loops=loops, friction={"ball": {"constant": "1 N*m"}})
+    with pytest.raises(InputError, match="needs the radius of its ball"):
+        mechanism(chain(*CHAIN), loops=loops, friction={"ball": {"mu": 0.1}})
+    with pytest.raises(InputError, match="no shoulder"):
+        mechanism(chain(*CHAIN), loops=loops, friction={"ball": {"mu": 0.1, "radius": "1 m", "span": "1 m"}})
+    loops = {"sleeve": {"kind": "cylindrical", "between": ["base", "end_link"]}}
+    with pytest.raises(InputError, match="needs the radius at which it slips"):
+        mechanism(chain(*CHAIN), loops=loops, friction={"sleeve": {"mu": 0.1}})
+    given = mechanism(chain(*CHAIN), loops=loops, friction={"sleeve": {"mu": 0.1, "radius": "20 mm"}}).frictions
+    assert [one.quantity for one in given] == ["loop.sleeve.friction.tangential", "loop.sleeve.friction.axial"]

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.integration.integrator import Accelerations, Manifold
 from pinarm.engine.integration.methods.gauss_legendre import gauss
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.integrator import Accelerations, Manifold
 
 
 class SlopePolynomial(NamedTuple):

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from pinarm.arrays import Array
-from pinarm.engine.integration.integrator import Count, Energy, Interval, Manifold, Projection, Solution, Step
 from pinarm.engine.integration.methods.explicit import Adaptive, AdaptiveStepper
 from pinarm.errors import MethodError
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.integrator import Count, Energy, Interval, Manifold, Projection, Solution, Step
 
 SLOW = 1e-2
 """Kinetic energy, over its largest value so far, below which velocities are not scaled: near standstill a small

@@ -90,6 +90,10 @@ class Adaptive:
 
     def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
         """Return the terms of the dense output."""
+        if interval.compiled is not None:
+            from pinarm.engine.integration.compiled_steps import terms
+
+            return terms(self.tableau, interval.compiled, steps)
         return _terms(self.tableau, interval, manifold, steps)
 
     def diagnose(self, solution: Solution) -> list[str]:

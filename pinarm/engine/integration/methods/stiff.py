@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.integration.first_step import first_step
-from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution, Step
 from pinarm.engine.integration.methods.radau_coefficients import Complex, radau
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution, Step
 
 STAGES = ((3e-5, 3), (1e-7, 5), (0.0, 7))
 """Tolerance above which a number of stages is used. Many stages take long steps: at tight tolerances they save most of

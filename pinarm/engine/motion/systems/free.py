@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +15,10 @@ from pinarm.engine.dynamics.dynamics import Dynamics, parts
 from pinarm.engine.integration.integrator import Interval, Manifold
 from pinarm.engine.motion.systems.system import CompletedStates, Initial
 from pinarm.mechanics.laws.motion_law import Grid
+
+if TYPE_CHECKING:
+    from pinarm.engine.kernel.library import Flow
+    from pinarm.engine.kernel.tree import CompiledTree
 
 
 @dataclass(frozen=True)
@@ -34,10 +40,28 @@ class FreeSystem:
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion of the free tree."""
         here = dynamics.on(start, end)
+        compiled, remark = self._compiled(here)
         return Interval(
             start, end, here.acceleration(), energy=dynamics.conserved, batch=here.accelerations(),
-            unchecked_batch=here.unchecked(),
+            unchecked_batch=here.unchecked(), compiled=compiled, remark=remark,
         )  # fmt: skip
+
+    def _compiled(self, dynamics: Dynamics) -> tuple[Flow | None, str]:
+        """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not."""
+        from pinarm.engine.kernel.tree import AGREEMENT, DISAGREES, disagreement
+
+        flow = self._tree.flow(dynamics.steady, dynamics.changing) if self._tree else None
+        if flow is None:
+            return None, ""
+        apart = disagreement(dynamics.model, flow, dynamics.acceleration())
+        return (flow, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
+
+    @cached_property
+    def _tree(self) -> CompiledTree | None:
+        """The tree in compiled code."""
+        from pinarm.engine.kernel.tree import CompiledTree
+
+        return CompiledTree.of(self.closure.model)
 
     def part(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the state itself."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -11,8 +11,11 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.integration.integrator import Interval, Manifold
+from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.laws.motion_law import Grid
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.integrator import Interval, Manifold
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +27,14 @@ class Initial:
         v: The given velocities, and 0, shape (nv,).
         positions: Indices in v of the joints whose coordinates are given.
         velocities: Indices in v of the joints whose velocities are given.
+        rates: Other coordinates whose rates are given, and these [rad/s or m/s].
     """
 
     q: Array
     v: Array
     positions: tuple[int, ...] = ()
     velocities: tuple[int, ...] = ()
+    rates: tuple[tuple[Coordinate, float], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,8 @@ import msgspec
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.quantities.names import NEWTON, Quantities
+from pinarm.engine.quantities.family import NEWTON
+from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import InputStruct, LoadRating, Span

@@ -8,7 +8,8 @@ from functools import partial
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.quantities.names import NEWTON, NEWTON_METRE, Quantities
+from pinarm.engine.quantities.family import NEWTON, NEWTON_METRE
+from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.units import Unit

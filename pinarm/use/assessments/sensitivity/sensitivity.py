@@ -123,12 +123,9 @@ class Sensitivity(InputStruct, frozen=True):
         """Return derivatives, bands and distributions: see ``Assessment``.
 
         Raises:
-            InputError: The result was read from a folder, or a name or a tolerance is wrong.
+            InputError: A name or a tolerance is wrong.
             PinarmError: The scenario cannot be solved with an input changed.
         """
-        if result.scenario is None:
-            raise InputError("a result that was read from a folder is not solved again with other values",
-                             hint="run the scenario again")  # fmt: skip
         self.check_names(result.quantities, result.scenario)
         variation = Variation(result.scenario, inputs_of(result.scenario, self.to), self._asked())
         taken = [measured(number, result) for number in variation.numbers]

@@ -17,13 +17,13 @@ from pinarm.errors import InputError, choices, within
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Pause, current_folder
-from pinarm.mechanics.drives import Drive
 from pinarm.use.assessments.sizing.catalogue import Motor, read_catalogue
 from pinarm.use.assessments.sizing.duty import Duty, duty_of
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+    from pinarm.mechanics.drives import Drive
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.scenario import Scenario
 

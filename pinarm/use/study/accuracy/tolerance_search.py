@@ -100,7 +100,7 @@ def _guess(ladder: Ladder, target: float) -> int:
 def _as_it_is(scenario: Scenario) -> Result:
     """Return the result of a problem that no setting changes."""
     result = with_setting(scenario, {}).solve()
-    return replace(estimate_errors(scenario, result), content=scenario.content, data=scenario.document.data)
+    return replace(estimate_errors(scenario, result), scenario=scenario)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,6 +194,6 @@ class _Search:
         rung = self.best_rung(target)
         chosen = self.ladder.setting(rung)
         result = with_errors(with_setting(self.scenario, chosen).solve(), self.finer(rung), format_setting(chosen))
-        result = replace(result, content=self.scenario.content, data=self.scenario.document.data)
+        result = replace(result, scenario=self.scenario)
         verdict = "best" if result.missed else "cheapest"
         return replace(result, setting=f"{result.setting}, the {verdict} of {tried} settings tried")

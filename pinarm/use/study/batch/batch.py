@@ -76,10 +76,10 @@ class Batch:
         block = self._block(begin, begin + self._size if self._small else number + 1)
         own = self.question.scenario.merged({"problem": {"initial": self.starts.of_one(number)}})
         try:
-            return replace(block.run(number - begin), content=own.content, data=own.document.data)
+            return replace(block.run(number - begin), scenario=own)
         except NumericsError as error:
             if isinstance(error.partial, Result):
-                error.partial = replace(error.partial, content=own.content, data=own.document.data)
+                error.partial = replace(error.partial, scenario=own)
             raise
 
     @property

@@ -15,7 +15,7 @@ from pinarm.engine.integration.methods.collocation import Collocation
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.integration.methods.gauss_legendre import gauss
 from pinarm.errors import IntegrationError, MethodError
-from pinarm.mechanics.forces import JointEffort, JointSpring
+from pinarm.mechanics.forces.joint_definitions import JointEffort, JointSpring
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward

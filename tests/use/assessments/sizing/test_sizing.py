@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.use.assessments.sizing.duty import Duty
+from pinarm.use.assessments.sizing.duty import Duty, duty_of
 
 LOAD, SQUARES = 2.5, 1.5
 HEADING = (
@@ -72,6 +72,18 @@ def test_torques_are_those_of_a_drive_with_that_motor(scenario: Callable[..., An
     run = scenario("inverse", drive, (law, MOTION)).run()
     assert found["rms torque"] == pytest.approx(run.number("drive.motor.torque @ rms")[0], rel=1e-9)
     assert found["peak torque"] == pytest.approx(run.number("drive.motor.torque @ peak")[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("own", ["1", "0.8"])
+def test_power_at_standstill_flows_as_in_the_motion_beside_it(scenario: Callable[..., Any], own: str) -> None:
+    """The motor drives at the start and brakes at the end, whatever efficiency the drive of the mechanism has."""
+    law = "motion: {pivot: {law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 1 rad/s^2}}"
+    drive = f"gravity: none\nchanges: {{drives: {{motor: {{ratio: 100, efficiency: {own}}}}}}}\n"
+    run = scenario("inverse", drive, (law, MOTION)).run()
+    duty = duty_of(run.lookup, "pivot", 0.0, 0.8, rest=0.0)
+    assert duty.torque(0.0, 100.0)[[0, -1]] == pytest.approx(
+        [1.5 * LOAD / 100.0 / 0.8, -1.5 * LOAD / 100.0 * 0.8], rel=ROUNDING
+    )
 
 
 def test_motors_that_fail_say_why_and_those_that_fit_come_by_mass(sized: Callable[..., Any]) -> None:

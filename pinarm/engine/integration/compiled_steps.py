@@ -1,0 +1,153 @@
+"""Steps and dense output of embedded pairs by the compiled library: many steps in one call."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.integration.integrator import EmbeddedPair, Interval, Solution, Step
+from pinarm.engine.integration.step_control import FASTEST, GAIN, HUGE, LOST, SAFETY, SHORTEST, SLOWEST, TINY
+from pinarm.engine.integration.tableaus import Tableau
+from pinarm.engine.kernel.library import Flow, contiguous, library, pointer
+from pinarm.engine.kernel.structures import ControlStructure, CourseStructure, PairStructure
+
+if TYPE_CHECKING:
+    from pinarm.engine.integration.methods.explicit import AdaptiveStepper
+
+FEWEST, MOST = 16, 512
+"""Most steps of the first call, and of later ones: each may take twice as many as the one before. An event that ends
+the motion makes the steps after it useless, and memory is taken for all of them."""
+
+
+class _Coefficients(NamedTuple):
+    """The coefficients of a pair for the library.
+
+    Attributes:
+        structure: The C structure.
+        arrays: What it points to.
+    """
+
+    structure: PairStructure
+    arrays: list[Array]
+
+    @classmethod
+    def of(cls, tableau: Tableau) -> _Coefficients:
+        names = ("a", "b", "c", "error", "dense_a", "dense_c", "dense_d")
+        arrays = [contiguous(getattr(tableau, name)) for name in names]
+        counts = tableau.stages, len(tableau.error), len(tableau.dense_c), len(tableau.dense_d)
+        return cls(PairStructure(*counts, tableau.error_order + 1, *map(pointer, arrays)), arrays)
+
+
+class _Record(NamedTuple):
+    """Where the library writes up to m steps of s stages with n numbers in y.
+
+    Attributes:
+        times: Starts, lengths and ends of the steps [s], shape (3, m).
+        rejections: Steps rejected before each, shape (m,).
+        states: y at their starts, shape (m, n).
+        slopes: Slopes at their stages, those of the step that is tried last included, shape (m + 1, s + 1, n).
+        scratch: Buffer, shape (2, n).
+    """
+
+    times: Array
+    rejections: Indices
+    states: Array
+    slopes: Array
+    scratch: Array
+
+    @classmethod
+    def of(cls, room: int, stages: int, n: int) -> _Record:
+        slopes = np.empty((room + 1, stages + 1, n))
+        return cls(np.empty((3, room)), np.empty(room, np.intp), np.empty((room, n)), slopes, np.empty((2, n)))
+
+    def pointers(self) -> list[int]:
+        """Return the addresses in the order of ``Course``, behind that of y."""
+        return [pointer(x) for x in (self.scratch, *self.times, self.rejections, self.states, self.slopes)]
+
+
+@dataclass
+class CompiledSteps:
+    """The steps that ``AdaptiveStepper`` takes, many in one call.
+
+    Attributes:
+        solution: Where they are added.
+        pair: The method.
+        stepper: The present state and its slope.
+        room: Largest number of steps of the next call.
+    """
+
+    solution: Solution
+    pair: EmbeddedPair
+    stepper: AdaptiveStepper
+    room: int = FEWEST
+    _rejected: list[int] = field(default_factory=list)
+    """Number of steps rejected in all before each step of the solution."""
+
+    def __post_init__(self) -> None:
+        self._coefficients = _Coefficients.of(self.pair.tableau)
+
+    def take(self, index: int, t: float, h: float, tries: int) -> tuple[float, float]:
+        """Take as many steps in an interval as there is room for."""
+        interval, stages, y = self.solution.intervals[index], self.pair.tableau.stages, self.stepper.y
+        record, self.room = _Record.of(self.room, stages, len(y)), min(2 * self.room, MOST)
+        record.slopes[0, 0] = self.stepper.stages.slopes[0]
+        course = CourseStructure(
+            t, interval.start, interval.end, h, self.stepper.ceiling, tries, len(record.states), 0, 0,
+            pointer(y), *record.pointers(),
+        )  # fmt: skip
+        compiled, flow = library(), interval.compiled
+        if compiled is None or flow is None:
+            raise ValueError("the compiled library has gone")
+        parts = self._coefficients.structure, flow.structure, self._control(interval), course
+        compiled.pair_steps(*map(ctypes.byref, parts))
+        self._add(index, course, record)
+        self.stepper.ceiling = course.ceiling
+        return course.t, course.h
+
+    def _control(self, interval: Interval) -> ControlStructure:
+        return ControlStructure(
+            self.pair.tolerance, interval.size, SAFETY, GAIN, SLOWEST, FASTEST, LOST, HUGE, TINY, SHORTEST
+        )
+
+    def _add(self, index: int, course: CourseStructure, record: _Record) -> None:
+        """Add what the library has written to the solution, and give the last slopes to the stepper."""
+        count, written = self.solution.count, course.written
+        times, states, slopes = record.times[:, :written].T.tolist(), record.states, record.slopes
+        added = zip(times, states[:written], slopes[:written], strict=True)
+        self.solution.steps += [Step(t, h, until, y, k, index) for (t, h, until), y, k in added]
+        before = count.rejected
+        self._rejected += [before + number for number in record.rejections[:written].tolist()]
+        count.rejected += course.rejected
+        count.evaluations += (written + course.rejected) * self.pair.tableau.stages
+        refused_last = not written or count.rejected > self._rejected[-1]
+        self.stepper.stages.slopes[:] = slopes[written if refused_last else written - 1]
+        self.stepper.stages.slopes[0] = slopes[written, 0]
+
+    def drop_after(self, index: int) -> None:
+        """Take the steps after one out of the solution, and what they have cost."""
+        count = self.solution.count
+        surplus = len(self.solution.steps) - index - 1 + count.rejected - self._rejected[index]
+        count.rejected = self._rejected[index]
+        count.evaluations -= surplus * self.pair.tableau.stages
+        del self._rejected[index + 1 :]
+        self.solution.truncate(index + 1)
+
+
+def terms(tableau: Tableau, flow: Flow, steps: Sequence[Step]) -> Array:
+    """Return the terms of the dense output of steps, see ``Method.interpolants``, shape (n, d, nq + nv)."""
+    coefficients, compiled = _Coefficients.of(tableau), library()
+    if compiled is None:
+        raise ValueError("the compiled library has gone")
+    times = contiguous(np.array([(step.t, step.h) for step in steps]).T)
+    states, slopes = contiguous(np.array([step.y for step in steps])), np.array([step.slopes for step in steps])
+    scratch = np.empty((tableau.stages + 2 + len(tableau.dense_c), states.shape[1]))
+    found = np.empty((len(steps), 3 + len(tableau.dense_d), states.shape[1]))
+    addresses = (ctypes.c_void_p(pointer(x)) for x in (*times, states, contiguous(slopes), scratch, found))
+    parts = map(ctypes.byref, (coefficients.structure, flow.structure))
+    compiled.pair_terms(*parts, ctypes.c_ssize_t(len(steps)), *addresses)
+    return found

@@ -1,0 +1,142 @@
+#include "runge_kutta.h"
+
+#include <math.h>
+#include <string.h>
+
+static void copy(ptrdiff_t n, const double *from, double *to) {
+    memcpy(to, from, (size_t)n * sizeof *to);
+}
+
+/* sum += w x, over n numbers */
+static void add_scaled(ptrdiff_t n, double w, const double *x, double *sum) {
+    for (ptrdiff_t k = 0; k < n; k++)
+        sum[k] += w * x[k];
+}
+
+/* y + h sum_j w_j k_j over m slopes, rows of n numbers: a stage, or the step */
+static void stage(ptrdiff_t n, ptrdiff_t m, double h, const double *w, const double *y, const double *slopes,
+                  double *result) {
+    copy(n, y, result);
+    for (ptrdiff_t j = 0; j < m; j++)
+        if (w[j] != 0.0)
+            add_scaled(n, h * w[j], slopes + j * n, result);
+}
+
+/* The stages k_1 .. k_s of a step from y, and its end: Hairer, Norsett, Wanner, section II.1, equation 1.8. */
+static void advance(const pair *p, const flow *f, double t, double h, const double *y, double *slopes, double *at,
+                    double *end) {
+    const ptrdiff_t s = p->stages, n = f->n;
+    for (ptrdiff_t i = 1; i < s; i++) {
+        stage(n, i, h, p->a + i * s, y, slopes, at);
+        f->rates(f->system, t + p->c[i] * h, at, slopes + i * n);
+    }
+    stage(n, s, h, p->b, y, slopes, end);
+    f->rates(f->system, t + h, end, slopes + s * n);
+}
+
+/* The error of a step over the tolerance: section II.10, equation 10.17. With the estimates e_i,
+ * |h| rms(e_0) / sqrt(|e_0|^2 + 0.01 |e_1|^2) |e_0|, where e_i is relative to tolerance (size + max(|y|, |end|)).
+ */
+static double error_of(const pair *p, const flow *f, const control *c, double h, const double *y, const double *end,
+                       const double *slopes) {
+    const ptrdiff_t s = p->stages, n = f->n;
+    double first = 0.0, lower = 0.0, last = 0.0;
+    for (ptrdiff_t i = 0; i < p->estimates; i++) {
+        const double *w = p->error + i * (s + 1);
+        double square = 0.0;
+        for (ptrdiff_t k = 0; k < n; k++) {
+            double e = 0.0;
+            for (ptrdiff_t j = 0; j <= s; j++)
+                e += w[j] * slopes[j * n + k];
+            e /= c->size + fmax(fabs(y[k]), fabs(end[k]));
+            square += e * e;
+        }
+        first = i ? first : square, lower += i ? square : 0.0, last = square;
+    }
+    const double factor = fabs(h) / c->tolerance / sqrt((double)n);
+    if (first == 0.0)
+        return factor * sqrt(last);
+    return factor * first / fmax(sqrt(first + 0.01 * lower), c->tiny);
+}
+
+/* The factor of the next step after an accepted one. */
+static double growth(const pair *p, const control *c, double error, double ceiling) {
+    return fmin(ceiling, c->safety * pow(fmax(error, c->tiny), -c->gain / (double)p->order));
+}
+
+/* The factor of the next try after a rejected step; an error that is no number is a large one. */
+static double shrinkage(const pair *p, const control *c, double error) {
+    return error < c->huge ? fmax(c->slowest, c->safety * pow(error, -1.0 / (double)p->order)) : c->lost;
+}
+
+static double ulp(double x) {
+    return nextafter(x, INFINITY) - x;
+}
+
+static void write_step(const flow *f, course *m, double taken, double until) {
+    const ptrdiff_t k = m->written++;
+    m->starts[k] = m->t, m->lengths[k] = taken, m->ends[k] = until, m->rejections[k] = m->rejected;
+    copy(f->n, m->y, m->states + k * f->n);
+}
+
+void pair_steps(const pair *p, const flow *f, const control *c, course *m) {
+    const ptrdiff_t n = f->n, block = (p->stages + 1) * n;
+    double *at = m->scratch, *end = m->scratch + n;
+    while (m->t < m->end && m->written < m->room && m->tries > 0 &&
+           m->h >= c->shortest * ulp(fmax(fabs(m->t), m->end - m->start))) {
+        const int last = m->t + 1.01 * m->h >= m->end;
+        const double taken = last ? m->end - m->t : m->h;
+        double *slopes = m->slopes + m->written * block;
+        advance(p, f, m->t, taken, m->y, slopes, at, end);
+        const double error = error_of(p, f, c, taken, m->y, end, slopes);
+        m->tries--;
+        if (error <= 1.0) {
+            const double following = taken * growth(p, c, error, m->ceiling);
+            write_step(f, m, taken, last ? m->end : m->t + taken);
+            copy(n, end, m->y);
+            copy(n, slopes + block - n, slopes + block); /* k_s is k_0 of the next step */
+            m->h = last ? fmax(m->h, following) : following;
+            m->t = m->ends[m->written - 1];
+            m->ceiling = c->fastest;
+        } else { /* NaN included */
+            m->rejected++;
+            m->h = taken * shrinkage(p, c, error);
+            m->ceiling = 1.0;
+        }
+    }
+}
+
+/* The terms of one step, from its slopes and those of the further stages: section II.6;
+ * r_0 = y_new - y, r_1 = h k_0 - r_0, r_2 = 2 r_0 - h (k_0 + k_s), and h dense_d k.
+ */
+static void terms_of(const pair *p, const flow *f, double h, const double *slopes, double *terms) {
+    const ptrdiff_t s = p->stages, n = f->n, all = s + 1 + p->dense_stages;
+    double *change = terms, *second = terms + n, *third = terms + 2 * n;
+    for (ptrdiff_t k = 0; k < (3 + p->dense_terms) * n; k++)
+        terms[k] = 0.0;
+    for (ptrdiff_t j = 0; j < s; j++)
+        add_scaled(n, h * p->b[j], slopes + j * n, change);
+    for (ptrdiff_t k = 0; k < n; k++) {
+        const double first = h * slopes[k], last = h * slopes[s * n + k];
+        second[k] = first - change[k];
+        third[k] = 2.0 * change[k] - first - last;
+    }
+    for (ptrdiff_t i = 0; i < p->dense_terms; i++)
+        for (ptrdiff_t j = 0; j < all; j++)
+            add_scaled(n, h * p->dense_d[i * all + j], slopes + j * n, terms + (3 + i) * n);
+}
+
+void pair_terms(const pair *p, const flow *f, ptrdiff_t m, const double *starts, const double *lengths,
+                const double *states, const double *slopes, double *scratch, double *terms) {
+    const ptrdiff_t s = p->stages, n = f->n, all = s + 1 + p->dense_stages;
+    double *at = scratch, *k = scratch + n;
+    for (ptrdiff_t i = 0; i < m; i++) {
+        const double *y = states + i * n;
+        copy((s + 1) * n, slopes + i * (s + 1) * n, k);
+        for (ptrdiff_t j = 0; j < p->dense_stages; j++) {
+            stage(n, s + 1 + j, lengths[i], p->dense_a + j * all, y, k, at);
+            f->rates(f->system, starts[i] + p->dense_c[j] * lengths[i], at, k + (s + 1 + j) * n);
+        }
+        terms_of(p, f, lengths[i], k, terms + i * (3 + p->dense_terms) * n);
+    }
+}

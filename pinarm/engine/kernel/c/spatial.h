@@ -1,0 +1,191 @@
+/* Spatial algebra: motions, forces, placements and inertias of links, in components about the origin of a link frame.
+ *
+ * Source: Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 2 and appendix A. As in Pinocchio the linear part
+ * stands first. With a placement (R, r) of a child frame in its parent's, a vector x of the child is R x in the parent.
+ */
+#ifndef PINARM_SPATIAL_H
+#define PINARM_SPATIAL_H
+
+typedef struct {
+    double x, y, z;
+} vector;
+
+typedef struct {
+    vector x, y, z; /* rows */
+} matrix;
+
+typedef struct {
+    double xx, xy, xz, yy, yz, zz;
+} symmetric;
+
+typedef struct {
+    vector linear, angular; /* velocity or acceleration of the frame's origin, and angular */
+} motion;
+
+typedef struct {
+    vector linear, angular; /* force, and moment about the frame's origin */
+} force;
+
+typedef struct {
+    matrix rotation;
+    vector translation;
+} placement;
+
+/* A rigid body: mass m, m c with the centre of mass c, and the inertia about the origin of the frame. */
+typedef struct {
+    double mass;
+    vector moment;
+    symmetric inertia;
+} body;
+
+/* An articulated inertia: f = M a + H' alpha, n = H a + I alpha; section 7.1. */
+typedef struct {
+    symmetric mass;    /* M */
+    matrix coupling;   /* H */
+    symmetric inertia; /* I */
+} articulated;
+
+static inline vector add(vector a, vector b) {
+    return (vector){a.x + b.x, a.y + b.y, a.z + b.z};
+}
+
+static inline vector subtract(vector a, vector b) {
+    return (vector){a.x - b.x, a.y - b.y, a.z - b.z};
+}
+
+static inline vector scale(double s, vector a) {
+    return (vector){s * a.x, s * a.y, s * a.z};
+}
+
+static inline double dot(vector a, vector b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+static inline vector cross(vector a, vector b) {
+    return (vector){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+/* A x */
+static inline vector times(const matrix *a, vector x) {
+    return (vector){dot(a->x, x), dot(a->y, x), dot(a->z, x)};
+}
+
+/* A' x */
+static inline vector transposed_times(const matrix *a, vector x) {
+    return add(add(scale(x.x, a->x), scale(x.y, a->y)), scale(x.z, a->z));
+}
+
+/* S x */
+static inline vector symmetric_times(const symmetric *s, vector x) {
+    return (vector){
+        s->xx * x.x + s->xy * x.y + s->xz * x.z,
+        s->xy * x.x + s->yy * x.y + s->yz * x.z,
+        s->xz * x.x + s->yz * x.y + s->zz * x.z,
+    };
+}
+
+/* A B */
+static inline matrix product(const matrix *a, const matrix *b) {
+    return (matrix){transposed_times(b, a->x), transposed_times(b, a->y), transposed_times(b, a->z)};
+}
+
+/* R S R' */
+static inline symmetric rotated(const matrix *r, const symmetric *s) {
+    const vector x = symmetric_times(s, r->x), y = symmetric_times(s, r->y), z = symmetric_times(s, r->z);
+    return (symmetric){dot(x, r->x), dot(x, r->y), dot(x, r->z), dot(y, r->y), dot(y, r->z), dot(z, r->z)};
+}
+
+/* The placement of a frame that is placed by b in a frame that is placed by a. */
+static inline placement composed(const placement *a, const placement *b) {
+    return (placement){product(&a->rotation, &b->rotation),
+                       add(times(&a->rotation, b->translation), a->translation)};
+}
+
+/* A motion of the parent as the child sees it: w = R' w_p, v = R' (v_p + w_p x r); equation 2.24. */
+static inline motion into_child(const placement *x, const motion *m) {
+    return (motion){transposed_times(&x->rotation, add(m->linear, cross(m->angular, x->translation))),
+                    transposed_times(&x->rotation, m->angular)};
+}
+
+/* A force on the child as the parent feels it: f_p = R f, n_p = R n + r x R f; equation 2.25. */
+static inline force into_parent(const placement *x, const force *f) {
+    const vector linear = times(&x->rotation, f->linear);
+    return (force){linear, add(times(&x->rotation, f->angular), cross(x->translation, linear))};
+}
+
+/* v x m; equation 2.31. */
+static inline motion motion_cross(const motion *v, const motion *m) {
+    return (motion){add(cross(v->angular, m->linear), cross(v->linear, m->angular)), cross(v->angular, m->angular)};
+}
+
+/* v x* (I v), the force that a body needs to go on with the velocity v; equations 2.32, 2.63 and 2.68. */
+static inline force gyroscopic(const body *b, const motion *v) {
+    const vector linear = add(scale(b->mass, v->linear), cross(v->angular, b->moment));
+    const vector angular = add(symmetric_times(&b->inertia, v->angular), cross(b->moment, v->linear));
+    return (force){cross(v->angular, linear), add(cross(v->angular, angular), cross(v->linear, linear))};
+}
+
+/* The inertia of a rigid body as an articulated one: M = m 1, H = [m c]; equation 2.63. */
+static inline articulated rigid(const body *b) {
+    const vector c = b->moment;
+    return (articulated){
+        {b->mass, 0.0, 0.0, b->mass, 0.0, b->mass},
+        {{0.0, -c.z, c.y}, {c.z, 0.0, -c.x}, {-c.y, c.x, 0.0}},
+        b->inertia,
+    };
+}
+
+/* I m */
+static inline force inertia_times(const articulated *i, const motion *m) {
+    return (force){add(symmetric_times(&i->mass, m->linear), transposed_times(&i->coupling, m->angular)),
+                   add(times(&i->coupling, m->linear), symmetric_times(&i->inertia, m->angular))};
+}
+
+static inline void add_symmetric(symmetric *sum, const symmetric *s) {
+    sum->xx += s->xx, sum->xy += s->xy, sum->xz += s->xz;
+    sum->yy += s->yy, sum->yz += s->yz, sum->zz += s->zz;
+}
+
+/* Add an inertia of the child to that of its parent. With the inertia turned into the parent's axes, M, H and I:
+ * H_p = H + [r] M, I_p = I + [r] H_p' + ([r] H')'; equation 2.66 for articulated inertias, section A.4.
+ */
+static inline void add_into_parent(articulated *parent, const placement *x, const articulated *child) {
+    const matrix *r = &x->rotation;
+    const vector t = x->translation;
+    const symmetric m = rotated(r, &child->mass), i = rotated(r, &child->inertia);
+    const matrix rh = product(r, &child->coupling);
+    const matrix h = {times(r, rh.x), times(r, rh.y), times(r, rh.z)};
+    const vector mx = cross(t, (vector){m.xx, m.xy, m.xz}), my = cross(t, (vector){m.xy, m.yy, m.yz}),
+                 mz = cross(t, (vector){m.xz, m.yz, m.zz}); /* the columns of [r] M */
+    const matrix hp = {add(h.x, (vector){mx.x, my.x, mz.x}), add(h.y, (vector){mx.y, my.y, mz.y}),
+                       add(h.z, (vector){mx.z, my.z, mz.z})};
+    const vector px = cross(t, hp.x), py = cross(t, hp.y), pz = cross(t, hp.z); /* the columns of [r] H_p' */
+    const vector cx = cross(t, h.x), cy = cross(t, h.y), cz = cross(t, h.z);    /* the columns of [r] H' */
+    const symmetric ip = {
+        i.xx + px.x + cx.x, i.xy + py.x + cx.y, i.xz + pz.x + cx.z,
+        i.yy + py.y + cy.y, i.yz + pz.y + cy.z, i.zz + pz.z + cz.z,
+    };
+    add_symmetric(&parent->mass, &m);
+    parent->coupling.x = add(parent->coupling.x, hp.x);
+    parent->coupling.y = add(parent->coupling.y, hp.y);
+    parent->coupling.z = add(parent->coupling.z, hp.z);
+    add_symmetric(&parent->inertia, &ip);
+}
+
+/* I - s U U', where U is a force. */
+static inline void subtract_square(articulated *i, double s, const force *u) {
+    const vector f = scale(s, u->linear), n = scale(s, u->angular);
+    const symmetric ff = {f.x * u->linear.x,  f.x * u->linear.y,  f.x * u->linear.z,
+                          f.y * u->linear.y,  f.y * u->linear.z,  f.z * u->linear.z};
+    const symmetric nn = {n.x * u->angular.x, n.x * u->angular.y, n.x * u->angular.z,
+                          n.y * u->angular.y, n.y * u->angular.z, n.z * u->angular.z};
+    i->mass.xx -= ff.xx, i->mass.xy -= ff.xy, i->mass.xz -= ff.xz;
+    i->mass.yy -= ff.yy, i->mass.yz -= ff.yz, i->mass.zz -= ff.zz;
+    i->inertia.xx -= nn.xx, i->inertia.xy -= nn.xy, i->inertia.xz -= nn.xz;
+    i->inertia.yy -= nn.yy, i->inertia.yz -= nn.yz, i->inertia.zz -= nn.zz;
+    i->coupling.x = subtract(i->coupling.x, scale(n.x, u->linear));
+    i->coupling.y = subtract(i->coupling.y, scale(n.y, u->linear));
+    i->coupling.z = subtract(i->coupling.z, scale(n.z, u->linear));
+}
+
+#endif

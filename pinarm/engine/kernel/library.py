@@ -1,0 +1,77 @@
+"""The compiled library, which an installation may lack."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.kernel.structures import STRUCTURES, FlowStructure
+
+SWITCH = "PINARM_KERNEL"
+"""Environment variable: ``off`` leaves the library out, when pinarm is built and when it runs."""
+
+PATH = Path(__file__).with_name("kernel.dylib" if sys.platform == "darwin" else "kernel.so")
+"""The library, as the build writes it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """What the library integrates: y = [q, v], with the slope ``[velocity(q, v), a(q, v)]``.
+
+    Attributes:
+        structure: The C structure.
+        system: What it points to.
+    """
+
+    structure: FlowStructure
+    system: Any = field(repr=False)
+
+
+@cache
+def library() -> ctypes.PyDLL | None:
+    """Return the library; ``None`` where there is none, it does not fit, or ``PINARM_KERNEL=off`` switches it off.
+
+    It keeps Python's lock while it computes: the buffers of a mechanism serve one thread at a time.
+    """
+    if os.environ.get(SWITCH) == "off" or not PATH.exists():
+        return None
+    try:
+        loaded = ctypes.PyDLL(str(PATH))
+        sizes = (ctypes.c_int * len(STRUCTURES))()
+        count = loaded.kernel_sizes(len(STRUCTURES), sizes)
+    except (OSError, AttributeError):  # it is of another system, or of another version
+        return None
+    return loaded if (count, *sizes) == (len(STRUCTURES), *map(ctypes.sizeof, STRUCTURES)) else None
+
+
+def absence() -> str:
+    """Return why the library is not used, in words; empty where it is."""
+    if library() is not None:
+        return ""
+    if os.environ.get(SWITCH) == "off":
+        return f"switched off by {SWITCH}=off"
+    return f"{PATH.name} is of another version or system" if PATH.exists() else "not built, for want of a C compiler"
+
+
+def pointer(array: Array | Indices) -> int:
+    """Return the address of the numbers of an array.
+
+    Raises:
+        ValueError: They do not follow one another.
+    """
+    if not array.flags.c_contiguous:
+        raise ValueError("the numbers of an array that the library reads must follow one another")
+    return int(array.ctypes.data)
+
+
+def contiguous(values: Array) -> Array:
+    """Return numbers as the library reads them: one after another, of 64 bits."""
+    return np.ascontiguousarray(values, dtype=np.float64)

@@ -1,0 +1,216 @@
+"""Parts of a mechanism file, bound to the model: each checks its names and units, and says where a mistake is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from typing import TYPE_CHECKING, Any
+
+import pinocchio as pin
+
+from pinarm.errors import InputError, Key, within
+from pinarm.input.formulas.expressions import Expression
+from pinarm.input.units import Unit, unit
+from pinarm.input.xacro.expansion import UnknownArgument
+from pinarm.input.yaml.schema import Measured, check_unit, quantity
+from pinarm.mechanics.ball_joints import Ball, positions_of, unit_of
+from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.description import MechanismDescription
+from pinarm.mechanics.forces.force_element import ForceElement, check_new
+from pinarm.mechanics.joints import Joint, joint_of
+from pinarm.mechanics.loading.pinocchio_model import RobotModel
+from pinarm.mechanics.loops.loop_joints import LoopJoint
+
+if TYPE_CHECKING:
+    from pinarm.engine.constraints.constraint import Constraint
+    from pinarm.mechanics.couplings.coupling import Coupling
+    from pinarm.mechanics.friction.contact import FrictionContact
+    from pinarm.mechanics.loops.kinds import Loop
+    from pinarm.mechanics.payloads import Payload
+
+Locate = Callable[..., AbstractContextManager[None]]
+"""``with locate("forces", "spring"):`` gives errors of the block that place of a file."""
+
+
+def frictions_of(
+    robot: RobotModel, description: MechanismDescription, model: pin.Model, joints: Mapping[str, Joint],
+    constraints: Sequence[Constraint], here: Locate,
+) -> tuple[FrictionContact, ...]:  # fmt: skip
+    """Return the joints with friction that sticks: those of the mechanism file, and others of the model."""
+    if not robot.friction and not description.friction:
+        return ()
+    from pinarm.mechanics.couplings.coupling import Coupling
+    from pinarm.mechanics.friction.definition import Friction
+
+    others = [constraint for constraint in constraints if isinstance(constraint, LoopJoint | Coupling)]
+    contacts: list[FrictionContact] = []
+    for name, definition in description.friction.items():
+        with here("friction", name):
+            contacts.extend(definition.bind(name, model, joints, others))
+    for name, friction in robot.friction.items():
+        if name not in description.friction:
+            contacts.extend(Friction(constant=friction).bind(name, model, joints, ()))
+    return tuple(contacts)
+
+
+def loop_coordinates_of(
+    model: pin.Model, loops: Sequence[LoopJoint], known: Container[str], here: Locate
+) -> dict[str, Coordinate]:
+    """Return the coordinates of loop joints.
+
+    Raises:
+        InputError: One has the name of a joint's.
+    """
+    if not loops:
+        return {}
+    from pinarm.mechanics.loops.relative import loop_coordinates
+
+    coordinates = loop_coordinates(model, loops)
+    for name in coordinates:
+        if name in known:
+            with here("loops", name.rpartition(".")[0]):
+                raise InputError(f"its coordinate '{name}' has the name of a joint", expected="a name of its own")
+    return coordinates
+
+
+def check_start(
+    description: MechanismDescription, joints: Mapping[str, Joint], balls: Mapping[str, Ball], here: Locate
+) -> None:
+    """Check names and units of the joint coordinates near which the loops close."""
+    known = positions_of(joints, balls)
+    for name, value in description.start.items():
+        with here("start", Key(name)):
+            measured = unit_of(name, known)
+        with here("start", name):
+            check_unit(value, measured)
+
+
+def loop_joints_of(
+    model: pin.Model, drawn: Mapping[str, Loop], said: Mapping[str, Loop], here: Locate
+) -> list[LoopJoint]:
+    """Return the loop joints of a drawing, and those that the mechanism file says beside."""
+    with here("planar"):
+        loops = [loop.bind(model, name) for name, loop in drawn.items()]
+    for name, loop in said.items():
+        with here("loops", name):
+            if name in drawn:
+                raise InputError(f"the drawing has a loop joint '{name}' already", expected="a name of its own")
+            loops.append(loop.bind(model, name))
+    return loops
+
+
+def arguments_of(
+    description: MechanismDescription, arguments: Mapping[str, float | str], here: Locate, caller: Locate
+) -> tuple[dict[str, Unit], dict[str, float]]:
+    """Return the units of the model's arguments and the given values in SI."""
+    units, given = {}, {}
+    for name, text in description.arguments.items():
+        with here("arguments", name):
+            units[name] = unit(text)
+    for name, value in arguments.items():
+        with caller("arguments", name):
+            given[name] = _argument(name, value, units.get(name))
+    return units, given
+
+
+@contextmanager
+def naming_arguments(place: Locate) -> Iterator[None]:
+    """Locate arguments that the model does not have at their keys."""
+    try:
+        yield
+    except UnknownArgument as error:
+        with place("arguments", Key(error.name)):
+            raise
+
+
+def _argument(name: str, value: float | str, expected: Unit | None) -> float:
+    """Return an argument in SI, its dimension checked where the mechanism file gives its unit."""
+    unitless = expected is None or str(expected) == "1" or not isinstance(value, str | Measured)
+    kind = quantity(str(expected)) if expected else Measured
+    try:
+        return float(kind.read(value, bare=unitless))
+    except InputError as error:
+        raise type(error)(f"the argument {name}: {error.message}", expected=error.expected, hint=error.hint) from None
+
+
+def loaded(
+    model: pin.Model, own: Mapping[str, Payload], given: Mapping[str, Payload], here: Locate, caller: Locate
+) -> tuple[pin.Model, dict[str, Payload]]:
+    """Return the model with the payloads of its file and of the caller, and all of them by name."""
+    carried: dict[str, Payload] = {}
+    if not own and not given:
+        return model, carried
+    from pinarm.mechanics.payloads import with_payloads
+
+    for place, payloads in ((here, own), (caller, given)):
+        for name, payload in payloads.items():
+            with place("payloads", name):
+                if name in carried:
+                    raise InputError(f"the mechanism has a payload '{name}' already", expected="a name of its own")
+                model, carried[name] = with_payloads(model, [payload]), payload
+    return model, carried
+
+
+def couplings_of(
+    robot: RobotModel, description: MechanismDescription, model: pin.Model, joints: Mapping[str, Joint], here: Locate
+) -> list[Coupling]:
+    """Return the couplings.
+
+    Raises:
+        InputError: One has the name of a loop joint.
+    """
+    couplings = []
+    for name, definition in description.couplings.items():
+        with here("couplings", name):
+            if name in description.loops or name in robot.loops:
+                raise InputError(f"the coupling '{name}' has the name of a loop joint", expected="a name of its own")
+            couplings.append(definition.bind(joints, model, name))
+    return couplings
+
+
+def forces_of(
+    robot: RobotModel, description: MechanismDescription, model: pin.Model, joints: Mapping[str, Joint],
+    coordinates: Mapping[str, Coordinate], here: Locate,
+) -> dict[str, ForceElement]:  # fmt: skip
+    """Return the force elements by name, those of the model and those of the mechanism file.
+
+    Raises:
+        InputError: Two have one name.
+    """
+    forces = dict(robot.forces)
+    if description.forces:
+        from pinarm.mechanics.forces.kinds import bound
+    for name, definition in description.forces.items():
+        with here("forces", name):
+            check_new(name, forces)
+            forces[name] = bound(definition, model, joints, coordinates)
+    return forces
+
+
+def symbols_of(description: MechanismDescription, here: Locate) -> dict[str, Expression]:
+    """Return the formulas of the published symbols."""
+    symbols = {}
+    for name, text in description.symbols.items():
+        with here("symbols", name):
+            symbols[name] = Expression.parse(text)
+    return symbols
+
+
+def mount_drives(
+    model: pin.Model, joints: Mapping[str, Joint], description: MechanismDescription, here: Locate
+) -> None:
+    """Give the inertias of rotors to the joints of their drives.
+
+    Raises:
+        InputError: A joint does not exist, or has a drive already.
+    """
+    mounted: dict[str, str] = {}
+    armature: Any = model.armature
+    for name, drive in description.drives.items():
+        with here("drives", name), within("joint"):
+            joint = joint_of(joints, drive.joint)
+            if drive.joint in mounted:
+                raise InputError(f"the joint '{drive.joint}' has two drives, '{mounted[drive.joint]}' and '{name}'",
+                                 expected="one drive at each joint")  # fmt: skip
+        mounted[drive.joint] = name
+        armature[joint.v] += drive.armature

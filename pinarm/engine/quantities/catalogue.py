@@ -1,0 +1,141 @@
+"""A table of everything that can be asked by name: names, units, meanings, and what is refused and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+from pinarm.engine.kinematics.closed_configurations import generic_near
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.families import FAMILIES, family
+from pinarm.engine.quantities.names import Quantities
+from pinarm.errors import InputError
+from pinarm.input.units import unit
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+
+COLUMNS = {
+    ".friction": "friction that sticks, along the coordinate, on the child",
+    ".effort.lower": "at rest: effort below which the coordinate begins to move down",
+    ".effort.upper": "at rest: effort above which the coordinate begins to move up",
+    ".time": "when the event first took place", ".count": "how often the event took place",
+    "equilibrium.starts": "number of starts that led to the equilibrium",
+    "equilibrium.stability": "1 stable, 0 indifferent, -1 unstable",
+    "equilibrium.frequency2": "squared angular frequency of a small motion, in ascending order",
+    "equilibrium.stiffness": "eigenvalue of the stiffness, in ascending order",
+}  # fmt: skip
+"""Part of the names of columns that friction and kinds of problem add -> meaning."""
+
+
+class NamedQuantity(NamedTuple):
+    """Something that can be asked by name.
+
+    Attributes:
+        name: Its name, without the last word where that is a component.
+        components: Last words; empty for a scalar. Vectors are in world axes where the meaning does not say otherwise.
+        unit: Its unit in SI; empty where it is refused.
+        meaning: What it is, in words; of a symbol its formula.
+        refused: Which components cannot be asked here, and why; empty where all can.
+    """
+
+    name: str
+    components: tuple[str, ...]
+    unit: str
+    meaning: str
+    refused: str
+
+    @property
+    def names(self) -> list[str]:
+        """Its names, whole."""
+        return [f"{self.name}.{component}" for component in self.components] or [self.name]
+
+    def __str__(self) -> str:
+        """Return it as a line."""
+        components = f".{{{','.join(self.components)}}}" if self.components else ""
+        said = f"{self.meaning} (refused: {self.refused})" if self.refused else self.meaning
+        return f"{self.name}{components} [{self.unit or '?'}]  {said}"
+
+
+@dataclass(frozen=True)
+class QuantityCatalogue:
+    """What can be asked by name.
+
+    Attributes:
+        title: Of what.
+        entries: The quantities.
+    """
+
+    title: str
+    entries: tuple[NamedQuantity, ...]
+
+    def __iter__(self) -> Iterator[NamedQuantity]:
+        """Iterate over the quantities."""
+        return iter(self.entries)
+
+    def __len__(self) -> int:
+        """Return how many there are, components not counted."""
+        return len(self.entries)
+
+    def __str__(self) -> str:
+        """Return it as a table: a heading, and a line for each quantity."""
+        return "\n".join([self.title, *map(str, self.entries)])
+
+    def __repr__(self) -> str:
+        """Return what it is of, and how many quantities it has."""
+        return f"<QuantityCatalogue of {len(self)} quantities: {self.title}>"
+
+
+def catalogue(quantities: Quantities, title: str, like: str = "") -> QuantityCatalogue:
+    """Return what can be asked of a trajectory.
+
+    Args:
+        quantities: Of the trajectory; one row is enough.
+        title: Heading.
+        like: Part of the name or of the meaning, in any case; all where it is empty.
+    """
+    wanted = like.casefold()
+    entries = (entry for entry in _entries(quantities) if wanted in f"{entry.name} {entry.meaning}".casefold())
+    return QuantityCatalogue(title, tuple(entries))
+
+
+def catalogue_of(mechanism: Mechanism, like: str = "") -> QuantityCatalogue:
+    """Return what can be asked of a mechanism in motion, in a position of no special kind; see ``catalogue``."""
+    q = generic_near(mechanism, mechanism.start)
+    row = Trajectory.schema_row(mechanism, q, "t", unit("s"), mechanism.closure)
+    return catalogue(Quantities(row), mechanism.title, like)
+
+
+def _entries(quantities: Quantities) -> Iterator[NamedQuantity]:
+    run = quantities.trajectory
+    mechanism = run.mechanism
+    yield _entry(quantities, run.parameter, "what runs along the rows")
+    yield _entry(quantities, "g", "magnitude of gravity")
+    for name, formula in {**mechanism.symbols, **quantities.symbols}.items():
+        yield _entry(quantities, name, f"symbol: {formula.text}")
+    for name, value in mechanism.arguments.items():
+        yield _entry(quantities, name, f"argument of the model: {value:g}")
+    for name in mechanism.coordinates:
+        if name not in mechanism.symbols and name not in quantities.symbols and name != run.parameter:
+            yield _entry(quantities, name, "coordinate")
+    for name in run.columns:
+        meaning = next((text for mark, text in COLUMNS.items() if mark in name), "")
+        yield _entry(quantities, name, meaning)
+    for word in FAMILIES:
+        of = family(word, quantities.evaluation)
+        for entry in of.entries():
+            base = ".".join(filter(None, (word, entry.element, entry.part)))
+            yield _entry(quantities, base, of.meanings[entry.part], entry.components)
+
+
+def _entry(quantities: Quantities, name: str, meaning: str, components: tuple[str, ...] = ()) -> NamedQuantity:
+    units, refusals = [], dict[str, list[str]]()
+    for component in components or ("",):
+        whole = f"{name}.{component}" if component else name
+        try:
+            units.append(str(quantities[whole].unit))
+        except InputError as error:
+            refusals.setdefault(error.message.removeprefix(f"'{whole}': "), []).append(component)
+    refused = "; ".join(f"{', '.join(those)}: {why}" if units else why for why, those in refusals.items())
+    return NamedQuantity(name, components, units[0] if units else "", meaning, refused)

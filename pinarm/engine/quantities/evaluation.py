@@ -1,0 +1,37 @@
+"""What quantities are computed from: a trajectory, its kinematics row by row, and the reactions of its joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.reactions import SAMPLE, Reactions
+from pinarm.engine.quantities.row_kinematics import RowKinematics
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """A trajectory, and what is computed of it once, when a quantity first needs it.
+
+    Attributes:
+        run: The trajectory.
+        undetermined: ``refuse`` components of reactions that rigid bodies do not determine, or give those of the least
+            multipliers.
+        judged: Whether it is judged which components are determined. Some states of a run are not: in a single state a
+            component may seem to be.
+    """
+
+    run: Trajectory
+    undetermined: str = "refuse"
+    judged: bool = True
+
+    @cached_property
+    def reactions(self) -> Reactions:
+        """What the joints transmit."""
+        return Reactions(self.run, SAMPLE if self.judged else 0)
+
+    @cached_property
+    def kinematics(self) -> RowKinematics:
+        """Coordinates, frames, energies and momenta, row by row."""
+        return RowKinematics(self.run)

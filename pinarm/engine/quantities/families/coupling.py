@@ -1,0 +1,67 @@
+"""Gears, racks, screws, belts: the effort that they transmit, and the forces where their members touch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from pinarm.engine.quantities.family import AXES, NEWTON, NEWTON_METRE, Asked, Offered
+from pinarm.engine.quantities.transmitted import SAY_HOW, WRENCH, WrenchFamily, components
+from pinarm.engine.series import Series
+from pinarm.errors import InputError
+from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.joints import METRE
+
+
+@dataclass(frozen=True, eq=False)
+class CouplingQuantities(WrenchFamily):
+    """``coupling.C...``: the multiplier, and actions of the first member on the second."""
+
+    element: ClassVar[str] = "C"
+    meanings: ClassVar[Mapping[str, str]] = {
+        "effort": "multiplier: effort at its second joint",
+        "force": "force of the first member on the second, where they touch",
+        "moment": "moment of the first member on the second, about the point where they touch",
+        "tangential": "force of the teeth along the pitch circle", "radial": "force of the teeth towards the axis",
+        "axial": "force of the teeth, or of a thread, along the axis",
+        "separating": "force of bevel teeth along the normal of the pitch cone",
+        "torque": "moment of the thread about its axis",
+        "tight": "tension of the strand that pulls", "slack": "tension of the other strand",
+    }  # fmt: skip
+
+    def entries(self) -> Iterator[Offered]:
+        """Yield the quantities of gears, racks, screws and belts; their forces where these are known."""
+        for name, coupling in self.evaluation.reactions.couplings.items():
+            yield Offered(name, "effort")
+            if (transmission := coupling.transmission) is not None:
+                yield from (Offered(name, part) for part in transmission.parts())
+                yield from (Offered(name, part, AXES) for part in WRENCH)
+
+    def series(self, asked: Asked) -> Series:
+        """Return a quantity; see ``Family.series``."""
+        reactions, part = self.evaluation.reactions, asked.part
+        coupling = reactions.couplings.get(asked.of)
+        if coupling is None or (len(asked.words) > 2) != (part in WRENCH):
+            raise asked.unknown
+        self.require_efforts(asked)
+        lam, added = reactions.multiplier(asked.of)
+        if part == "effort":
+            unit = NEWTON if coupling.coordinate.unit == METRE else NEWTON_METRE
+            return Series(asked.name, unit, lam, self.doubt(asked, added))
+        if (transmission := coupling.transmission) is None:
+            raise InputError(f"'{asked.name}' is not known: {coupling.missing}",
+                             expected=f"coupling.{asked.of}.effort", hint=SAY_HOW)  # fmt: skip
+        if part in WRENCH:
+            points, wrench, stresses = reactions.transmitted(asked.of)
+            return self.wrench(asked, points, wrench, stresses, points)
+        if part not in transmission.parts():
+            raise asked.unknown
+        return Series(asked.name, transmission.parts()[part], transmission.part(part, lam), self.doubt(asked, added))
+
+
+def coupling_parts(coupling: Coupling) -> list[str]:
+    """Return what is known of a coupling, such as ``effort``, ``force.x``, ``tangential``."""
+    if coupling.transmission is None:
+        return ["effort"]
+    return ["effort", *coupling.transmission.parts(), *components()]

@@ -1,0 +1,56 @@
+"""Joints that close loops: their coordinates, and the wrenches they transmit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from pinarm.arrays import Array
+from pinarm.engine.quantities.family import AXES, Asked, Offered
+from pinarm.engine.quantities.joint_axes import ALONG_AXIS, loop_axis
+from pinarm.engine.quantities.transmitted import WRENCH, WrenchFamily
+from pinarm.engine.series import Series
+
+COORDINATES = ("angle", "position")
+
+
+@dataclass(frozen=True, eq=False)
+class LoopQuantities(WrenchFamily):
+    """``loop.L...``: actions of the first link on the second, at the second one's frame."""
+
+    element: ClassVar[str] = "L"
+    meanings: ClassVar[Mapping[str, str]] = {
+        "force": "force of the first link on the second, at the second one's frame",
+        "moment": "moment of the first link on the second, about the origin of the second one's frame",
+        "angle": "how far frame 2 has turned about the axis of frame 1, turns counted",
+        "position": "how far frame 2 has slid along the axis of frame 1",
+    }
+
+    def entries(self) -> Iterator[Offered]:
+        """Yield the quantities of the loop joints."""
+        known = self.run.mechanism.coordinates
+        for name, loop in self.evaluation.reactions.loops.items():
+            along = ALONG_AXIS if loop_axis(loop) is not None else ()
+            yield from (Offered(name, part, (*AXES, *along)) for part in WRENCH)
+            yield from (Offered(name, part) for part in COORDINATES if f"{name}.{part}" in known)
+
+    def series(self, asked: Asked) -> Series:
+        """Return a quantity; see ``Family.series``."""
+        reactions = self.evaluation.reactions
+        if asked.of not in reactions.loops:
+            raise asked.unknown
+        if len(asked.words) == 2 and asked.part in COORDINATES:
+            return self.rate(asked, ".".join(asked.words), "position")
+        if len(asked.words) < 3 or asked.part not in WRENCH:
+            raise asked.unknown
+        self.require_efforts(asked)
+        origins, wrench = reactions.loop_origins(asked.of), reactions.loop(asked.of)
+        return self.wrench(asked, origins, wrench, reactions.stressed_loop(asked.of), origins)
+
+    def axes(self, asked: Asked) -> Array:
+        """Return the axis of a loop joint, world axes, shape (n, 3)."""
+        axes = self.evaluation.reactions.loop_axes(asked.of)
+        if axes is None:
+            raise asked.unknown
+        return axes

@@ -1,0 +1,179 @@
+"""What every family of quantities promises, and the components of vectors that their names ask for."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.evaluation import Evaluation
+from pinarm.engine.quantities.joint_axes import ALONG_AXIS, split
+from pinarm.engine.series import Series
+from pinarm.errors import InputError
+from pinarm.input.units import Unit, unit
+from pinarm.mechanics.joints import METRE
+
+AXES = ("x", "y", "z", "norm")
+RATES = ("position", "velocity", "acceleration")
+SECOND, JOULE, WATT, NEWTON, NEWTON_METRE = unit("s"), unit("J"), unit("W"), unit("N"), unit("N*m")
+
+
+class UnknownQuantity(InputError):
+    """There is no quantity of this name."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"there is no quantity '{name}'")
+        self.name = name
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A name that has been asked, such as ``joint.knee.moment.about.foot.x``.
+
+    Attributes:
+        name: The whole name.
+        words: Its words after the family's, those of a joint's or link's own name together: ``knee``, ``moment``,
+            ``about``, ``foot``, ``x``.
+    """
+
+    name: str
+    words: tuple[str, ...]
+
+    @property
+    def of(self) -> str:
+        """Name of the joint, link, element, ... that is meant."""
+        return self.words[0]
+
+    @property
+    def part(self) -> str:
+        """What is asked of it: the second word; empty where there is none."""
+        return self.words[1] if len(self.words) > 1 else ""
+
+    @property
+    def unknown(self) -> UnknownQuantity:
+        """The error that there is no such quantity."""
+        return UnknownQuantity(self.name)
+
+
+class Offered(NamedTuple):
+    """A quantity of a family, with its components.
+
+    Attributes:
+        element: The joint, link, element, ... that it is a quantity of; empty for the whole mechanism.
+        part: Which quantity of it: a key of ``Family.meanings``.
+        components: Last words of its names; empty for a scalar.
+    """
+
+    element: str
+    part: str
+    components: tuple[str, ...] = ()
+
+    def names(self) -> list[str]:
+        """Return its names, without the family's word."""
+        base = ".".join(filter(None, (self.element, self.part)))
+        return [f"{base}.{component}" for component in self.components] or [base]
+
+
+@dataclass(frozen=True, eq=False)
+class Family(ABC):
+    """Quantities whose names begin with the same word.
+
+    Attributes:
+        element: Letter that stands for what the quantities are of, for documentation.
+        meanings: Part -> what it is, in words.
+        undetermined: Whether rigid bodies may leave some of them undetermined.
+        evaluation: What they are computed from.
+    """
+
+    element: ClassVar[str]
+    meanings: ClassVar[Mapping[str, str]]
+    undetermined: ClassVar[bool] = False
+    evaluation: Evaluation
+
+    @property
+    def run(self) -> Trajectory:
+        """The trajectory."""
+        return self.evaluation.run
+
+    @abstractmethod
+    def entries(self) -> Iterator[Offered]:
+        """Yield its quantities."""
+
+    def names(self) -> list[str]:
+        """Return the names of its quantities, without the family's word."""
+        return [name for entry in self.entries() for name in entry.names()]
+
+    @abstractmethod
+    def series(self, asked: Asked) -> Series:
+        """Return a quantity over the rows.
+
+        Raises:
+            UnknownQuantity: There is none of this name.
+            InputError: It is not known, or rigid bodies do not determine it.
+        """
+
+    def require_efforts(self, asked: Asked) -> None:
+        """Raise where the run has no efforts.
+
+        Raises:
+            InputError: Says why.
+        """
+        if self.run.no_efforts:
+            raise InputError(f"'{asked.name}': {self.run.no_efforts}", hint="kind: inverse")
+
+    def rate(self, asked: Asked, coordinate_name: str, rate: str) -> Series:
+        """Return a coordinate or a derivative of it; ``rate`` is one of ``RATES``."""
+        coordinate = self.run.mechanism.coordinates.get(coordinate_name)
+        if coordinate is None or rate not in RATES:
+            raise asked.unknown
+        order = RATES.index(rate)
+        values = self.evaluation.kinematics.coordinate(coordinate_name, coordinate)[:, order]
+        return Series(asked.name, _rate_unit(coordinate.unit, order), values)
+
+    def about(self, asked: Asked, otherwise: Array) -> Array:
+        """Return the points that a moment is asked about [m], world axes, shape (n, 3)."""
+        words = asked.words
+        if "about" not in words[2:-2]:
+            return otherwise
+        return self.evaluation.kinematics.frame(words[words.index("about", 2) + 1])[:, 0]
+
+    def component(self, asked: Asked, vectors: Array) -> Array:
+        """Return the component of vectors that the last word names, in the axes that ``along`` names, shape (n,).
+
+        Args:
+            asked: The name.
+            vectors: World axes, shape (n, 3).
+        """
+        axis, extra = asked.words[-1], asked.words[2:-1]
+        if axis in ALONG_AXIS and extra[::2] in ((), ("about",)):
+            return split(vectors, self.axes(asked), axis)
+        if axis not in AXES or len(extra) % 2 or not set(extra[::2]) <= {"about", "along"}:
+            raise asked.unknown
+        if axis == "norm":
+            return np.asarray(np.linalg.norm(vectors, axis=1))
+        if "along" in extra[::2]:
+            turns = self.evaluation.kinematics.turn(extra[extra.index("along") + 1])
+            return np.asarray((turns[:, :, AXES.index(axis)] * vectors).sum(axis=1))
+        return vectors[:, AXES.index(axis)]
+
+    def axes(self, asked: Asked) -> Array:
+        """Return the axis by which ``axial`` and ``radial`` are meant, world axes, shape (n, 3); of joints only."""
+        raise asked.unknown
+
+
+def links(run: Trajectory) -> list[str]:
+    """Return the names of the links."""
+    return [frame.name for frame in run.mechanism.model.frames if frame.type == pin.FrameType.BODY]
+
+
+def _rate_unit(base: Unit, order: int) -> Unit:
+    """Return the unit of a derivative of a coordinate; that of an angle is rad/s, not 1/s."""
+    if base == METRE:
+        return METRE / SECOND**order if order else METRE
+    return (unit("rad"), unit("rad/s"), unit("rad/s^2"))[order]

@@ -1,0 +1,88 @@
+"""Components of wrenches that joints and couplings transmit, told only where rigid bodies determine them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.nullspace import ACTS
+from pinarm.engine.quantities.family import AXES, NEWTON, NEWTON_METRE, Asked, Family
+from pinarm.engine.series import Series
+from pinarm.errors import InputError
+
+WRENCH = ("force", "moment")
+
+SAY_HOW = "in couplings: a gear or rack with its pressure_angle, a belt with its pretension, gears with planets"
+"""What makes the forces of a coupling known."""
+
+
+@dataclass(frozen=True, eq=False)
+class WrenchFamily(Family):
+    """A family of things that transmit wrenches."""
+
+    undetermined: ClassVar[bool] = True
+
+    def wrench(self, asked: Asked, origins: Array, wrench: Array, stresses: list[Array], about: Array) -> Series:
+        """Return a component of a wrench.
+
+        Args:
+            asked: The name.
+            origins: Where the wrench is taken [m], shape (n, 3).
+            wrench: [f; m] there, world axes, shape (n, 6).
+            stresses: What each self-stress of length 1 adds to it, shape (n, 6).
+            about: The points of moments where the name gives none [m], shape (n, 3).
+
+        Raises:
+            InputError: A self-stress adds to the component, see ``doubt``.
+        """
+        values, *added = (self.wrench_component(asked, origins, each, about) for each in (wrench, *stresses))
+        return Series(asked.name, NEWTON if asked.part == "force" else NEWTON_METRE, values, self.doubt(asked, added))
+
+    def wrench_component(self, asked: Asked, origins: Array, wrench: Array, about: Array) -> Array:
+        """Return the component of wrenches at origins that a name asks for, shape (n,)."""
+        if asked.part == "force":
+            return self.component(asked, wrench[:, :3])
+        arm = origins - self.about(asked, about)
+        return self.component(asked, wrench[:, 3:] + np.cross(arm, wrench[:, :3]))
+
+    def doubt(self, asked: Asked, added: list[Array]) -> str:
+        """Return what is in doubt about a component; nothing where self-stresses add nothing to it.
+
+        Args:
+            asked: The name.
+            added: What each self-stress of length 1 adds to the component, shape (n,).
+
+        Raises:
+            InputError: They add to it, and the least values are not asked for.
+        """
+        if not any(acts(part) for part in added):
+            return ""
+        doubt = f"hyperstatic of degree {len(added)}: rigid bodies do not determine it"
+        if self.evaluation.undetermined != "minimum_norm":
+            raise self._hyperstatic(asked, doubt)
+        return doubt
+
+    def _hyperstatic(self, asked: Asked, doubt: str) -> InputError:
+        """Return the refusal of a component that is not determined, with the joints that share it."""
+        from pinarm.engine.kinematics.mobility import mobility_of
+
+        mobility = mobility_of(self.run.mechanism, self.run.q[0])
+        shared = f", only what {', '.join(mobility.undetermined)} carry together" if mobility.undetermined else ""
+        looser = f": {mobility.loosenings[0]}" if mobility.loosenings else ""
+        return InputError(
+            f"'{asked.name}': {doubt}{shared}", expected=f"a component that is determined, or looser joints{looser}",
+            hint="undetermined: minimum_norm, for the least multipliers",
+        )  # fmt: skip
+
+
+def acts(component: Array) -> bool:
+    """Tell whether wrenches of length 1 act on a component, given what they add to it, shape (n,)."""
+    return bool(np.abs(component).max(initial=0.0) > ACTS)
+
+
+def components(parts: tuple[str, ...] = WRENCH) -> list[str]:
+    """Return the names of the components of a force and a moment."""
+    return [f"{part}.{axis}" for part in parts for axis in AXES]

@@ -1,0 +1,11 @@
+"""The kinds of joint that close loops."""
+
+from __future__ import annotations
+
+from pinarm.mechanics.loops.lower_pairs import LowerKind
+from pinarm.mechanics.loops.rod import Rod
+from pinarm.mechanics.loops.screw import Helical
+from pinarm.mechanics.loops.universal import Universal
+
+Loop = LowerKind | Helical | Universal | Rod
+"""Any loop joint. A new one is a module or class beside these and one entry here."""

@@ -1,0 +1,107 @@
+"""The rows of a result as arrays, and the states of a result from such arrays.
+
+They are read from a folder, or come from another process. Solved motions hold functions, which neither can hold: states
+at other instants are solved anew when they are asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.outcome import SolvedMotion
+from pinarm.engine.motion.standstill import lossy
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.errors import InputError
+from pinarm.mechanics.laws.motion_law import Grid
+
+if TYPE_CHECKING:
+    from pinarm.use.scenario.scenario import Scenario
+
+AGAIN = "run the scenario again: python -m pinarm run SCENARIO -o DIR"
+
+
+def states(run: Trajectory) -> dict[str, Any]:
+    """Return the arrays from which ``trajectory_of`` makes the states of a run again, for the same scenario."""
+    guides = [one.name for one in run.closure.constraints[len(run.mechanism.constraints) :]]
+    return {
+        "q": run.q, "v": run.v, "a": run.a, "tau": run.tau, "t": run.grid.t, "cuts": np.array(run.grid.cuts),
+        "rows": np.array(run.grid.rows), "lam": np.asarray(run.lam), "guides": np.array(guides, str),
+        "further": np.array([series.values for series in run.columns.values()]),
+        **({} if run.directions is None else {"directions": run.directions}),
+    }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedAnew:
+    """The motion of a result that was read: solved when other instants than the saved ones are asked for.
+
+    Attributes:
+        scenario: The scenario.
+        mechanism: The mechanism, as it was saved.
+        cuts: Bounds of the intervals between jumps.
+    """
+
+    scenario: Scenario
+    mechanism: Mechanism
+    cuts: Sequence[float]
+
+    @cached_property
+    def _motion(self) -> SolvedMotion:
+        place = partial(self.scenario.document.locating, "problem")
+        outcome = self.scenario.problem.solve(self.mechanism, self.scenario.content.accuracy, place)
+        assert outcome.motion is not None
+        return outcome.motion
+
+    def at(self, grid: Grid) -> Trajectory:
+        """Return the states at other values of the parameter.
+
+        Raises:
+            PinarmError: The problem cannot be solved any more.
+        """
+        return self._motion.at(grid)
+
+    def positions(self, t: Array) -> Array:
+        """Return the configurations at values of the parameter, shape (n,), as an array of shape (n, nq)."""
+        return self._motion.positions(t)
+
+
+def trajectory_of(scenario: Scenario, mechanism: Mechanism, arrays: Mapping[str, Array]) -> Trajectory:
+    """Return the states of a result; see ``states``.
+
+    Raises:
+        InputError: The arrays are not those of this mechanism.
+    """
+    problem, n = scenario.problem, len(arrays["t"])
+    guides = [str(name) for name in arrays["guides"].reshape(-1)]
+    closure = mechanism.closure.with_guides(guides, [mechanism.coordinate(name) for name in guides])
+    first, (nq, nv) = problem.schema_row(mechanism), (mechanism.model.nq, mechanism.model.nv)
+    wanted = {"q": (n, nq), "v": (n, nv), "a": (n, nv), "tau": (n, nv), "lam": (n, closure.size), "t": (n,)}
+    wanted |= {"further": (len(first.columns), n)} if first.columns else {}
+    if "directions" in arrays or (lossy(mechanism) and not first.separate):
+        wanted["directions"] = (n, nv)
+    grid = Grid(arrays["t"], tuple(arrays["cuts"].tolist()), tuple(int(row) for row in arrays["rows"]))
+    shapes = {name: arrays[name].shape for name in wanted if name in arrays}
+    if n == 0 or shapes != wanted or not _fits(grid):
+        raise InputError("the states of this result are not those of its model", hint=AGAIN)
+    columns = {name: replace(series, values=row)
+               for (name, series), row in zip(first.columns.items(), arrays["further"], strict=False)}  # fmt: skip
+    lam = Multipliers.known(arrays["lam"], mechanism.closure.size)
+    return replace(
+        first, grid=grid, q=arrays["q"], v=arrays["v"], a=arrays["a"], tau=arrays["tau"], lam=lam,
+        closure=closure, columns=columns, directions=arrays.get("directions"),
+    )  # fmt: skip
+
+
+def _fits(grid: Grid) -> bool:
+    """Tell whether the intervals of a grid cover its rows, in order."""
+    rows = np.array(grid.rows)
+    covers = len(rows) == len(grid.cuts) >= 2 and rows[0] == 0 and rows[-1] == len(grid.t)
+    return bool(covers and (np.diff(rows) >= 0).all())

@@ -1,0 +1,51 @@
+"""Failures of the arithmetic of a run, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from pinarm.engine.motion.outcome import Outcome
+from pinarm.errors import DynamicsError
+from pinarm.mechanics.forces.force_element import refusals
+from pinarm.mechanics.joints import format_configuration
+
+
+@contextmanager
+def failures_in_words() -> Iterator[None]:
+    """Raise in words what linear algebra and Python's numbers raise; what is not finite is found in the results.
+
+    Raises:
+        DynamicsError: A matrix is singular, or a number is beyond 1e308.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except np.linalg.LinAlgError as error:
+        raise DynamicsError(
+            f"the equations of this mechanism have no solution ({error})",
+            hint="numbers of ordinary size, and a mass for whatever is free to move",
+        ) from error
+    except ArithmeticError as error:
+        raise DynamicsError(
+            f"a number of this run is too large or too small to be computed with ({error})",
+            hint="numbers of ordinary size: their squares, too, lie between 1e-308 and 1e308",
+        ) from error
+
+
+CHECKABLE = 1e150
+"""Size of numbers whose squares, and so energies and powers, are still finite."""
+
+
+def overflow(outcome: Outcome) -> DynamicsError:
+    """Return the error of a run whose numbers are too large to be checked: says from where on."""
+    run = outcome.rows
+    state = np.hstack([run.q, run.v, run.a, run.tau])
+    row = int((~(np.abs(state) < CHECKABLE)).any(axis=1).argmax())
+    at = format_configuration(run.mechanism.model, run.q[row])
+    where = f"{run.parameter} = {run.grid.t[row]:.9g} {run.unit} on, where {at}"
+    reasons = refusals(run.dynamics.forces, run.q[row])
+    said = f"the numbers of this run are too large to be checked, from {where}{reasons}"
+    return DynamicsError(said, partial=outcome)

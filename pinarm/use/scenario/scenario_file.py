@@ -1,0 +1,108 @@
+"""Content of scenario files."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+import msgspec
+
+from pinarm.errors import InputError
+from pinarm.input.units import read_quantity
+from pinarm.input.yaml.deferred import Deferred
+from pinarm.input.yaml.schema import InputStruct, Measured
+from pinarm.mechanics.description import Gravity
+from pinarm.problems.accuracy import Accuracy
+from pinarm.use.assessments import ASSESSMENTS
+from pinarm.use.result.expectation import Expectation
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.payloads import Payload
+    from pinarm.use.assessments import Assessment
+    from pinarm.use.scenario.find import Find
+else:  # imported where a scenario has the key, see ScenarioFile.deferred
+    Assessment = Find = Payload = Any
+
+
+class Argument(Measured):
+    """A value of an argument; the mechanism decides whether it needs a unit."""
+
+    @classmethod
+    def read(cls, value: object, *, bare: bool = True) -> Argument:
+        """Read a number with or without a unit.
+
+        Raises:
+            InputError: It is none.
+        """
+        if isinstance(value, bool) or not isinstance(value, str | int | float):
+            raise InputError("an argument is a number, with a unit where it has one")
+        number, written = read_quantity(str(value))
+        measured = cls(number)
+        measured.unit = written
+        return measured
+
+
+class ScenarioFile(InputStruct, frozen=True):
+    """Content of a scenario file.
+
+    Attributes:
+        pinarm: Version of the format.
+        title: For headings.
+        mechanism: A mechanism file, a URDF or xacro file, relative to this one, or the name of a robot of
+            example-robot-data.
+        arguments: Values for the model's arguments, with units.
+        gravity: Replaces that of the mechanism; ``none`` for none.
+        payloads: What links carry in this run, beside the payloads of the mechanism.
+        changes: Values that replace others of the mechanism file, such as ``{drives: {knee: {ratio: 100}}}``.
+        problem: The question.
+        symbols: Names for quantities or formulas, beside those of the mechanism.
+        outputs: Quantities of the table and the plots.
+        numbers: Numbers of the run to tell, such as ``C_B @ rms`` or ``loads.B.life.time``: see ``read_number``.
+        shaking: Shaking force and moment on the frame; see ``assessments.shaking``.
+        sizing: Motor and gear of a drive, out of a catalogue; see ``assessments.sizing``.
+        loads: Loads of joints, lives of bearings, balance of rotors, sets of loads for FEM; see ``assessments.loads``.
+        path_error: How far a point passes from wanted ones; see ``assessments.path_error``.
+        sensitivity: What numbers of the run depend on, and bands from tolerances; see ``assessments.sensitivity``.
+        modelled: ``required``, what the question requires: joints that it holds still are locked, and dropped those
+            that it moves and nothing depends on; or the ``whole`` mechanism. The answer is the same.
+        undetermined: What to do with reactions that rigid bodies do not determine: ``refuse`` them, or give those of
+            the least multipliers (``minimum_norm``), marked as such.
+        accuracy: How accurate the answer is wanted.
+        variants: Simplified models to compare with this one (see ``tradeoff``): name -> values replaced, by their path.
+        find: Numbers of the scenario to find first, and what they are to bring about.
+        expect: The answer key: what the answer must be, and what was published.
+    """
+
+    deferred: ClassVar[Deferred] = {
+        "payloads": ("pinarm.mechanics.payloads", "Payload"),
+        "find": ("pinarm.use.scenario.find", "Find"),
+        **ASSESSMENTS,
+    }
+
+    pinarm: Literal[1]
+    mechanism: str
+    problem: Any
+    outputs: Annotated[list[str], msgspec.Meta(min_length=1)]
+    title: str = ""
+    arguments: dict[str, Argument] = {}
+    gravity: Gravity | Literal["none"] | None = None
+    payloads: dict[str, Payload] = {}
+    changes: dict[str, Any] = {}
+    symbols: dict[str, str] = {}
+    numbers: list[str] = []
+    shaking: Assessment | None = None
+    sizing: Assessment | None = None
+    loads: Assessment | None = None
+    path_error: Assessment | None = None
+    sensitivity: Assessment | None = None
+    modelled: Literal["required", "whole"] = "required"
+    undetermined: Literal["refuse", "minimum_norm"] = "refuse"
+    accuracy: Accuracy = msgspec.field(default_factory=Accuracy)
+    variants: dict[str, dict[str, Any]] = {}
+    find: Find | None = None
+    expect: list[Expectation] = []
+
+    @property
+    def assessments(self) -> dict[str, Assessment]:
+        """Key -> what the scenario asks to conclude from the run."""
+        asked = ((key, getattr(self, key)) for key in ASSESSMENTS)
+        return {key: assessment for key, assessment in asked if assessment is not None}

@@ -1,0 +1,23 @@
+"""Instants at which slips end or turn, by hand."""
+
+import numpy as np
+import pytest
+
+from pinarm.engine.friction.watches import REST, Approach
+
+
+def gap(direction, slips):
+    parts = np.arange(len(direction))
+    return Approach(lambda q, v: v, parts, np.array(direction)).gap(np.zeros(len(slips)), slips, np.array(slips))
+
+
+def test_a_slip_ends_where_it_changes_its_sign():
+    assert gap([-1.0], [[-2.0], [0.0], [1e-3]]) == pytest.approx([2.0 + REST, REST, REST - 1e-3], rel=1e-15)
+    assert (gap([0.0], [[0.0], [1e-9], [-1e-9]]) > 0.0).tolist() == [True, False, False]
+
+
+def test_a_slip_with_two_components_ends_at_rest_or_where_it_has_turned_by_60_degrees():
+    angles = np.radians([0.0, 59.9, 60.1, 90.0, 180.0])
+    slips = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    assert (gap([1.0, 0.0], slips) > 0.0).tolist() == [True, True, False, False, False]
+    assert (gap([1.0, 0.0], 1e-6 * slips) > 0.0).tolist() == [True, True, False, False, False]

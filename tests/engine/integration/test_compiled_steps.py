@@ -1,0 +1,234 @@
+"""Steps of the compiled library against those of the Python stepper, which computes the same."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.integration import compiled_steps, driver
+from pinarm.engine.integration.driver import SingleSteps, integrate
+from pinarm.engine.integration.events import Watch
+from pinarm.engine.integration.methods.explicit import Adaptive
+from pinarm.engine.integration.tableaus import DOPRI5
+from pinarm.engine.kernel.library import absence
+from pinarm.engine.motion.systems.free import FreeSystem
+from pinarm.errors import IntegrationError
+from pinarm.mechanics.forces.joint_efforts import AppliedEffort
+from pinarm.mechanics.forces.joint_springs import SpringDamper
+from pinarm.mechanics.laws import Constant
+
+from ..kernel.known_trees import JOINTS, states, tree
+
+pytestmark = pytest.mark.skipif(bool(absence()), reason=f"compiled kernel: {absence()}")
+
+PAIRS = [Adaptive(1e-9), Adaptive(1e-12), Adaptive(1e-5), Adaptive(1e-6, DOPRI5), Adaptive(1e-8, DOPRI5)]
+
+
+def label(method):
+    return f"{method.name} {method.tolerance}"
+
+
+def regular(names, seed=0, forces=None):
+    """Return the dynamics of a tree with bodies of about 1 kg and 1 m, so that its motion is as slow as it is tame."""
+    model = tree(names, seed, branching=False)
+    for joint in range(1, model.njoints):
+        lever = 0.3 * np.sin(joint + np.arange(3.0))
+        model.inertias[joint] = pin.Inertia(1.0, lever, np.diag([0.5, 0.6, 0.7]))
+        model.jointPlacements[joint] = pin.SE3(model.jointPlacements[joint].rotation, lever)
+    model.armature = np.full(model.nv, 0.1)
+    return Dynamics.of(model, forces or {})
+
+
+def intervals(dynamics, *bounds):
+    """Return the intervals of a free motion, in compiled code and in Python."""
+    system = FreeSystem(dynamics.manifold, Closure.of(dynamics.model, ()))
+    compiled = [system.interval(dynamics, *span) for span in pairwise(bounds)]
+    assert all(interval.compiled for interval in compiled)
+    return compiled, [replace(interval, compiled=None) for interval in compiled]
+
+
+def both(dynamics, method, *bounds, **options):
+    """Return the solutions from a state in compiled code and in Python."""
+    q, v = states(dynamics.model, 1)[0]
+    return [integrate(each, dynamics.manifold, q, 0.5 * v, method, **options) for each in intervals(dynamics, *bounds)]
+
+
+RESOLVED = 1e-3
+"""Relative difference of steps: the error estimate is a sum that cancels to 1e-13 of its terms, down to their rounding;
+its tenth root chooses the step."""
+
+
+def assert_same(found, expected):
+    """Compare steps, work and dense output of two solutions; other lengths of steps make parts of the tolerance."""
+    assert [len(found.steps), found.count] == [len(expected.steps), expected.count]
+    assert [one.interval for one in found.steps] == [one.interval for one in expected.steps]
+    for name in ("t", "h", "until"):
+        times = [[getattr(step, name) for step in solution.steps] for solution in (found, expected)]
+        assert times[0] == pytest.approx(times[1], rel=RESOLVED)
+    t, near = np.linspace(found.intervals[0].start, found.end, 101), max(found.method.tolerance, 1e-11)
+    for one, other in zip(found.states(t), expected.states(t), strict=True):
+        assert one == pytest.approx(other, rel=near, abs=near)
+
+
+class TestSteps:
+    @pytest.mark.parametrize("method", PAIRS, ids=label)
+    def test_are_those_of_python(self, method):
+        assert_same(*both(regular(["RX", "RevoluteUnaligned", "Spherical"]), method, 0.0, 1.0))
+
+    @pytest.mark.parametrize("name", JOINTS)
+    def test_of_every_kind_of_joint_are_those_of_python(self, name):
+        """A pendulum hangs on it: where accelerations are constant the error is rounding, and chooses any steps."""
+        assert_same(*both(regular([name, "RX"]), Adaptive(1e-9), 0.0, 1.0))
+
+    def test_with_loads_over_several_intervals_are_those_of_python(self):
+        """The step of one interval begins the next; the end of an interval is the end of a step."""
+        one, places = np.ones(2), np.arange(2)
+        forces = {"spring": SpringDamper(places, places, 50.0 * one, one, 0.1 * one),
+                  "motor": AppliedEffort(1, Constant(value=3.0))}  # fmt: skip
+        found, expected = both(regular(["RX", "RY"], forces=forces), Adaptive(1e-9), 0.0, 0.3, 0.35, 1.0)
+        assert_same(found, expected)
+        assert {0.3, 0.35, 1.0} <= {step.until for step in found.steps}
+
+    def test_are_taken_by_the_library(self, monkeypatch):
+        """The Python stepper would give the same: see that it takes none."""
+        monkeypatch.setattr(SingleSteps, "take", lambda *_: pytest.fail("a step in Python"))
+        dynamics = regular(["RX"])
+        integrate(intervals(dynamics, 0.0, 1.0)[0], dynamics.manifold, np.ones(1), np.zeros(1), Adaptive(1e-9))
+
+    def test_do_not_depend_on_how_many_are_taken_in_a_call(self, monkeypatch):
+        dynamics, method = regular(["RX", "RY"]), Adaptive(1e-9)
+        many = both(dynamics, method, 0.0, 20.0)[0]
+        monkeypatch.setattr(compiled_steps, "MOST", 1)
+        few = both(dynamics, method, 0.0, 20.0)[0]
+        assert len(many.steps) > 2 * compiled_steps.FEWEST
+        assert many.count == few.count
+        assert np.array_equal([step.y for step in many.steps], [step.y for step in few.steps])
+
+    def test_that_are_rejected_are_counted(self):
+        found, expected = both(regular(["RX", "RX"], seed=2), Adaptive(1e-9), 0.0, 20.0)
+        assert found.count == expected.count
+        assert found.count.rejected > 10
+
+    def test_keep_the_energy(self):
+        """Of a tumbling tree, to the tolerance of some hundred steps."""
+        dynamics = regular(["FreeFlyer", "RevoluteUnaligned", "Spherical", "PY"], seed=3)
+        found, _ = both(dynamics, Adaptive(1e-12), 0.0, 2.0)
+        q, v = found.states(np.linspace(0.0, 2.0, 201))
+        kinetic, potential = dynamics.energy(q, v)
+        assert np.ptp(kinetic + potential) < 1e-9 * kinetic.max()
+
+
+def linear(rate, offset=0.0):
+    """Return the watch of a coordinate, or of the time."""
+    return Watch(lambda t, q, v: rate * q[:, 0] + offset, 0, stops=False)
+
+
+class TestEvents:
+    """A mass on a spring: ``x = x0 cos(w t)``."""
+
+    W = 10.0
+
+    def motion(self, watches, end=20.0, compiled=True):
+        model = pin.Model()
+        joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "x")
+        model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+        spring = SpringDamper(np.array([0]), np.array([0]), np.array([self.W**2]), np.zeros(1), np.zeros(1))
+        given = intervals(Dynamics.of(model, {"spring": spring}), 0.0, end)[0 if compiled else 1]
+        return integrate(given, Dynamics.of(model).manifold, np.ones(1), np.zeros(1), Adaptive(1e-11), watches=watches)
+
+    def test_are_located(self):
+        found = self.motion([linear(1.0)])
+        expected = (np.arange(64) + 0.5) * math.pi / self.W
+        times = [one.t for one in found.crossings]
+        assert expected[-1] < 20.0 < expected[-1] + math.pi / self.W
+        assert times == pytest.approx(expected, abs=1e-9)  # of some hundred steps of 1e-11
+
+    def test_that_are_close_to_each_other_are_all_located(self):
+        """At the turns of the mass, where it all but touches the value."""
+        found = self.motion([linear(1.0, -1.0 + 1e-5)], end=3.0)
+        others = self.motion([linear(1.0, -1.0 + 1e-5)], end=3.0, compiled=False)
+        assert [one.t for one in found.crossings] == pytest.approx([one.t for one in others.crossings], abs=1e-6)
+        assert len(found.crossings) == 1 + 2 * int(3.0 * self.W / (2.0 * math.pi))
+
+    @pytest.mark.parametrize("number", [0, 1, 7, 40])
+    def test_that_stop_end_the_motion_and_the_count(self, number):
+        """Steps that the library took beyond are no part of the solution."""
+        at = (number + 0.5) * math.pi / self.W
+        over = Watch(lambda t, q, v: t - at + 1e-3 - 1e-3 + 0.0 * q[:, 0], 1, stops=True)
+        found, expected = (self.motion([linear(1.0), over], compiled=each) for each in (True, False))
+        assert found.end == pytest.approx(at, abs=1e-12)
+        assert found.end == found.steps[-1].until == found.crossings[-1].t
+        assert found.count == expected.count
+        assert len(found.steps) == len(expected.steps)
+        assert max(found.interpolated_steps) < len(found.steps)
+
+    def test_that_stop_after_rejected_steps_leave_the_count_of_python(self):
+        dynamics, at = regular(["RX", "RX"], seed=2), 18.0
+        over = Watch(lambda t, q, v: t - at + 0.0 * q[:, 0], 1, stops=True)
+        found, expected = both(dynamics, Adaptive(1e-9), 0.0, 40.0, watches=[over])
+        assert found.end == pytest.approx(at, abs=1e-12)
+        assert found.count == expected.count
+        assert found.count.rejected > 10
+        assert len(found.steps) > 3 * compiled_steps.FEWEST
+
+    def test_are_looked_for_in_every_step_where_they_may_be(self, monkeypatch):
+        """Also at the ends of steps, where the dense output of two meets but for rounding: with bounds or without."""
+        levels = [step.y[0] for step in self.motion([], end=3.0).steps[1:]]
+        watches = [linear(1.0, -level) for level in levels]
+        found = self.motion(watches, end=3.0)
+        every = lambda solution, _, first, y: range(first, len(solution.steps))  # noqa: E731
+        monkeypatch.setattr(driver, "possible_crossings", every)
+        expected = self.motion(watches, end=3.0)
+        assert [(one.watch, one.t) for one in found.crossings] == [(one.watch, one.t) for one in expected.crossings]
+        assert {one.watch for one in found.crossings} == set(range(len(watches)))
+
+
+class TestFailures:
+    def test_a_motion_of_too_many_steps_is_given_up(self):
+        dynamics = regular(["RX", "RY"])
+        for given in intervals(dynamics, 0.0, 1e3):
+            with pytest.raises(IntegrationError, match="has taken 150 steps") as caught:
+                integrate(given, dynamics.manifold, np.ones(2), np.zeros(2), Adaptive(1e-9), max_steps=150)
+            partial = caught.value.partial
+            assert len(partial.steps) + partial.count.rejected == 150
+
+    def test_a_motion_without_an_end_in_sight_is_given_up_early(self):
+        dynamics = regular(["RX", "RY"])
+        for given in intervals(dynamics, 0.0, 1e9):
+            with pytest.raises(IntegrationError, match="has taken 100 steps"):
+                integrate(given, dynamics.manifold, np.ones(2), np.full(2, 1e3), Adaptive(1e-9), max_steps=2000)
+
+    def test_numbers_that_overflow_end_it(self):
+        """A repelling damper drives the velocity beyond all numbers: ``v = exp(c t / m)``."""
+        model = tree(["PX"], 0)
+        repelling = SpringDamper(np.array([0]), np.array([0]), np.zeros(1), np.array([-1e5]), np.zeros(1))
+        for given in intervals(Dynamics.of(model, {"damper": repelling}), 0.0, 1e3):
+            with np.errstate(all="ignore"), pytest.raises(IntegrationError, match="cannot go on at t =") as caught:
+                integrate(given, Dynamics.of(model).manifold, np.ones(1), np.ones(1), Adaptive(1e-6))
+            assert len(caught.value.partial.steps) > 10
+
+    def test_a_start_without_numbers_is_refused(self):
+        dynamics = regular(["RX"])
+        for given in intervals(dynamics, 0.0, 1.0):
+            with pytest.raises(IntegrationError, match="not finite at the start"):
+                integrate(given, dynamics.manifold, np.ones(1), np.full(1, math.nan), Adaptive(1e-9))
+
+    @pytest.mark.parametrize("h", [math.nan, 0.0, -1.0])
+    def test_a_step_that_is_none_takes_none(self, h):
+        dynamics = regular(["RX"])
+        solution = integrate(
+            intervals(dynamics, 0.0, 1.0)[0], dynamics.manifold, np.ones(1), np.zeros(1), Adaptive(1e-9)
+        )
+        stepper = solution.method.stepper(solution.manifold, solution.count)
+        stepper.begin(solution.intervals[0], np.array([1.0, 0.0]))
+        solution.truncate(0)
+        steps = compiled_steps.CompiledSteps(solution, solution.method, stepper)
+        t, following = steps.take(0, 0.0, h, 100)
+        assert t == 0.0
+        assert following == pytest.approx(h, nan_ok=True)
+        assert not solution.steps

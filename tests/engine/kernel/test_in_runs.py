@@ -1,0 +1,92 @@
+"""Scenarios with the compiled kernel and without it, and with one that errs."""
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.engine.integration.compiled_steps import CompiledSteps
+from pinarm.engine.kernel import tree as kernel_tree
+from pinarm.engine.kernel.links import links_of
+from pinarm.engine.motion.systems.free import FreeSystem
+
+pytestmark = pytest.mark.usefixtures("compiled")
+
+SWING = "scenarios/gen411_arm_swing.yaml"
+FREE = ["brick_thrown", "gen411_arm_swing", "gyroscope_free", "gyroscope_precession"]
+"""Scenarios whose trees move freely."""
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """The calls of the library for steps."""
+    made, take = [], CompiledSteps.take
+    monkeypatch.setattr(CompiledSteps, "take", lambda self, *given: made.append(given) or take(self, *given))
+    return made
+
+
+@pytest.fixture
+def without(monkeypatch):
+    """Return a function that runs a scenario as where the library was not built."""
+
+    def run(path):
+        with monkeypatch.context() as context:
+            context.setattr(kernel_tree, "library", lambda: None)
+            return pinarm.run(path)
+
+    return run
+
+
+@pytest.mark.parametrize("name", FREE)
+def test_a_run_is_the_same_with_the_library_and_without(name, calls, without):
+    """To rounding, as far as the motion amplifies it: less than the tolerances of these runs, 1e-10 and 1e-12."""
+    path = f"scenarios/{name}.yaml"
+    found = pinarm.run(path)
+    assert calls
+    taken = len(calls)
+    expected = without(path)
+    assert len(calls) == taken, "the library has taken steps without being there"
+    assert found.figures["evaluations"] == expected.figures["evaluations"]
+    for one, other in zip((found.trajectory.q, found.trajectory.v), (expected.trajectory.q, expected.trajectory.v),
+                          strict=True):  # fmt: skip
+        assert np.abs(one - other).max() <= 1e-8 * np.abs(other).max()
+    assert found.notes() == expected.notes()
+
+
+@pytest.fixture
+def heavier(monkeypatch):
+    """The library knows the last link of every tree with 1 % more mass."""
+
+    def wrong(model):
+        links, screws = links_of(model)
+        links[-1].mass *= 1.01
+        return links, screws
+
+    monkeypatch.setattr(kernel_tree, "links_of", wrong)
+
+
+@pytest.mark.usefixtures("heavier")
+class TestWrongKernel:
+    def test_is_not_used_and_the_run_says_so(self, calls, without):
+        found = pinarm.run(SWING)
+        assert not calls
+        (note,) = [one for one in found.notes() if "kernel" in one]
+        assert note.startswith("the compiled kernel is not used: its accelerations differ from Pinocchio's by ")
+        assert np.array_equal(found.trajectory.q, without(SWING).trajectory.q)
+
+    def test_would_be_seen_by_the_energy(self, calls, monkeypatch):
+        """The stamp is Pinocchio's: it sees the motion of another mechanism, even where the comparison is left out."""
+        monkeypatch.setattr(FreeSystem, "_compiled", lambda self, dynamics: (
+            self._tree.flow(dynamics.steady, dynamics.changing), ""))  # fmt: skip
+        found = pinarm.run(SWING)
+        assert calls
+        assert found.figures["energy"] > 1e-4
+        assert any("energy" in note for note in found.notes())
+
+
+def test_explain_says_where_it_is_missing(monkeypatch):
+    from pinarm.use.study import explain
+
+    assert "compiled kernel" not in str(pinarm.explain(SWING))
+    monkeypatch.setattr(explain, "absence", lambda: "not built, for want of a C compiler")
+    last = str(pinarm.explain(SWING)).splitlines()[-1]
+    assert last == ("compiled kernel: not built, for want of a C compiler; steps of motions are computed in Python")

@@ -1,0 +1,202 @@
+"""Accelerations of the compiled kernel against Pinocchio's, and closed forms."""
+
+import math
+from ctypes import c_double
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pinarm.engine.dynamics.configuration_space import ConfigurationSpace
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.kernel import library as kernel_library
+from pinarm.engine.kernel import tree as kernel_tree
+from pinarm.engine.kernel.tree import AGREEMENT, CompiledTree, disagreement, rates
+from pinarm.mechanics.forces.joint_efforts import AppliedEffort
+from pinarm.mechanics.forces.joint_springs import BallSpring, DryFriction, SpringDamper
+from pinarm.mechanics.laws import Constant
+
+from .known_trees import JOINTS, states, tree
+
+pytestmark = pytest.mark.usefixtures("compiled")
+
+ROUNDING = 1e-12
+"""Relative to the largest acceleration: rounding of some thousand operations, and of random trees' condition."""
+
+
+def compare(model, tau=None):
+    """Compare the slopes of random states with Pinocchio's."""
+    data = model.createData()
+    tau = np.zeros(model.nv) if tau is None else tau
+    flow = CompiledTree.of(model).flow(tau, ())
+    for q, v in states(model, 10):
+        slope, a = rates(flow, np.concatenate([q, v])), pin.aba(model, data, q, v, tau)
+        assert np.abs(slope[model.nq :] - a).max() <= ROUNDING * np.abs(a).max()
+        turning = pin.tangentMap(model, q).reshape(model.nq, model.nv)  # of one velocity Pinocchio gives a vector
+        assert slope[: model.nq] == pytest.approx(turning @ v, abs=1e-14)  # |v| is about 1
+
+
+class TestAccelerations:
+    @pytest.mark.parametrize("name", JOINTS)
+    def test_of_one_joint_of_every_kind(self, name):
+        compare(tree([name], 1))
+
+    @pytest.mark.parametrize("name", JOINTS)
+    def test_of_a_chain_in_the_middle_of_which_it_is(self, name):
+        compare(tree(["RevoluteUnaligned", name, "PX", "Spherical"], 2, branching=False))
+
+    @pytest.mark.parametrize("seed", range(20))
+    def test_of_trees_of_all_kinds(self, seed):
+        names = np.random.default_rng(seed).permutation(list(JOINTS)).tolist()
+        model = tree(names, seed)
+        compare(model, np.random.default_rng(seed).normal(size=model.nv))
+
+    def test_of_an_arm_of_a_library(self):
+        compare(pin.buildSampleModelManipulator())
+        compare(pin.buildSampleModelHumanoid())
+
+    def test_satisfy_the_inverse_dynamics_too(self):
+        """By the recursion of Newton and Euler: a route that has nothing of the articulated-body algorithm."""
+        model = tree(list(JOINTS), 5)
+        data, flow = model.createData(), CompiledTree.of(model).flow(np.ones(model.nv), ())
+        for q, v in states(model, 5):
+            a = rates(flow, np.concatenate([q, v]))[model.nq :]
+            size = np.abs(pin.crba(model, data, q)) @ np.abs(a)
+            assert np.abs(pin.rnea(model, data, q, v, a) - 1.0).max() <= ROUNDING * size.max()
+
+    def test_of_a_body_on_a_thread(self):
+        """Helical joint of the pitch p under g along its axis: ``(I + m p^2) phi'' = -m g p``."""
+        model, p, mass, inertia = pin.Model(), 0.1, 2.0, 0.3
+        joint = model.addJoint(0, pin.JointModelHZ(p), pin.SE3.Identity(), "thread")
+        body = pin.Inertia(mass, np.zeros(3), np.diag([1.0, 1.0, inertia]))
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+        a = rates(CompiledTree.of(model).flow(np.zeros(1), ()), np.array([0.7, 3.0]))[1]
+        assert a == pytest.approx(-mass * 9.81 * p / (inertia + mass * p**2), rel=1e-14)
+
+    def test_of_a_body_that_tumbles(self):
+        """Euler's equations: ``I w' = -w x I w``, and no acceleration of the centre in a frame that turns but g."""
+        model, moments = pin.Model(), np.array([1.0, 2.0, 3.5])
+        joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "body")
+        model.appendBodyToJoint(joint, pin.Inertia(2.0, np.zeros(3), np.diag(moments)), pin.SE3.Identity())
+        (q, v), w = states(model, 1)[0], states(model, 1)[0][1][3:]
+        a = rates(CompiledTree.of(model).flow(np.zeros(6), ()), np.concatenate([q, v]))[7:]
+        turned = pin.Quaternion(q[3:]).toRotationMatrix()
+        assert a[3:] == pytest.approx(-np.cross(w, moments * w) / moments, abs=1e-14)
+        assert a[:3] == pytest.approx(turned.T @ [0.0, 0.0, -9.81] - np.cross(w, v[:3]), abs=1e-13)
+
+
+class TestLoads:
+    """Springs, dampers and efforts are those of the force elements in Python."""
+
+    @staticmethod
+    def compare(model, forces):
+        dynamics = Dynamics.of(model, forces).on(0.0, 1.0)
+        flow, acceleration = CompiledTree.of(model).flow(dynamics.steady, dynamics.changing), dynamics.acceleration()
+        for q, v in states(model, 5):
+            a = acceleration(0.0, q, v)
+            assert np.abs(rates(flow, np.concatenate([q, v]))[model.nq :] - a).max() <= ROUNDING * np.abs(a).max()
+        return flow
+
+    def test_of_springs_and_dampers_and_efforts(self):
+        model = tree(["RX", "PrismaticUnaligned", "HZ"], 4)
+        places, numbers = np.arange(3), np.array([1.0, 2.0, 3.0])
+        self.compare(model, {
+            "springs": SpringDamper(places, places, 10.0 * numbers, numbers, -numbers),
+            "another": SpringDamper(places[1:2], places[1:2], numbers[:1], numbers[:1], numbers[:1]),
+            "motor": AppliedEffort(1, Constant(value=7.0)),
+        })  # fmt: skip
+
+    def test_of_the_damper_of_a_joint_with_cosine_and_sine(self):
+        model = tree(["Spherical", "RUBZ", "RX"], 4)
+        spring = SpringDamper(np.array([6]), np.array([4]), np.array([5.0]), np.array([1.0]), np.array([0.5]))
+        damper = SpringDamper(np.array([4]), np.array([3]), np.array([0.0]), np.array([2.0]), np.array([0.0]))
+        self.compare(model, {"spring": spring, "damper": damper})
+
+    def test_of_springs_of_ball_joints(self):
+        model = tree(["RX", "Spherical", "Spherical"], 4)
+        self.compare(model, {"one": BallSpring(1, 1, 20.0), "other": BallSpring(5, 4, 30.0)})
+
+    def test_of_a_ball_joint_at_its_zero_and_on_the_other_side(self):
+        """A quaternion and its opposite are one rotation; at zero the spring is free, and no division is by 0."""
+        model = tree(["Spherical"], 4)
+        flow = self.compare(model, {"spring": BallSpring(0, 0, 20.0)})
+        free = CompiledTree.of(model).flow(np.zeros(3), ())
+        zero, (q, v) = np.array([0.0, 0.0, 0.0, 1.0, 0.1, 0.2, 0.3]), states(model, 1)[0]
+        assert np.array_equal(rates(flow, zero), rates(free, zero))
+        there, beyond = (rates(flow, np.concatenate([x, v]))[4:] for x in (q, -q))
+        assert there == pytest.approx(beyond, rel=1e-12)
+
+    def test_of_other_elements_are_left_to_python(self):
+        friction = DryFriction(np.array([0]), np.array([1.0]), np.array([1e-3]))
+        assert CompiledTree.of(tree(["RX"], 0)).flow(np.zeros(1), (friction,)) is None
+
+
+class TestStates:
+    def test_are_brought_back_to_the_manifold(self):
+        """The slope of a quaternion that is too long is that of the unit one, as in the Python route."""
+        model = tree(["FreeFlyer", "Planar", "RUBX", "Spherical"], 6)
+        flow, space = CompiledTree.of(model).flow(np.zeros(model.nv), ()), ConfigurationSpace(model, model.nq, model.nv)
+        for q, v in states(model, 3):
+            longer = q.copy()
+            longer[3:7] *= 1.1
+            longer[9:11] *= 0.8
+            longer[11:13] *= 1.3
+            longer[13:] *= 0.9
+            assert space.project(longer) == pytest.approx(q, abs=1e-15)
+            found, expected = (rates(flow, np.concatenate([x, v])) for x in (longer, q))
+            assert found == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+    def test_that_are_no_numbers_give_none(self):
+        model = tree(["Spherical", "RX"], 6)
+        flow = CompiledTree.of(model).flow(np.zeros(4), ())
+        assert not np.isfinite(rates(flow, np.full(model.nq + model.nv, math.nan))).any()
+
+    def test_of_a_body_without_mass_give_no_numbers(self):
+        model = pin.Model()
+        model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "idle")
+        assert not np.isfinite(rates(CompiledTree.of(model).flow(np.zeros(1), ()), np.zeros(2))[1])
+
+
+class TestChecks:
+    def test_numbers_that_are_not_finite_are_refused(self):
+        model = tree(["RX"], 0)
+        assert CompiledTree.of(model).flow(np.array([math.inf]), ()) is None
+        model.armature = np.array([math.nan])
+        assert CompiledTree.of(model).flow(np.zeros(1), ()) is None
+
+    @pytest.mark.parametrize(
+        ("part", "name", "value"),
+        [("links", "parent", 1), ("links", "parent", -2), ("links", "kind", 6), ("links", "kind", -1),
+         ("links", "q", 2),
+         ("links", "v", 2), ("links", "q", -1), ("links", "mass", math.nan), ("screws", "axis", 3),
+         ("links", "translation", (c_double * 3)(0.0, math.inf, 0.0)), ("screws", "slide", math.inf)],
+    )  # fmt: skip
+    def test_places_outside_the_arrays_are_refused(self, part, name, value):
+        known = CompiledTree.of(tree(["RX", "RY"], 0))
+        assert known.flow(np.zeros(2), ()) is not None
+        setattr(getattr(known, part)[1], name, value)
+        assert known.flow(np.zeros(2), ()) is None
+
+    def test_springs_outside_the_state_are_refused(self):
+        known = CompiledTree.of(tree(["RX", "RY"], 0))
+        one = np.ones(1)
+        assert known.flow(np.zeros(2), (SpringDamper(np.array([2]), np.array([0]), one, one, one),)) is None
+        assert known.flow(np.zeros(2), (BallSpring(0, 0, 1.0),)) is None
+
+    def test_springs_that_are_not_finite_are_refused(self):
+        known = CompiledTree.of(tree(["Spherical"], 0))
+        assert known.flow(np.zeros(3), (BallSpring(0, 0, 1.0),)) is not None
+        assert known.flow(np.zeros(3), (BallSpring(0, 0, math.nan),)) is None
+
+    def test_accelerations_that_differ_from_pinocchio_are_noticed(self):
+        model = tree(list(JOINTS), 7)
+        dynamics = Dynamics.of(model)
+        known = CompiledTree.of(model)
+        assert disagreement(model, known.flow(np.zeros(model.nv), ()), dynamics.acceleration()) <= AGREEMENT
+        known.links[3].mass *= 1.0 + 1e-9
+        assert disagreement(model, known.flow(np.zeros(model.nv), ()), dynamics.acceleration()) > AGREEMENT
+
+    def test_there_is_no_tree_without_the_library(self, monkeypatch):
+        monkeypatch.setattr(kernel_tree, "library", lambda: None)
+        assert CompiledTree.of(tree(["RX"], 0)) is None
+        assert kernel_library.library() is not None

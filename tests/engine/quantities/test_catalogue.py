@@ -1,0 +1,70 @@
+"""The list of what can be asked: whole, with units, and honest about what is refused."""
+
+from pathlib import Path
+
+import pytest
+from quantities_page import PAGE, page
+
+import pinarm
+from pinarm.engine.quantities.families import FAMILIES
+from pinarm.errors import InputError
+
+ROOT = Path(__file__).parents[3]
+ARM = ROOT / "scenarios" / "gen411_arm_static.yaml"
+MODELS = ["gen411_arm", "crank_rocker", "differential_screw"]
+
+
+def test_what_it_lists_is_what_can_be_asked():
+    scenario = pinarm.load(ARM)
+    known, listed = scenario.quantities(), pinarm.quantities(ARM)
+    names = {name for entry in listed for name in entry.names}
+    assert names == set(known)
+    units = {entry.name: entry.unit for entry in listed}
+    assert units["C_B"] == units["joint.B.effort"] == "N*m"
+    assert units["m_A"] == "kg"
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_quantity_has_a_meaning_and_a_unit_or_a_refusal(model: str):
+    mechanism = pinarm.Mechanism.load(ROOT / "models" / model / "mechanism.yaml")
+    listed = mechanism.quantities()
+    assert len(listed) > 50
+    assert all(entry.meaning for entry in listed)
+    assert all(entry.unit or entry.refused for entry in listed)
+    assert {entry.name.partition(".")[0] for entry in listed} >= FAMILIES.keys() - {
+        "loop",
+        "coupling",
+        "drive",
+        "force",
+    }
+
+
+def test_a_refusal_is_that_of_the_quantity_itself():
+    panda = pinarm.Mechanism.load("panda")
+    refused = {entry.name: entry.refused for entry in panda.quantities("finger_joint1.force")}
+    assert "panda_finger_joint2 mimics panda_finger_joint1" in refused["joint.panda_finger_joint1.force"]
+    moving = ROOT / "scenarios" / "manipulator_kinematics.yaml"
+    efforts = [entry for entry in pinarm.quantities(moving) if entry.name.endswith(".effort")]
+    for effort in efforts:
+        with pytest.raises(InputError) as error:
+            pinarm.load(moving).quantities()[effort.name]
+        assert error.value.message == f"'{effort.name}': {effort.refused}"
+        assert not effort.unit
+    assert efforts
+
+
+def test_like_looks_into_names_and_meanings_in_any_case():
+    listed = pinarm.quantities(ARM, like="ROTOR")
+    assert {entry.name for entry in listed} >= {"joint.O.effort", "energy.kinetic"}
+    assert all("rotor" in f"{entry.name} {entry.meaning}".casefold() for entry in listed)
+    assert len(pinarm.quantities(ARM, like="no such thing")) == 0
+
+
+def test_notebooks_complete_names():
+    result = pinarm.run(ARM)
+    assert "joint.B.force.x" in result._ipython_key_completions_()
+    assert list(result.quantities) == result.quantities.names()
+
+
+def test_the_page_is_that_of_the_program():
+    assert PAGE.read_text(encoding="utf-8") == page(), "write it anew: python docs/quantities_page.py"

@@ -1,0 +1,59 @@
+"""Fields whose types are imported when a file has them: as strict as the others, and not paid for by other files."""
+
+import subprocess
+import sys
+
+import msgspec
+import pytest
+
+from pinarm.errors import InputError
+from pinarm.input.yaml.deferred import with_types
+from pinarm.input.yaml.document import Document
+from pinarm.mechanics.description import MechanismDescription
+from pinarm.mechanics.forces.joint_definitions import JointSpring
+from pinarm.problems.states import Statics
+
+TYPED = "pinarm: 1\nrobot: arm.urdf\nforces:\n  spring: {kind: joint_spring, joint: A, stiffness: 2 N*m/rad}\n"
+
+
+def test_a_field_that_a_file_has_is_of_its_type():
+    described = Document.parse(TYPED).validate(MechanismDescription)
+    assert isinstance(described, MechanismDescription)
+    assert isinstance(described.forces["spring"], JointSpring)
+    assert described.forces["spring"].stiffness == 2.0
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"), [("stiffness", "stifness"), ("joint_spring", "sprng"), ("2 N*m/rad", "two")]
+)
+def test_its_mistakes_have_their_place(right: str, wrong: str):
+    with pytest.raises(InputError) as error:
+        Document.parse(TYPED.replace(right, wrong)).validate(MechanismDescription)
+    assert error.value.location is not None
+    assert error.value.location.line == 4
+
+
+def test_values_given_in_python_are_checked_likewise():
+    assert Statics(hold={"A": 0.1}, loads={"spring": JointSpring(joint="A", stiffness=2.0)}).loads
+    with pytest.raises(InputError, match="loads"):
+        Statics(hold={"A": 0.1}, loads={"spring": 3.0})  # type: ignore[dict-item]
+
+
+def test_a_class_is_made_once_and_others_stay_as_they_are():
+    typed = with_types(MechanismDescription, ["forces", "title"])
+    assert typed is with_types(MechanismDescription, ["title", "forces"])
+    assert with_types(MechanismDescription, ["title"]) is MechanismDescription
+    fields = {field.name: field for field in msgspec.structs.fields(typed)}
+    plain = {field.name: field for field in msgspec.structs.fields(MechanismDescription)}
+    assert fields.keys() == plain.keys()
+    assert [name for name in fields if fields[name].type != plain[name].type] == ["forces"]
+
+
+def test_a_plain_run_imports_no_kinds_that_it_does_not_use():
+    script = (
+        "import sys, pinarm; pinarm.run('scenarios/gen411_arm_static.yaml');"
+        "print(*[name for name in sys.modules if name.startswith('pinarm.mechanics.') and name.split('.')[2] in "
+        "('friction', 'planar') or name.endswith('.kinds') or '.assessments.' in name])"
+    )
+    printed = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    assert printed.split() == []

@@ -1,0 +1,102 @@
+"""The build hook of the compiled kernel: with a compiler, with one that fails, with none, and switched off."""
+
+import shutil
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+WITH_COMPILER = pytest.mark.skipif(not shutil.which("cc"), reason="there is no C compiler")
+
+
+@pytest.fixture
+def hook(monkeypatch):
+    """The module, as in an environment that says nothing of compilers."""
+    for name in ("CC", "CFLAGS", "PINARM_KERNEL"):
+        monkeypatch.delenv(name, raising=False)
+    spec = spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    """A checkout with the sources of the kernel alone."""
+    room = Path("pinarm/engine/kernel/c")
+    shutil.copytree(ROOT / room, tmp_path / room)
+    return tmp_path
+
+
+@WITH_COMPILER
+def test_the_library_is_compiled_and_nothing_else_is_left(hook, checkout):
+    assert hook.compile_library(checkout) == ""
+    assert {path.name for path in (checkout / hook.ROOM).iterdir()} == {"c", hook.LIBRARY.name}
+
+
+@WITH_COMPILER
+def test_two_places_give_the_same_bytes(hook, checkout, tmp_path_factory):
+    """A wheel is the same wherever it is built."""
+    other = tmp_path_factory.mktemp("another_place")
+    shutil.copytree(checkout / hook.ROOM, other / hook.ROOM)
+    for place in (checkout, other):
+        assert hook.compile_library(place) == ""
+    assert (checkout / hook.LIBRARY).read_bytes() == (other / hook.LIBRARY).read_bytes()
+
+
+def test_the_switch_leaves_it_out_and_takes_an_older_one_away(hook, checkout, monkeypatch):
+    monkeypatch.setenv("PINARM_KERNEL", "off")
+    (checkout / hook.LIBRARY).write_bytes(b"older")
+    assert hook.compile_library(checkout) == "PINARM_KERNEL=off"
+    assert not (checkout / hook.LIBRARY).exists()
+
+
+def test_without_a_compiler_it_is_left_out(hook, checkout, monkeypatch):
+    monkeypatch.setattr(hook.shutil, "which", lambda name: None)
+    monkeypatch.setattr(hook, "find_spec", lambda name: None)
+    assert hook.compile_library(checkout) == "there is no C compiler"
+    assert not (checkout / hook.LIBRARY).exists()
+
+
+def test_a_compiler_that_cannot_be_run_is_named(hook, checkout, monkeypatch):
+    monkeypatch.setenv("CC", "/nowhere/cc -O3")
+    assert hook.compile_library(checkout).startswith("/nowhere/cc cannot be run")
+
+
+@WITH_COMPILER
+def test_what_the_compiler_says_is_told(hook, checkout):
+    (checkout / hook.ROOM / "c" / "tree.c").write_text("no program")
+    assert "error" in hook.compile_library(checkout)
+    assert {path.name for path in (checkout / hook.ROOM).iterdir()} == {"c"}
+
+
+class TestDependencies:
+    """A compiler is required where there is none, and where there is a wheel of one."""
+
+    @pytest.fixture
+    def required(self, hook, monkeypatch):
+        def of(compiler, system="Linux", machine="x86_64", **environment):
+            monkeypatch.setattr(hook.shutil, "which", lambda name: compiler)
+            monkeypatch.setattr(hook.platform, "system", lambda: system)
+            monkeypatch.setattr(hook.platform, "machine", lambda: machine)
+            for name, value in environment.items():
+                monkeypatch.setenv(name, value)
+            return hook.KernelBuildHook.dependencies(None)
+
+        return of
+
+    def test_of_a_machine_with_a_compiler(self, required):
+        assert required("/usr/bin/cc") == []
+
+    def test_of_a_machine_without(self, required):
+        assert required(None) == ["ziglang>=0.13"]
+
+    def test_of_a_machine_that_has_no_wheel(self, required):
+        assert required(None, machine="riscv64") == []
+
+    def test_of_a_build_without_the_kernel(self, required):
+        assert required(None, PINARM_KERNEL="off") == []
+
+    def test_of_a_compiler_that_the_user_names(self, required):
+        assert required(None, CC="clang") == []
