@@ -52,7 +52,7 @@ def executed(path: Path) -> Any:
 
 def test_they_are_in_order() -> None:
     assert [path.name[:2] for path in EXAMPLES] == [f"{k:02d}" for k in range(1, len(EXAMPLES) + 1)]
-    assert len(EXAMPLES) == 9
+    assert len(EXAMPLES) == 13
 
 
 @pytest.mark.parametrize("path", [path for path in EXAMPLES if path not in NOTEBOOKS], ids=lambda path: path.stem)
@@ -61,7 +61,7 @@ def test_a_script_runs(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out
 
 
-LONG = ("sweep", "tradeoff")
+LONG = ("optimum", "sweep", "tradeoff")
 RUN = [pytest.param(path, marks=pytest.mark.slow if path.stem.endswith(LONG) else ()) for path in NOTEBOOKS]
 
 

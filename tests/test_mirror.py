@@ -126,9 +126,14 @@ ELSEWHERE = {
     "use/assessments/loads/test_loads.py": (
         "joints as they are asked", "use/assessments/loads/joint use/assessments/loads/number",
     ),
+    "use/assessments/sensitivity/test_sensitivity.py": (
+        "numbers of mechanisms in closed form", "use/assessments/sensitivity/accuracy "
+        "use/assessments/sensitivity/tables use/assessments/sensitivity/variation",
+    ),
     "use/assessments/sizing/test_sizing.py": (
         "motors for a joint in closed form", "use/assessments/sizing/catalogue use/assessments/sizing/duty",
     ),
+    "use/assessments/test_path_error.py": ("points in lists and files", "use/assessments/wanted_points"),
     "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),
     "use/report/test_report.py": ("its parts", "use/report/chapter use/report/origin use/report/tables"),
     "use/result/test_result.py": ("methods of a result", "use/result/measures use/views"),
@@ -136,6 +141,7 @@ ELSEWHERE = {
     "use/scenario/test_optimum.py": (
         "optima of functions and of runs", "use/scenario/landscape use/scenario/optimum_section",
     ),
+    "use/show/test_notebook.py": ("sections in them", "use/show/section_html"),
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),
     "use/output/test_folder.py": ("which files are ours", "use/output/manifest"),
     "use/store/test_new.py": ("what is written for a model", "use/store/first_files"),

@@ -54,10 +54,12 @@ def save(result: Result, folder: Path, *, plots: bool) -> Path:
 def html(result: Result) -> str:
     """Return ranges of the outputs, accuracy, plots, the positions at start and end, and the replay, for notebooks."""
     from pinarm.use.show.notebook import blocks, frame, heading, lines, picture, side_by_side, table
+    from pinarm.use.show.section_html import section_html
     from pinarm.use.show.terminal import ranges, remarks
 
     outputs = list(dict.fromkeys(result.content.outputs))
     parts = [heading(result.content.title or result.name), table(ranges(result)), lines(remarks(result))]
+    parts += [section_html(section) for section in result.sections.values()]
     if len(result) > 1:
         parts.append(side_by_side(picture(result.plot(*outputs[:MOST_PLOTS])), picture(result.sketch())))
     try:

@@ -46,13 +46,22 @@ def varied(document: Document, values: Values, declared: Callable[[str], str] = 
 
 def written_unit(data: Any, path: str) -> str:
     """Return the unit of the value that stands at a path of plain data; empty where there is none."""
+    value = value_at(data, path)
+    try:
+        measured = read_quantity(value)[1] if isinstance(value, str) else None
+    except InputError:  # no quantity
+        return ""
+    return measured.text if measured else ""
+
+
+def value_at(data: Any, path: str) -> Any:
+    """Return what stands at a path of plain data; ``None`` where nothing does."""
     try:
         for key in path.split("."):
             data = data[step_into(data, key, Location(path), create=False)]
-        measured = read_quantity(data)[1] if isinstance(data, str) else None
-    except (InputError, KeyError):  # nothing stands there, or no quantity
-        return ""
-    return measured.text if measured else ""
+    except (InputError, KeyError):
+        return None
+    return data
 
 
 def _assignments(values: Values) -> Iterator[tuple[str, Any, Location]]:

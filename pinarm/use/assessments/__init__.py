@@ -5,6 +5,7 @@ Each is imported when a scenario first asks for it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Protocol
 
 from pinarm.input.yaml.deferred import Deferred
@@ -12,15 +13,23 @@ from pinarm.input.yaml.deferred import Deferred
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.engine.quantities.names import Quantities
+    from pinarm.input.units import Unit
     from pinarm.use.result.result import Result
     from pinarm.use.result.section import Section
+    from pinarm.use.scenario.scenario import Scenario
 
 ASSESSMENTS: Deferred = {
     "shaking": ("pinarm.use.assessments.shaking", "Shaking"),
     "sizing": ("pinarm.use.assessments.sizing.sizing", "Sizing"),
     "loads": ("pinarm.use.assessments.loads.loads", "Loads"),
+    "path_error": ("pinarm.use.assessments.path_error", "PathError"),
+    "sensitivity": ("pinarm.use.assessments.sensitivity.sensitivity", "Sensitivity"),
 }
 """Key of a scenario -> module and class. A new one is a class, an entry here, and the key in ``ScenarioFile``."""
+
+
+FILES = {"sizing": "catalogue", "path_error": "wanted"}
+"""Assessment -> the key of it that may name a file, which a result folder keeps."""
 
 
 class Assessment(Protocol):
@@ -30,8 +39,16 @@ class Assessment(Protocol):
         """Return the quantities and formulas that it needs, so that the joints in them are solved for."""
         ...
 
-    def check_names(self, quantities: Quantities) -> None:
-        """Check its names and units against the quantities of one row, with nothing solved.
+    def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
+        """Return the names of the numbers that its section may have, and their units: see ``Numbered``."""
+        ...
+
+    def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
+        """Check its names and units, with nothing solved.
+
+        Args:
+            quantities: Those of one row.
+            scenario: What asks for it.
 
         Raises:
             InputError: A name does not exist, or a value has another dimension.
@@ -49,7 +66,9 @@ class Assessment(Protocol):
 
 if TYPE_CHECKING:  # mypy compares the classes with the protocol, which are imported by name
     from pinarm.use.assessments.loads.loads import Loads
+    from pinarm.use.assessments.path_error import PathError
+    from pinarm.use.assessments.sensitivity.sensitivity import Sensitivity
     from pinarm.use.assessments.shaking import Shaking
     from pinarm.use.assessments.sizing.sizing import Sizing
 
-    _CLASSES: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads)
+    _CLASSES: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads, PathError, Sensitivity)

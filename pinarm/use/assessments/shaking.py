@@ -12,7 +12,7 @@ of the amplitude (a_k² + b_k²)^(1/2): see Norton, Design of Machinery, chapter
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,18 +25,20 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError, within
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import InputStruct
-from pinarm.use.result.curve_figures import figure, integrals
+from pinarm.use.result.curve_figures import CurveFigure, figure, integrals, rms_values
 from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.section import Curve, Graph, Section, SectionTable
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario
 
 PERIODIC = 1e-6
 """Difference between start and end, relative to the largest size, below which a run is a whole number of periods."""
 
 PARTS = ("force.x", "force.y", "force.z", "moment.x", "moment.y", "moment.z")
+PEAKS = ("peak", "rms")
 PULSATION = unit("rad/s")
 
 
@@ -62,20 +64,21 @@ class Shaking(InputStruct, frozen=True):
         """Return what it needs of a run: see ``Assessment``."""
         return [self.quantity(part) for part in PARTS]
 
-    def check_names(self, quantities: Quantities) -> None:
+    def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
+        """Return peaks and rms values of all components and norms: see ``Assessment``."""
+        parts = [*PARTS, "force.norm", "moment.norm"]
+        return {f"{part}.{name}": quantities[self.quantity(part)].unit for part in parts for name in PEAKS}
+
+    def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
         """Check the point: see ``Assessment``."""
         with within("about"):
             _ = quantities[self.quantity("moment.x")]
 
     def evaluate(self, result: Result) -> Section:
         """Return peaks, rms values and harmonics: see ``Assessment``."""
-        numbers: dict[str, Series] = {}
-        for kind in ("force", "moment"):
-            for part in (*(name for name in PARTS if name.startswith(kind)), f"{kind}.norm"):
-                for name in ("peak", "rms"):
-                    given = figure(result.lookup, self.quantity(part), name)
-                    numbers[f"{part}.{name}"] = Series(f"{part} {name}", given.unit, np.array([given.value]))
-        units = [numbers[f"{part}.peak"].unit for part in PARTS]
+        given = self._figures(result.lookup)
+        numbers = {name: Series(name, each.unit, np.array([each.value])) for name, each in given.items()}
+        units = [given[f"{part}.peak"].unit for part in PARTS]
         tables = [_figures_table(numbers, units)]
         remarks = [f"the moment is taken about {self.about or 'the origin of the world'}"]
         if self.harmonics:
@@ -85,7 +88,19 @@ class Shaking(InputStruct, frozen=True):
         return Section(
             "shaking", "Shaking force and moment on the frame", tables, numbers, remarks,
             [_hodograph(result, [self.quantity(part) for part in PARTS[:3]])],
+            {name: each.error for name, each in given.items()},
         )  # fmt: skip
+
+    def _figures(self, run: Lookup) -> dict[str, CurveFigure]:
+        """Return peak and rms value of every component and norm, by name."""
+        parts = [*PARTS, "force.norm", "moment.norm"]
+        peaks = {part: figure(run, self.quantity(part), "peak") for part in parts}
+        scales = np.array([peaks[f"{part.partition('.')[0]}.norm"].value for part in parts])
+        rms, errors = rms_values(run, [self.quantity(part) for part in parts], scales)
+        found = {f"{part}.peak": peaks[part] for part in parts}
+        for part, value, error in zip(parts, rms.tolist(), errors.tolist(), strict=True):
+            found[f"{part}.rms"] = CurveFigure(value, error, peaks[part].unit)
+        return found
 
 
 def _figures_table(numbers: dict[str, Series], units: Sequence[Unit | None]) -> SectionTable:

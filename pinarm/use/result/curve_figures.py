@@ -14,7 +14,7 @@ but for rounding where x is a polynomial of degree 31 or less there.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -194,6 +194,25 @@ def _rms(run: Lookup, quantity: str) -> tuple[float, float]:
         return abs(value), 0.0
     root = (second / length) ** 0.5
     return scale * root, scale * (0.5 * error / length / root if root else (error / length) ** 0.5)
+
+
+def rms_values(run: Lookup, quantities: Sequence[str], scales: Array) -> tuple[Array, Array]:
+    """Return the rms values of several quantities by one quadrature, and their errors, both of shape (k,).
+
+    Args:
+        run: The run; its rows are states of one motion.
+        quantities: Names, k of them.
+        scales: What matters in each [SI], shape (k,): components of a vector have its size, beside which one that is
+            only rounding is 0, and needs no more points.
+    """
+    length, scales = _length(run), np.where(scales > 0.0, scales, 1.0)
+
+    def squares(rows: Quantities) -> Array:
+        return np.stack([(rows[name].values / scale) ** 2 for name, scale in zip(quantities, scales, strict=True)], 1)
+
+    total, error = (part / length for part in integrals(run, squares))
+    root = np.sqrt(np.maximum(total, 0.0))
+    return scales * root, scales * np.where(root**2 > error, 0.5 * error / np.maximum(root, 1e-300), np.sqrt(error))
 
 
 def _integral(run: Lookup, quantity: str) -> tuple[float, float]:

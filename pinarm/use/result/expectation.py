@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
 
@@ -10,6 +11,10 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.units import read_quantity
 from pinarm.input.yaml.schema import InputStruct, in_si
+
+if TYPE_CHECKING:
+    from pinarm.engine.series import Series
+    from pinarm.use.result.section_number import Numbered
 
 Verdict = Literal["agrees", "rounding", "reading", "misprint", "model_error"]
 ERRATA = ("misprint", "model_error")
@@ -22,7 +27,7 @@ class Expectation(InputStruct, frozen=True):
     """What a quantity must be, and what was published of it.
 
     Attributes:
-        quantity: A quantity, a symbol or a formula.
+        quantity: A quantity, a symbol or a formula; or a number of a section, such as ``loads.B.life.time``.
         at: ``all`` for every row; ``start``, ``end``; ``max``, ``min``, ``largest`` (of the absolute value) over the
             run; an instant: ``{t: 1.5 s, side: left}``, ``{phi: 0 deg, occurrence: 1}``; or a figure of the curve over
             the run: ``mean``, ``rms``, ``integral``, ``peak``, or a percentile such as ``p95``.
@@ -94,14 +99,14 @@ class Expectation(InputStruct, frozen=True):
                     expected=f"{expected}, a percentile such as p95, or an instant such as {{t: 1.5 s}}",
                 )  # fmt: skip
 
-    def check_names(self, quantities: Quantities) -> None:
-        """Check its names and units against the quantities of a run.
+    def check_names(self, quantities: Quantities, sections: Mapping[str, Numbered]) -> None:
+        """Check its names and units against the quantities of a run, and the numbers of its sections, by key.
 
         Raises:
             InputError: A quantity does not exist, or a value has another dimension than its quantity.
         """
         with within("quantity"):
-            measured = quantities[self.quantity].unit
+            measured = self._described(quantities, sections).unit
         for key, text in (("value", self.value), ("atol", self.atol), ("published", self.published)):
             with within(key):
                 _ = None if text is None else in_si(text, measured)
@@ -115,6 +120,22 @@ class Expectation(InputStruct, frozen=True):
                 measured = quantities[name].unit
             with within("at", name):
                 in_si(text, measured)
+
+    def _described(self, quantities: Quantities, sections: Mapping[str, Numbered]) -> Series:
+        """Return its name and unit as a series.
+
+        Raises:
+            InputError: There is no such quantity or number.
+        """
+        if not sections:
+            return quantities[self.quantity]
+        from pinarm.use.result.section_number import names_section, read_number
+
+        if not names_section(self.quantity, sections):
+            return quantities[self.quantity]
+        if self.at != "all":
+            raise InputError(f"'{self.quantity}' is one number: it has no place on the run", hint="leave 'at' out")
+        return read_number(self.quantity).described(quantities, sections)
 
     def instant(self) -> dict[str, str | int | float]:
         """Return the coordinate, and its value, that say where on the run the quantity is asked; empty for words."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
     from pinarm.engine.motion.outcome import Outcome
     from pinarm.use.result.section import Section
+    from pinarm.use.result.section_number import Numbered
     from pinarm.use.scenario.scenario import Scenario
     from pinarm.use.scenario.scenario_file import ScenarioFile
     from pinarm.use.show.plot import Picture
@@ -51,7 +52,8 @@ class Result:
             99 of 100 cases; empty where none was asked for.
         setting: How the motion was integrated, and what the estimate rests on, in words.
         removals: Joints of the mechanism that were not solved for.
-        found: What the search for the values of the scenario tells; none where there was none.
+        known: Sections that are there already, by key: what the search for the values of the scenario tells, and what
+            was read from a folder.
     """
 
     name: str
@@ -62,7 +64,7 @@ class Result:
     errors: Mapping[str, float] = field(default_factory=dict)
     setting: str = ""
     removals: Sequence[Removal] = ()
-    found: Section | None = field(default=None, repr=False)
+    known: Mapping[str, Section] = field(default_factory=dict, repr=False)
 
     @property
     def kind(self) -> str:
@@ -141,33 +143,47 @@ class Result:
 
         Args:
             text: ``QUANTITY @ PLACE`` or ``QUANTITY @ FIGURE``, such as ``"C_B @ max"``, ``"t @ max(C_B)"``,
-                ``"C_B @ t=1.5 s"``, ``"C_B @ rms"``, ``"C_B @ p95"``; see ``RunNumber.read``.
+                ``"C_B @ t=1.5 s"``, ``"C_B @ rms"``, ``"C_B @ p95"``; see ``RunNumber.read``. Or a number of a section,
+                such as ``"loads.B.life.time"``.
 
         Raises:
             InputError: It cannot be read, or the run has no such number.
         """
-        from pinarm.use.result.run_number import RunNumber
+        from pinarm.use.result.section_number import read_number
 
-        return RunNumber.read(text).value(self.lookup)
+        return read_number(text).value(self)
 
     def numbers(self) -> dict[str, tuple[Series, float]]:
         """Return the numbers that the scenario asks for under ``numbers``, each with the error of its quadrature."""
         if not self.content.numbers:
             return {}
-        from pinarm.use.result.run_number import RunNumber
+        from pinarm.use.result.section_number import measured, read_number
 
-        found = {text: RunNumber.read(text) for text in self.content.numbers}
-        values = {text: number.value(self.lookup) for text, number in found.items()}
-        return {
-            text: (replace(number.described(self.quantities), values=np.array([values[text][0]])), values[text][1])
-            for text, number in found.items()
-        }
+        return {text: measured(read_number(text), self) for text in self.content.numbers}
 
-    @cached_property
+    @property
+    def numbered(self) -> Mapping[str, Numbered]:
+        """What its sections are of, by key; see ``section_number``."""
+        return {**self.known, **self.content.assessments}
+
+    @property
     def sections(self) -> Mapping[str, Section]:
         """What a search and the assessments of the scenario find, by key, evaluated when they are first asked for."""
-        found = {self.found.key: self.found} if self.found else {}
-        return {**found, **{key: assessment.evaluate(self) for key, assessment in self.content.assessments.items()}}
+        return {key: self.section(key) for key in self.numbered}
+
+    def section(self, key: str) -> Section:
+        """Return one section, evaluated when it is first asked for; others are left alone.
+
+        Raises:
+            InputError: The run does not have what it needs.
+        """
+        if key not in self._evaluated:
+            self._evaluated[key] = self.content.assessments[key].evaluate(self)
+        return self._evaluated[key]
+
+    @cached_property
+    def _evaluated(self) -> dict[str, Section]:
+        return dict(self.known)
 
     def columns(self) -> list[Series]:
         """Return the parameter and the outputs of the scenario."""
@@ -236,7 +252,7 @@ class Result:
 
         rows, figures = self.trajectory, dict(self.outcome.figures)
         outcome = {"figures": figures, "events": tuple(self.outcome.events), "notes": self.outcome.notes}
-        measured = {name: getattr(self, name) for name in ("name", "figures", "errors", "setting", "removals", "found")}
+        measured = {name: getattr(self, name) for name in ("name", "figures", "errors", "setting", "removals", "known")}
         return self.scenario.result_of_rows, (rows.mechanism, states(rows), outcome, measured)
 
     def _repr_html_(self) -> str:

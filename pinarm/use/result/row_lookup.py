@@ -34,6 +34,9 @@ PLATEAU = 1e-12
 SAME = 1e-9
 """Relative difference between two sides of an instant below which there is no jump to be asked about."""
 
+MOST_RIVALS = 20
+"""Rows beside the highest one that are refined at most: those that may rise most."""
+
 Spot = tuple[int, float]
 """An interval of the run and a value of its parameter within it."""
 
@@ -189,12 +192,13 @@ class Lookup:
         run, values = self.run, height(self.quantities)
         slack = PLATEAU * float(np.abs(values).max())
         best = int((values >= values.max() - slack).argmax())
-        low, high = sorted((run.grid.t[max(best - 1, 0)], run.grid.t[min(best + 1, len(values) - 1)]))
         spots = []
-        for interval, (start, end, _) in enumerate(self.intervals):
-            bracket = max(low, min(start, end)), min(high, max(start, end))
-            if bracket[0] <= bracket[1]:
-                spots.append(self._refined(interval, height, bracket))
+        for row in (best, *_rivals(values, best, slack)):
+            low, high = sorted((run.grid.t[max(row - 1, 0)], run.grid.t[min(row + 1, len(values) - 1)]))
+            for interval, (start, end, _) in enumerate(self.intervals):
+                bracket = max(low, min(start, end)), min(high, max(start, end))
+                if bracket[0] <= bracket[1]:
+                    spots.append(self._refined(interval, height, bracket))
         top, interval, t = max(spots, key=lambda spot: spot[0])
         if top <= values[best] + slack:
             interval = next(k for k, (_, _, rows) in enumerate(self.intervals) if rows.start <= best < rows.stop)
@@ -228,3 +232,20 @@ class Lookup:
             if difference[change[0]] == 0.0:
                 return float(low)
         return 0.5 * float(low + high)
+
+
+def _rivals(values: Array, best: int, slack: float) -> list[int]:
+    """Return the rows near which heights between the rows may be above all rows, the most promising first.
+
+    Between samples of a parabola its top is above them by an eighth of their second difference at most; half of it is
+    allowed for.
+    """
+    if len(values) < 3:
+        return []
+    bend = np.abs(2.0 * values[1:-1] - values[:-2] - values[2:])
+    reach = values + 0.5 * np.pad(bend, 1, mode="edge")
+    around = np.pad(values, 1, constant_values=-np.inf)
+    near = (values >= around[:-2]) & (values >= around[2:]) & (reach > values[best] + slack)
+    rows = np.flatnonzero(near)
+    order = rows[np.argsort(-reach[rows], kind="stable")]
+    return [row for row in order.tolist() if row != best][:MOST_RIVALS]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,9 +14,11 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.numbers import is_whole
 from pinarm.use.result.curve_figures import FIGURES, figure, figure_unit, is_figure
-from pinarm.use.result.row_lookup import Lookup
 
-EXAMPLES = "C_B @ max, t @ max(C_B), C_B @ t=1.5 s, C_B @ rms, or C_B @ p95"
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
+
+EXAMPLES = "C_B @ max, t @ max(C_B), C_B @ t=1.5 s, C_B @ rms, C_B @ p95, or loads.B.life.time of a section"
 
 MAX_LENGTH = 2000
 """Characters of a text that is read at all."""
@@ -72,11 +76,17 @@ class RunNumber:
             return f"{self.quantity} @ {', '.join(f'{key}={value}' for key, value in self.at.items())}"
         return f"{self.quantity} @ {self.at}" + (f"({self.of})" if self.of != self.quantity else "")
 
-    def described(self, quantities: Quantities) -> Series:
+    @property
+    def figure(self) -> str:
+        """The figure of the curve; a place where it is asked at one."""
+        return self.at if isinstance(self.at, str) else ""
+
+    def described(self, quantities: Quantities, sections: Mapping[str, object]) -> Series:
         """Return its name and unit as a series without values.
 
         Args:
             quantities: Those of the scenario; nothing has to be solved.
+            sections: What its sections are of, by key, which a number of a curve does not need.
 
         Raises:
             InputError: There is no such quantity.
@@ -85,13 +95,13 @@ class RunNumber:
         unit = figure_unit(quantities, self.quantity, self.at) if isinstance(self.at, str) else series.unit
         return Series(self.label, unit, np.zeros(0))
 
-    def value(self, run: Lookup) -> tuple[float, float]:
+    def value(self, result: Result) -> tuple[float, float]:
         """Return the number [SI] and the error of its quadrature, 0 for that of a place.
 
         Raises:
             InputError: The place does not exist in this run, or the run has no such figure.
         """
         if isinstance(self.at, str) and is_figure(self.at):
-            given = figure(run, self.quantity, self.at)
+            given = figure(result.lookup, self.quantity, self.at)
             return given.value, given.error
-        return float(run.at(self.at, self.of)[self.quantity].values[0]), 0.0
+        return float(result.lookup.at(self.at, self.of)[self.quantity].values[0]), 0.0

@@ -12,6 +12,8 @@ from pinarm.input.units import Unit
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+    from pinarm.engine.quantities.names import Quantities
+
 Cell = str | float
 
 
@@ -88,6 +90,7 @@ class Section:
         title: Its heading, in words.
         tables: Its tables, the most important one first.
         numbers: Its numbers by name, each a series of one value; ``KEY.NAME`` asks for them elsewhere.
+        errors: Of the quadrature of these numbers [SI], by name; 0 where none is given.
         remarks: What to know, a sentence each.
         graphs: Its graphs.
     """
@@ -98,3 +101,14 @@ class Section:
     numbers: Mapping[str, Series] = field(default_factory=dict)
     remarks: Sequence[str] = ()
     graphs: Sequence[Graph] = ()
+    errors: Mapping[str, float] = field(default_factory=dict)
+
+    def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
+        """Return the units of its numbers by name: see ``Numbered``."""
+        return {name: series.unit for name, series in self.numbers.items()}
+
+    def _repr_html_(self) -> str:
+        """Return tables, remarks and graphs, for notebooks."""
+        from pinarm.use.show.section_html import section_html
+
+        return section_html(self)

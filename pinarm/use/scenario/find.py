@@ -18,7 +18,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Measured
-from pinarm.use.result.run_number import RunNumber
+from pinarm.use.result.section_number import AnyNumber, Numbered, names_section, read_number
 
 BOUNDS = "[0 kg, 500 kg], or {from: 0 kg, to: 500 kg, start: 100 kg}"
 
@@ -102,7 +102,7 @@ class Condition:
         bound: What it is compared with.
     """
 
-    number: RunNumber
+    number: AnyNumber
     relation: Literal["<", ">", "="]
     bound: Measured
 
@@ -117,7 +117,7 @@ class Condition:
         if text[:1] not in relations:
             raise InputError(f"'{text[:80]}' is no condition", expected="'< 0.52 m', '> 0.52 m' or '= 0.52 m'")
         value = text[1:].removeprefix("=").strip()
-        return cls(RunNumber.read(number), relations[text[0]], AnyQuantity.read(value, bare=False))
+        return cls(read_number(number), relations[text[0]], AnyQuantity.read(value, bare=False))
 
     def __str__(self) -> str:
         return f"{self.number.label} {self.relation} {self.bound:g}" if not self.bound.unit else (
@@ -176,11 +176,11 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
                     raise InputError(rooted if self.wanted else bounded)
 
     @property
-    def objective(self) -> RunNumber | None:
+    def objective(self) -> AnyNumber | None:
         """The number that is to be least or largest; none where values are wanted."""
         with within("minimise" if self.minimise is not None else "maximise"):
             text = self.minimise if self.minimise is not None else self.maximise
-            return None if text is None else RunNumber.read(text)
+            return None if text is None else read_number(text)
 
     @property
     def conditions(self) -> list[Condition]:
@@ -196,21 +196,37 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
         optimum = [self.objective.label] if self.objective else []
         return [*(self.wanted or ()), *optimum, *self.subject_to]
 
-    def check_names(self, quantities: Quantities) -> None:
+    def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
+        """Return the units of the numbers in its section, the objective's left open: see ``Numbered``."""
+        found = {path: one.unit.si if one.unit else None for path, one in self.unknown.items()}
+        return {**found, "objective": None} if self.objective else {}
+
+    def check_names(self, quantities: Quantities, sections: Mapping[str, Numbered]) -> None:
         """Check its names and units against the quantities of one row, with nothing solved.
+
+        Args:
+            quantities: Those of the scenario.
+            sections: What its sections are of, by key.
 
         Raises:
             InputError: A name does not exist, or a value has another dimension.
         """
         for name, value in (self.wanted or {}).items():
             with within("so_that", name):
-                _check(RunNumber.read(name) if "@" in name else name, value, quantities)
+                measured = self.number(name, sections)
+                series = measured.described(quantities, sections) if measured else quantities[name]
+                _check(value, series.unit)
         if self.objective:
             with within("minimise" if self.minimise is not None else "maximise"):
-                self.objective.described(quantities)
+                self.objective.described(quantities, sections)
         for condition in self.conditions:
             with within("subject_to", condition.number.label):
-                _check(condition.number, condition.bound, quantities)
+                _check(condition.bound, condition.number.described(quantities, sections).unit)
+
+    @staticmethod
+    def number(name: str, sections: Mapping[str, Numbered]) -> AnyNumber | None:
+        """Return the number of the run that a key of ``so_that`` names; none where it names a quantity of all rows."""
+        return read_number(name) if "@" in name or names_section(name, sections) else None
 
     def text(self, values: Array) -> dict[str, str]:
         """Return values, shape (k,) in SI, by their paths, as files write them: in the units of the starts."""
@@ -227,7 +243,6 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
         return np.array([float(one) for one in self.unknown.values()])
 
 
-def _check(wanted: RunNumber | str, value: Measured, quantities: Quantities) -> None:
-    measured = quantities[wanted].unit if isinstance(wanted, str) else wanted.described(quantities).unit
+def _check(value: Measured, measured: Unit | None) -> None:
     if measured:
         value.check(measured)

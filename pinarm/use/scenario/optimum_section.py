@@ -25,7 +25,7 @@ def optimum_section(search: Find, found: Optimum, objective: Series) -> Section:
     sign = 1.0 if search.minimise is not None else -1.0
     value = sign * found.best.trial.objective
     numbers = {
-        path: Series(path, one.unit or DIMENSIONLESS, np.array([end / one.factor]))
+        path: Series(path, one.unit.si if one.unit else DIMENSIONLESS, np.array([end]))
         for (path, one), end in zip(search.unknown.items(), found.best.end, strict=True)
     }
     numbers["objective"] = Series(objective.name, objective.unit, np.array([value]))

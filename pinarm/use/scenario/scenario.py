@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import residual_figures
@@ -20,7 +20,8 @@ from pinarm.errors import InputError, MethodError, NumericsError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.yaml.document import Document
-from pinarm.input.yaml.values import Values, varied, written_unit
+from pinarm.input.yaml.schema import Measured
+from pinarm.input.yaml.values import Values, value_at, varied, written_unit
 from pinarm.problems import KINDS, Problem, problem_class
 from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
@@ -28,6 +29,9 @@ from pinarm.use.result.result import Result
 from pinarm.use.scenario.failures import failures_in_words, overflow
 from pinarm.use.scenario.file_kind import refuse_mechanism, refuse_model
 from pinarm.use.scenario.scenario_file import ScenarioFile
+
+if TYPE_CHECKING:
+    from pinarm.use.result.section_number import Numbered
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +132,28 @@ class Scenario:
                 locate=self.document.locating,
             )  # fmt: skip
         return loaded if self.seed is None else loaded.perturbed(self.seed)
+
+    def number_at(self, path: str) -> Measured:
+        """Return the number that a path leads to, as ``varied`` takes it: of the scenario, or else of its mechanism.
+
+        Raises:
+            InputError: No number stands there.
+        """
+        part, _, rest = path.partition(".")
+        if part == "arguments" and rest in self.mechanism.arguments:
+            given = Measured(self.mechanism.arguments[rest])
+            own = self.content.arguments.get(rest)
+            given.unit = own.unit if own is not None and own.unit else self.mechanism.argument_units.get(rest)
+            return given
+        value = value_at(self.document.data, path)
+        if value is None and part == "changes":
+            value = value_at(self.mechanism.source.data, rest)
+        try:
+            return Measured.read(value)
+        except InputError:
+            what = "nothing stands" if value is None else f"'{str(value)[:40]}' stands"
+            expected = "the path of a number, such as arguments.l2 or problem.time.end"
+            raise InputError(f"no number is at '{path}': {what} there", expected=expected) from None
 
     @cached_property
     def symbols(self) -> Mapping[str, Expression]:
@@ -264,22 +290,27 @@ class Scenario:
                 with self.document.locating("outputs", index):
                     quantities[name]
             if self.content.numbers:
-                from pinarm.use.result.run_number import RunNumber
+                from pinarm.use.result.section_number import read_number
             for index, text in enumerate(self.content.numbers):
                 with self.document.locating("numbers", index):
-                    RunNumber.read(text).described(quantities)
+                    read_number(text).described(quantities, self.numbered)
             if self.content.find:
                 with self.document.locating("find"):
-                    self.content.find.check_names(quantities)
+                    self.content.find.check_names(quantities, self.content.assessments)
             for key, assessment in self.content.assessments.items():
                 with self.document.locating(key):
-                    assessment.check_names(quantities)
+                    assessment.check_names(quantities, self)
             for index, expectation in enumerate(self.content.expect):
                 with self.document.locating("expect", index):
-                    expectation.check_names(quantities)
+                    expectation.check_names(quantities, self.numbered)
         for name in self.content.variants:
             with self.document.locating("variants", name):
                 self.variant(name).validate()
+
+    @property
+    def numbered(self) -> Mapping[str, Numbered]:
+        """What the sections of its result are of, by key; see ``section_number``."""
+        return {**({"find": self.content.find} if self.content.find else {}), **self.content.assessments}
 
     def variant(self, name: str) -> Scenario:
         """Return the scenario with the values of one of its variants.

@@ -56,10 +56,12 @@ class ScenarioFile(InputStruct, frozen=True):
         problem: The question.
         symbols: Names for quantities or formulas, beside those of the mechanism.
         outputs: Quantities of the table and the plots.
-        numbers: Numbers of the run to tell, such as ``C_B @ rms``: see ``RunNumber.read``.
+        numbers: Numbers of the run to tell, such as ``C_B @ rms`` or ``loads.B.life.time``: see ``read_number``.
         shaking: Shaking force and moment on the frame; see ``assessments.shaking``.
         sizing: Motor and gear of a drive, out of a catalogue; see ``assessments.sizing``.
         loads: Loads of joints, lives of bearings, balance of rotors, sets of loads for FEM; see ``assessments.loads``.
+        path_error: How far a point passes from wanted ones; see ``assessments.path_error``.
+        sensitivity: What numbers of the run depend on, and bands from tolerances; see ``assessments.sensitivity``.
         modelled: ``required``, what the question requires: joints that it holds still are locked, and dropped those
             that it moves and nothing depends on; or the ``whole`` mechanism. The answer is the same.
         undetermined: What to do with reactions that rigid bodies do not determine: ``refuse`` them, or give those of
@@ -90,6 +92,8 @@ class ScenarioFile(InputStruct, frozen=True):
     shaking: Assessment | None = None
     sizing: Assessment | None = None
     loads: Assessment | None = None
+    path_error: Assessment | None = None
+    sensitivity: Assessment | None = None
     modelled: Literal["required", "whole"] = "required"
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"
     accuracy: Accuracy = msgspec.field(default_factory=Accuracy)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -10,13 +9,11 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST
-from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import Interrupted, PinarmError
-from pinarm.input.yaml.schema import Measured
 from pinarm.use.result.measures import RESIDUALS
 from pinarm.use.result.result import Result
-from pinarm.use.result.row_lookup import Lookup
 from pinarm.use.result.run_number import RunNumber
+from pinarm.use.result.section_number import AnyNumber
 from pinarm.use.scenario.find import Find
 from pinarm.use.scenario.landscape import Landscape, Trial
 from pinarm.use.scenario.optimum import Optimum, optimum
@@ -48,9 +45,9 @@ def solve_found(scenario: Scenario, search: Find) -> Result:
     data = {key: value for key, value in scenario.document.data.items() if key != "find"}
     bare = scenario.restated(data)
     with scenario.document.locating("find"):
-        search.check_names(bare.quantities())
+        search.check_names(bare.quantities(), bare.content.assessments)
         if search.wanted is not None:
-            root = find_root(search, lambda values: _residuals(bare.varied(values), search.wanted or {}))
+            root = find_root(search, lambda values: _residuals(bare.varied(values), search))
             values, left = root.values, root.left()
         else:
             best = _best(bare, search)
@@ -59,16 +56,16 @@ def solve_found(scenario: Scenario, search: Find) -> Result:
     result = replace(result, figures={**result.figures, **search.figures(values), **left})
     if search.objective is None:
         return result
-    return replace(result, found=optimum_section(search, best, search.objective.described(result.quantities)))
+    objective = search.objective.described(result.quantities, bare.content.assessments)
+    return replace(result, known={"find": optimum_section(search, best, objective)})
 
 
-def _residuals(scenario: Scenario, wanted: Mapping[str, Measured]) -> dict[str, Array]:
+def _residuals(scenario: Scenario, search: Find) -> dict[str, Array]:
     """Return the wanted quantities less their targets, at all rows, and wanted numbers of the run less theirs."""
-    outcome = scenario.solved_outcome()
-    run = Lookup(Quantities(outcome.rows, scenario.symbols, scenario.content.undetermined), outcome.motion)
-    left = {}
-    for name, target in wanted.items():
-        values = np.array([RunNumber.read(name).value(run)[0]]) if "@" in name else run.quantities[name].values
+    result, left = scenario.result(scenario.solved_outcome()), {}
+    for name, target in (search.wanted or {}).items():
+        number = search.number(name, scenario.content.assessments)
+        values = np.array([number.value(result)[0]]) if number else result[name].values
         left[name] = values - float(target)
     return left
 
@@ -89,7 +86,7 @@ def _best(bare: Scenario, search: Find) -> Optimum:
         try:
             result = bare.varied(search.text(values)).run()
             said = _said(objective, result, floor)
-            margins = tuple(condition.margin(condition.number.value(result.lookup)[0]) for condition in conditions)
+            margins = tuple(condition.margin(condition.number.value(result)[0]) for condition in conditions)
         except Interrupted:
             raise
         except PinarmError as error:
@@ -106,19 +103,22 @@ def _best(bare: Scenario, search: Find) -> Optimum:
     return optimum(
         Landscape(
             *_bounds(search), search.start, run, [condition.relation == "=" for condition in conditions],
-            [size or 1.0 for size in sizes], squared=sign > 0.0 and objective.at in SQUARED,
+            [size or 1.0 for size in sizes], squared=sign > 0.0 and objective.figure in SQUARED,
         ),
         search.starts, search.seed, everywhere=search.search == "global",
     )  # fmt: skip
 
 
-def _said(number: RunNumber, result: Result, floor: float) -> float:
+def _said(number: AnyNumber, result: Result, floor: float) -> float:
     """Return a number of a run; where a figure of magnitudes has vanished, a bound of it: the largest of the rows.
 
     Rounding has no integral to any number of digits.
     """
-    rows = np.abs(result[number.quantity].values)
-    return float(rows.max()) if number.at in SQUARED and rows.max() <= floor else number.value(result.lookup)[0]
+    if isinstance(number, RunNumber) and number.figure in SQUARED:
+        rows = np.abs(result[number.quantity].values)
+        if rows.max() <= floor:
+            return float(rows.max())
+    return number.value(result)[0]
 
 
 def _bounds(search: Find) -> tuple[Array, Array]:

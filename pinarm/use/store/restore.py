@@ -28,6 +28,7 @@ from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result
 from pinarm.use.result.stored_rows import AGAIN, SolvedAnew, trajectory_of
 from pinarm.use.scenario.scenario import Scenario
+from pinarm.use.store.section_files import SECTIONS, read_sections
 
 if TYPE_CHECKING:
     from pinarm.use.show.replay.page import Replay
@@ -54,12 +55,12 @@ def restore(folder: str | Path) -> Result:
             raise InputError(problem, expected="a folder that 'pinarm run' wrote", hint=AGAIN)
     with complete_folder(folder):
         summary, arrays = _summary(folder / "summary.json"), _arrays(folder / "trajectory.npz")
-        scenario = Scenario.load(folder / "scenario.yaml")
+        scenario, known = Scenario.load(folder / "scenario.yaml"), read_sections(folder / SECTIONS)
         mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
     rows = trajectory_of(scenario, mechanism, arrays)
     outcome = Outcome(rows, None if rows.numbered else SolvedAnew(scenario, mechanism, rows.grid.cuts))
     measured = {key: summary[key] for key in ("figures", "errors", "setting", "removals")}
-    return replace(scenario.result(outcome), name=str(summary["scenario"]), **measured)
+    return replace(scenario.result(outcome), name=str(summary["scenario"]), known=known, **measured)
 
 
 def replay(

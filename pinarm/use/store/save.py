@@ -19,10 +19,13 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import Source
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
+from pinarm.input.roots import contained_file, root_of
 from pinarm.mechanics.loading.pinocchio_model import file_suffix
+from pinarm.use.assessments import FILES
 from pinarm.use.output.folder import whole_folder
 from pinarm.use.result.stored_rows import states
 from pinarm.use.store.files import cell, json_text, write, write_arrays, write_parts, yaml_text
+from pinarm.use.store.section_files import SECTIONS, sections_text
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -48,10 +51,14 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
         model = f"model{file_suffix(mechanism.xml)}"
         write(draft / "summary.json", json_text(result.summary()) + "\n")
         write(draft / "scenario.yaml", _resolved(result, folder))
+        for name, source in _tables(result).values():
+            write_parts(draft / name, [source.read_bytes()])
         write(draft / "mechanism.yaml", mechanism_text(mechanism.source, folder, model))
         write(draft / model, _model(mechanism, folder))
         write_parts(draft / "trajectory.csv", csv(columns))
         write_arrays(draft / "trajectory.npz", arrays(result, columns))
+        if result.sections:
+            write(draft / SECTIONS, sections_text(result.sections))
         for section in result.sections.values():
             for each in section.tables:
                 write(draft / f"{section.key}_{each.name}.csv", table_csv(each))
@@ -103,6 +110,8 @@ def _resolved(result: Result, folder: Path) -> str:
     """Return the scenario with every argument of the model and every default written out."""
     own = {key: value for key, value in result.data.items() if key != "changes"}  # in which paths are the mechanism's
     written = {**result.data, **_moved(own, result.folder, folder)}
+    for key, (name, _) in _tables(result).items():
+        written[key] = {**written[key], FILES[key]: name}
     units = result.trajectory.mechanism.argument_units
     written["arguments"] = {
         name: f"{value!r} {units[name]}" if name in units else value
@@ -144,6 +153,12 @@ def _moved(data: Any, source: Path, target: Path) -> Any:
     moved = {key: _moved(value, source, target) for key, value in data.items()}
     if data.get("law") == "table":
         moved["file"] = os.path.relpath(source / data["file"], target)
-    if isinstance(data.get("catalogue"), str):
-        moved["catalogue"] = os.path.relpath(source / data["catalogue"], target)
     return moved
+
+
+def _tables(result: Result) -> dict[str, tuple[str, Path]]:
+    """Return the files that assessments of a result read, which its folder keeps: assessment -> name there, file."""
+    named = {key: result.data[key].get(of) for key, of in FILES.items() if key in result.content.assessments}
+    root = root_of(result.folder)
+    return {key: (f"{key}_{FILES[key]}.csv", contained_file((result.folder / name).absolute(), root))
+            for key, name in named.items() if isinstance(name, str)}  # fmt: skip

@@ -55,3 +55,14 @@ def test_its_section_is_told_saved_and_drawn(tmp_path: Path) -> None:
 def test_its_point_is_checked_before_anything_is_solved() -> None:
     with pytest.raises(InputError, match="nowhere"):
         pinarm.validate("scenarios/rotor_vertical.yaml", {"shaking": {"about": "nowhere"}})
+
+
+def test_the_counterweights_of_berkof_and_lowen_are_found() -> None:
+    """Crank: (m2/2 + m3/2) 100 mm at 60 mm behind it; rocker: (m4/2 + m3/2) 250 mm at 100 mm behind it."""
+    weights = {"crank": {"point": "W2", "mass": "1 kg"}, "rocker": {"point": "W4", "mass": "1 kg"}}
+    find = {"for": {f"payloads.{name}.mass": "1 kg" for name in weights},
+            "so_that": {"dynamic.all.force.x": "0 N", "dynamic.all.force.y": "0 N"}}  # fmt: skip
+    result = pinarm.run("scenarios/four_bar_shaking.yaml", {"payloads": weights, "find": find})
+    assert result.figures["payloads.crank.mass [kg]"] == pytest.approx((0.5 + 1.75) * 100 / 60, rel=1e-12)
+    assert result.figures["payloads.rocker.mass [kg]"] == pytest.approx((1.25 + 1.75) * 250 / 100, rel=1e-12)
+    assert result.number("shaking.force.norm.peak")[0] < 1e-11

@@ -24,7 +24,7 @@ from pinarm.arrays import Array
 from pinarm.engine.quantities.family import NEWTON
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, within
-from pinarm.input.units import unit
+from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import InputStruct, LoadRating, Span
 from pinarm.use.assessments.loads.joint import LoadedJoint
 from pinarm.use.assessments.loads.number import LoadNumber, peak
@@ -66,6 +66,10 @@ class RollingBearing(InputStruct, frozen=True):
             raise InputError("X and Y are both 0: no load is left", expected="the factors of the bearing's catalogue")
 
     key: ClassVar[str] = "bearing"
+    units: ClassVar[Mapping[str, Unit]] = {
+        "load.peak": NEWTON, "rate.peak": SPIN, "load.mean": NEWTON, "rate.mean": SPIN, "life.turns": DIMENSIONLESS,
+        "life.time": SECOND,
+    }  # fmt: skip
 
     @property
     def exponent(self) -> float:
@@ -138,6 +142,9 @@ class PlainBearing(InputStruct, frozen=True):
     length: Span
 
     key: ClassVar[str] = "bushing"
+    units: ClassVar[Mapping[str, Unit]] = {
+        "pressure.peak": PASCAL, "speed.peak": SPEED, "pv.peak": INTENSITY, "pv.mean": INTENSITY, "speed.mean": SPEED
+    }  # fmt: skip
 
     def pressure(self, rows: Quantities, joint: LoadedJoint) -> Array:
         """Return the mean pressure on the projected area [Pa], shape (n,)."""

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.quantities.family import NEWTON, NEWTON_METRE
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
@@ -52,6 +53,12 @@ def envelope(run: Lookup, joint: LoadedJoint) -> tuple[list[EnvelopeRow], list[s
             low, high = (_value(run.at(which, series.name), series.name) for which in ("min", "max"))
         rows.append((joint.name, shown, str(series.unit), *low, *high))
     return rows, remarks
+
+
+def peak_units(joint: LoadedJoint) -> Mapping[str, Unit]:
+    """Return the peaks that a joint may have, and their units."""
+    wanted = (BY_AXIS if joint.axis else {}) | SIZES
+    return {part: NEWTON if name.startswith("force") else NEWTON_METRE for part, name in wanted.items()}
 
 
 def peaks(run: Lookup, joint: LoadedJoint) -> Mapping[str, tuple[LoadNumber, Quantities]]:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Literal
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, within
-from pinarm.input.units import Unit
+from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.input.yaml.schema import InputStruct
 from pinarm.use.assessments.loads.bearing import PlainBearing, RollingBearing, lives
-from pinarm.use.assessments.loads.envelope import EnvelopeRow, envelope, envelope_table, peaks
+from pinarm.use.assessments.loads.envelope import EnvelopeRow, envelope, envelope_table, peak_units, peaks
 from pinarm.use.assessments.loads.joint import LoadedJoint
 from pinarm.use.assessments.loads.load_sets import LoadSet, sets_table, told
 from pinarm.use.assessments.loads.number import LoadNumber
@@ -21,6 +21,7 @@ from pinarm.use.result.section import Section, SectionTable
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario
 
 
 class JointLoads(InputStruct, frozen=True):
@@ -66,8 +67,22 @@ class Loads(InputStruct, frozen=True):
         return [*(f"joint.{name}.force.x" for name in names),
                 *(f"{joint.prefix}.force.x" for joint, _ in self._loaded(mechanism))]  # fmt: skip
 
-    def check_names(self, quantities: Quantities) -> None:
+    def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
+        """Return peaks of joints, numbers of bearings and of rotors; peaks may be missing: see ``Assessment``."""
+        units = dict[str, Unit | None]()
+        for joint, asked in self._loaded(quantities.trajectory.mechanism):
+            units |= {f"{joint.name}.{part}.peak": unit for part, unit in peak_units(joint).items()}
+            for each in (asked.bearing, asked.bushing):
+                units |= {f"{joint.name}.{name}": unit for name, unit in each.units.items()} if each else {}
+        for name, rotor in self.rotors.items():
+            units |= {f"{name}.{part}": unit for part, unit in rotor.units.items()}
+        return {**units, "sets.residual": DIMENSIONLESS} if self.sets else units
+
+    def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
         """Check joints, coordinates and rotors: see ``Assessment``."""
+        self._check_joints(quantities)
+
+    def _check_joints(self, quantities: Quantities) -> None:
         mechanism = quantities.trajectory.mechanism
         for joint, asked in self._loaded(mechanism):
             with within("joints", joint.name):
@@ -78,7 +93,7 @@ class Loads(InputStruct, frozen=True):
 
     def evaluate(self, result: Result) -> Section:
         """Return envelopes, lives, grades and sets of loads: see ``Assessment``."""
-        self.check_names(result.quantities)
+        self._check_joints(result.quantities)
         run, at, loaded = result.lookup, result.trajectory.unit, [*self._loaded(result.trajectory.mechanism)]
         rows, numbers, remarks, sets = _joint_loads(run, [joint for joint, _ in loaded], self.sets)
         bearings = [(joint, each) for joint, asked in loaded for each in (asked.bearing, asked.bushing) if each]
@@ -91,7 +106,9 @@ class Loads(InputStruct, frozen=True):
             tables.append(sets_table(sets, at))
             numbers["sets.residual"] = LoadNumber.pure(max(each.residual for each in sets))
         series = {name: number.series(name) for name, number in numbers.items()}
-        return Section("loads", "Loads of joints", [_numbers_table(numbers, at), *tables], series, remarks)
+        errors = {name: number.error for name, number in numbers.items()}
+        tables = [_numbers_table(numbers, at), *tables]
+        return Section("loads", "Loads of joints", tables, series, remarks, errors=errors)
 
     def _loaded(self, mechanism: Mechanism) -> Iterator[tuple[LoadedJoint, JointLoads]]:
         for name, asked in self.joints.items():

@@ -11,13 +11,15 @@ unbalanced like the two masses with ``U_1 + U_2 = U`` and ``z_1 U_1 + z_2 U_2 = 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.quantities.joint_axes import tree_axis
 from pinarm.errors import InputError, choices, within
-from pinarm.input.units import unit
+from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Lead, ServiceSpeed
 from pinarm.mechanics.joints import RADIAN
 from pinarm.use.assessments.loads.number import LoadNumber
@@ -46,6 +48,12 @@ class Rotor(InputStruct, frozen=True):
         """Refuse planes that are one."""
         if self.planes and self.planes[0] == self.planes[1]:
             raise InputError("both planes are at the same place", expected="two planes")
+
+    @property
+    def units(self) -> Mapping[str, Unit]:
+        """Its numbers by name, and their units."""
+        inner = {f"unbalance.{k}": UNBALANCE for k in (1, 2)} if self.planes else {}
+        return {"unbalance": UNBALANCE, "eccentricity": METRE, "quality": QUALITY, **inner}
 
     @staticmethod
     def check_joint(mechanism: Mechanism, name: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,7 +15,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices, within
 from pinarm.input.roots import contained_file, root_of
-from pinarm.input.units import DIMENSIONLESS, unit
+from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Pause, current_folder
 from pinarm.use.assessments.sizing.catalogue import Motor, read_catalogue
 from pinarm.use.assessments.sizing.duty import Duty, duty_of
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
     from pinarm.mechanics.drives import Drive
     from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario
 
 TORQUE, SPEED, INERTIA, ENERGY = unit("N*m"), unit("rad/s"), unit("kg*m^2"), unit("J")
 
@@ -32,6 +33,12 @@ COLUMNS = (
     "rank", "motor", "ratio", "verdict", "peak torque", "torque margin", "rms torque", "rms margin", "peak speed",
     "speed margin", "winding", "inertia ratio", "energy", "regenerated",
 )  # fmt: skip
+NUMBERS = {
+    "fitting": DIMENSIONLESS, "peak_torque": TORQUE, "rms_torque": TORQUE, "peak_speed": SPEED, "ratio": DIMENSIONLESS,
+    "reserve": DIMENSIONLESS,
+}  # fmt: skip
+"""How many fit, and what is said of the first of them in the ranking: name -> unit."""
+
 UNITS_OF = (None, None, None, None, TORQUE, None, TORQUE, None, SPEED, None, None, None, ENERGY, ENERGY)
 
 
@@ -92,8 +99,15 @@ class Sizing(InputStruct, frozen=True):
         """Return what it needs of a run: see ``Assessment``."""
         return [f"drive.{self.drive}.torque"]
 
-    def check_names(self, quantities: Quantities) -> None:
+    def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
+        """Return what is said of the motor that is ranked first: see ``Assessment``."""
+        return NUMBERS
+
+    def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
         """Check the drive: see ``Assessment``."""
+        self._check_drive(quantities)
+
+    def _check_drive(self, quantities: Quantities) -> None:
         drives = quantities.trajectory.mechanism.drives
         if self.drive not in drives:
             expected, hint = choices(self.drive, drives)
@@ -110,6 +124,7 @@ class Sizing(InputStruct, frozen=True):
         run = result.trajectory
         if result.outcome.motion is None or run.parameter != "t":
             raise InputError("a motor is sized for a motion in time", expected="a problem of kind inverse or forward")
+        self._check_drive(result.quantities)
         drive = run.mechanism.drives[self.drive]
         efficiency = drive.efficiency if self.efficiency is None else self.efficiency
         duty = duty_of(result.lookup, drive.joint, drive.armature, efficiency, float(self.rest))
@@ -141,14 +156,8 @@ class Sizing(InputStruct, frozen=True):
         tables = [SectionTable("motors", f"Motors and ratios for {self.drive}, the lightest that fits first", COLUMNS,
                                UNITS_OF, rows), _best_ratios(duty, ranked)]  # fmt: skip
         best, fitting = ranked[0], sum(not candidate.reasons for candidate in ranked)
-        numbers = {
-            "fitting": Series("fitting", DIMENSIONLESS, np.array([float(fitting)])),
-            "peak_torque": Series("peak torque", TORQUE, np.array([best.peak_torque])),
-            "rms_torque": Series("rms torque", TORQUE, np.array([best.rms_torque])),
-            "peak_speed": Series("peak speed", SPEED, np.array([best.peak_speed])),
-            "ratio": Series("ratio", DIMENSIONLESS, np.array([best.ratio])),
-            "reserve": Series("reserve", DIMENSIONLESS, np.array([best.reserve])),
-        }
+        values = {"fitting": float(fitting)} | {name: getattr(best, name) for name in NUMBERS if name != "fitting"}
+        numbers = {name: Series(name.replace("_", " "), NUMBERS[name], np.array([x])) for name, x in values.items()}
         remarks = [
             f"{fitting} of {len(ranked)} fit; motors with a gear of efficiency "
             f"{drive.efficiency if self.efficiency is None else self.efficiency:g} by direction of power",
@@ -156,7 +165,8 @@ class Sizing(InputStruct, frozen=True):
         ]
         if not fitting:
             remarks.insert(0, f"no motor fits; closest is {best.motor.name} at {best.ratio:g}: {best.verdict}")
-        return Section("sizing", f"Motor and gear of {self.drive}", tables, numbers, remarks, [_cloud(duty, best)])
+        return Section("sizing", f"Motor and gear of {self.drive}", tables, numbers, remarks, [_cloud(duty, best)],
+                       {"rms_torque": duty.error * best.rms_torque})  # fmt: skip
 
 
 @dataclass(frozen=True)

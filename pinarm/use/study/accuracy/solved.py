@@ -45,4 +45,4 @@ def verified(scenario: Scenario) -> Result:
     result = replace(result, figures={**result.figures, **checked})
     if result.errors:
         return result
-    return estimate_errors(scenario.restated(result.data) if result.found else scenario, result)
+    return estimate_errors(scenario.restated(result.data) if "find" in result.known else scenario, result)

@@ -25,6 +25,7 @@ from pinarm.use.result.curve_figures import figure, is_figure
 from pinarm.use.result.expectation import Expectation
 from pinarm.use.result.result import Result
 from pinarm.use.result.row_lookup import NotReached
+from pinarm.use.result.section_number import measured, names_section, read_number
 from pinarm.use.scenario.scenario import Given
 from pinarm.use.study.run import run, scenarios
 
@@ -142,6 +143,9 @@ def _computed(result: Result, expectation: Expectation) -> tuple[Quantities, Ser
     """Return the rows that an expectation is about, what was computed there, and the error of its quadrature."""
     at, quantity = expectation.at, expectation.quantity
     with within("quantity"):
+        if names_section(quantity, result.numbered):
+            series, error = measured(read_number(quantity), result)
+            return result.lookup.at("start", result.trajectory.parameter), series, error
         series = result.quantities[quantity]
     if at == "all":
         return result.quantities, series, 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -17,7 +18,8 @@ from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import varied
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result
-from pinarm.use.result.run_number import EXAMPLES, RunNumber
+from pinarm.use.result.run_number import EXAMPLES
+from pinarm.use.result.section_number import AnyNumber, Numbered, measured, names_section, read_number
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
 from pinarm.use.study.sweep.axes import Value
@@ -28,54 +30,64 @@ WORTH = (*MEASURES, QUADRATURE, GLOBAL_ERROR)
 the global error where the scenario has a target for it."""
 
 
+NO_SECTIONS: Mapping[str, Numbered] = MappingProxyType({})
+
+
 @dataclass(frozen=True)
 class Wanted:
     """What a sweep takes from the result of each case: a number of the run, or the bounds of a quantity in its rows.
 
     Attributes:
-        quantity: A quantity, a symbol or a formula.
+        quantity: A quantity, a symbol or a formula; of a number, its name.
         number: The number of the run; ``None`` for the least and the greatest value of the rows.
         unit: Of the numbers in every case; ``None`` where it is not known.
     """
 
     quantity: str
-    number: RunNumber | None = None
+    number: AnyNumber | None = None
     unit: Unit | None = None
 
     @classmethod
-    def read(cls, text: str) -> Wanted:
-        """Read ``QUANTITY``, or ``QUANTITY @ PLACE`` and the like; see ``RunNumber.read``.
+    def read(cls, text: str, sections: Mapping[str, object] = NO_SECTIONS) -> Wanted:
+        """Read ``QUANTITY``, or ``QUANTITY @ PLACE`` and the like; see ``read_number``.
+
+        Args:
+            text: What is wanted.
+            sections: What the sections of the scenario are of, by key.
 
         Raises:
             InputError: It cannot be read.
         """
         if not text.strip():
             raise InputError("an empty text asks for nothing", expected=EXAMPLES).at(Location("--result"))
-        if "@" not in text:
+        if "@" not in text and not names_section(text, sections):
             return cls(text.strip())
         try:
-            number = RunNumber.read(text)
+            number = read_number(text)
         except InputError as error:
             raise error.at(Location(f"--result {text}")) from None
-        return cls(number.quantity, number)
+        return cls(number.label, number)
 
     def labels(self) -> tuple[str, ...]:
         """Return the names of the numbers."""
         return (self.number.label,) if self.number else (f"min {self.quantity}", f"max {self.quantity}")
 
-    def measured(self, quantities: Quantities) -> tuple[Wanted, list[Series]]:
+    def measured(
+        self, quantities: Quantities, sections: Mapping[str, Numbered] = NO_SECTIONS
+    ) -> tuple[Wanted, list[Series]]:
         """Return the same with its unit, and the columns of its numbers, still empty.
 
         Args:
             quantities: Those of the scenario, with nothing solved.
+            sections: What its sections are of, by key.
 
         Raises:
             InputError: There is no such quantity.
         """
         try:
-            series = self.number.described(quantities) if self.number else quantities[self.quantity]
+            series = self.number.described(quantities, sections) if self.number else quantities[self.quantity]
         except InputError as error:
-            raise error.at(Location(f"--result {self.number.label if self.number else self.quantity}")) from None
+            raise error.at(Location(f"--result {self.quantity}")) from None
         columns = [replace(series, name=label, values=np.zeros(0)) for label in self.labels()]
         return replace(self, unit=series.unit), columns
 
@@ -87,11 +99,12 @@ class Wanted:
             DynamicsError: A number is not finite.
         """
         quantities = result.quantities
-        unit = self.number.described(quantities).unit if self.number else quantities[self.quantity].unit
+        number = measured(self.number, result) if self.number else None
+        unit = (number[0] if number else quantities[self.quantity]).unit
         if self.unit and unit and unit.dimension != self.unit.dimension:
             raise InputError(f"{self.labels()[0]} is in {unit} in this case", expected=f"{self.unit}, as in others")
-        if self.number:
-            numbers = [self.number.value(result.lookup)]
+        if number:
+            numbers = [(float(number[0].values[0]), number[1])]
         else:
             values = quantities[self.quantity].values
             numbers = [(float(values.min()), 0.0), (float(values.max()), 0.0)]

@@ -145,8 +145,9 @@ def sweep(
     given = {path: x.tolist() if isinstance(x, np.ndarray) else x for path, x in (over or {}).items()}
     with noting_files() as files:
         chosen = Cases.of(_axes(scenario, given, cases, samples, seed, sampling))
-        quantities = _end(scenario, chosen).quantities()
-        found = [Wanted.read(text).measured(quantities) for text in results or scenario.content.outputs]
+        quantities, sections = _end(scenario, chosen).quantities(), scenario.numbered
+        read = [Wanted.read(text, sections) for text in results or scenario.content.outputs]
+        found = [entry.measured(quantities, sections) for entry in read]
     task = Task(scenario.document, scenario.folder, tuple(entry for entry, _ in found), given_root())
     named = [column for _, columns in found for column in columns]
     named += [Series(name, DIMENSIONLESS, np.zeros(0)) for name in WORTH]

@@ -136,3 +136,8 @@ def test_mistakes_in_a_catalogue_are_told(sized: Callable[..., Any], catalogue: 
 def test_mistakes_in_what_is_asked_are_told(sized: Callable[..., Any], more: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         sized(more)
+
+
+def test_a_drive_that_does_not_exist_is_told_by_a_run_too(sized: Callable[..., Any]) -> None:
+    with pytest.raises(InputError, match="there is no drive 'moter'"):
+        sized("ratios: [50]", HEADING + SMALL, ("drive: motor", "drive: moter"))

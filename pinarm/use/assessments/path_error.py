@@ -1,0 +1,282 @@
+"""Error of a path: how far a point passes from points that it is to meet, one after the other.
+
+With p(t) the path of the point over the run and w_i the wanted points, in their order, instants ``t_1 < t_2 < ...`` are
+sought with the least ``Σ |p(t_i) - w_i|²``: first among samples by dynamic programming, then to rounding by Newton's
+steps on ``(p - w_i) . p' = 0``. Where the instants are prescribed (``times``) there is nothing to seek. The errors are
+
+    e_i = |p(t_i) - w_i|,    rms = (Σ e_i² / n)^(1/2),    peak = max e_i,    sum_of_squares = Σ e_i².
+
+A run stays on the branch on which it was assembled, and ends with an error where it cannot, so that all points are met
+on one branch. If two wanted points are nearest to one instant, the path does not meet them in their order: that is
+refused.
+
+Source: Norton, Design of Machinery, sections 3.6 and 5.10 (coupler curves; order and branch defects).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
+from pinarm.errors import InputError, within
+from pinarm.input.units import Unit, unit
+from pinarm.input.yaml.schema import InputStruct, Position, Time
+from pinarm.use.assessments.wanted_points import MOST, read_points
+from pinarm.use.result.row_lookup import Lookup
+from pinarm.use.result.section import Cell, Curve, Graph, Section, SectionTable
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+    from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario
+
+METRE, SECOND, SQUARE = unit("m"), unit("s"), unit("m^2")
+UNITS = {"rms": METRE, "peak": METRE, "sum_of_squares": SQUARE}
+
+SAMPLES, FEW = 1440, 16
+"""Instants at which the path is looked at, spread over its intervals by their lengths: a quarter of a degree of a turn;
+and the least in each interval."""
+
+STEPS = 8
+"""Newton's steps from a sample: each doubles the digits, and three are enough but where the path turns sharply."""
+
+ONE_INSTANT = 1e-9
+"""Difference of instants, relative to the length of the run, below which they are one."""
+
+
+class PathError(InputStruct, frozen=True):
+    """How far a point passes from wanted points.
+
+    Attributes:
+        point: A link, or a point of it, whose origin is meant.
+        wanted: Coordinates of the points in their order, by axis of the world: ``{x: [20 mm, 20 mm], y: [0, 5 mm]}``;
+            or a CSV file with the columns ``x [mm]`` and so on. Axes that are left out do not count.
+        times: At which instants the points are to be met; the best ones in their order where they are left out.
+    """
+
+    point: str
+    wanted: dict[str, Annotated[list[Position], msgspec.Meta(min_length=1, max_length=MOST)]] | str
+    times: list[Time] | None = None
+
+    def check(self) -> None:
+        """Read the points, so that their mistakes are located in the file."""
+        with within("wanted"):
+            axes, points = read_points(self.wanted)
+        if isinstance(self.wanted, str):
+            msgspec.structs.force_setattr(self, "wanted", dict(zip(axes, points.T.tolist(), strict=True)))
+        if self.times is not None:
+            with within("times"):
+                if len(self.times) != len(points):
+                    raise InputError(f"there are {len(self.times)} times for {len(points)} points", expected="as many")
+
+    def quantities(self, kind: str) -> list[str]:
+        """Return the names of the point's coordinates, or of their rates, along the wanted axes."""
+        axes, _ = read_points(self.wanted)
+        return [f"point.{self.point}.{kind}.{axis}" for axis in axes]
+
+    def requested(self, mechanism: Mechanism) -> list[str]:
+        """Return what it needs of a run: see ``Assessment``."""
+        return [name for kind in ("position", "velocity", "acceleration") for name in self.quantities(kind)]
+
+    def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
+        """Return the errors: see ``Assessment``."""
+        return UNITS
+
+    def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
+        """Check the point: see ``Assessment``."""
+        with within("point"):
+            _ = [quantities[name] for name in self.quantities("position")]
+
+    def evaluate(self, result: Result) -> Section:
+        """Return the errors at all points: see ``Assessment``.
+
+        Raises:
+            InputError: The run is no motion in time, or it does not meet the points in their order.
+        """
+        run = result.lookup
+        if run.motion is None or run.run.parameter != "t":
+            raise InputError("a path is followed by a motion in time", expected="a problem of kind kinematics, "
+                             "inverse or forward")  # fmt: skip
+        axes, wanted = read_points(self.wanted)
+        path = _Path.of(run, self, wanted)
+        met = path.met() if self.times is None else path.at_times(np.array([float(time) for time in self.times]))
+        errors = np.linalg.norm(met.places - wanted, axis=1)
+        squares = float(errors @ errors)
+        values = {"rms": (squares / len(errors)) ** 0.5, "peak": float(errors.max()), "sum_of_squares": squares}
+        numbers = {name: Series(name, UNITS[name], np.array([value])) for name, value in values.items()}
+        rows: list[tuple[Cell, ...]] = [
+            (str(k), t, *w, *p, e)
+            for k, (t, w, p, e) in enumerate(
+                zip(met.t.tolist(), wanted.tolist(), met.places.tolist(), errors.tolist(), strict=True), start=1)
+        ]  # fmt: skip
+        columns = ("point", "met at", *(f"wanted {axis}" for axis in axes), *axes, "error")
+        table = SectionTable("points", "Wanted points, and where the path passes them", columns,
+                             (None, SECOND, *(METRE,) * (2 * len(axes) + 1)), rows)  # fmt: skip
+        how = "in their order, at the best instants" if self.times is None else "at the prescribed instants"
+        remarks = [f"error: rms {values['rms']:.6g} m, peak {values['peak']:.6g} m, {len(errors)} points, met {how}"]
+        return Section("path_error", f"Error of the path of {self.point}", [table], numbers, remarks,
+                       _graphs(axes, path, wanted))  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Met:
+    """Where a path meets points: instants, shape (n,), and places there [m], shape (n, axes)."""
+
+    t: Array
+    places: Array
+
+
+@dataclass(frozen=True)
+class _Path:
+    """A path and the points that it is to meet.
+
+    Attributes:
+        run: The run.
+        names: Quantities of the places, velocities and accelerations.
+        wanted: The points [m], shape (n, axes).
+        interval: Number of the interval of every sample, shape (samples,).
+        t: Instants of the samples, shape (samples,).
+        places: Places there [m], shape (samples, axes).
+    """
+
+    run: Lookup
+    names: tuple[list[str], list[str], list[str]]
+    wanted: Array
+    interval: Array
+    t: Array
+    places: Array
+
+    @classmethod
+    def of(cls, run: Lookup, asked: PathError, wanted: Array) -> _Path:
+        names = asked.quantities("position"), asked.quantities("velocity"), asked.quantities("acceleration")
+        whole = run.run.grid.cuts[-1] - run.run.grid.cuts[0]
+        interval, t, places = list[Array](), list[Array](), list[Array]()
+        for number, (start, end, _) in enumerate(run.intervals):
+            if end > start:
+                at = np.linspace(start, end, FEW + round(SAMPLES * (end - start) / whole))
+                interval.append(np.full(len(at), number))
+                t.append(at)
+                places.append(_stacked(run.quantities_at(number, at), names[0]))
+        if not t:
+            raise InputError("the run has no length: there is no path")
+        return cls(run, names, wanted, np.concatenate(interval), np.concatenate(t), np.concatenate(places))
+
+    def met(self) -> _Met:
+        """Return the best instants in the order of the points.
+
+        Raises:
+            InputError: Two points are best met at one instant.
+        """
+        rows, turn = self._ordered()
+        t, places = self._refined(rows)
+        length = self.run.run.grid.cuts[-1] - self.run.run.grid.cuts[0]
+        order = t + length * ((np.arange(len(t)) >= turn) & (turn > 0))
+        for k in np.flatnonzero(np.diff(order) <= ONE_INSTANT * length).tolist():
+            if np.linalg.norm(self.wanted[k + 1] - self.wanted[k]) > ONE_INSTANT:
+                raise InputError(
+                    f"the path does not meet the points {k + 1} and {k + 2} one after the other: both are nearest to "
+                    f"it at t = {t[k]:.6g} s", hint="another order of the points, other lengths, or a longer run",
+                )  # fmt: skip
+        return _Met(t, places)
+
+    def _ordered(self) -> tuple[Array, int]:
+        """Return the samples nearest to the points in their order, shape (n,), and how many come before the end.
+
+        A path that closes may begin anywhere: every sample at which it is locally nearest to the first point is tried
+        as its begin.
+        """
+        squares = ((self.places[None, :, :] - self.wanted[:, None, :]) ** 2).sum(axis=2)
+        count = squares.shape[1]
+        size = float(np.ptp(self.places, axis=0).max())
+        closed = float(np.linalg.norm(self.places[-1] - self.places[0])) <= 1e-6 * size
+        begins = [0, *(_local_minima(squares[0]) if closed else ())]
+        found = [(*_monotone(np.roll(squares, -begin, axis=1)), begin) for begin in begins]
+        _, rows, begin = min(found, key=lambda each: each[0])
+        rolled = (rows + begin) % count
+        wraps = np.flatnonzero(np.diff(rolled) < 0)
+        return rolled, int(wraps[0]) + 1 if len(wraps) else 0
+
+    def _refined(self, rows: Array) -> tuple[Array, Array]:
+        """Return the instants near samples at which the path is nearest to the points, and its places there."""
+        t, places = self.t[rows].copy(), self.places[rows].copy()
+        for number in np.unique(self.interval[rows]).tolist():
+            here = np.flatnonzero(self.interval[rows] == number)
+            start, end, _ = self.run.intervals[number]
+            spacing = np.diff(self.t[self.interval == number]).max()
+            low, high = np.maximum(t[here] - spacing, start), np.minimum(t[here] + spacing, end)
+            for _ in range(STEPS):
+                p, v, a = self._states(number, t[here])
+                off = p - self.wanted[here]
+                slope, bend = (off * v).sum(axis=1), (v * v).sum(axis=1) + (off * a).sum(axis=1)
+                step = np.where(bend > 0.0, -slope / np.where(bend > 0.0, bend, 1.0), 0.0)
+                t[here] = np.clip(t[here] + step, low, high)
+            places[here] = self._states(number, t[here])[0]
+        return t, places
+
+    def _states(self, number: int, t: Array) -> tuple[Array, Array, Array]:
+        """Return places, velocities and accelerations at instants of an interval, each of shape (n, axes)."""
+        order = t.argsort()
+        rows = self.run.quantities_at(number, t[order])
+        back = order.argsort()
+        place, velocity, acceleration = (_stacked(rows, names)[back] for names in self.names)
+        return place, velocity, acceleration
+
+    def at_times(self, times: Array) -> _Met:
+        """Return where the path is at prescribed instants.
+
+        Raises:
+            InputError: One is not in the run, or the path jumps there.
+        """
+        with within("times"):
+            rows = [self.run.at({"t": f"{time!r} s"}, self.names[0][0]) for time in times.tolist()]
+        return _Met(times, np.concatenate([_stacked(row, self.names[0]) for row in rows]))
+
+
+def _stacked(rows: Quantities, names: list[str]) -> Array:
+    return np.stack([rows[name].values for name in names], axis=1)
+
+
+def _local_minima(values: Array) -> list[int]:
+    """Return where values that close are not above their neighbours, a little before each."""
+    low = (values <= np.roll(values, 1)) & (values <= np.roll(values, -1))
+    return [(int(k) - 1) % len(values) for k in np.flatnonzero(low)]
+
+
+def _monotone(squares: Array) -> tuple[float, Array]:
+    """Return the least sum of one entry of every row, their columns not descending, and the columns.
+
+    Args:
+        squares: Shape (n, samples).
+    """
+    total, choices = squares[0], []
+    for row in squares[1:]:
+        least = np.minimum.accumulate(total)
+        changed = np.concatenate([[True], least[1:] < least[:-1]])
+        choices.append(np.maximum.accumulate(np.where(changed, np.arange(len(row)), 0)))
+        total = least + row
+    columns = [int(total.argmin())]
+    for choice in reversed(choices):
+        columns.append(int(choice[columns[-1]]))
+    return float(total.min()), np.array(columns[::-1])
+
+
+def _graphs(axes: list[str], path: _Path, wanted: Array) -> list[Graph]:
+    """Return the path and the points in the plane of the two wanted axes along which the points spread most."""
+    if len(axes) < 2:
+        return []
+    spread = np.ptp(np.concatenate([path.places, wanted]), axis=0)
+    across, up = sorted(np.argsort(spread)[-2:].tolist())
+
+    def curve(places: Array, label: str, *, points: bool) -> Curve:
+        x, y = (Series(axes[k], METRE, places[:, k]) for k in (across, up))
+        return Curve(x, y, label, points)
+
+    curves = [curve(path.places, "path", points=False), curve(wanted, "wanted", points=True)]
+    return [Graph("path", "Path, and the points wanted", curves, equal=True)]

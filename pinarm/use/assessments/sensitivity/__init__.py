@@ -1,0 +1,1 @@
+"""What numbers of a run depend on: derivatives, bands from tolerances, and how they are distributed."""

@@ -1,0 +1,59 @@
+"""How accurate a number of a run is by itself: what its differences can show, and what is known of its error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.series import Series
+from pinarm.use.result.curve_figures import is_figure
+from pinarm.use.result.run_number import RunNumber
+from pinarm.use.result.section_number import AnyNumber
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
+
+SOLVED = 1e-13
+"""Relative error of quantities that follow from equations solved to rounding, as in statics and inverse dynamics."""
+
+STEPS = 10.0
+"""Global error of an integrated motion over its tolerance; what changes irregularly from run to run is less."""
+
+
+def noise(result: Result, numbers: Sequence[AnyNumber], measured: Sequence[tuple[Series, float]]) -> Array:
+    """Return what may change irregularly in numbers from one run to the next [SI], shape (m,).
+
+    Args:
+        result: The run.
+        numbers: The numbers.
+        measured: Their values, and the errors of their quadrature.
+    """
+    key, value = result.content.accuracy.setting
+    adaptive = "evaluations" in result.figures and key == "tolerance"
+    relative = max(SOLVED, STEPS * value) if adaptive else SOLVED
+    sizes = [max(_size(result, number), abs(float(series.values[0])))
+             for number, (series, _) in zip(numbers, measured, strict=True)]  # fmt: skip
+    return np.array([relative * size + error for size, (_, error) in zip(sizes, measured, strict=True)])
+
+
+def global_error(result: Result, number: AnyNumber) -> float | None:
+    """Return the bound of a number's error [SI] that holds in 99 of 100 cases; ``None`` where it is not known.
+
+    A figure of a curve is no more wrong than its worst row, nor is an extreme, or the value at an instant.
+    """
+    if not isinstance(number, RunNumber) or number.quantity not in result.errors:
+        return None
+    of_instant = isinstance(number.at, dict) and result.trajectory.parameter in number.at
+    if not of_instant and (isinstance(number.at, dict) or number.of != number.quantity):
+        return None
+    length = float(np.ptp(result.trajectory.grid.cuts)) if number.figure == "integral" else 1.0
+    quadrature = number.value(result)[1] if is_figure(number.figure) else 0.0
+    return result.errors[number.quantity] * _size(result, number) * length + quadrature
+
+
+def _size(result: Result, number: AnyNumber) -> float:
+    """Return the largest absolute value of the quantity over the run; 0 for a number of a section."""
+    return float(np.abs(result[number.quantity].values).max()) if isinstance(number, RunNumber) else 0.0

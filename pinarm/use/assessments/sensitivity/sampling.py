@@ -1,0 +1,115 @@
+"""Inputs drawn within their tolerances: how numbers are distributed, and which input makes them vary.
+
+A tolerance ±t is that of a normal distribution with the standard deviation ``t/3``, or of a uniform one from -t to t,
+with ``t/√3``. Independent inputs make of a number f, where it is linear, the variance ``Σ (df/dx_i)² σ_i²``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError, Interrupted, PinarmError
+from pinarm.use.assessments.sensitivity.variation import Variation
+
+DistributionName = Literal["normal", "uniform"]
+
+DEVIATION: dict[DistributionName, float] = {"normal": 1.0 / 3.0, "uniform": 3.0**-0.5}
+"""Standard deviation of an input, relative to its tolerance."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Numbers of runs with drawn inputs.
+
+    Attributes:
+        values: Of the runs that could be solved [SI], shape (n, m).
+        failures: Why others could not.
+    """
+
+    values: Array
+    failures: Sequence[str]
+
+
+def changes_of(draws: Array, tolerances: Array, distribution: DistributionName) -> Array:
+    """Return changes of inputs, shape (n, k), from numbers that are spread evenly between 0 and 1, of that shape."""
+    if distribution == "uniform":
+        return np.asarray((2.0 * draws - 1.0) * tolerances)
+    from scipy.special import ndtri
+
+    return np.asarray(ndtri(draws) * tolerances * DEVIATION["normal"])
+
+
+def monte_carlo(variation: Variation, count: int, seed: int, distribution: DistributionName) -> Samples:
+    """Return the numbers of runs whose inputs are drawn independently.
+
+    Raises:
+        InputError: Fewer than two of the runs can be solved.
+    """
+    tolerances = np.array([each.tolerance for each in variation.inputs])
+    draws = np.random.default_rng(seed).random((count, len(tolerances)))
+    values, failures = list[Array](), list[str]()
+    for changes in changes_of(draws, tolerances, distribution):
+        try:
+            values.append(variation.at(changes))
+        except Interrupted:
+            raise
+        except PinarmError as error:
+            failures.append(error.message)
+    if len(values) < 2:
+        raise InputError(f"{len(failures)} of {count} runs within the tolerances cannot be solved: {failures[0]}",
+                         hint="smaller tolerances")  # fmt: skip
+    return Samples(np.array(values), failures)
+
+
+@dataclass(frozen=True)
+class SobolIndices:
+    """Sobol' indices of numbers by inputs, each of shape (m, k), with half widths of their 95 % intervals.
+
+    Attributes:
+        first: Part of the variance that an input makes by itself.
+        first_error: Its interval.
+        total: Part of the variance that it has any share in.
+        total_error: Its interval.
+    """
+
+    first: Array
+    first_error: Array
+    total: Array
+    total_error: Array
+
+
+def sobol_indices(variation: Variation, count: int, seed: int, distribution: DistributionName) -> SobolIndices:
+    """Return the Sobol' indices of the numbers, from ``count * (k + 2)`` runs by Saltelli's scheme.
+
+    Source: Saltelli et al., Variance based sensitivity analysis of model output, Computer Physics Communications 181
+    (2010), by SALib (Herman and Usher, Journal of Open Source Software, 2017).
+
+    Raises:
+        InputError: SALib is not installed, or a run cannot be solved.
+    """
+    try:
+        from SALib.analyze import sobol as analysis
+        from SALib.sample import sobol as sampling
+    except ImportError:
+        raise InputError("Sobol' indices need SALib, which is not installed",
+                         hint="pip install 'pinarm[sensitivity]', or leave sobol out") from None  # fmt: skip
+    k = len(variation.inputs)
+    problem = {"num_vars": k, "names": [str(j) for j in range(k)], "bounds": [[0.0, 1.0]] * k}
+    draws = sampling.sample(problem, count, calc_second_order=False, seed=seed)
+    inner = np.clip(draws, 1e-12, 1.0 - 1e-12)  # Sobol's first point is 0, where a normal distribution has no end
+    changes = changes_of(inner, np.array([each.tolerance for each in variation.inputs]), distribution)
+    try:
+        values = np.array([variation.at(each) for each in changes])
+    except PinarmError as error:
+        raise InputError(f"a run within the tolerances cannot be solved: {error.message}",
+                         hint="smaller tolerances, or uniform ones, which end there") from None  # fmt: skip
+    if not (values.std(axis=0) > 0.0).all():
+        raise InputError("a number does not vary within the tolerances: it has no Sobol' indices")
+    centred = (values - values.mean(axis=0)) / values.std(axis=0)
+    found = [analysis.analyze(problem, each, calc_second_order=False, seed=seed) for each in centred.T]
+    return SobolIndices(*(np.array([one[name] for one in found]) for name in ("S1", "S1_conf", "ST", "ST_conf")))

@@ -1,0 +1,220 @@
+"""What numbers of a run depend on: derivatives by inputs with tolerances, and the bands that these make.
+
+With the derivatives D_i of a number and the tolerances t_i, its band is ``Σ |D_i| t_i`` in the worst case, and
+``(Σ D_i² t_i²)^(1/2)`` by root-sum-square, where inputs are independent. Both are linear; runs at the two worst
+corners, and Monte Carlo on request, show where that is not enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
+from pinarm.errors import InputError, PinarmError, within
+from pinarm.input.units import Unit
+from pinarm.input.yaml.schema import InputStruct
+from pinarm.use.assessments.sensitivity.accuracy import global_error, noise
+from pinarm.use.assessments.sensitivity.derivative import Derivative, derivatives
+from pinarm.use.assessments.sensitivity.sampling import DistributionName, monte_carlo, sobol_indices
+from pinarm.use.assessments.sensitivity.tables import (
+    Band,
+    band_table,
+    distribution_graph,
+    distribution_remarks,
+    distribution_table,
+    effect_table,
+    slug,
+    sobol_table,
+)
+from pinarm.use.assessments.sensitivity.tolerance import Tolerance
+from pinarm.use.assessments.sensitivity.variation import Variation, inputs_of
+from pinarm.use.result.run_number import RunNumber
+from pinarm.use.result.section import Graph, Section, SectionTable
+from pinarm.use.result.section_number import AnyNumber, measured, read_number
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+    from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario
+
+LEVEL = 1.0 / 7.0
+"""Exponent of the relative error of the numbers that makes the best step; see ``derivative``."""
+
+ZEROS = 10.0
+"""Size of an input, in its tolerances, that steps are relative to at least: inputs may be 0."""
+
+
+class Sensitivity(InputStruct, frozen=True):
+    """What numbers of the run depend on.
+
+    Attributes:
+        of: Numbers of the run, such as ``C_B @ max`` or ``loads.B.life.time``.
+        to: Numbers of the scenario and their tolerances: argument of the model, or path as ``--set`` writes it ->
+            ``250 ± 0.1 mm``, ``0.1 mm`` or ``5 %``.
+        monte_carlo: How many runs with drawn inputs are compared with root-sum-square; 0 for none.
+        sobol: Base samples of Sobol' indices, a power of 2, which take that many runs times the inputs and two; 0 for
+            none. Needs SALib.
+        distribution: Of drawn inputs: ``normal``, with a third of the tolerance as standard deviation, or ``uniform``
+            within the tolerance.
+        seed: Of the drawing.
+    """
+
+    of: Annotated[tuple[str, ...], msgspec.Meta(min_length=1, max_length=100)]
+    to: Annotated[dict[str, Tolerance], msgspec.Meta(min_length=1, max_length=1000)]
+    monte_carlo: Annotated[int, msgspec.Meta(ge=0, le=1_000_000)] = 0
+    sobol: Annotated[int, msgspec.Meta(ge=0, le=2**20)] = 0
+    distribution: DistributionName = "normal"
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)] = 0
+
+    def check(self) -> None:
+        """Read the numbers, so that their mistakes are located in the file."""
+        if self.monte_carlo == 1:
+            with within("monte_carlo"):
+                raise InputError("one run has no distribution", expected="0 for none, or at least 2")
+        if self.sobol & (self.sobol - 1) or self.sobol == 1:
+            with within("sobol"):
+                raise InputError(f"{self.sobol} is no power of 2", expected="0 for none, or 64, 128, 256, ...")
+        slugs = [slug(number) for number in self._asked()]
+        for index, name in enumerate(slugs):
+            with within("of", index):
+                if name in slugs[:index]:
+                    raise InputError(f"'{self.of[index]}' has the name of another number, '{name}'")
+
+    def _asked(self) -> list[AnyNumber]:
+        found = []
+        for index, text in enumerate(self.of):
+            with within("of", index):
+                found.append(read_number(text))
+        return found
+
+    def requested(self, mechanism: Mechanism) -> list[str]:
+        """Return the numbers: see ``Assessment``."""
+        return list(self.of)
+
+    def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
+        """Return bands and derivatives; units of derivatives, and of numbers of sections, are left open."""
+        found = dict[str, Unit | None]()
+        for number in self._asked():
+            known = number.described(quantities, {}).unit if isinstance(number, RunNumber) else None
+            bands = ("worst_case", "rss", *(("deviation",) if self.monte_carlo else ()))
+            found |= {f"{slug(number)}.{name}": known for name in bands}
+            found |= {f"{slug(number)}.by.{name}": None for name in self.to}
+            if self.sobol:
+                found |= {f"{slug(number)}.{kind}.{name}": None for kind in ("first", "total") for name in self.to}
+        return found
+
+    def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
+        """Check numbers, paths and tolerances: see ``Assessment``."""
+        others = {key: each for key, each in scenario.numbered.items() if each is not self}
+        for index, number in enumerate(self._asked()):
+            with within("of", index):
+                number.described(quantities, others)
+        inputs_of(scenario, self.to)
+
+    def evaluate(self, result: Result) -> Section:
+        """Return derivatives, bands and distributions: see ``Assessment``.
+
+        Raises:
+            InputError: A name or a tolerance is wrong.
+            PinarmError: The scenario cannot be solved with an input changed.
+        """
+        self.check_names(result.quantities, result.scenario)
+        variation = Variation(result.scenario, inputs_of(result.scenario, self.to), self._asked())
+        taken = [measured(number, result) for number in variation.numbers]
+        centre = np.array([float(series.values[0]) for series, _ in taken])
+        errors = noise(result, variation.numbers, taken)
+        slopes = _derivatives(variation, centre, errors)
+        corners = [_corners(variation, [row[k] for row in slopes], k) for k in range(len(centre))]
+        bands = [
+            Band(number, series, global_error(result, number), [row[k] for row in slopes], *corners[k])
+            for k, (number, (series, _)) in enumerate(zip(variation.numbers, taken, strict=True))
+        ]
+        return self._section(variation, bands)
+
+    def _section(self, variation: Variation, bands: Sequence[Band]) -> Section:
+        drawn, inputs = self._drawn(variation, bands), variation.inputs
+        numbers = dict[str, Series]()
+        for band in bands:
+            numbers |= band.numbers(inputs)
+        tables = [band_table(bands, inputs), *drawn.tables, *(effect_table(band, inputs) for band in bands)]
+        remarks = [
+            "bands are what the tolerances make of a number; its numerical error is another thing, and in none of them"
+        ]
+        remarks += [text for band in bands for text in band.remarks(inputs)] + drawn.remarks
+        if any(band.error is None for band in bands):
+            remarks.append("numerical errors are not estimated; run --verify bounds them")
+        title = "Sensitivity to tolerances"
+        return Section("sensitivity", title, tables, numbers | drawn.numbers, remarks, drawn.graphs)
+
+    def _drawn(self, variation: Variation, bands: Sequence[Band]) -> _Drawn:
+        """Return what drawn inputs show, where that is asked."""
+        drawn = _Drawn([], {}, [], [])
+        if self.monte_carlo:
+            samples = monte_carlo(variation, self.monte_carlo, self.seed, self.distribution)
+            table, numbers = distribution_table(bands, variation.inputs, samples, self.distribution)
+            drawn.tables.append(table)
+            drawn.numbers.update(numbers)
+            drawn.remarks.extend(distribution_remarks(bands, variation.inputs, samples, self.distribution, self.seed))
+            drawn.graphs.extend(
+                distribution_graph(band, variation.inputs, samples.values[:, k], self.distribution)
+                for k, band in enumerate(bands)
+            )
+        if self.sobol:
+            indices = sobol_indices(variation, self.sobol, self.seed, self.distribution)
+            table, numbers = sobol_table(bands, variation.inputs, indices)
+            drawn.tables.append(table)
+            drawn.numbers.update(numbers)
+        return drawn
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """What drawn inputs show."""
+
+    tables: list[SectionTable]
+    numbers: dict[str, Series]
+    remarks: list[str]
+    graphs: list[Graph]
+
+
+def _derivatives(variation: Variation, centre: Array, errors: Array) -> list[list[Derivative]]:
+    """Return the derivatives of all numbers by every input."""
+    size = np.abs(centre)
+    relative = float(np.max(errors / np.where(size > 0.0, size, np.inf), initial=np.finfo(float).eps))
+    found = []
+    for k, each in enumerate(variation.inputs):
+        step = min(relative, 1.0) ** LEVEL * max(abs(each.value), ZEROS * each.tolerance)
+        with within("to", each.name):
+            try:
+                found.append(derivatives(partial(variation.along, k), centre, step, errors))
+            except PinarmError as error:
+                raise type(error)(
+                    f"no run succeeds on both sides of {each.text(each.value)}: {error.message}",
+                    hint="another value, from which the mechanism can be changed both ways",
+                ) from None
+    return found
+
+
+def _corners(variation: Variation, slopes: Sequence[Derivative], number: int) -> tuple[float, float, str]:
+    """Return a number at the two corners of the tolerances where it is least and largest if it is linear.
+
+    Returns:
+        Both [SI], NaN where the scenario has no solution there, and why it has none.
+    """
+    tolerances = np.array([each.tolerance for each in variation.inputs])
+    signs, found, why = np.sign([slope.value for slope in slopes]), list[float](), ""
+    for side in (-1.0, 1.0):
+        try:
+            found.append(float(variation.at(side * signs * tolerances)[number]))
+        except PinarmError as error:
+            found.append(np.nan)
+            why = error.message
+    return found[0], found[1], why

@@ -1,0 +1,210 @@
+"""Tables, numbers and remarks on what numbers of a run depend on."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.series import Series
+from pinarm.input.units import DIMENSIONLESS, Unit
+from pinarm.use.assessments.sensitivity.derivative import Derivative
+from pinarm.use.assessments.sensitivity.sampling import DEVIATION, DistributionName, Samples, SobolIndices
+from pinarm.use.assessments.sensitivity.variation import Input
+from pinarm.use.result.section import Cell, Curve, Graph, SectionTable
+from pinarm.use.result.section_number import AnyNumber
+
+MOST = 60
+"""Characters of a number's name in names of files."""
+
+NOT_LINEAR = 0.1
+"""Difference between a corner and the linear band, relative to the band, that is worth a word."""
+
+CERTAIN = 4.0
+"""Standard errors of a drawn deviation beyond which it is another than that of root-sum-square."""
+
+
+def slug(number: AnyNumber) -> str:
+    """Return the name of a number as names of numbers and files have it: ``C_B @ max`` as ``C_B_max``."""
+    return re.sub(r"\W+", "_", number.label).strip("_")[:MOST]
+
+
+def unit_over(unit: Unit | None, by: Unit) -> Unit | None:
+    """Return the unit of a derivative, written as both are: ``N*m/kg``."""
+    if unit is None or str(by) == "1":
+        return unit
+    quotient = Unit(unit.factor / by.factor, (unit / by).dimension)
+    simple = "/" not in str(by)
+    return Unit(quotient.factor, quotient.dimension, f"{unit}/{str(by).replace('*', '/')}") if simple else quotient
+
+
+@dataclass(frozen=True)
+class Band:
+    """What the tolerances of all inputs make of one number.
+
+    Attributes:
+        number: The number.
+        measured: Its value in the run.
+        error: Bound of its numerical error [SI]; ``None`` where it is not estimated.
+        slopes: Its derivatives by the inputs.
+        low: Its value at the corner of the tolerances where it is least if it is linear [SI].
+        high: The same where it is largest.
+        unsolved: Why it has none at a corner; empty where it has both.
+    """
+
+    number: AnyNumber
+    measured: Series = field(repr=False)
+    error: float | None
+    slopes: Sequence[Derivative]
+    low: float
+    high: float
+    unsolved: str = ""
+
+    @property
+    def value(self) -> float:
+        """Its value in the run [SI]."""
+        return float(self.measured.values[0])
+
+    def parts(self, inputs: Sequence[Input]) -> Array:
+        """Return ``|D_i| t_i`` [SI], shape (k,)."""
+        slopes = np.array([slope.value for slope in self.slopes])
+        return np.asarray(np.abs(slopes) * np.array([each.tolerance for each in inputs]))
+
+    def worst_case(self, inputs: Sequence[Input]) -> float:
+        """Return the sum of the parts."""
+        return float(self.parts(inputs).sum())
+
+    def rss(self, inputs: Sequence[Input]) -> float:
+        """Return the root of the sum of their squares."""
+        return float(np.linalg.norm(self.parts(inputs)))
+
+    def numbers(self, inputs: Sequence[Input]) -> dict[str, Series]:
+        """Return bands and derivatives by name."""
+        name, unit = slug(self.number), self.measured.unit
+        found = {f"{name}.worst_case": _single(unit, self.worst_case(inputs)),
+                 f"{name}.rss": _single(unit, self.rss(inputs))}  # fmt: skip
+        for each, slope in zip(inputs, self.slopes, strict=True):
+            found[f"{name}.by.{each.name}"] = _single(unit_over(unit, each.si), slope.value)
+        return found
+
+    def remarks(self, inputs: Sequence[Input]) -> list[str]:
+        """Return where the linear band is not the whole answer."""
+        label, worst = self.number.label, self.worst_case(inputs)
+        said = [
+            f"{label} has a kink in {each.name}: its derivative is {slope.left:.6g} below and {slope.right:.6g} above; "
+            "the steeper one counts"
+            for each, slope in zip(inputs, self.slopes, strict=True) if slope.kink
+        ]  # fmt: skip
+        if self.unsolved:
+            return [*said, f"{label} has no value at a corner of the tolerances: {self.unsolved}"]
+        off = max(abs(self.value - self.low - worst), abs(self.high - self.value - worst))
+        if off > NOT_LINEAR * worst and off > 1e-9 * abs(self.value):
+            said.append(f"{label} is not linear within the tolerances: see its values at the corners")
+        return said
+
+
+def band_table(bands: Sequence[Band], inputs: Sequence[Input]) -> SectionTable:
+    """Return value, numerical error and bands of every number."""
+    rows: list[tuple[Cell, ...]] = [
+        (band.number.label, str(band.measured.unit or "?"), band.value,
+         "not estimated" if band.error is None else band.error, band.worst_case(inputs), band.rss(inputs), band.low,
+         band.high)
+        for band in bands
+    ]  # fmt: skip
+    columns = ("", "unit", "value", "numerical error", "± worst case", "± root-sum-square", "at least corner",
+               "at largest corner")  # fmt: skip
+    return SectionTable("bands", "Values, and their bands by the tolerances", columns, (None,) * len(columns), rows)
+
+
+def effect_table(band: Band, inputs: Sequence[Input]) -> SectionTable:
+    """Return what every input does to a number."""
+    parts, unit = band.parts(inputs), band.measured.unit
+    total = float((parts**2).sum()) or 1.0
+    rows: list[tuple[Cell, ...]] = []
+    for each, slope, part in zip(inputs, band.slopes, parts.tolist(), strict=True):
+        factor = each.unit.factor if each.unit else 1.0
+        derivative = f"kink: {slope.left:.6g}, {slope.right:.6g}" if slope.kink else slope.value
+        given: list[Cell] = [each.name, str(each.unit or "1"), each.value / factor, each.tolerance / factor]
+        effect: list[Cell] = [str(unit_over(unit, each.si) or "?"), derivative, slope.error, part]
+        rows.append((*given, *effect, 100.0 * part**2 / total))
+    columns = ("", "unit", "value", "± tolerance", "unit of derivative", "derivative", "its error", "± of the number",
+               "% of root-sum-square")  # fmt: skip
+    units = (None, None, None, None, None, None, None, unit, None)
+    name = f"effects_{slug(band.number)}"
+    return SectionTable(name, f"{band.number.label}: what it depends on", columns, units, rows)
+
+
+def distribution_table(
+    bands: Sequence[Band], inputs: Sequence[Input], samples: Samples, distribution: DistributionName
+) -> tuple[SectionTable, dict[str, Series]]:
+    """Return how numbers of drawn runs are distributed, and their standard deviations by name."""
+    rows, numbers = list[tuple[Cell, ...]](), dict[str, Series]()
+    for band, values in zip(bands, samples.values.T, strict=True):
+        deviation, linear = float(values.std(ddof=1)), DEVIATION[distribution] * band.rss(inputs)
+        low, middle, high = np.quantile(values, (0.025, 0.5, 0.975)).tolist()
+        unit = str(band.measured.unit or "?")
+        rows.append((band.number.label, unit, float(values.mean()), deviation, linear, low, middle, high))
+        numbers[f"{slug(band.number)}.deviation"] = _single(band.measured.unit, deviation)
+    columns = ("", "unit", "mean", "deviation", "by root-sum-square", "2.5 %", "median", "97.5 %")
+    title = f"Monte Carlo, {len(samples.values)} runs"
+    return SectionTable("monte_carlo", title, columns, (None,) * len(columns), rows), numbers
+
+
+def distribution_remarks(
+    bands: Sequence[Band], inputs: Sequence[Input], samples: Samples, distribution: DistributionName, seed: int
+) -> list[str]:
+    """Return how inputs were drawn, which runs failed, and which numbers are not linear."""
+    count, share = len(samples.values), {"normal": "a third", "uniform": "1/√3"}[distribution]
+    said = [f"drawn inputs are {distribution}, with {share} of the tolerance as standard deviation, seed {seed}"]
+    if samples.failures:
+        failed, most = len(samples.failures), max(set(samples.failures), key=samples.failures.count)
+        said.append(f"{failed} of {failed + count} drawn runs cannot be solved, and are left out: {most}")
+    for band, values in zip(bands, samples.values.T, strict=True):
+        deviation, linear = float(values.std(ddof=1)), DEVIATION[distribution] * band.rss(inputs)
+        spread = deviation / (2.0 * (count - 1)) ** 0.5
+        if abs(deviation - linear) > CERTAIN * spread:
+            said.append(f"{band.number.label}: the deviation is {deviation:.4g} ± {spread:.1g} and that of "
+                        f"root-sum-square {linear:.4g}: it is not linear within the tolerances")  # fmt: skip
+    return said
+
+
+def distribution_graph(band: Band, inputs: Sequence[Input], values: Array, distribution: DistributionName) -> Graph:
+    """Return the share of drawn runs below a value, and that of a normal distribution by root-sum-square."""
+    from scipy.special import ndtr
+
+    label, deviation = band.number.label, DEVIATION[distribution] * band.rss(inputs)
+    across = np.sort(values)
+    shares = (np.arange(len(across)) + 0.5) / len(across)
+
+    def curve(x: Array, share: Array, name: str) -> Curve:
+        return Curve(Series(label, band.measured.unit, x), Series("share of runs below", DIMENSIONLESS, share), name)
+
+    curves = [curve(across, shares, "Monte Carlo")]
+    if deviation > 0.0:
+        reach = 3.5 * deviation
+        x = np.linspace(min(across[0], band.value - reach), max(across[-1], band.value + reach), 200)
+        curves.append(curve(x, ndtr((x - band.value) / deviation), "normal, by root-sum-square"))
+    return Graph(f"distribution_{slug(band.number)}", f"Distribution of {label}", curves)
+
+
+def sobol_table(
+    bands: Sequence[Band], inputs: Sequence[Input], indices: SobolIndices
+) -> tuple[SectionTable, dict[str, Series]]:
+    """Return the Sobol' indices of all numbers, and the same by name."""
+    rows, numbers = list[tuple[Cell, ...]](), dict[str, Series]()
+    parts = indices.first, indices.first_error, indices.total, indices.total_error
+    for m, band in enumerate(bands):
+        for k, each in enumerate(inputs):
+            cells = [float(part[m, k]) for part in parts]
+            rows.append((band.number.label, each.name, *cells))
+            numbers[f"{slug(band.number)}.first.{each.name}"] = _single(DIMENSIONLESS, cells[0])
+            numbers[f"{slug(band.number)}.total.{each.name}"] = _single(DIMENSIONLESS, cells[2])
+    columns = ("of", "to", "first order", "± 95 %", "total", "± 95 % ")
+    return SectionTable("sobol", "Sobol' indices", columns, (None,) * len(columns), rows), numbers
+
+
+def _single(unit: Unit | None, value: float) -> Series:
+    return Series("", unit, np.array([value]))

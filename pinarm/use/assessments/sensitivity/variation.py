@@ -1,0 +1,120 @@
+"""Numbers of a run as a function of numbers of its scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.errors import DynamicsError, InputError, choices, within
+from pinarm.input.units import DIMENSIONLESS, Unit
+from pinarm.use.assessments.sensitivity.tolerance import Tolerance
+from pinarm.use.result.section_number import AnyNumber
+
+if TYPE_CHECKING:
+    from pinarm.use.scenario.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Input:
+    """A number of a scenario that has a tolerance.
+
+    Attributes:
+        name: As it was given.
+        path: Where it stands in the scenario.
+        value: Its value [SI].
+        tolerance: How far it may be from that [SI].
+        unit: Its unit in the file; ``None`` for none.
+    """
+
+    name: str
+    path: str
+    value: float
+    tolerance: float
+    unit: Unit | None
+
+    @property
+    def si(self) -> Unit:
+        """Its unit in SI."""
+        return self.unit.si if self.unit else DIMENSIONLESS
+
+    def text(self, value: float) -> str:
+        """Return a value in SI as files write it."""
+        return f"{float(value / self.unit.factor)!r} {self.unit}" if self.unit else repr(float(value))
+
+
+def path_of(name: str, scenario: Scenario) -> str:
+    """Return the path that a name means: ``l2`` is ``arguments.l2``.
+
+    Raises:
+        InputError: It is no path, and the model has no argument of that name.
+    """
+    if "." in name:
+        return name
+    arguments = scenario.mechanism.arguments
+    if name not in arguments:
+        expected, hint = choices(name, arguments)
+        wanted = f"a path such as problem.time.end, or an argument: {expected}"
+        raise InputError(f"the model has no argument '{name}'", expected=wanted, hint=hint)
+    return f"arguments.{name}"
+
+
+def inputs_of(scenario: Scenario, tolerances: Mapping[str, Tolerance]) -> list[Input]:
+    """Return the inputs that have tolerances.
+
+    Raises:
+        InputError: A path leads to no number, two names mean the same, or a tolerance is none of that number.
+    """
+    found = list[Input]()
+    for name, tolerance in tolerances.items():
+        with within("to", name):
+            path = path_of(name, scenario)
+            if path in [each.path for each in found]:
+                raise InputError(f"'{path}' has two tolerances", expected="one")
+            value = scenario.number_at(path)
+            if tolerance.unit is not None:
+                if value.unit is None:
+                    value.check(DIMENSIONLESS)
+                tolerance.check(value.unit or DIMENSIONLESS)
+            found.append(Input(name, path, float(value), tolerance.size(float(value)), value.unit))
+    return found
+
+
+@dataclass(frozen=True)
+class Variation:
+    """Numbers of a run as a function of changes of its inputs.
+
+    Attributes:
+        scenario: The scenario.
+        inputs: Its inputs, k of them.
+        numbers: What is taken from each run, m of them.
+    """
+
+    scenario: Scenario = field(repr=False)
+    inputs: Sequence[Input]
+    numbers: Sequence[AnyNumber]
+
+    def at(self, changes: Array) -> Array:
+        """Return the numbers [SI], shape (m,), where the inputs are changed.
+
+        Args:
+            changes: Changes of the inputs [SI], shape (k,).
+
+        Raises:
+            PinarmError: The scenario has no solution there.
+            DynamicsError: A number is not finite.
+        """
+        changed = {each.path: each.text(each.value + float(x))
+                   for each, x in zip(self.inputs, changes, strict=True) if x}  # fmt: skip
+        result = self.scenario.varied(changed).run()
+        values = np.array([number.value(result)[0] for number in self.numbers])
+        if not np.isfinite(values).all():
+            raise DynamicsError("a number is not finite")
+        return values
+
+    def along(self, k: int, change: float) -> Array:
+        """Return the numbers [SI], shape (m,), where one input is changed."""
+        return self.at(change * np.eye(len(self.inputs))[k])

@@ -1,0 +1,121 @@
+"""A number of a section, as ``KEY.NAME`` asks for it: the life of a bearing, the reserve of a motor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
+from pinarm.errors import InputError, choices
+from pinarm.input.units import Unit
+from pinarm.use.result.run_number import RunNumber
+
+if TYPE_CHECKING:
+    from pinarm.use.result.result import Result
+
+
+class Numbered(Protocol):
+    """What tells numbers of a run in a section: an assessment, or a search for an optimum."""
+
+    def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
+        """Return the names of the numbers that its section may have, and their units, with nothing solved.
+
+        Args:
+            quantities: Those of one row.
+
+        Raises:
+            InputError: It asks for something that does not exist.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class SectionNumber:
+    """A number of a section.
+
+    Attributes:
+        key: Key of the scenario that asks for the section, such as ``loads``.
+        name: Name of the number in it, such as ``bearing.life.time``.
+    """
+
+    key: str
+    name: str
+
+    @property
+    def label(self) -> str:
+        """Its name."""
+        return f"{self.key}.{self.name}"
+
+    @property
+    def figure(self) -> str:
+        """The last part of its name: ``rms`` and ``peak`` mean what they mean for curves."""
+        return self.name.rpartition(".")[2]
+
+    def described(self, quantities: Quantities, sections: Mapping[str, Numbered]) -> Series:
+        """Return its name and unit as a series without values; see ``RunNumber.described``.
+
+        Raises:
+            InputError: The scenario does not ask for this section, or it has no such number.
+        """
+        if self.key not in sections:
+            raise self._unknown(sections)
+        units = sections[self.key].units(quantities)
+        if self.name not in units:
+            raise self._missing(units)
+        return Series(self.label, units[self.name], np.zeros(0))
+
+    def value(self, result: Result) -> tuple[float, float]:
+        """Return the number [SI] and the error of its quadrature; see ``RunNumber.value``.
+
+        Raises:
+            InputError: The section of this run has no such number.
+        """
+        if self.key not in result.numbered:
+            raise self._unknown(result.numbered)
+        section = result.section(self.key)
+        if self.name not in section.numbers:
+            raise self._missing(section.numbers)
+        return float(section.numbers[self.name].values[0]), section.errors.get(self.name, 0.0)
+
+    def _unknown(self, sections: Mapping[str, object]) -> InputError:
+        expected = f"one of its sections: {', '.join(sections)}" if sections else "QUANTITY @ PLACE"
+        return InputError(f"the scenario has no section '{self.key}' for '{self.label}'", expected=expected)
+
+    def _missing(self, numbers: Mapping[str, object]) -> InputError:
+        expected, hint = choices(self.name, numbers)
+        return InputError(f"the section '{self.key}' has no number '{self.name}'", expected=expected, hint=hint)
+
+
+AnyNumber = RunNumber | SectionNumber
+
+
+def measured(number: AnyNumber, result: Result) -> tuple[Series, float]:
+    """Return a number of a run as a series of one value, with its unit, and the error of its quadrature.
+
+    Raises:
+        InputError: The run has no such number.
+    """
+    value, error = number.value(result)
+    return replace(number.described(result.quantities, result.numbered), values=np.array([value])), error
+
+
+def names_section(text: str, sections: Mapping[str, object]) -> bool:
+    """Tell whether a text, without ``@``, begins with the key of a section and so asks for a number of it."""
+    key, dot, _ = text.strip().partition(".")
+    return "@" not in text and bool(dot) and key in sections
+
+
+def read_number(text: str) -> AnyNumber:
+    """Read ``QUANTITY @ PLACE``, ``QUANTITY @ FIGURE`` (see ``RunNumber.read``) or ``SECTION.NAME``.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    key, dot, name = text.strip().partition(".")
+    if "@" in text or not dot or not key.isidentifier() or not name:
+        return RunNumber.read(text)
+    return SectionNumber(key, name)

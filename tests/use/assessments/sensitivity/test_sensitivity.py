@@ -1,0 +1,211 @@
+"""Derivatives and bands of mechanisms in closed form: open chains, a four-bar, and a motion that is integrated."""
+
+from collections.abc import Mapping
+from math import cos, sin, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.errors import PinarmError
+from pinarm.use.result.section import Section, SectionTable
+from pinarm.use.store.restore import restore
+
+ARM, FOUR_BAR = "scenarios/gen411_arm_static.yaml", "scenarios/crank_rocker_turning.yaml"
+G, L, M_A, M_BA = 9.81, 0.25, 0.1, 1.0
+"""Of the arm: C_B = g l2 cos(phi) (m_A + m_BA/2), largest at phi = 0."""
+FEW = {"problem.over.phi": {"from": "-10 deg", "to": "10 deg", "samples": 3}, "expect": []}
+"""Fewer rows, so that runs are quick."""
+PENDULUM = """\
+<robot name="pendulum" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:arg name="l" default="0.8"/>
+  <link name="base"/>
+  <link name="rod"><inertial><origin xyz="0 0 ${-$(arg l)}"/><mass value="2"/>
+    <inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="pivot" type="continuous"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/></joint>
+</robot>
+"""
+
+
+def section(path: str, asked: Mapping[str, Any], **more: Any) -> Section:
+    found = pinarm.run(path, {**more, "sensitivity": asked}).sections["sensitivity"]
+    assert isinstance(found, Section)
+    return found
+
+
+def rows(table: SectionTable) -> dict[str, dict[str, Any]]:
+    return {str(row[0]): dict(zip(table.columns[1:], row[1:], strict=True)) for row in table.rows}
+
+
+def values(found: Section) -> dict[str, float]:
+    return {name: float(series.values[0]) for name, series in found.numbers.items()}
+
+
+def test_the_torque_of_an_arm_by_length_and_masses() -> None:
+    found = section(ARM, {"of": ["C_B @ max"], "to": {"l2": "250 ± 2 mm", "m_A": "5 %", "m_BA": "0.01 kg"}}, **FEW)
+    effects = rows(found.tables[1])
+    exact = {"l2": G * (M_A + M_BA / 2), "m_A": G * L, "m_BA": G * L / 2}
+    parts = {"l2": exact["l2"] * 2e-3, "m_A": exact["m_A"] * 5e-3, "m_BA": exact["m_BA"] * 1e-2}
+    square = sum(part**2 for part in parts.values())
+    for name, derivative in exact.items():
+        assert abs(effects[name]["derivative"] - derivative) <= effects[name]["its error"] < 1e-8
+        assert effects[name]["± of the number"] == pytest.approx(parts[name], rel=1e-9)
+        assert effects[name]["% of root-sum-square"] == pytest.approx(100 * parts[name] ** 2 / square, rel=1e-9)
+    assert effects["m_A"]["unit of derivative"] == "N*m/kg"
+    bands = rows(found.tables[0])["C_B @ max"]
+    assert bands["± worst case"] == pytest.approx(sum(parts.values()), rel=1e-9)
+    assert bands["± root-sum-square"] == pytest.approx(sqrt(square), rel=1e-9)
+    corner = G * 0.252 * (0.105 + 1.01 / 2)  # bilinear: the corner is not linear
+    assert bands["at largest corner"] == pytest.approx(corner, rel=1e-12)
+    assert str(found.numbers["C_B_max.by.l2"].unit) == "N*m/m"
+    assert values(found)["C_B_max.rss"] == bands["± root-sum-square"]
+
+
+def test_the_length_of_a_rod_changes_how_a_four_bar_closes() -> None:
+    """The closure a e^(i t2) + b e^(i t3) = d + c e^(i t4), differentiated by each length."""
+    result = pinarm.run(FOUR_BAR)
+    instant = {"t": "0.1 s"}
+    at = result.lookup.at(instant, "theta4")
+    t2, t3, t4 = (float(at[name].values[0]) for name in ("theta2", "theta3", "theta4"))
+    c, side = 0.25, sin(t4 - t3)
+    exact = {"a": -cos(t2 - t3) / (c * side), "b": -1 / (c * side), "c": cos(t4 - t3) / (c * side),
+             "d": cos(t3) / (c * side)}  # fmt: skip
+    found = section(FOUR_BAR, {"of": ["theta4 @ t=0.1 s"], "to": dict.fromkeys("abcd", "0.1 mm")},
+                    **{"problem.time.samples": 25, "expect": []})  # fmt: skip
+    effects = rows(found.tables[1])
+    for name, derivative in exact.items():
+        assert abs(effects[name]["derivative"] - derivative) <= effects[name]["its error"]
+        assert effects[name]["its error"] < 1e-7
+    assert values(found)["theta4_t_0_1_s.worst_case"] == pytest.approx(1e-4 * sum(map(abs, exact.values())), rel=1e-7)
+
+
+def test_the_period_of_a_pendulum_goes_with_the_root_of_its_length(tmp_path: Path) -> None:
+    """T ~ (l/g)^(1/2) at any amplitude, so that dT/dl = T/2l and dT/dg = -T/2g: a motion that is integrated."""
+    (tmp_path / "p.urdf.xacro").write_text(PENDULUM)
+    (tmp_path / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: p.urdf.xacro\ngravity: {direction: -z, magnitude: 10 m/s^2}\n"
+        "problem:\n  kind: forward\n  time: {end: 2 s, samples: 41}\n  initial: {position: {pivot: 40 deg}}\n"
+        "outputs: [joint.pivot.position]\n"
+        "sensitivity: {of: ['t @ joint.pivot.position=0 deg, occurrence=2'],\n"
+        "  to: {arguments.l: 1 %, gravity.magnitude: 10 ± 0.1 m/s^2, problem.initial.position.pivot: 1 deg}}\n"
+    )
+    pinarm.validate(tmp_path / "s.yaml")
+    result = pinarm.run(tmp_path / "s.yaml")
+    time = result.number("t @ joint.pivot.position=0 deg, occurrence=2")[0]
+    effects = rows(result.sections["sensitivity"].tables[1])
+    length, gravity = effects["arguments.l"], effects["gravity.magnitude"]
+    assert abs(length["derivative"] - time / 1.6) <= length["its error"] < 1e-5
+    assert abs(gravity["derivative"] + time / 20) <= gravity["its error"] < 1e-5
+    assert effects["problem.initial.position.pivot"]["unit of derivative"] == "s/rad"
+    assert effects["problem.initial.position.pivot"]["± tolerance"] == pytest.approx(1.0)
+    assert effects["problem.initial.position.pivot"]["derivative"] > 0
+
+
+def test_a_kink_is_told_by_both_derivatives() -> None:
+    found = section(ARM, {"of": ["max(m_A, 0.2*m_B) @ start"], "to": {"m_A": "1 g"}}, **FEW)
+    assert rows(found.tables[1])["m_A"]["derivative"] == "kink: 0, 1"
+    assert any("has a kink in m_A: its derivative is 0 below and 1 above" in remark for remark in found.remarks)
+    assert values(found)["max_m_A_0_2_m_B_start.worst_case"] == pytest.approx(1e-3, rel=1e-9)
+
+
+def test_monte_carlo_shows_what_is_not_linear() -> None:
+    """(x/s)² has the mean 1 and the deviation 2^(1/2) of a normal x; its derivative at 0 is 0."""
+    asked = {"of": ["(m_A - 0.2*m_B)**2 @ start", "C_B @ max"], "to": {"m_A": "30 g"}, "monte_carlo": 150, "seed": 4}
+    found = section(ARM, asked, **FEW)
+    [square, torque] = rows(found.tables[1]).values()
+    assert square["mean"] == pytest.approx(1e-4, rel=0.35)  # 150 draws: three standard errors
+    assert square["deviation"] == pytest.approx(sqrt(2) * 1e-4, rel=0.5)
+    assert square["by root-sum-square"] < 1e-9
+    assert torque["by root-sum-square"] == pytest.approx(G * L * 0.01, rel=1e-9)
+    assert torque["deviation"] == pytest.approx(G * L * 0.01, rel=0.2)
+    said = [remark for remark in found.remarks if "not linear" in remark]
+    assert all("(m_A" in remark for remark in said)
+    assert said
+    assert values(found)["C_B_max.deviation"] == torque["deviation"]
+    assert section(ARM, asked, **FEW).tables[1].rows == found.tables[1].rows  # the same seed, the same draws
+
+
+def test_sobol_indices_of_a_torque_that_is_a_sum() -> None:
+    """C_B = g l2 (m_A + m_BA/2): shares of the variance as of root-sum-square."""
+    found = section(ARM, {"of": ["C_B @ max"], "to": {"m_A": "20 g", "m_BA": "20 g"}, "sobol": 64,
+                          "distribution": "uniform"}, **FEW)  # fmt: skip
+    assert values(found)["C_B_max.first.m_A"] == pytest.approx(0.8, abs=0.1)
+    assert values(found)["C_B_max.total.m_BA"] == pytest.approx(0.2, abs=0.1)
+
+
+def test_a_corner_that_cannot_be_assembled_is_told() -> None:
+    """With d = 0.60 m the links of 0.25 m and 0.35 m cannot reach the crank's pin behind O2."""
+    found = section(FOUR_BAR, {"of": ["theta4 @ max"], "to": {"d": "0.2 m"}},
+                    **{"problem.time.samples": 61, "expect": []})  # fmt: skip
+    assert (
+        np.isnan([row["at largest corner"] for row in rows(found.tables[0]).values()]).any()
+        or np.isnan([row["at least corner"] for row in rows(found.tables[0]).values()]).any()
+    )
+    assert any("has no value at a corner" in remark for remark in found.remarks)
+
+
+def test_the_numerical_error_stands_beside_the_bands() -> None:
+    asked = {"of": ["C_B @ max", "C_B @ integral", "F_By @ phi=5 deg", "phi @ max(C_B)"], "to": {"m_A": "1 g"}}
+    scenario = pinarm.load(ARM, {**FEW, "sensitivity": asked})
+    plain = rows(scenario.run().sections["sensitivity"].tables[0])
+    assert {row["numerical error"] for row in plain.values()} == {"not estimated"}
+    verified = scenario.verified()
+    known = rows(verified.sections["sensitivity"].tables[0])
+    largest = float(np.abs(verified["C_B"].values).max())
+    assert known["C_B @ max"]["numerical error"] == pytest.approx(verified.errors["C_B"] * largest, rel=1e-12)
+    assert 0 < known["C_B @ integral"]["numerical error"] < 1e-12
+    assert 0 < known["F_By @ phi=5 deg"]["numerical error"] < 1e-12
+    assert known["phi @ max(C_B)"]["numerical error"] == "not estimated"
+
+
+def test_it_takes_numbers_of_sections_and_is_one_itself(tmp_path: Path) -> None:
+    more: dict[str, Any] = {**FEW, "shaking": {}, "loads": {"joints": {"B": {}}, "sets": []}}
+    asked = {"of": ["loads.B.force.peak"], "to": {"m_A": "10 g"}}
+    result = pinarm.run(ARM, {**more, "shaking": None, "sensitivity": asked})
+    found = result.sections["sensitivity"]
+    assert values(found)["loads_B_force_peak.by.m_A"] == pytest.approx(G, rel=1e-9)
+    again = restore(result.save(tmp_path / "out", plots=True))
+    assert again.number("sensitivity.loads_B_force_peak.rss") == result.number("sensitivity.loads_B_force_peak.rss")
+    assert rows(again.sections["sensitivity"].tables[1]) == rows(found.tables[1])
+    assert "sensitivity" in again.summary()
+
+
+def test_a_sweep_takes_its_bands() -> None:
+    over = {"arguments.l2": "200, 300 mm"}
+    asked = {"of": ["C_B @ max"], "to": {"m_A": "10 g"}}
+    swept = pinarm.sweep(
+        ARM, over, values={**FEW, "sensitivity": asked}, results=["sensitivity.C_B_max.rss"], workers=1
+    )
+    assert swept["sensitivity.C_B_max.rss"].values == pytest.approx([G * 0.2 * 0.01, G * 0.3 * 0.01], rel=1e-8)
+    assert str(swept["sensitivity.C_B_max.rss"].unit) == "N*m"
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [({"of": ["C_B @ max"], "to": {"l3": "1 mm"}}, "no argument 'l3'"),
+     ({"of": ["C_B @ max"], "to": {"problem.kind": "1 mm"}}, "'statics' stands there"),
+     ({"of": ["C_B @ max"], "to": {"problem.speed": "1 mm"}}, "nothing stands there"),
+     ({"of": ["C_B @ max"], "to": {"l2": "1 kg"}}, "not a unit of this quantity"),
+     ({"of": ["C_B @ max"], "to": {"l2": "240 ± 1 mm"}}, "about 240 mm, and the value is 250 mm"),
+     ({"of": ["C_B @ max"], "to": {"l2": "1 mm", "arguments.l2": "1 mm"}}, "two tolerances"),
+     ({"of": ["C_B @ max"], "to": {"l2": "1"}}, "no unit"),
+     ({"of": ["C_C @ max"], "to": {"l2": "1 mm"}}, "C_C"),
+     ({"of": ["loads.B.x"], "to": {"l2": "1 mm"}}, "no section 'loads'"),
+     ({"of": ["C_B"], "to": {"l2": "1 mm"}}, "no number of a run"),
+     ({"of": [], "to": {"l2": "1 mm"}}, "of"),
+     ({"of": ["C_B @ max", "C_B@max"], "to": {"l2": "1 mm"}}, "name of another number"),
+     ({"of": ["C_B @ max"], "to": {"l2": "1 mm"}, "sobol": 100}, "no power of 2"),
+     ({"of": ["C_B @ max"], "to": {"l2": "1 mm"}, "monte_carlo": 1}, "one run has no distribution"),
+     ({"of": ["C_B @ max"], "to": {"l2": "1 mm"}, "distribution": "gauss"}, "distribution")],
+)  # fmt: skip
+def test_mistakes_are_told_before_anything_is_solved(asked: dict[str, Any], message: str) -> None:
+    with pytest.raises(PinarmError, match=message):
+        pinarm.validate(ARM, {"sensitivity": asked})
+
+
+def test_what_cannot_be_changed_both_ways_is_told() -> None:
+    """A mass of 0 has no smaller one."""
+    with pytest.raises(PinarmError, match=r"no run succeeds on both sides of 0\.0 kg: .*mass is negative"):
+        section(ARM, {"of": ["C_B @ max"], "to": {"m_A": "10 g"}}, **{**FEW, "arguments.m_A": "0 kg"})
