@@ -23,7 +23,7 @@ except ImportError:  # run as a program, where hatchling need not be
     BuildHookInterface = object
 
 ROOM = Path("pinarm/engine/kernel")
-LIBRARY = ROOM / ("kernel.dylib" if sys.platform == "darwin" else "kernel.so")
+LIBRARY = ROOM / "c" / ("kernel.dylib" if sys.platform == "darwin" else "kernel.so")
 
 FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
 """No flags for one processor and none that change arithmetic: fused products would give other last digits on some."""

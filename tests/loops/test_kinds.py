@@ -18,7 +18,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import moving
 from pinarm.mechanics.laws import Harmonic
-from pinarm.mechanics.loops import Loop
+from pinarm.mechanics.loops.kinds import Loop
 
 KINDS = sorted(str(kind.__struct_config__.tag) for kind in get_args(Loop))
 ENDS = {"A-B": ("A", "B"), "B-A": ("B", "A"), "ground-B": (GROUND, "B"), "B-ground": ("B", GROUND)}

@@ -78,7 +78,7 @@ def test_what_is_written_of_a_floating_run_runs_again(write, tmp_path):
         ("root.roll: 30 deg", "root.roll: 30 m", ["'m' is not a unit"]),
         ("root.roll: 30 deg", "root.rotation.x: 30 deg", ["the orientation of 'root' is given twice"]),
         ("root.angular_velocity.z: 100 rpm", "root.angular_velocity.z: 100 m/s", ["'m/s' is not a unit"]),
-        ("root.angular_velocity.z: 100 rpm", "root.rotation.z: 100 rpm", ["no joint 'root.rotation.z'"]),
+        ("root.angular_velocity.z: 100 rpm", "root.rotation.w: 100 rpm", ["no joint 'root.rotation.w'"]),
         (
             "joint.root.quaternion.w",
             "joint.root.quaternion.v",

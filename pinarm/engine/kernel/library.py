@@ -19,8 +19,8 @@ from pinarm.engine.kernel.structures import SIZES, FlowStructure
 SWITCH = "PINARM_KERNEL"
 """Environment variable: ``off`` leaves the library out, when pinarm is built and when it runs."""
 
-PATH = Path(__file__).with_name("kernel.dylib" if sys.platform == "darwin" else "kernel.so")
-"""The library, as the build writes it."""
+PATH = Path(__file__).parent / "c" / ("kernel.dylib" if sys.platform == "darwin" else "kernel.so")
+"""The library, as the build writes it; beside the sources, where Python does not take it for one of its modules."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ import pytest
 from pinarm.engine.kernel import library as kernel
 
 ROOT = Path(__file__).parents[3]
-SOURCES = sorted(kernel.PATH.parent.glob("c/*.c"))
+SOURCES = sorted(kernel.PATH.parent.glob("*.c"))
 WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Wmissing-prototypes", "-Werror"]
 SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer", "-g"]
 
