@@ -23,7 +23,7 @@ FLOOR_PLAN = {
     "quantities mechanism_parts mechanism",
     "problems": "time_grid accuracy prescribed_laws joint_values loads declaration events "
     "equilibria inverse kinematics states forward batch_table simplify",
-    "use": "result assessments scenario output show store views study report",
+    "use": "progress result assessments scenario output show store views study report",
     "cli": "options streams main",
 }
 """Layers from low to high -> their rooms, folders or modules, from low to high: each may import those before it."""

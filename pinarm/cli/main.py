@@ -73,6 +73,7 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
 
 def _run(options: argparse.Namespace) -> int:
     from pinarm.use.output.folder import check_replaceable
+    from pinarm.use.progress import shown_by
     from pinarm.use.scenario.scenario import load
     from pinarm.use.show.terminal import report
     from pinarm.use.store.save import save
@@ -82,9 +83,10 @@ def _run(options: argparse.Namespace) -> int:
     folder = options.output or Path("results") / scenario.name
     options.output = folder
     check_replaceable(folder, "result")  # before the work
-    result = scenario.verified() if options.verify else scenario.run()
-    solved = time.perf_counter()
-    save(result, folder, plots=not options.no_plots, timing={"solve [s]": solved - begin})
+    with shown_by(_progress):
+        result = scenario.verified() if options.verify else scenario.run()
+        solved = time.perf_counter()
+        save(result, folder, plots=not options.no_plots, timing={"solve [s]": solved - begin})
     if options.json:
         _print_json({**result.summary(), "folder": str(folder)})
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import count
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST
 from pinarm.errors import Interrupted, PinarmError
+from pinarm.use.progress import tell
 from pinarm.use.result.measures import RESIDUALS
 from pinarm.use.result.result import Result
 from pinarm.use.result.run_number import RunNumber
@@ -82,7 +84,10 @@ def _best(bare: Scenario, search: Find) -> Optimum:
         bare.varied(search.text(corner))  # what cannot be read fails here, and not as a run that is refused
     sign = 1.0 if search.minimise is not None else -1.0
 
+    runs = count(1)
+
     def run(values: Array) -> Trial:
+        tell(f"find: run {next(runs)}")
         try:
             result = bare.varied(search.text(values)).run()
             said = _said(objective, result, floor)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import count
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +14,7 @@ from pinarm.arrays import Array
 from pinarm.errors import DynamicsError, InputError, choices, within
 from pinarm.input.units import DIMENSIONLESS, Unit
 from pinarm.use.assessments.sensitivity.tolerance import Tolerance
+from pinarm.use.progress import tell
 from pinarm.use.result.section_number import AnyNumber
 
 if TYPE_CHECKING:
@@ -91,11 +94,13 @@ class Variation:
         scenario: The scenario.
         inputs: Its inputs, k of them.
         numbers: What is taken from each run, m of them.
+        runs: Counts the runs.
     """
 
     scenario: Scenario = field(repr=False)
     inputs: Sequence[Input]
     numbers: Sequence[AnyNumber]
+    runs: Iterator[int] = field(default_factory=partial(count, 1), repr=False)
 
     def at(self, changes: Array) -> Array:
         """Return the numbers [SI], shape (m,), where the inputs are changed.
@@ -107,6 +112,7 @@ class Variation:
             PinarmError: The scenario has no solution there.
             DynamicsError: A number is not finite.
         """
+        tell(f"sensitivity: run {next(self.runs)}")
         changed = {each.path: each.text(each.value + float(x))
                    for each, x in zip(self.inputs, changes, strict=True) if x}  # fmt: skip
         result = self.scenario.varied(changed).run()
