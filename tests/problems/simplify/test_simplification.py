@@ -37,6 +37,7 @@ LOCKABLE = {
     "gyroscope_free": {"psi", "theta", "phi"},
     "gyroscope_precession": {"psi", "theta", "phi"},
     "handling_arm_c1": {"theta", "phi"},
+    "handling_arm_sizing": {"phi"},
     "handling_arm_profile": {"phi"},  # theta is what the profile of phi runs along
     "magic_arms_cycle": {"alpha", "beta", "phi"},
     "machine_on_mounts_shaking": {"x", "y", "z", "roll", "pitch", "yaw", "left", "right"},

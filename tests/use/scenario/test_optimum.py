@@ -165,6 +165,44 @@ def test_the_trapezoid_of_least_heat_spends_a_third_of_its_time_on_each_part(tmp
     assert numbers["problem.motion.turn.acceleration"].values == pytest.approx([4.5], rel=2e-3)
 
 
+def test_the_move_of_least_heat_is_the_cubic(tmp_path):
+    """Rest to rest of an inertia: the rms torque is least for 3 s^2 - 2 s^3, and J theta 12^(1/2)/T^2 there."""
+    scenario = inertia(
+        tmp_path, "{law: spline, points: [[0 s, 0 rad], [0.3 s, 0.3 rad], [0.6 s, 0.5 rad], [1 s, 1 rad]]}",
+        "for:\n  problem.motion.turn.points.1.1: {from: 0 rad, to: 0.5 rad, start: 0.3 rad}\n"
+        "  problem.motion.turn.points.2.1: {from: 0.4 rad, to: 0.9 rad, start: 0.5 rad}\n"
+        "minimise: joint.turn.effort @ rms\nstarts: 1",
+    )  # fmt: skip
+    numbers = scenario.run().sections["find"].numbers
+    assert numbers["objective"].values == pytest.approx([0.5 * math.sqrt(12.0)], rel=1e-7)
+    assert numbers["problem.motion.turn.points.1.1"].values == pytest.approx([0.216], abs=1e-3)
+    assert numbers["problem.motion.turn.points.2.1"].values == pytest.approx([0.648], abs=1e-3)
+
+
+def test_the_move_of_least_peak_torque_is_bang_bang(tmp_path):
+    """Half of the time with a = 4 theta/T^2, half of it with -a: the speed reaches 2 theta/T and never rests there."""
+    scenario = inertia(
+        tmp_path, "{law: trapezoid, from: 0 rad, to: 1 rad, acceleration: 6 rad/s^2, speed: 1.3 rad/s}",
+        "for:\n  problem.motion.turn.acceleration: {from: 3 rad/s^2, to: 9 rad/s^2, start: 6 rad/s^2}\n"
+        "  problem.motion.turn.speed: {from: 1.1 rad/s, to: 2.5 rad/s, start: 1.3 rad/s}\n"
+        "minimise: joint.turn.effort @ peak\nsubject_to: {turn @ end: = 0.5 rad}\nstarts: 1", end="0.5 s",
+    )  # fmt: skip
+    numbers = scenario.run().sections["find"].numbers
+    assert numbers["objective"].values == pytest.approx([0.5 * 4.0], rel=1e-5)
+    assert numbers["problem.motion.turn.acceleration"].values == pytest.approx([4.0], rel=1e-4)
+    assert numbers["problem.motion.turn.speed"].values[0] > 1.99
+
+
+def test_the_counterweight_of_the_manipulator_is_found_as_an_optimum_too():
+    """The torque that holds the empty arm vanishes at every angle with 270 kg, by moments about A and E."""
+    file = Path(__file__).parents[3] / "scenarios" / "manipulator_counterweight.yaml"
+    values = {"problem.over.alpha.samples": 5, "expect": [],
+              "find": {"for": {"arguments.m6": ["0 kg", "500 kg"]}, "minimise": "joint.alpha.effort @ rms",
+                       "starts": 1}}  # fmt: skip
+    numbers = pinarm.run(file, values).sections["find"].numbers
+    assert numbers["arguments.m6"].values == pytest.approx([270.0], rel=1e-6)
+
+
 BAR = """<link name="{name}"><inertial><origin xyz="{half} 0 0"/><mass value="{mass}"/>
 <inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="{joint}" type="{kind}"><parent link="{parent}"/><child link="{name}"/><origin xyz="{x} 0 0"/>

@@ -14,6 +14,7 @@ from pinarm.arrays import Array
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices, within
+from pinarm.input.numbers import decimal, is_whole
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.units import DIMENSIONLESS, Unit, unit
 from pinarm.input.yaml.schema import InputStruct, Pause, current_folder
@@ -42,6 +43,10 @@ NUMBERS = {
 UNITS_OF = (None, None, None, None, TORQUE, None, TORQUE, None, SPEED, None, None, None, ENERGY, ENERGY)
 
 
+RATIOS = 25
+"""Ratios that are tried in a range of which nothing else is said."""
+
+
 class Sizing(InputStruct, frozen=True):
     """A motor and a gear wanted for the drive of a joint.
 
@@ -54,7 +59,8 @@ class Sizing(InputStruct, frozen=True):
     Attributes:
         drive: A drive of the mechanism, whose joint follows the motion of the run.
         catalogue: A CSV file of motors; its columns are described in ``assessments.sizing.catalogue``.
-        ratios: Ratios of the gear to try.
+        ratios: Ratios of the gear to try; ``20:200`` for 25 of them between these two, ``20:200:10`` for 10, each the
+            same factor above the one before.
         efficiency: Of the gear; that of the drive where it is left out.
         rest: How long the joint rests between two cycles, held by a brake, the motor without torque.
         ambient: Temperature around the motor [degC], such as ``40 degC``.
@@ -63,7 +69,7 @@ class Sizing(InputStruct, frozen=True):
 
     drive: str
     catalogue: str
-    ratios: Annotated[list[Annotated[float, msgspec.Meta(gt=0)]], msgspec.Meta(min_length=1, max_length=1000)]
+    ratios: Annotated[list[Annotated[float, msgspec.Meta(gt=0)]], msgspec.Meta(min_length=1, max_length=1000)] | str
     efficiency: Annotated[float, msgspec.Meta(gt=0, le=1)] | None = None
     rest: Pause = 0.0
     ambient: str = "40 degC"
@@ -75,6 +81,27 @@ class Sizing(InputStruct, frozen=True):
             _ = self.ambient_temperature
         with within("catalogue"):
             read_catalogue(self._file)
+        with within("ratios"):
+            _ = self.ratios_tried
+
+    @property
+    def ratios_tried(self) -> list[float]:
+        """Ratios of the gear to try.
+
+        Raises:
+            InputError: A text is no range of positive numbers.
+        """
+        if not isinstance(self.ratios, str):
+            return self.ratios
+        parts = self.ratios.split(":")
+        counted = parts[2].strip() if len(parts) == 3 else str(RATIOS)
+        try:
+            low, high = map(decimal, parts[:2])
+        except ValueError:
+            low = high = np.nan
+        if len(parts) > 3 or not 0.0 < low < high < np.inf or not is_whole(counted) or not 2 <= int(counted) <= 1000:
+            raise InputError(f"'{self.ratios}' is no range of ratios", expected="such as 20:200, or 20:200:10")
+        return [float(f"{ratio:.6g}") for ratio in np.geomspace(low, high, int(counted))]
 
     @property
     def _file(self) -> Path:
@@ -129,7 +156,7 @@ class Sizing(InputStruct, frozen=True):
         efficiency = drive.efficiency if self.efficiency is None else self.efficiency
         duty = duty_of(result.lookup, drive.joint, drive.armature, efficiency, float(self.rest))
         candidates = [self._candidate(duty, motor, ratio) for motor in read_catalogue(Path(self.catalogue))
-                      for ratio in self.ratios]  # fmt: skip
+                      for ratio in self.ratios_tried]  # fmt: skip
         ranked = sorted(candidates, key=lambda each: each.order)
         return self._section(duty, ranked, drive)
 

@@ -86,6 +86,13 @@ def test_power_at_standstill_flows_as_in_the_motion_beside_it(scenario: Callable
     )
 
 
+def test_ratios_may_be_a_range(sized: Callable[..., Any]) -> None:
+    """Each the same factor above the one before: 1, 10, 100 and 1000."""
+    rows = sized("ratios: '1:1000:4'").tables[0].rows
+    assert sorted({cells[2] for cells in rows}) == [1.0, 10.0, 100.0, 1000.0]
+    assert len({cells[2] for cells in sized("ratios: 20:200").tables[0].rows}) == 25
+
+
 def test_motors_that_fail_say_why_and_those_that_fit_come_by_mass(sized: Callable[..., Any]) -> None:
     section = sized("ratios: [1, 100, 400]")
     verdicts = {(cells[1], cells[2]): cells[3] for cells in section.tables[0].rows}
@@ -130,7 +137,8 @@ def test_mistakes_in_a_catalogue_are_told(sized: Callable[..., Any], catalogue: 
     ("more", "words"),
     [
         ("ratios: [0]", "ratios"), ("ratios: [50], ambient: 40 K", "no temperature"),
-        ("ratios: [50], efficiency: 2", "efficiency"),
+        ("ratios: [50], efficiency: 2", "efficiency"), ("ratios: '200:20'", "no range of ratios"),
+        ("ratios: '20:200:1'", "no range of ratios"), ("ratios: fast", "no range of ratios"),
     ],
 )  # fmt: skip
 def test_mistakes_in_what_is_asked_are_told(sized: Callable[..., Any], more: str, words: str) -> None:
