@@ -46,7 +46,7 @@ PLAIN = {
     "str", "int", "float", "bool", "object", "None", "Any", "Path", "Mapping", "Sequence", "Callable", "Iterator",
     "Literal", "Array", "ArrayLike", "Values", "Given",
 }  # fmt: skip
-"""What parameters of public functions are made of, beside public types: those of Python and numpy, values, scenarios."""
+"""What parameters of public functions are made of, beside public types: plain ones, values, scenarios."""
 
 
 def public_calls() -> Iterator[tuple[str, Any]]:
