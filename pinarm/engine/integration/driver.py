@@ -182,7 +182,8 @@ class _Driver:
     @property
     def tries_until_check(self) -> int:
         """Number of steps after which ``check_progress`` has to see their number."""
-        return min(self.max_steps, self.probe if self.taken < self.probe else self.max_steps) - self.taken
+        taken = self.taken
+        return min(self.max_steps, self.probe if taken < self.probe else self.max_steps) - taken
 
     def check_progress(self, t: float, interval: Interval) -> None:
         """Raise where the steps have become too short or too many.
