@@ -83,7 +83,8 @@ ELSEWHERE = {
     "loops/test_rounded_files.py": ("loops that close as far as their file is rounded", "engine/checks/unclosed"),
     "loops/test_screws.py": ("against the coupling and closed forms", "mechanics/loops/screw"),
     "mechanics/friction/test_bearing.py": ("what a law multiplies", "mechanics/friction/law"),
-    "mechanics/friction/test_definition.py": ("slips of bound joints", "mechanics/friction/contact"),
+    "mechanics/friction/test_definition.py": ("slips of bound joints", "mechanics/friction/contact "
+        "mechanics/friction/coupling_contact"),
     "mechanics/couplings/test_gear.py": (
         "wheels in mesh", "mechanics/couplings/members mechanics/couplings/teeth",
     ),

@@ -20,7 +20,7 @@ from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.friction.bearing import Bearing
 from pinarm.mechanics.friction.contact import FrictionContact, JointContact, LoopContact
 from pinarm.mechanics.friction.law import FrictionLaw
-from pinarm.mechanics.friction.thread import CouplingContact, ThreadGeometry
+from pinarm.mechanics.friction.thread import ThreadFriction, ThreadGeometry
 from pinarm.mechanics.joints import METRE, RADIAN, Joint
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 from pinarm.mechanics.loops.lower_pairs import LowerPair
@@ -173,8 +173,8 @@ class Friction(InputStruct, frozen=True):
                              expected="a gear without the geometry of its teeth")  # fmt: skip
         bearing = Bearing.thread(np.array([1.0, 0.0, 0.0]), thread.lever / wheel)
         law = self._law(Joint(coupling.name, 0, 0, 0, METRE))
-        return CouplingContact(
-            f"coupling.{coupling.name}", unit("N"), coupling, slip, thread.along, law, bearing, self._shared
+        return ThreadFriction(
+            f"coupling.{coupling.name}", unit("N"), coupling, slip, law, bearing, self._shared, along=thread.along
         )
 
     def _thread_radius(self, name: str) -> float:

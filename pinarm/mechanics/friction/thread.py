@@ -11,23 +11,20 @@ Source: Shigley, Mechanical Engineering Design, sections 8-2 (power screws) and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import atan, cos, sin, tan
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.input.units import Unit
-from pinarm.mechanics.couplings.coupling import Coupling, outwards
+from pinarm.mechanics.couplings.coupling import outwards
 from pinarm.mechanics.couplings.transmissions import ThreadContact
-from pinarm.mechanics.friction.contact import quantity_of
-from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.friction.coupling_contact import CouplingContact
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 if TYPE_CHECKING:
-    from pinarm.mechanics.friction.bearing import Bearing
-    from pinarm.mechanics.friction.law import FrictionLaw
+    pass
 
 
 @dataclass(frozen=True)
@@ -61,42 +58,15 @@ class ThreadGeometry:
         return 1.0 / (cos(self.lead_angle) * cos(normal))
 
 
-@dataclass(frozen=True, eq=False)
-class CouplingContact:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ThreadFriction(CouplingContact):
     """The slip along the thread of a screw, or of a worm and its wheel, that couple two joints.
 
     Attributes:
-        name: ``coupling.C``.
-        effort: Unit of the friction, N.
-        coupling: The screw, or the gear.
-        slip: J, shape (nv,).
         along: Slip along the thread per angle of the first joint [m/rad], and per way of the second.
-        law: Of friction.
-        bearing: Of the multiplier, as the first component of a wrench.
-        shared: See ``FrictionContact``.
     """
 
-    name: str
-    effort: Unit
-    coupling: Coupling
-    slip: Array = field(repr=False)
     along: tuple[float, float]
-    law: FrictionLaw
-    bearing: Bearing = field(repr=False)
-    shared: bool = False
-
-    @property
-    def quantity(self) -> str:
-        """``coupling.C.friction``."""
-        return quantity_of(self.name)
-
-    def row(self, state: Kinematics) -> Array:
-        """Return J, shape (nv,)."""
-        return self.slip
-
-    def drift(self, state: Kinematics) -> float:
-        """Return 0: the row is constant."""
-        return 0.0
 
     def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
         """Return the force along the axis and the moment about it on the nut, and what reacts on the screw.
@@ -110,9 +80,3 @@ class CouplingContact:
         wrench = np.concatenate([force, moment + np.cross(known.point, force)])
         second = outwards(links, known.carrier, np.multiply.outer(f, wrench))
         return {known.second: second, known.first: -second}
-
-    def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
-        """Return the multiplier as the first component of a wrench, shape (n, 6)."""
-        found = np.zeros((len(joints), 6))
-        found[:, 0] = lam[self.coupling.name][:, 0]
-        return found

@@ -22,13 +22,12 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
-from pinarm.input.units import Unit, unit
+from pinarm.input.units import unit
 from pinarm.mechanics.couplings.coupling import Coupling, outwards
 from pinarm.mechanics.couplings.transmissions import ToothContact
 from pinarm.mechanics.friction.bearing import Bearing
-from pinarm.mechanics.friction.contact import quantity_of
+from pinarm.mechanics.friction.coupling_contact import CouplingContact
 from pinarm.mechanics.friction.law import FrictionLaw
-from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 ALIGNED = 1e-9
@@ -99,42 +98,15 @@ def _integral(begins: Array, ends: Array) -> float:
     return float((ends * np.abs(ends) - begins * np.abs(begins)).sum() / 2.0)
 
 
-@dataclass(frozen=True, eq=False)
-class ToothFriction:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ToothFriction(CouplingContact):
     """The mean slip of spur teeth in a coupling.
 
     Attributes:
-        name: ``coupling.C``.
-        effort: Unit of the friction, N.
-        coupling: The gear.
-        slip: J, shape (nv,).
         couple: Moment on the first wheel of a unit friction, in the carrier [m], shape (3,).
-        law: Of friction.
-        bearing: Of the multiplier, as the first component of a wrench.
-        shared: See ``FrictionContact``.
     """
 
-    name: str
-    effort: Unit
-    coupling: Coupling
-    slip: Array = field(repr=False)
     couple: Array = field(repr=False)
-    law: FrictionLaw
-    bearing: Bearing = field(repr=False)
-    shared: bool = False
-
-    @property
-    def quantity(self) -> str:
-        """``coupling.C.friction``."""
-        return quantity_of(self.name)
-
-    def row(self, state: Kinematics) -> Array:
-        """Return J, shape (nv,)."""
-        return self.slip
-
-    def drift(self, state: Kinematics) -> float:
-        """Return 0: the row is constant."""
-        return 0.0
 
     def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
         """Return the opposite moments on the two wheels."""
@@ -142,12 +114,6 @@ class ToothFriction:
         assert isinstance(known, ToothContact)
         wrench = outwards(links, known.carrier, np.multiply.outer(f, np.concatenate([np.zeros(3), self.couple])))
         return {known.first: wrench, known.second: -wrench}
-
-    def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
-        """Return the multiplier as the first component of a wrench, shape (n, 6)."""
-        found = np.zeros((len(joints), 6))
-        found[:, 0] = lam[self.coupling.name][:, 0]
-        return found
 
 
 def tooth_friction(
@@ -184,7 +150,7 @@ def tooth_friction(
     slip[members] = mesh.mean_distance * senses[0], -mesh.mean_distance * senses[1]
     normal = Bearing.thread(np.array([1.0, 0.0, 0.0]), 1.0 / (second * float(np.cos(alpha))))
     return ToothFriction(
-        f"coupling.{coupling.name}", unit("N"), coupling, slip, mesh.mean_distance * axis, law, normal, shared
+        f"coupling.{coupling.name}", unit("N"), coupling, slip, law, normal, shared, couple=mesh.mean_distance * axis
     )
 
 

@@ -1,0 +1,63 @@
+"""Friction between the members of a coupling: what threads and teeth have in common."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.input.units import Unit
+from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.friction.bearing import Bearing
+from pinarm.mechanics.friction.contact import quantity_of
+from pinarm.mechanics.friction.law import FrictionLaw
+from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
+
+
+@dataclass(frozen=True, eq=False)
+class CouplingContact(ABC):
+    """A slip between the members of a coupling, whose row is constant.
+
+    Attributes:
+        name: ``coupling.C``.
+        effort: Unit of the friction, N.
+        coupling: The screw, or the gear.
+        slip: J, shape (nv,).
+        law: Of friction.
+        bearing: Of the multiplier, as the first component of a wrench.
+        shared: See ``FrictionContact``.
+    """
+
+    name: str
+    effort: Unit
+    coupling: Coupling
+    slip: Array = field(repr=False)
+    law: FrictionLaw
+    bearing: Bearing = field(repr=False)
+    shared: bool = False
+
+    @property
+    def quantity(self) -> str:
+        """``coupling.C.friction``."""
+        return quantity_of(self.name)
+
+    def row(self, state: Kinematics) -> Array:
+        """Return J, shape (nv,)."""
+        return self.slip
+
+    def drift(self, state: Kinematics) -> float:
+        """Return 0: the row is constant."""
+        return 0.0
+
+    @abstractmethod
+    def wrenches(self, links: LinkPlacements, f: Array) -> dict[int, Array]:
+        """Return what the friction, shape (n,), does to the members; see ``FrictionContact``."""
+
+    def transmitted(self, links: LinkPlacements, joints: Array, lam: dict[str, Array]) -> Array:
+        """Return the multiplier as the first component of a wrench, shape (n, 6)."""
+        found = np.zeros((len(joints), 6))
+        found[:, 0] = lam[self.coupling.name][:, 0]
+        return found
