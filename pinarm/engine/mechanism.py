@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from pinarm.mechanics.payloads import Payload
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Mechanism:
     """A mechanism with its names.
 
@@ -84,7 +84,7 @@ class Mechanism:
 
     title: str
     model: pin.Model
-    xml: str = field(repr=False)
+    xml: str
     joints: Mapping[str, Joint]
     balls: Mapping[str, Ball]
     coordinates: Mapping[str, Coordinate]
@@ -94,8 +94,8 @@ class Mechanism:
     symbols: Mapping[str, Expression]
     arguments: Mapping[str, float]
     argument_units: Mapping[str, Unit]
-    description: MechanismDescription = field(repr=False)
-    source: Source = field(repr=False)
+    description: MechanismDescription
+    source: Source
     payloads: Mapping[str, Payload] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     frictions: tuple[FrictionContact, ...] = ()
@@ -120,6 +120,11 @@ class Mechanism:
         """
         document = mechanism_document(Path(path))
         return _described(varied(document, values) if values else document, Path(path).parent, arguments or {})
+
+    def __repr__(self) -> str:
+        """Return its title, and how many joints, constraints and freedoms it has."""
+        count = len(self.joints) + len(self.balls)
+        return f"<Mechanism '{self.title}': {count} joints, {len(self.constraints)} constraints, nv {self.model.nv}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Say how another process makes the same mechanism: from its fields, with the forces bound anew (functions).
@@ -250,6 +255,87 @@ class Mechanism:
         from pinarm.engine.quantities import states
 
         return states.quantities(self, q, v, a, tau, drives, t)
+
+    def jacobian(self, name: str, q: ArrayLike) -> Array:
+        """Return the matrix J(q) of ``x' = J v``, x the motion of something that quantities can name.
+
+        =================================  ===========  ==========================================================
+        name                               shape        x'
+        =================================  ===========  ==========================================================
+        ``hand``, a link                   (..., 6, nv)  velocity of its origin, then its angular velocity
+        ``point.hand``                     (..., 3, nv)  velocity of its origin [m/s]
+        ``body.hand``                      (..., 3, nv)  its angular velocity [rad/s]
+        ``knee``, ``coordinate.knee``      (..., nv)     rate of a coordinate, also of one defined by the mechanism file
+        ``joint.hip``, a ball joint        (..., 3, nv)  angular velocity of its link, in the link's own axes
+        =================================  ===========  ==========================================================
+
+        Axes are those of the world, as of ``pin.LOCAL_WORLD_ALIGNED``; those of link B with ``.along.B`` at the end, so
+        that ``hand.along.hand`` is ``pin.LOCAL``. Loops do not change J: v has all joints, and ``closure`` says which v
+        the loops allow.
+
+        Args:
+            name: What moves.
+            q: Configurations in pinarm's convention, as everywhere here, shape (..., nq); see ``from_pinocchio``.
+
+        Raises:
+            InputError: There is nothing of that name, it means several things, or the shape does not fit.
+        """
+        from pinarm.engine.quantities import matrices
+
+        return matrices.jacobian(self, name, q)
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """Return the symmetric mass matrix M(q) of the tree, rotors and armatures included, loops not eliminated.
+
+        Args:
+            q: Configurations in pinarm's convention, shape (..., nq).
+
+        Returns:
+            M, shape (..., nv, nv) [kg*m^2, kg*m or kg], for v in pinarm's convention.
+
+        Raises:
+            InputError: The shape does not fit.
+        """
+        from pinarm.engine.quantities import matrices
+
+        return matrices.mass_matrices(self, q)
+
+    def frame(self, name: str, q: ArrayLike) -> Array:
+        """Return the placement of a link, or of the frame of a joint J by ``joint.J``, in the world.
+
+        Args:
+            name: Of the link, or ``joint.J``.
+            q: Configurations in pinarm's convention, shape (..., nq).
+
+        Returns:
+            Homogeneous matrices ``T = [[R, p], [0, 1]]``, shape (..., 4, 4): the columns of R are the frame's axes in
+            those of the world, p is its origin [m]. ``pin.SE3(T)`` makes Pinocchio's type of a single one.
+
+        Raises:
+            InputError: There is no such link or joint, or the shape does not fit.
+        """
+        from pinarm.engine.quantities import matrices
+
+        return matrices.placements(self, name, q)
+
+    def pin_data(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> pin.Data:
+        """Return Pinocchio's data of one state of ``model``, filled: a copy of one's own, to be read or changed.
+
+        ``pin.computeAllTerms``, ``pin.rnea`` and ``pin.forwardKinematics`` with the accelerations have been called, and
+        all frames are placed; M is whole. These know weights and inertias only: ``data.tau`` and ``data.nle`` lack
+        springs, dampers, friction and loops, which ``inverse`` and ``forward`` have.
+
+        Args:
+            q: Configuration in pinarm's convention, which is that of ``model``, shape (nq,).
+            v: Velocity, shape (nv,); 0 where it is left out.
+            a: Acceleration, shape (nv,); 0 where it is left out.
+
+        Raises:
+            InputError: The shapes do not fit, or several states are given.
+        """
+        from pinarm.engine.quantities import matrices
+
+        return matrices.pinocchio_data(self, q, v, a)
 
     def quantities(self, like: str = "") -> QuantityCatalogue:
         """Return what can be asked by name of a mechanism in motion: names, units, meanings.

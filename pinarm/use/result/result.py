@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from pinarm.use.show.replay.page import Replay
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """The answer to a scenario.
 
@@ -57,14 +57,19 @@ class Result:
     """
 
     name: str
-    scenario: Scenario = field(repr=False)
-    outcome: Outcome = field(repr=False)
-    quantities: Quantities = field(repr=False)
+    scenario: Scenario
+    outcome: Outcome
+    quantities: Quantities
     figures: Mapping[str, float] = field(default_factory=dict)
     errors: Mapping[str, float] = field(default_factory=dict)
     setting: str = ""
     removals: Sequence[Removal] = ()
-    known: Mapping[str, Section] = field(default_factory=dict, repr=False)
+    known: Mapping[str, Section] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Return its name, its kind, how many rows it has, and its outputs."""
+        outputs = ", ".join(self.content.outputs)
+        return f"<Result of '{self.name}', {self.kind}: {len(self)} rows; {outputs}>"
 
     @property
     def kind(self) -> str:

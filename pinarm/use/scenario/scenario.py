@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pinarm.use.result.section_number import Numbered
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Scenario:
     """A scenario, read and checked; nothing is computed before ``run``.
 
@@ -46,7 +46,7 @@ class Scenario:
         seed: Of changes in the last digits of the mechanism; none for the mechanism as it is.
     """
 
-    document: Document = field(repr=False)
+    document: Document
     content: ScenarioFile
     problem: Problem
     folder: Path
@@ -82,6 +82,11 @@ class Scenario:
             InputError: It has a mistake.
         """
         return cls.of(Document.of_data(data, "scenario"), Path())
+
+    def __repr__(self) -> str:
+        """Return its name, its kind, its mechanism and its outputs."""
+        outputs = ", ".join(self.content.outputs)
+        return f"<Scenario '{self.name}', {self.problem.kind} of {self.content.mechanism}; {outputs}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Say how another process makes the same scenario: from its text, since what is built from it has functions."""
