@@ -98,6 +98,7 @@ ELSEWHERE = {
         "mechanics/loading/mjcf_geoms mechanics/loading/mjcf_joints mechanics/loading/mjcf_names "
         "mechanics/loading/mjcf_settings",
     ),
+    "mechanics/loading/test_urdf_writer.py": ("of models with points", "mechanics/points"),
     "mechanics/loading/test_urdf.py": ("what files make of it", "mechanics/loading/model_tree"),
     "mechanics/planar/test_linkage.py": ("mistakes with their lines", "mechanics/planar/drawing"),
     "mechanics/test_coordinates.py": ("joints by their coordinates", "mechanics/joints"),

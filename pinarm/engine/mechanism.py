@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
@@ -29,11 +29,12 @@ from pinarm.engine.mechanism_parts import (
     loaded,
     loop_coordinates_of,
     loop_joints_of,
+    marked,
     mount_drives,
     naming_arguments,
     symbols_of,
 )
-from pinarm.engine.model_source import Source, numeric, read_robot
+from pinarm.engine.model_source import RobotReader, Source, numeric, read_robot, robot_of_model
 from pinarm.errors import InputError, choices
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.units import Unit
@@ -43,7 +44,7 @@ from pinarm.input.yaml.values import Values, varied
 from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, balls_of, positions_of
 from pinarm.mechanics.coordinates import Coordinate, coordinates_of
 from pinarm.mechanics.couplings.coupling import mimic_coupling
-from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector
+from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector, gravity_words
 from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.joints import Joint, joints_of
 from pinarm.mechanics.perturbation import perturbed
@@ -120,6 +121,30 @@ class Mechanism:
         """
         document = mechanism_document(Path(path))
         return _described(varied(document, values) if values else document, Path(path).parent, arguments or {})
+
+    @classmethod
+    def of(cls, model: pin.Model, **keys: Any) -> Mechanism:
+        """Return the mechanism of a ``pin.Model`` and of what a mechanism file would say beside it.
+
+        The model is written as URDF and read again, so that a result of the mechanism can be saved. Joints keep their
+        names and motions, links and frames theirs; q and v are in pinarm's convention and order, and
+        ``from_pinocchio`` and ``to_pinocchio`` convert those of ``model``. Damping, dry friction, armatures, limits and
+        gravity are taken; ``pinarm.explain`` lists what there is, and in its notes what is not taken.
+
+        Args:
+            model: Any number of joints, but for composite, mimicking, helical and ellipsoid ones.
+            keys: Keys of a mechanism file: ``loops={"closing": {"kind": "revolute", "between": ["a", "b"]}}``,
+                ``drives``, ``forces``, ``points={"tip": {"link": "hand", "at": ["0 m", "0 m", "10 cm"]}}``,
+                ``gravity``, ``couplings``, ``coordinates``, ``symbols``, ``title``, ...
+
+        Raises:
+            InputError: A key has a mistake.
+            ModelError: The model has a joint that pinarm does not have, or two frames with the same name.
+        """
+        data = {"pinarm": 1, "robot": "model.urdf", "gravity": gravity_words(model), **keys}
+        document = Document.of_data(data, "mechanism")
+        description, read = document.validate(MechanismDescription), partial(robot_of_model, model)
+        return _build(description, document.data, Path(), {}, {}, document.locating, lambda *at: nullcontext(), read)
 
     def __repr__(self) -> str:
         """Return its title, and how many joints, constraints and freedoms it has."""
@@ -353,6 +378,8 @@ class Mechanism:
     def from_pinocchio(self, q: ArrayLike, v: ArrayLike | None = None) -> tuple[Array, Array]:
         """Return q and v of this mechanism from those of ``pin.buildModelFromUrdf`` of the same URDF.
 
+        Of a mechanism that was made of a ``pin.Model``, see ``of``, they are those of that model.
+
         They differ where the base floats, and in joints of the types ``continuous``, ``floating`` and ``planar``. Of a
         floating base Pinocchio's v has the velocity of the base's origin in the base's own axes, this mechanism's v in
         those of the world; the quaternion (x, y, z, w), and the angular velocity in the base's own axes, are the same.
@@ -394,6 +421,8 @@ class Mechanism:
         """Where ``pin.buildModelFromUrdf`` has the joints; see ``from_pinocchio``."""
         from pinarm.mechanics.loading.pinocchio_layout import PinocchioLayout
 
+        if self.source.model is not None:
+            return PinocchioLayout.between(self.source.model, self.model, self.joints, self.balls)
         return PinocchioLayout.of(self.xml, self.model, self.joints, self.balls)
 
     @cached_property
@@ -485,15 +514,16 @@ def _described(
 def _build(
     description: MechanismDescription, data: Mapping[str, Any], folder: Path,
     arguments: Mapping[str, float | str], payloads: Mapping[str, Payload], here: Locate, caller: Locate,
+    read: RobotReader = read_robot,
 ) -> Mechanism:  # fmt: skip
     """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's."""
     units, given = arguments_of(description, arguments, here, caller)
     with here("planar" if description.planar else "robot"), naming_arguments(caller):
-        robot, texts, source = read_robot(description, data, folder, given)
+        robot, texts, source = read(description, data, folder, given)
     resolved = dict(numeric(texts))
     with naming_arguments(here):
         check_declared(units, texts)
-    model, carried = loaded(robot.model, description.payloads, payloads, here, caller)
+    model, carried = loaded(marked(robot.model, description.points, here), description.payloads, payloads, here, caller)
     joints, balls = joints_of(model), balls_of(model)
     model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
     check_start(description, joints, balls, here)

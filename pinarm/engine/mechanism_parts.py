@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from pinarm.mechanics.friction.contact import FrictionContact
     from pinarm.mechanics.loops.kinds import Loop
     from pinarm.mechanics.payloads import Payload
+    from pinarm.mechanics.points import PointDefinition
 
 Locate = Callable[..., AbstractContextManager[None]]
 """``with locate("forces", "spring"):`` gives errors of the block that place of a file."""
@@ -149,6 +150,18 @@ def loaded(
                     raise InputError(f"the mechanism has a payload '{name}' already", expected="a name of its own")
                 model, carried[name] = with_payloads(model, [payload]), payload
     return model, carried
+
+
+def marked(model: pin.Model, points: Mapping[str, PointDefinition], here: Locate) -> pin.Model:
+    """Return the model with the points of its mechanism file."""
+    if not points:
+        return model
+    from pinarm.mechanics.points import with_points
+
+    for name, point in points.items():
+        with here("points", name):
+            model = with_points(model, [(name, point)])
+    return model
 
 
 def couplings_of(
