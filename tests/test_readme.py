@@ -46,7 +46,7 @@ def scenario(tmp_path):
 
 def test_every_marked_block_is_known():
     assert set(BLOCKS) == {"run", "test", "installed", "scenario", "output", "python", "sweep", "swept", "batch",
-                           "matrices", "recorded", "model"}  # fmt: skip
+                           "matrices", "recorded", "model", "meshcat"}  # fmt: skip
 
 
 def test_commands_name_what_there_is():
@@ -82,7 +82,7 @@ def test_the_python_block_runs(project):
     assert (project / "torques.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("block", ["matrices", "recorded", "model"])
+@pytest.mark.parametrize("block", ["matrices", "recorded", "model", "meshcat"])
 def test_the_blocks_for_pinocchios_users_run(project, block):
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(

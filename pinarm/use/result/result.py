@@ -27,6 +27,7 @@ from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED
 from pinarm.use.result.row_lookup import PLATEAU, Lookup, unreached
 
 if TYPE_CHECKING:
+    import meshcat
     from pandas import DataFrame
 
     from pinarm.engine.motion.outcome import Outcome
@@ -244,6 +245,24 @@ class Result:
         if path is not None:
             shown.save(path)
         return shown
+
+    def show(self, visualizer: Any = None, *, name: str = "pinarm") -> meshcat.Visualizer:
+        """Show the run in a live meshcat viewer, as an animation with meshcat's own controls, and return the viewer.
+
+        ``viewer.open()`` shows it in the browser, ``viewer.jupyter_cell()`` in a notebook. Angles and lengths are those
+        of the replay; bodies stand below ``name`` by the names of their joints, ``viewer["pinarm"]["knee"]``.
+
+        Args:
+            visualizer: A ``meshcat.Visualizer``, or Pinocchio's ``MeshcatVisualizer``; a new one, which only this
+                machine can reach, where it is left out.
+            name: Path of the mechanism in the viewer's tree; what stood there is replaced, all else stays.
+
+        Raises:
+            InputError: It is no viewer.
+        """
+        from pinarm.use import views
+
+        return views.show(self, visualizer, name)
 
     def save(self, folder: str | Path, *, plots: bool = True) -> Path:
         """Write the result as a folder: scenario, summary, CSV, npz, plots; return the folder."""
