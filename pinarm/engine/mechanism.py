@@ -32,6 +32,7 @@ from pinarm.engine.mechanism_parts import (
     marked,
     mount_drives,
     naming_arguments,
+    open_closings,
     symbols_of,
 )
 from pinarm.engine.model_source import RobotReader, Source, numeric, read_robot, robot_of_model
@@ -518,7 +519,8 @@ def _build(
 ) -> Mechanism:  # fmt: skip
     """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's."""
     units, given = arguments_of(description, arguments, here, caller)
-    with here("planar" if description.planar else "robot"), naming_arguments(caller):
+    key = "planar" if description.planar else "robot"
+    with here(key), naming_arguments(caller):
         robot, texts, source = read(description, data, folder, given)
     resolved = dict(numeric(texts))
     with naming_arguments(here):
@@ -528,7 +530,7 @@ def _build(
     model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
     check_start(description, joints, balls, here)
     turns = {**ball_coordinates(model, balls), **ball_angles(balls)}
-    loops = loop_joints_of(model, robot.loops, description.loops, here)
+    loops = loop_joints_of(model, key, robot.loops, description.loops, here)
     turns |= loop_coordinates_of(model, loops, {*joints, *turns}, here)
     with here("coordinates"):
         coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
@@ -539,6 +541,7 @@ def _build(
     return Mechanism(
         description.title or model.name, model, robot.xml, joints, balls, coordinates, constraints,
         dict(description.drives), forces_of(robot, description, model, joints, coordinates, here), symbols, resolved,
-        {name: units[name].si for name in resolved if name in units}, description, source, carried, robot.notes,
+        {name: units[name].si for name in resolved if name in units}, description, source, carried,
+        (*robot.notes, *open_closings(model, loops)),
         frictions_of(robot, description, model, joints, constraints, here),
     )  # fmt: skip

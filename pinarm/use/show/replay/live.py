@@ -78,7 +78,7 @@ def _viewer(visualizer: Any) -> meshcat.Visualizer:
         return meshcat.Visualizer(zmq_url=_server())
     if not isinstance(viewer, meshcat.Visualizer):
         raise InputError(f"a {type(viewer).__name__} is no viewer of meshcat",
-                         expected="meshcat.Visualizer, Pinocchio's MeshcatVisualizer, or none for a new one")  # fmt: skip
+                         expected="meshcat.Visualizer, Pinocchio's MeshcatVisualizer, or none for a new")  # fmt: skip
     return viewer
 
 
