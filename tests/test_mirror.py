@@ -128,11 +128,14 @@ ELSEWHERE = {
         "joints as they are asked", "use/assessments/loads/joint use/assessments/loads/number",
     ),
     "use/assessments/sensitivity/test_sensitivity.py": (
-        "numbers of mechanisms in closed form", "use/assessments/sensitivity/accuracy "
+        "numbers of mechanisms in closed form",
         "use/assessments/sensitivity/tables use/assessments/sensitivity/variation",
     ),
     "use/assessments/sizing/test_sizing.py": (
         "motors for a joint in closed form", "use/assessments/sizing/catalogue use/assessments/sizing/duty",
+    ),
+    "use/assessments/test_limits.py": (
+        "numbers, their errors and bounds", "use/result/condition use/result/number_accuracy",
     ),
     "use/assessments/test_path_error.py": ("points in lists and files", "use/assessments/wanted_points"),
     "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),
