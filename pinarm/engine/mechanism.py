@@ -32,6 +32,7 @@ from pinarm.engine.mechanism_parts import (
     naming_arguments,
     rotors_along,
     symbols_of,
+    tying,
 )
 from pinarm.engine.model_source import Source, numeric, read_robot
 from pinarm.errors import InputError, choices
@@ -424,11 +425,13 @@ def _build(
         *mimics, *loops, *couplings_of(robot, description, model, joints, here),
         *geared_rotors(joints, description, coordinates),
     )  # fmt: skip
+    frictions = frictions_of(robot, description, model, joints, constraints, here)
     symbols = symbols_of(description, here)
     mount_drives(model, joints, description, here)
+    forces = forces_of(robot, description, model, joints, coordinates, here)
     return Mechanism(
-        description.title or model.name, model, robot.xml, joints, balls, coordinates, constraints,
-        dict(description.drives), forces_of(robot, description, model, joints, coordinates, here), symbols, resolved,
+        description.title or model.name, model, robot.xml, joints, balls, coordinates, tying(constraints, frictions),
+        dict(description.drives), forces, symbols, resolved,
         {name: units[name].si for name in resolved if name in units}, description, source, carried, robot.notes,
-        frictions_of(robot, description, model, joints, constraints, here),
+        frictions,
     )  # fmt: skip

@@ -85,6 +85,16 @@ def named_parts(robot: RobotModel, description: MechanismDescription, model: pin
     return NamedParts(joints, balls, loops, coordinates)
 
 
+def tying(constraints: Sequence[Constraint], frictions: Sequence[FrictionContact]) -> tuple[Constraint, ...]:
+    """Return the constraints without belts that slip: friction alone ties their wheels."""
+    if not any(friction.name.startswith("coupling.") for friction in frictions):
+        return tuple(constraints)
+    from pinarm.mechanics.friction.belt import BeltFriction
+
+    slipping = [friction.coupling for friction in frictions if isinstance(friction, BeltFriction)]
+    return tuple(constraint for constraint in constraints if constraint not in slipping)
+
+
 def loop_coordinates_of(
     model: pin.Model, loops: Sequence[LoopJoint], known: Container[str], here: Locate
 ) -> dict[str, Coordinate]:
