@@ -39,8 +39,8 @@ LASTING, ROUNDING = 1e-6, 1e-10
 leaves where these terms vanish, relative to the square of the velocity [m]."""
 
 REGULAR = 1e-6
-"""Least singular value of G, over the largest, at which velocities may be given. At 6e-7 those of a four-bar were wrong by
-1e-4, at 1e-7 altogether."""
+"""Least singular value of G, over the largest, at which velocities may be given. At 6e-7 those of a four-bar were wrong
+by 1e-4, at 1e-7 altogether."""
 
 FEW = 64
 """Number of rows whose G is taken apart at once."""
@@ -109,8 +109,8 @@ class ConstrainedSystem:
         if not v.any() or not len(open_to):
             return
         raise InputError(
-            f"at t = {t:.9g} s the motion begins at {open_to[0] / values[0]:.1g} of a regular position, next to one where "
-            "several motions meet: the last digits of the start would choose its velocities",
+            f"at t = {t:.9g} s the motion begins at {open_to[0] / values[0]:.1g} of a regular position, next to one "
+            "where several motions meet: the last digits of the start would choose its velocities",
             expected=f"a start at more than {REGULAR:g}, farther from the singular position, such as 0.01 deg",
             hint="the singular position itself, with velocities of all joints along one of the motions",
         )
