@@ -22,16 +22,17 @@ from pinarm.engine.dynamics.masses import massive
 from pinarm.engine.mechanism_parts import (
     Locate,
     arguments_of,
-    check_start,
     couplings_of,
     forces_of,
     frictions_of,
+    geared_rotors,
     loaded,
-    loop_coordinates_of,
-    loop_joints_of,
     mount_drives,
+    named_parts,
     naming_arguments,
+    rotors_along,
     symbols_of,
+    tying,
 )
 from pinarm.engine.model_source import Source, numeric, read_robot
 from pinarm.errors import InputError, choices
@@ -40,12 +41,12 @@ from pinarm.input.units import Unit
 from pinarm.input.xacro.expansion import check_declared
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import Values, varied
-from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, balls_of, positions_of
-from pinarm.mechanics.coordinates import Coordinate, coordinates_of
+from pinarm.mechanics.ball_joints import Ball, positions_of
+from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.couplings.coupling import mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.joints import Joint, joints_of
+from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.perturbation import perturbed
 
 if TYPE_CHECKING:
@@ -326,6 +327,12 @@ class Mechanism:
         known = positions_of(self.joints, self.balls)  # of a part of the mechanism there may be fewer
         return {name: float(value) for name, value in self.description.start.items() if name in known}
 
+    def driven_joint(self, drive: str) -> Joint:
+        """Return the joint that moves as what a drive acts along: its own, or that of its rotor, by name."""
+        from pinarm.mechanics.rotors import rotor_name
+
+        return self.joints[self.drives[drive].joint or rotor_name(drive)]
+
     @property
     def gravity(self) -> float:
         """Magnitude of gravity [m/s^2]."""
@@ -408,21 +415,23 @@ def _build(
     with naming_arguments(here):
         check_declared(units, texts)
     model, carried = loaded(robot.model, description.payloads, payloads, here, caller)
-    joints, balls = joints_of(model), balls_of(model)
     model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
-    check_start(description, joints, balls, here)
-    turns = {**ball_coordinates(model, balls), **ball_angles(balls)}
-    loops = loop_joints_of(model, robot.loops, description.loops, here)
-    turns |= loop_coordinates_of(model, loops, {*joints, *turns}, here)
-    with here("coordinates"):
-        coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
+    parts = named_parts(robot, description, model, here)
+    if (geared := rotors_along(model, description, parts.coordinates, here)) is not model:
+        model, parts = geared, named_parts(robot, description, geared, here)
+    joints, balls, loops, coordinates = parts
     mimics = [mimic_coupling(mimic, joints, model) for mimic in robot.mimics]
-    constraints: tuple[Constraint, ...] = (*mimics, *loops, *couplings_of(robot, description, model, joints, here))
+    constraints: tuple[Constraint, ...] = (
+        *mimics, *loops, *couplings_of(robot, description, model, joints, here),
+        *geared_rotors(joints, description, coordinates),
+    )  # fmt: skip
+    frictions = frictions_of(robot, description, model, joints, constraints, here)
     symbols = symbols_of(description, here)
     mount_drives(model, joints, description, here)
+    forces = forces_of(robot, description, model, joints, coordinates, here)
     return Mechanism(
-        description.title or model.name, model, robot.xml, joints, balls, coordinates, constraints,
-        dict(description.drives), forces_of(robot, description, model, joints, coordinates, here), symbols, resolved,
+        description.title or model.name, model, robot.xml, joints, balls, coordinates, tying(constraints, frictions),
+        dict(description.drives), forces, symbols, resolved,
         {name: units[name].si for name in resolved if name in units}, description, source, carried, robot.notes,
-        frictions_of(robot, description, model, joints, constraints, here),
+        frictions,
     )  # fmt: skip

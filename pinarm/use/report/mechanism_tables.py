@@ -14,6 +14,7 @@ from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.geometry.chains import screw_of
 from pinarm.mechanics.joints import RADIAN, Joint
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.rotors import GearedRotor
 from pinarm.use.report.tables import ReportTable, number, shortened, unit_text
 
 if TYPE_CHECKING:
@@ -129,10 +130,12 @@ def _ties(mechanism: Mechanism) -> Iterator[Sequence[str]]:
             yield one.name, one.kind, f"{frames[0]} and {frames[1]}", str(one.size)
         elif isinstance(one, Coupling):
             yield one.name, one.kind, str(one.transmission or f"forces on bodies not known: {one.missing}"), "1"
+        elif isinstance(one, GearedRotor):
+            yield one.name, "rotor", one.rotor.name, "1"
 
 
 def _acting(mechanism: Mechanism) -> ReportTable:
     rows = [("force", name, element.description) for name, element in mechanism.forces.items()]
     rows += [("dry friction", contact.name, "") for contact in mechanism.frictions]
-    rows += [("drive", name, f"at {drive.joint}") for name, drive in mechanism.drives.items()]
+    rows += [("drive", name, f"at {drive.coordinate}") for name, drive in mechanism.drives.items()]
     return ReportTable(["What acts", "name", ""], rows, range(3), "Forces and drives")
