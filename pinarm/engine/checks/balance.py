@@ -13,7 +13,8 @@ import pinocchio as pin
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving, supports
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
+from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.vectors import crossed
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
     """
     model, lam = run.mechanism.model, run.lam.at(rows)
     links, twists, rates, columns = moving(model, run.q[rows], run.v[rows], run.a[rows])
-    moved, held = supports(model), run.closure.load(links, columns, run.q[rows], lam)
+    moved, held = LinkTree.of(model).supports, run.closure.load(links, columns, run.q[rows], lam)
     wrenches = demands(model, links, twists, rates)
     asked = np.where(moved, links.at_world(wrenches) @ columns, 0.0)  # part by part and link by link
     supplied = run.tau[rows] + loads[rows] + run.friction_loads[rows] + held - model.armature * run.a[rows]
@@ -104,13 +105,12 @@ def _most_powers(wrenches: Array, twists: Array) -> Array:
 
 def _weights(links: LinkPlacements, columns: Array, moved: Flags) -> Array:
     """Return the most that weights can do: m g times the paths of mass centres when one joint moves, shape (n, nv)."""
-    inertias = links.model.inertias.tolist()
-    masses, levers = np.array([inertia.mass for inertia in inertias]), np.array([inertia.lever for inertia in inertias])
-    centres = links.places + np.matvec(links.turns, levers)
+    tree = LinkTree.of(links.model)
+    centres = links.places + np.matvec(links.turns, tree.levers)
     linear, angular = columns[:, None, :3].swapaxes(2, 3), columns[:, None, 3:].swapaxes(2, 3)
     paths = linear + crossed(angular, centres[:, :, None])
     lengths = np.where(moved, np.sqrt((paths * paths).sum(axis=3)), 0.0)
-    return np.asarray(masses @ lengths * np.linalg.norm(links.model.gravity.linear))
+    return np.asarray(tree.masses @ lengths * np.linalg.norm(links.model.gravity.linear))
 
 
 def demands(model: pin.Model, links: LinkPlacements, twists: Array, rates: Array) -> Array:
@@ -125,8 +125,7 @@ def demands(model: pin.Model, links: LinkPlacements, twists: Array, rates: Array
     Returns:
         ``I V'``, ``V x* I V`` and the wrench against its weight, shape (3, n, njoints, 6).
     """
-    mass = np.array([inertia.matrix() for inertia in model.inertias.tolist()])
-    mass[0] = 0.0  # of the world
+    mass = LinkTree.of(model).inertias
     found = np.empty((3, *twists.shape))
     momenta, upwards = np.matvec(mass, twists), np.zeros_like(twists)
     v, omega, p, h = twists[..., :3], twists[..., 3:], momenta[..., :3], momenta[..., 3:]

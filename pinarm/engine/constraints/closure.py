@@ -18,7 +18,8 @@ from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
 from pinarm.engine.constraints.nullspace import RANK, UNCLOSED, VANISHED, RowDecomposition, RowDecompositions
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import LinkPlacements, supports
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.link_tree import LinkTree
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.batch_jacobians import BatchJacobians
@@ -241,7 +242,7 @@ class Closure:
             q: Configurations, shape (n, nq).
             lam: Multipliers, shape (n, m).
         """
-        total, moved = np.zeros((len(lam), self.model.nv)), supports(self.model)
+        total, moved = np.zeros((len(lam), self.model.nv)), LinkTree.of(self.model).supports
         for constraint, part in zip(self.constraints, self.slices().values(), strict=True):
             wrenches = constraint.wrenches(links, lam[:, part])
             for joint, wrench in wrenches.items():
