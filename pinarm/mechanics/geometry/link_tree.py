@@ -166,7 +166,7 @@ def _single(model: pin.Model, links: list[int], subspace: Array) -> SingleJoints
     turns = np.array([place.rotation for place in placements]).reshape(-1, 3, 3)
     columns = subspace[:, [joint.idx_v for joint in joints]].T
     axes = columns[:, 3:]
-    still = np.where(axes.any(axis=1, keepdims=True)[:, None], 0.0, np.eye(3))
+    still = np.where(np.asarray(axes.any(axis=1))[:, None, None], 0.0, np.eye(3))
     along = axes[:, :, None] * axes[:, None]
     across = np.eye(3) - along - still
     crossing = np.cross(axes[:, None], np.eye(3)).swapaxes(1, 2)

@@ -24,6 +24,7 @@ def chain(*joints):
     """Return a tree in which each joint carries the next, and the first carries a branch."""
     pin.seed(1)
     model, parent = pin.Model(), 0
+    model.appendBodyToJoint(0, pin.Inertia.Random(), pin.SE3.Identity())
     for number, joint in enumerate(joints):
         parent = model.addJoint(parent, JOINTS[joint](), pin.SE3.Random(), f"{joint} {number}")
         model.appendBodyToJoint(parent, pin.Inertia.Random(), pin.SE3.Identity())
