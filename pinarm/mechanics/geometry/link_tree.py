@@ -6,7 +6,6 @@ last ``2^k`` joints that of the ``2^k`` before them is added, for all links at o
 
 from __future__ import annotations
 
-import weakref
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -15,9 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
-
-_TREES: dict[int, LinkTree] = {}
-"""Identity of a model -> its tree."""
+from pinarm.mechanics.geometry.model_cache import cached_by_model
 
 
 class SingleJoints(NamedTuple):
@@ -90,30 +87,7 @@ class LinkTree:
     @classmethod
     def of(cls, model: pin.Model) -> LinkTree:
         """Return the tree of a model, whose joints and inertias do not change any more."""
-        if id(model) not in _TREES:
-            _TREES[id(model)] = cls._built(model)
-            weakref.finalize(model, _TREES.pop, id(model), None)
-        return _TREES[id(model)]
-
-    @classmethod
-    def _built(cls, model: pin.Model) -> LinkTree:
-        joints, bodies, parents = model.joints.tolist(), model.inertias.tolist(), np.array(model.parents.tolist())
-        single = [k for k, joint in enumerate(joints) if k and joint.nq == joint.nv == 1]
-        subspace = np.zeros((6, model.nv))
-        for k in single:
-            subspace[:, joints[k].idx_v] = _subspace(joints[k], pin.neutral(model))[:, 0]
-        jumps, ahead = [], parents
-        while ahead.any():
-            jumps.append(ahead)
-            ahead = ahead[ahead]
-        counts = np.array([joint.nv for joint in joints[1:]], dtype=np.intp)
-        inertias = np.array([body.matrix() for body in bodies])
-        inertias[0] = 0.0
-        return cls(
-            parents, tuple(jumps), np.repeat(np.arange(1, len(joints)), counts), np.cumsum(counts) - counts,
-            _single(model, single, subspace), tuple(k for k in range(1, len(joints)) if k not in set(single)),
-            subspace, np.array([body.mass for body in bodies]), np.array([body.lever for body in bodies]), inertias,
-        )  # fmt: skip
+        return _tree(model)
 
     @cached_property
     def supports(self) -> Flags:
@@ -158,6 +132,27 @@ class LinkTree:
         for k in self.others:
             _add_joint(motion, model, k, q, v)
         return motion
+
+
+@cached_by_model
+def _tree(model: pin.Model) -> LinkTree:
+    joints, bodies, parents = model.joints.tolist(), model.inertias.tolist(), np.array(model.parents.tolist())
+    single = [k for k, joint in enumerate(joints) if k and joint.nq == joint.nv == 1]
+    subspace = np.zeros((6, model.nv))
+    for k in single:
+        subspace[:, joints[k].idx_v] = _subspace(joints[k], pin.neutral(model))[:, 0]
+    jumps, ahead = [], parents
+    while ahead.any():
+        jumps.append(ahead)
+        ahead = ahead[ahead]
+    counts = np.array([joint.nv for joint in joints[1:]], dtype=np.intp)
+    inertias = np.array([body.matrix() for body in bodies])
+    inertias[0] = 0.0
+    return LinkTree(
+        parents, tuple(jumps), np.repeat(np.arange(1, len(joints)), counts), np.cumsum(counts) - counts,
+        _single(model, single, subspace), tuple(k for k in range(1, len(joints)) if k not in set(single)),
+        subspace, np.array([body.mass for body in bodies]), np.array([body.lever for body in bodies]), inertias,
+    )  # fmt: skip
 
 
 def _single(model: pin.Model, links: list[int], subspace: Array) -> SingleJoints:

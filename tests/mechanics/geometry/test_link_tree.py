@@ -1,12 +1,9 @@
 """Trees of links as arrays, against Pinocchio's own path from link to link."""
 
-import gc
-
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinarm.mechanics.geometry import link_tree
 from pinarm.mechanics.geometry.link_placements import moving
 from pinarm.mechanics.geometry.link_tree import LinkTree
 
@@ -89,11 +86,3 @@ def test_a_tree_far_from_the_origin_keeps_its_digits():
     _, twists, rates, _ = moving(far, q, v, a)
     assert twists == pytest.approx(near, abs=1e-13) and rates == pytest.approx(nearby, abs=1e-13)
 
-
-def test_the_tree_of_a_model_is_kept_as_long_as_the_model():
-    model = chain("revolute")
-    key, tree = id(model), LinkTree.of(model)
-    assert LinkTree.of(model) is tree
-    del model
-    gc.collect()
-    assert key not in link_tree._TREES
