@@ -116,7 +116,7 @@ ELSEWHERE = {
     "problems/test_profiles.py": ("laws in problems", "mechanics/forces/breakpoints problems/prescribed_laws"),
     "test_messages.py": (
         "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/failures "
-        "use/scenario/scenario use/scenario/scenario_file",
+        "use/scenario/scenario_file",
     ),
     "test_readme.py": ("what is printed", "use/show/terminal"),
     "physics/test_friction.py": (

@@ -9,7 +9,6 @@ from typing import TypeVar
 
 import pinocchio as pin
 
-
 T = TypeVar("T")
 
 

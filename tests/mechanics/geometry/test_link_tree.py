@@ -85,4 +85,3 @@ def test_a_tree_far_from_the_origin_keeps_its_digits():
     far.jointPlacements[1] = pin.SE3(model.jointPlacements[1].rotation, np.full(3, 1e9))
     _, twists, rates, _ = moving(far, q, v, a)
     assert twists == pytest.approx(near, abs=1e-13) and rates == pytest.approx(nearby, abs=1e-13)
-
