@@ -10,6 +10,9 @@ from tests.use.conftest import KINDS
 
 SCENARIOS = Path(pinarm.__file__).parents[1] / "scenarios"
 SCENES = (
+    "bricard_falling", "change_point_four_bar_free", "crank_rocker_free", "brick_thrown", "mass_on_belt_stick_slip",
+    "manipulator_kinematics",
+)  # fmt: skip
     "bricard_falling",
     "change_point_four_bar_free",
     "crank_rocker_free",
