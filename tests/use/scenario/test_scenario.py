@@ -13,13 +13,6 @@ SCENES = (
     "bricard_falling", "change_point_four_bar_free", "crank_rocker_free", "brick_thrown", "mass_on_belt_stick_slip",
     "manipulator_kinematics",
 )  # fmt: skip
-    "bricard_falling",
-    "change_point_four_bar_free",
-    "crank_rocker_free",
-    "brick_thrown",
-    "mass_on_belt_stick_slip",
-    "manipulator_kinematics",
-)
 
 
 def same(result, other):
