@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.checks.sample import SAMPLE, sampled
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
 
 Whole = Callable[[Array, Array, Array], tuple[Array, Array]]
 """Rows of integrated states to rows of those of the mechanism: ``t, q, v -> q, v``."""
-
-SAMPLE = 64
-"""Number of rows that are checked where not all are: a fixed, even choice, so that the cost of tables stays bounded."""
 
 ROUNDING = 1e-15
 """Of an energy, relative to it: a motion so short that it exchanges no more has not lost any."""
@@ -60,7 +58,7 @@ def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, float
     """
     if trajectory.no_efforts:
         return {}
-    rows = np.linspace(0, len(trajectory) - 1, min(len(trajectory), most)).astype(int)
+    rows = sampled(len(trajectory), most)
     loads = trajectory.gather(lambda dynamics, part: dynamics.loads(
         trajectory.grid.t[part], trajectory.q[part], trajectory.v[part]))  # fmt: skip
     parts = [_virtual_powers(trajectory, loads, rows[k : k + SAMPLE]) for k in range(0, len(rows), SAMPLE)]
