@@ -45,7 +45,7 @@ from pinarm.mechanics.coordinates import Coordinate, coordinates_of
 from pinarm.mechanics.couplings.coupling import mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.joints import Joint, joints_of
+from pinarm.mechanics.joints import Joint, joints_of, links_of
 from pinarm.mechanics.perturbation import perturbed
 
 if TYPE_CHECKING:
@@ -325,6 +325,13 @@ class Mechanism:
         """Return rough joint coordinates near which the loops close [rad or m], as far as the mechanism file says."""
         known = positions_of(self.joints, self.balls)  # of a part of the mechanism there may be fewer
         return {name: float(value) for name, value in self.description.start.items() if name in known}
+
+    @cached_property
+    def dotted_names(self) -> frozenset[str]:
+        """Names of joints, links, drives, loop joints and couplings that have dots in them, which separate words."""
+        ties = (constraint.name for constraint in self.constraints)
+        names = (*self.joints, *self.balls, *links_of(self.model), *self.drives, *ties)
+        return frozenset(name for name in names if "." in name)
 
     @property
     def gravity(self) -> float:

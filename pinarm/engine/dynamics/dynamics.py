@@ -226,10 +226,12 @@ class Dynamics:
 
     def energy(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return kinetic and potential energy [J], each of shape (n,); rotors and springs included."""
-        model, data = self.model, self.data
-        kinetic = np.array([pin.computeKineticEnergy(model, data, q[i], v[i]) for i in range(len(q))])
-        kinetic += v**2 @ self._forgotten
-        potential = np.array([pin.computePotentialEnergy(model, data, q[i]) for i in range(len(q))])
+        model, data, rows = self.model, self.data, []
+        for configuration, velocity in zip(q, v, strict=True):
+            pin.computeMechanicalEnergy(model, data, configuration, velocity)
+            rows.append((data.kinetic_energy, data.potential_energy))
+        kinetic, potential = np.reshape(rows, (-1, 2)).T
+        kinetic = kinetic + v**2 @ self._forgotten
         for force in self.forces.values():
             potential = potential + force.potential_energy(q)
         return kinetic, potential
