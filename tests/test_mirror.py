@@ -70,7 +70,7 @@ ELSEWHERE = {
         "mechanics/loops/universal",
     ),
     "loops/test_many_rows.py": (
-        "many rows against each alone", "engine/constraints/batch_jacobians "
+        "many rows against each alone", "engine/constraints/batch_jacobians engine/constraints/row_measures "
         "engine/constraints/multipliers engine/constraints/nullspace_batch engine/kinematics/continuation_batch "
         "engine/motion/systems/batch_rows",
     ),

@@ -28,7 +28,8 @@ SMALL = 0.01
 """Part of its reach below which a row may be that of a joint which repeats others but is a little out of line."""
 
 MANY, KEPT = 8, 64
-"""Number of configurations from which on it pays to look at them together, and up to which this is kept."""
+"""Number of configurations from which on it pays to look at them together, fewer where constraints are alike; and up to
+which this is kept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +172,9 @@ class Closure:
 
     def _measured(self, q: Array) -> MeasuredRows | None:
         """Return the rows at many configurations, evaluated together; ``None`` where each is looked at by itself."""
-        if not self.size or len(q) < MANY or not self.batch_jacobians:
+        if not self.size or not self.batch_jacobians:
+            return None
+        if len(q) * len(self.constraints) < MANY * self.batch_jacobians.kinds:
             return None
         return self._kept(q.tobytes(), len(q)) if len(q) <= KEPT else self._together(q)
 
