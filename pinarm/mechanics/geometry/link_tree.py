@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
 from pinarm.mechanics.geometry.model_cache import cached_by_model
+from pinarm.mechanics.geometry.vectors import crossed
 
 
 class SingleJoints(NamedTuple):
@@ -138,9 +139,11 @@ class LinkTree:
 def _tree(model: pin.Model) -> LinkTree:
     joints, bodies, parents = model.joints.tolist(), model.inertias.tolist(), np.array(model.parents.tolist())
     single = [k for k, joint in enumerate(joints) if k and joint.nq == joint.nv == 1]
-    subspace = np.zeros((6, model.nv))
+    subspace, neutral = np.zeros((6, model.nv)), pin.neutral(model)
     for k in single:
-        subspace[:, joints[k].idx_v] = _subspace(joints[k], pin.neutral(model))[:, 0]
+        data = joints[k].createData()
+        joints[k].calc(data, neutral)
+        subspace[:, joints[k].idx_v] = data.S
     jumps, ahead = [], parents
     while ahead.any():
         jumps.append(ahead)
@@ -164,19 +167,12 @@ def _single(model: pin.Model, links: list[int], subspace: Array) -> SingleJoints
     still = np.where(np.asarray(axes.any(axis=1))[:, None, None], 0.0, np.eye(3))
     along = axes[:, :, None] * axes[:, None]
     across = np.eye(3) - along - still
-    crossing = np.cross(axes[:, None], np.eye(3)).swapaxes(1, 2)
+    crossing = crossed(axes[:, None], np.eye(3)).swapaxes(1, 2)
     return SingleJoints(
         np.array(links, dtype=np.intp), np.array([joint.idx_q for joint in joints], dtype=np.intp),
         turns @ (along + still), turns @ across, turns @ crossing,
         np.array([place.translation for place in placements]).reshape(-1, 3), np.matvec(turns, columns[:, :3]),
     )  # fmt: skip
-
-
-def _subspace(joint: pin.JointModel, q: Array) -> Array:
-    """Return the motion subspace S of a joint at a configuration, shape (6, nv of the joint)."""
-    data = joint.createData()
-    joint.calc(data, q)
-    return np.reshape(data.S, (6, -1))
 
 
 def _add_joint(motion: RelativeMotion, model: pin.Model, k: int, q: Array, v: Array) -> None:
