@@ -70,7 +70,7 @@ ELSEWHERE = {
         "mechanics/loops/universal",
     ),
     "loops/test_many_rows.py": (
-        "many rows against each alone", "engine/constraints/batch_jacobians engine/constraints/closure "
+        "many rows against each alone", "engine/constraints/batch_jacobians engine/constraints/row_measures "
         "engine/constraints/multipliers engine/constraints/nullspace_batch engine/kinematics/continuation_batch "
         "engine/motion/systems/batch_rows",
     ),
@@ -116,7 +116,7 @@ ELSEWHERE = {
     "problems/test_profiles.py": ("laws in problems", "mechanics/forces/breakpoints problems/prescribed_laws"),
     "test_messages.py": (
         "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/failures "
-        "use/scenario/scenario use/scenario/scenario_file",
+        "use/scenario/scenario_file",
     ),
     "test_readme.py": ("what is printed", "use/show/terminal"),
     "physics/test_friction.py": (

@@ -46,7 +46,7 @@ from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.couplings.coupling import mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.joints import Joint
+from pinarm.mechanics.joints import Joint, links_of
 from pinarm.mechanics.perturbation import perturbed
 
 if TYPE_CHECKING:
@@ -332,6 +332,13 @@ class Mechanism:
         from pinarm.mechanics.rotors import rotor_name
 
         return self.joints[self.drives[drive].joint or rotor_name(drive)]
+
+    @cached_property
+    def dotted_names(self) -> frozenset[str]:
+        """Names of joints, links, drives, loop joints and couplings that have dots in them, which separate words."""
+        ties = (constraint.name for constraint in self.constraints)
+        names = (*self.joints, *self.balls, *links_of(self.model), *self.drives, *ties)
+        return frozenset(name for name in names if "." in name)
 
     @property
     def gravity(self) -> float:
