@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import RANK, VANISHED
 from pinarm.engine.dynamics.coordinate_partition import Targets
@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 PROXIMAL, ITERATIONS = 1e-10, 3
 """Proximal term of accelerations, relative to the smallest Delassus diagonal, and iterations."""
+
+MET = 1e-12
+"""What the iteration may leave of the rows, where it ends [m/s^2]."""
 
 TOLERANT, REPEATS = 1e-3, 8
 """The same where redundant points are not quite closed, relative to the least eigenvalue of the Delassus matrix that
@@ -82,6 +85,15 @@ class CoincidentPoints:
         return CoincidentPoints(model, points, held, inertia, rank, regularity)
 
 
+    @cached_property
+    def acting(self) -> Flags:
+        """Which rows are not 0 at all configurations, such as those across the plane of a linkage, shape (m,)."""
+        data, rows = self.model.createData(), 0.0
+        for q in _places(self.model):
+            rows = np.maximum(rows, np.abs(_rows(self.model, data, list(self.needed), q)).max(axis=1))
+        return np.asarray(rows > NOISE * np.max(rows))
+
+
 @dataclass(frozen=True, eq=False)
 class PointConstraints:
     """Loops of one mechanism as pairs of coinciding points, ready for evaluation.
@@ -125,25 +137,25 @@ class PointConstraints:
         scale = float(diagonal[diagonal > RANK**2 * diagonal.max()].min())
         return cls(tied, data, states, pin.ConstraintCholeskyDecomposition(model, data, tied.needed, states), scale)
 
-    def acceleration(self, dynamics: Dynamics, targets: Targets) -> Acceleration:
-        """Return the constrained motion's ``(t, q, v) -> a`` under the forces of ``dynamics`` and the given laws."""
-        return self._solved(dynamics, targets, pin.ProximalSettings(1e-12, PROXIMAL * self.scale, ITERATIONS))
+    @property
+    def exact(self) -> pin.ProximalSettings:
+        """How accelerations are solved for."""
+        return pin.ProximalSettings(MET, PROXIMAL * self.scale, ITERATIONS)
 
-    def tolerant(self, dynamics: Dynamics, targets: Targets, q: Array, rank: int) -> Acceleration:
+    def tolerant(self, q: Array, rank: int) -> pin.ProximalSettings:
         """Return the same for states whose redundant points are not quite closed, as they are within steps.
 
         Args:
-            dynamics: The forces.
-            targets: The laws.
             q: A closed configuration that is not close to a singular one, shape (nq,).
             rank: Rank of the rows there.
         """
         model, data = self.tied.model, self.data
         rows, mass = _rows(model, data, list(self.tied.needed), q), mass_matrix(model, q)
         least = float(np.linalg.eigvalsh(rows @ np.linalg.solve(mass, rows.T))[-rank])
-        return self._solved(dynamics, targets, pin.ProximalSettings(1e-12, TOLERANT * least, REPEATS))
+        return pin.ProximalSettings(MET, TOLERANT * least, REPEATS)
 
-    def _solved(self, dynamics: Dynamics, targets: Targets, settings: pin.ProximalSettings) -> Acceleration:
+    def acceleration(self, dynamics: Dynamics, targets: Targets, settings: pin.ProximalSettings) -> Acceleration:
+        """Return the constrained motion's ``(t, q, v) -> a`` under the forces of ``dynamics`` and the given laws."""
         model, data, points, states = self.tied.model, self.data, self.tied.needed, self.states
         solve, load, driven, inertia = pin.constraintDynamics, dynamics.load(), self.tied.driven, self.tied.inertia
 

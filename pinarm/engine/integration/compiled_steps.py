@@ -17,6 +17,7 @@ from pinarm.engine.kernel.library import Flow, contiguous, library, pointer
 from pinarm.engine.kernel.structures import ControlStructure, CourseStructure, PairStructure
 
 if TYPE_CHECKING:
+    from pinarm.engine.integration.driver import StepTaker
     from pinarm.engine.integration.methods.explicit import AdaptiveStepper
 
 FEWEST, MOST = 16, 512
@@ -78,12 +79,14 @@ class CompiledSteps:
         solution: Where they are added.
         pair: The method.
         stepper: The present state and its slope.
+        single: Takes the steps that the library cannot.
         room: Largest number of steps of the next call.
     """
 
     solution: Solution
     pair: EmbeddedPair
     stepper: AdaptiveStepper
+    single: StepTaker
     room: int = FEWEST
     _rejected: list[int] = field(default_factory=list)
     """Number of steps rejected in all before each step of the solution."""
@@ -92,22 +95,44 @@ class CompiledSteps:
         self._coefficients = _Coefficients.of(self.pair.tableau)
 
     def take(self, index: int, t: float, h: float, tries: int) -> tuple[float, float]:
-        """Take as many steps in an interval as there is room for."""
-        interval, stages, y = self.solution.intervals[index], self.pair.tableau.stages, self.stepper.y
+        """Take as many steps in an interval as there is room for, or one where the library cannot take it."""
+        compiled, interval = library(), self.solution.intervals[index]
+        if compiled is None or interval.compiled is None:
+            raise ValueError("the compiled library has gone")
+        if not interval.compiled.ready():
+            return self._take_single(index, t, h, tries)
+        y, stages = self.stepper.y, self.pair.tableau.stages
         record, self.room = _Record.of(self.room, stages, len(y)), min(2 * self.room, MOST)
         record.slopes[0, 0] = self.stepper.stages.slopes[0]
         course = CourseStructure(
-            t, interval.start, interval.end, h, self.stepper.ceiling, tries, len(record.states), 0, 0,
+            t, interval.start, interval.end, h, self.stepper.ceiling, tries, len(record.states), 0, 0, 0,
             pointer(y), *record.pointers(),
         )  # fmt: skip
-        compiled, flow = library(), interval.compiled
-        if compiled is None or flow is None:
-            raise ValueError("the compiled library has gone")
-        parts = self._coefficients.structure, flow.structure, self._control(interval), course
+        parts = self._coefficients.structure, interval.compiled.structure, self._control(interval), course
         compiled.pair_steps(*map(ctypes.byref, parts))
         self._add(index, course, record)
-        self.stepper.ceiling = course.ceiling
+        self._settle(interval, course, record)
         return course.t, course.h
+
+    def _take_single(self, index: int, t: float, h: float, tries: int) -> tuple[float, float]:
+        """Try one step in Python."""
+        known = len(self.solution.steps)
+        reached = self.single.take(index, t, h, tries)
+        self._rejected += [self.solution.count.rejected] * (len(self.solution.steps) - known)
+        return reached
+
+    def _settle(self, interval: Interval, course: CourseStructure, record: _Record) -> None:
+        """Let the motion know which states the library has settled, and settle the one that it hands back."""
+        flow, count = interval.compiled, self.solution.count
+        settled = course.written - bool(course.handed)
+        self.stepper.ceiling = course.ceiling
+        if flow is None or not flow.settles:
+            return
+        if settled:
+            flow.advanced(record.times[2, :settled].tolist())
+        count.evaluations += settled
+        if course.handed:
+            count.evaluations += self.stepper.stages.settle(course.t)
 
     def _control(self, interval: Interval) -> ControlStructure:
         return ControlStructure(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -35,6 +36,22 @@ class Flow:
     structure: FlowStructure
     system: Any = field(repr=False)
 
+    @property
+    def settles(self) -> bool:
+        """Whether accepted states are brought back onto constraints."""
+        return bool(self.structure.settle)
+
+    def ready(self) -> bool:
+        """Return whether the library can take the next step; where it cannot, Python does."""
+        return True
+
+    def knows(self, t: float) -> bool:
+        """Return whether the dense output of the accepted step that begins at t [s] is the library's."""
+        return True
+
+    def advanced(self, ends: Sequence[float]) -> None:
+        """Note that the library has taken steps that end at these instants [s], and settled their states."""
+
 
 @cache
 def library() -> ctypes.PyDLL | None:
@@ -60,6 +77,11 @@ def absence() -> str:
     if os.environ.get(SWITCH) == "off":
         return f"switched off by {SWITCH}=off"
     return f"{PATH.name} is of another version or system" if PATH.exists() else "not built, for want of a C compiler"
+
+
+def address(function: Any) -> int | None:
+    """Return the address of a function of the library."""
+    return ctypes.cast(function, ctypes.c_void_p).value
 
 
 def pointer(array: NDArray[Any]) -> int:

@@ -90,11 +90,18 @@ class Adaptive:
 
     def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
         """Return the terms of the dense output."""
-        if interval.compiled is not None:
-            from pinarm.engine.integration.compiled_steps import terms
+        if interval.compiled is None:
+            return _terms(self.tableau, interval, manifold, steps)
+        from pinarm.engine.integration.compiled_steps import terms
 
+        compiled = [interval.compiled.knows(step.t) for step in steps]
+        if all(compiled):
             return terms(self.tableau, interval.compiled, steps)
-        return _terms(self.tableau, interval, manifold, steps)
+        return np.stack([
+            terms(self.tableau, interval.compiled, [step])[0] if known
+            else _terms(self.tableau, interval, manifold, [step])[0]
+            for step, known in zip(steps, compiled, strict=True)
+        ])  # fmt: skip
 
     def diagnose(self, solution: Solution) -> list[str]:
         """Return a note where the stability limit, not the error, keeps steps short.

@@ -136,3 +136,65 @@ void joint_rates(int kind, const double *q, const double *v, double *rates) {
         break;
     }
 }
+
+/* V u, the way of a frame that moves along and about itself by u and w: exp of (u, w) has the translation
+ * u + (1 - cos n) / n^2 w x u + (n - sin n) / n^3 w x (w x u), n = |w|.
+ */
+static vector way_of(vector u, vector w) {
+    const double square = dot(w, w), n = sqrt(square);
+    const double half = n > 1e-4 ? (1.0 - cos(n)) / square : 0.5 - square / 24.0;
+    const double sixth = n > 1e-2 ? (n - sin(n)) / (n * square) : 1.0 / 6.0 - square / 120.0 + square * square / 5040.0;
+    const vector first = cross(w, u);
+    return add(u, add(scale(half, first), scale(sixth, cross(w, first))));
+}
+
+/* The product of a quaternion and exp(w / 2). */
+static void turn_quaternion(double *q, const double *w) {
+    const double n = sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
+    const double s = n > 1e-8 ? sin(0.5 * n) / n : 0.5, c = cos(0.5 * n);
+    const vector a = {q[0], q[1], q[2]}, b = {s * w[0], s * w[1], s * w[2]};
+    const vector sum = add(add(scale(q[3], b), scale(c, a)), cross(a, b));
+    q[3] = q[3] * c - dot(a, b);
+    q[0] = sum.x, q[1] = sum.y, q[2] = sum.z;
+    normalise(q, 4);
+}
+
+/* Turn a (cos, sin) pair by an angle. */
+static void turn_pair(double *q, double angle) {
+    const double c = cos(angle), s = sin(angle), cosine = q[0] * c - q[1] * s;
+    q[1] = q[1] * c + q[0] * s;
+    q[0] = cosine;
+    normalise(q, 2);
+}
+
+void joint_move(int kind, double *q, const double *x) {
+    matrix r;
+    vector u;
+    switch (kind) {
+    case SCREW:
+        q[0] += x[0];
+        break;
+    case CONTINUOUS:
+        turn_pair(q, x[0]);
+        break;
+    case BALL:
+        turn_quaternion(q, x);
+        break;
+    case FLOATING:
+        r = quaternion_rotation(q + 3);
+        u = times(&r, way_of((vector){x[0], x[1], x[2]}, (vector){x[3], x[4], x[5]}));
+        q[0] += u.x, q[1] += u.y, q[2] += u.z;
+        turn_quaternion(q + 3, x + 3);
+        break;
+    case PLANAR:
+        u = way_of((vector){x[0], x[1], 0.0}, (vector){0.0, 0.0, x[2]});
+        q[0] += q[2] * u.x - q[3] * u.y, q[1] += q[3] * u.x + q[2] * u.y;
+        turn_pair(q + 2, x[2]);
+        break;
+    case TRANSLATION:
+        q[0] += x[0], q[1] += x[1], q[2] += x[2];
+        break;
+    default:
+        break;
+    }
+}

@@ -25,6 +25,31 @@ typedef struct {
     double slide, turn;
 } screw;
 
+/* S s, of one column of the motion subspace */
+static inline motion along(const screw *s, double rate) {
+    const double slide = s->slide * rate, turn = s->turn * rate;
+    switch (s->axis) {
+    case 0:
+        return (motion){{slide, 0.0, 0.0}, {turn, 0.0, 0.0}};
+    case 1:
+        return (motion){{0.0, slide, 0.0}, {0.0, turn, 0.0}};
+    default:
+        return (motion){{0.0, 0.0, slide}, {0.0, 0.0, turn}};
+    }
+}
+
+/* S' f */
+static inline double power(const screw *s, const force *f) {
+    switch (s->axis) {
+    case 0:
+        return s->slide * f->linear.x + s->turn * f->angular.x;
+    case 1:
+        return s->slide * f->linear.y + s->turn * f->angular.y;
+    default:
+        return s->slide * f->linear.z + s->turn * f->angular.z;
+    }
+}
+
 /* A link, its joint and the frame in which the joint starts. */
 typedef struct {
     int parent;      /* index of the parent link, smaller than its own; -1 for the world */
@@ -43,6 +68,9 @@ placement joint_placement(const link *l, const screw *s, const double *q);
 
 /* Bring quaternions and (cos, sin) pairs among the coordinates of a joint to unit length. */
 void joint_normalise(int kind, double *q);
+
+/* Move the coordinates of a joint along a small x of its velocities: by exp, as Pinocchio's `integrate`. */
+void joint_move(int kind, double *q, const double *x);
 
 /* Write q' of a joint's coordinates and velocities: Featherstone, section 4.5. */
 void joint_rates(int kind, const double *q, const double *v, double *rates);

@@ -82,7 +82,7 @@ static void write_step(const flow *f, course *m, double taken, double until) {
 void pair_steps(const pair *p, const flow *f, const control *c, course *m) {
     const ptrdiff_t n = f->n, block = (p->stages + 1) * n;
     double *at = m->scratch, *end = m->scratch + n;
-    while (m->t < m->end && m->written < m->room && m->tries > 0 &&
+    while (m->t < m->end && !m->handed && m->written < m->room && m->tries > 0 &&
            m->h >= c->shortest * ulp(fmax(fabs(m->t), m->end - m->start))) {
         const int last = m->t + 1.01 * m->h >= m->end;
         const double taken = last ? m->end - m->t : m->h;
@@ -98,6 +98,8 @@ void pair_steps(const pair *p, const flow *f, const control *c, course *m) {
             m->h = last ? fmax(m->h, following) : following;
             m->t = m->ends[m->written - 1];
             m->ceiling = c->fastest;
+            if (f->settle)
+                m->handed = f->settle(f->system, m->t, m->y, slopes + block);
         } else { /* NaN included */
             m->rejected++;
             m->h = taken * shrinkage(p, c, error);

@@ -22,11 +22,15 @@ typedef struct {
     const double *dense_d;           /* d rows of s + 1 + e */
 } pair;
 
-/* What is integrated: y of n numbers. `rates` writes its slope, and projects y onto the space it belongs to. */
+/* What is integrated: y of n numbers. `rates` writes its slope, and projects y onto the space it belongs to. `settle`, where
+ * there is one, brings an accepted state back onto constraints and writes its slope; it returns other than 0, and leaves
+ * the state, where the steps have to end there.
+ */
 typedef struct {
     ptrdiff_t n;
     void (*rates)(const void *system, double time, double *y, double *slope);
-    const void *system;
+    int (*settle)(void *system, double time, double *y, double *slope);
+    void *system;
 } flow;
 
 /* Step control. Its numbers stand in pinarm/engine/integration: step_control.py and driver.py. */
@@ -45,6 +49,7 @@ typedef struct {
     ptrdiff_t room;          /* steps that may be written */
     ptrdiff_t written;       /* steps that have been */
     ptrdiff_t rejected;      /* steps rejected */
+    ptrdiff_t handed;        /* other than 0: the steps ended because the last state is not settled */
     double *y;               /* present state, n */
     double *scratch;         /* 2 n */
     double *starts;          /* t, h and t + h of the written steps, room each */

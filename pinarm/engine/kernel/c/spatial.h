@@ -65,6 +65,14 @@ static inline vector cross(vector a, vector b) {
     return (vector){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
+static inline void accumulate_motion(motion *sum, motion m) {
+    sum->linear = add(sum->linear, m.linear), sum->angular = add(sum->angular, m.angular);
+}
+
+static inline void accumulate_force(force *sum, force f) {
+    sum->linear = add(sum->linear, f.linear), sum->angular = add(sum->angular, f.angular);
+}
+
 /* A x */
 static inline vector times(const matrix *a, vector x) {
     return (vector){dot(a->x, x), dot(a->y, x), dot(a->z, x)};
@@ -87,6 +95,12 @@ static inline vector symmetric_times(const symmetric *s, vector x) {
 /* A B */
 static inline matrix product(const matrix *a, const matrix *b) {
     return (matrix){transposed_times(b, a->x), transposed_times(b, a->y), transposed_times(b, a->z)};
+}
+
+/* A' B */
+static inline matrix transposed_product(const matrix *a, const matrix *b) {
+    const matrix t = {{a->x.x, a->y.x, a->z.x}, {a->x.y, a->y.y, a->z.y}, {a->x.z, a->y.z, a->z.z}};
+    return product(&t, b);
 }
 
 /* R S R' */

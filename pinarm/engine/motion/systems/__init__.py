@@ -42,7 +42,7 @@ def system_of(closure: Closure, dynamics: Dynamics, prescribed: PrescribedCoordi
         general = ConstrainedSystem.of(closure, dynamics, prescribed)
         driven = [coordinate.joint for coordinate in linear if coordinate.joint is not None]
         points = PointConstraints.of(closure, initial.q, driven) if len(driven) == len(prescribed.names) else None
-        return PointSystem(general, points) if points else general
+        return PointSystem(general, points, initial.q) if points else general
     rows = [one.weights for one in [*(coupling.coordinate for coupling in couplings), *linear]]
     if not rows:
         return FreeSystem(dynamics.manifold, closure)
