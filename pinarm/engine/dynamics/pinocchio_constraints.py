@@ -84,7 +84,6 @@ class CoincidentPoints:
         points.extend(needed)
         return CoincidentPoints(model, points, held, inertia, rank, regularity)
 
-
     @cached_property
     def acting(self) -> Flags:
         """Which rows are not 0 at all configurations, such as those across the plane of a linkage, shape (m,)."""

@@ -5,19 +5,20 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.integration.integrator import EmbeddedPair, Interval, Solution, Step
-from pinarm.engine.integration.step_control import FASTEST, GAIN, HUGE, LOST, SAFETY, SHORTEST, SLOWEST, TINY
+from pinarm.engine.integration.step_control import FASTEST, GAIN, HUGE, LOST, NOISE, SAFETY, SHORTEST, SLOWEST, TINY
 from pinarm.engine.integration.tableaus import Tableau
 from pinarm.engine.kernel.library import Flow, contiguous, library, pointer
 from pinarm.engine.kernel.structures import ControlStructure, CourseStructure, PairStructure
 
 if TYPE_CHECKING:
-    from pinarm.engine.integration.driver import StepTaker
     from pinarm.engine.integration.methods.explicit import AdaptiveStepper
 
 FEWEST, MOST = 16, 512
@@ -50,6 +51,8 @@ class _Record(NamedTuple):
     Attributes:
         times: Starts, lengths and ends of the steps [s], shape (3, m).
         rejections: Steps rejected before each, shape (m,).
+        floored: Whether each was accepted as rounding, shape (m,).
+        marks: Mark of the state at the end of each, shape (m,).
         states: y at their starts, shape (m, n).
         slopes: Slopes at their stages, those of the step that is tried last included, shape (m + 1, s + 1, n).
         scratch: Buffer, shape (2, n).
@@ -57,6 +60,8 @@ class _Record(NamedTuple):
 
     times: Array
     rejections: Indices
+    floored: NDArray[np.intc]
+    marks: NDArray[np.intc]
     states: Array
     slopes: Array
     scratch: Array
@@ -64,11 +69,14 @@ class _Record(NamedTuple):
     @classmethod
     def of(cls, room: int, stages: int, n: int) -> _Record:
         slopes = np.empty((room + 1, stages + 1, n))
-        return cls(np.empty((3, room)), np.empty(room, np.intp), np.empty((room, n)), slopes, np.empty((2, n)))
+        floored, marks = np.empty((2, room), np.intc)
+        times, states = np.empty((3, room)), np.empty((room, n))
+        return cls(times, np.empty(room, np.intp), floored, marks, states, slopes, np.empty((2, n)))
 
     def pointers(self) -> list[int]:
         """Return the addresses in the order of ``Course``, behind that of y."""
-        return [pointer(x) for x in (self.scratch, *self.times, self.rejections, self.states, self.slopes)]
+        steps = *self.times, self.rejections, self.floored, self.marks, self.states, self.slopes
+        return [pointer(x) for x in (self.scratch, *steps)]
 
 
 @dataclass
@@ -79,64 +87,56 @@ class CompiledSteps:
         solution: Where they are added.
         pair: The method.
         stepper: The present state and its slope.
-        single: Takes the steps that the library cannot.
         room: Largest number of steps of the next call.
     """
 
     solution: Solution
     pair: EmbeddedPair
     stepper: AdaptiveStepper
-    single: StepTaker
     room: int = FEWEST
     _rejected: list[int] = field(default_factory=list)
     """Number of steps rejected in all before each step of the solution."""
+    _floored: list[int] = field(default_factory=list)
+    """Which of its steps were accepted as rounding."""
 
     def __post_init__(self) -> None:
         self._coefficients = _Coefficients.of(self.pair.tableau)
 
     def take(self, index: int, t: float, h: float, tries: int) -> tuple[float, float]:
-        """Take as many steps in an interval as there is room for, or one where the library cannot take it."""
-        compiled, interval = library(), self.solution.intervals[index]
-        if compiled is None or interval.compiled is None:
+        """Take as many steps in an interval as there is room for."""
+        interval, stages, y = self.solution.intervals[index], self.pair.tableau.stages, self.stepper.y
+        compiled, flow = library(), interval.compiled
+        if compiled is None or flow is None:
             raise ValueError("the compiled library has gone")
-        if not interval.compiled.ready():
-            return self._take_single(index, t, h, tries)
-        y, stages = self.stepper.y, self.pair.tableau.stages
         record, self.room = _Record.of(self.room, stages, len(y)), min(2 * self.room, MOST)
         record.slopes[0, 0] = self.stepper.stages.slopes[0]
         course = CourseStructure(
             t, interval.start, interval.end, h, self.stepper.ceiling, tries, len(record.states), 0, 0, 0,
             pointer(y), *record.pointers(),
         )  # fmt: skip
-        parts = self._coefficients.structure, interval.compiled.structure, self._control(interval), course
+        flow.ready()
+        parts = self._coefficients.structure, flow.structure, self._control(interval), course
         compiled.pair_steps(*map(ctypes.byref, parts))
         self._add(index, course, record)
-        self._settle(interval, course, record)
+        self.stepper.ceiling = course.ceiling
+        if flow.settles and course.written:
+            self._settle(interval, flow, course, record)
         return course.t, course.h
 
-    def _take_single(self, index: int, t: float, h: float, tries: int) -> tuple[float, float]:
-        """Try one step in Python."""
-        known = len(self.solution.steps)
-        reached = self.single.take(index, t, h, tries)
-        self._rejected += [self.solution.count.rejected] * (len(self.solution.steps) - known)
-        return reached
-
-    def _settle(self, interval: Interval, course: CourseStructure, record: _Record) -> None:
-        """Let the motion know which states the library has settled, and settle the one that it hands back."""
-        flow, count = interval.compiled, self.solution.count
-        settled = course.written - bool(course.handed)
-        self.stepper.ceiling = course.ceiling
-        if flow is None or not flow.settles:
-            return
+    def _settle(self, interval: Interval, flow: Flow, course: CourseStructure, record: _Record) -> None:
+        """Let the motion know which states have been settled, and let it settle the one that is handed back."""
+        settled, count = course.written - course.handed, self.solution.count
         if settled:
-            flow.advanced(record.times[2, :settled].tolist())
+            flow.advanced(record.times[2, :settled].tolist(), record.marks[:settled].tolist())
         count.evaluations += settled
         if course.handed:
             count.evaluations += self.stepper.stages.settle(course.t)
+            if record.floored[course.written - 1]:
+                course.h = max(course.h, interval.floor())
 
     def _control(self, interval: Interval) -> ControlStructure:
         return ControlStructure(
-            self.pair.tolerance, interval.size, SAFETY, GAIN, SLOWEST, FASTEST, LOST, HUGE, TINY, SHORTEST
+            self.pair.tolerance, interval.size, SAFETY, GAIN, SLOWEST, FASTEST, LOST, HUGE, TINY, SHORTEST, NOISE
         )
 
     def _add(self, index: int, course: CourseStructure, record: _Record) -> None:
@@ -147,6 +147,8 @@ class CompiledSteps:
         self.solution.steps += [Step(t, h, until, y, k, index) for (t, h, until), y, k in added]
         before = count.rejected
         self._rejected += [before + number for number in record.rejections[:written].tolist()]
+        self._floored += record.floored[:written].tolist()
+        count.floored += sum(record.floored[:written].tolist())
         count.rejected += course.rejected
         count.evaluations += (written + course.rejected) * self.pair.tableau.stages
         refused_last = not written or count.rejected > self._rejected[-1]
@@ -158,13 +160,24 @@ class CompiledSteps:
         count = self.solution.count
         surplus = len(self.solution.steps) - index - 1 + count.rejected - self._rejected[index]
         count.rejected = self._rejected[index]
-        count.evaluations -= surplus * self.pair.tableau.stages
-        del self._rejected[index + 1 :]
+        count.floored = sum(self._floored[: index + 1])
+        flow, dropped = self.solution.intervals[-1].compiled, len(self.solution.steps) - index - 1
+        count.evaluations -= surplus * self.pair.tableau.stages + (dropped if flow and flow.settles else 0)
+        del self._rejected[index + 1 :], self._floored[index + 1 :]
         self.solution.truncate(index + 1)
 
 
 def terms(tableau: Tableau, flow: Flow, steps: Sequence[Step]) -> Array:
     """Return the terms of the dense output of steps, see ``Method.interpolants``, shape (n, d, nq + nv)."""
+    found = []
+    for way, group in [(way, list(group)) for way, group in groupby(steps, lambda step: flow.way(step.t))]:
+        flow.take(way)
+        found.append(_terms(tableau, flow, group))
+    return np.concatenate(found)
+
+
+def _terms(tableau: Tableau, flow: Flow, steps: Sequence[Step]) -> Array:
+    """Return the terms of steps that have been taken in one way."""
     coefficients, compiled = _Coefficients.of(tableau), library()
     if compiled is None:
         raise ValueError("the compiled library has gone")

@@ -49,8 +49,7 @@ def integrate(
     q, v = manifold.project(np.asarray(q, float)), np.asarray(v, float)
     solution = Solution(method, manifold, method.prepare(intervals, q, v))
     stepper = method.stepper(manifold, solution.count)
-    single = SingleSteps(solution, stepper, steps_over)
-    steps = _compiled(solution, stepper, single) or single
+    steps = _compiled(solution, stepper, steps_over) or SingleSteps(solution, stepper, steps_over)
     driver = _Driver(solution, stepper, steps, max_steps, watches)
     try:
         driver.run(np.concatenate([q, v]))
@@ -205,15 +204,15 @@ class _Driver:
         return self.solution.intervals[-1].end - t > HOPELESS * self.max_steps * longest
 
 
-def _compiled(solution: Solution, stepper: Stepper, single: SingleSteps) -> StepTaker | None:
+def _compiled(solution: Solution, stepper: Stepper, steps_over: StepsOver | None) -> StepTaker | None:
     """Return the steps of the compiled library; ``None`` where it does not know the motion or the method."""
     pair = solution.method.pair
-    if pair is None or single.steps_over or not all(interval.compiled for interval in solution.intervals):
+    if pair is None or steps_over or not all(interval.compiled for interval in solution.intervals):
         return None
     from pinarm.engine.integration.compiled_steps import CompiledSteps
     from pinarm.engine.integration.methods.explicit import AdaptiveStepper
 
-    return CompiledSteps(solution, pair, stepper, single) if isinstance(stepper, AdaptiveStepper) else None
+    return CompiledSteps(solution, pair, stepper) if isinstance(stepper, AdaptiveStepper) else None
 
 
 def _not_finite(solution: Solution, t: float, y: Array) -> IntegrationError:

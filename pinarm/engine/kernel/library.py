@@ -41,16 +41,18 @@ class Flow:
         """Whether accepted states are brought back onto constraints."""
         return bool(self.structure.settle)
 
-    def ready(self) -> bool:
-        """Return whether the library can take the next step; where it cannot, Python does."""
-        return True
+    def ready(self) -> None:
+        """Bring the system to the present state of the motion."""
 
-    def knows(self, t: float) -> bool:
-        """Return whether the dense output of the accepted step that begins at t [s] is the library's."""
-        return True
+    def way(self, t: float) -> Any:
+        """Return in which way the accepted step was taken that begins at t [s]."""
+        return None
 
-    def advanced(self, ends: Sequence[float]) -> None:
-        """Note that the library has taken steps that end at these instants [s], and settled their states."""
+    def take(self, way: Any) -> None:
+        """Let rates be those of steps that were taken in a way."""
+
+    def advanced(self, ends: Sequence[float], marks: Sequence[int]) -> None:
+        """Note that steps have been taken to these instants [s], and the states there settled, with these marks."""
 
 
 @cache

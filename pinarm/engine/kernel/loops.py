@@ -13,15 +13,13 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.kernel.library import library, pointer
+from pinarm.engine.kernel.library import pointer
 from pinarm.engine.kernel.structures import (
     FORCE,
     LOOP,
     LOOP_STATE,
     MOST_ROWS,
     ConstraintsStructure,
-    ProximalStructure,
-    RegularityStructure,
     SkylineStructure,
 )
 from pinarm.engine.kernel.tree import CompiledTree, LoadedTree
@@ -48,29 +46,7 @@ class Tied(NamedTuple):
     about: Array
 
 
-class Settings(NamedTuple):
-    """Numbers of a motion along constraints; see ``constraints.h``.
-
-    Attributes:
-        solve: How multipliers are found.
-        projection: Term of projections [1/kg].
-        closed: Gap that is rounding [m].
-        stalled: Gap at which the iteration may end [m].
-        torn: Largest length of ``G a + G' v`` at accepted states [m/s^2].
-        corrections: Most corrections of a position.
-        limits: When a position is regular.
-    """
-
-    solve: ProximalStructure
-    projection: float
-    closed: float
-    stalled: float
-    torn: float
-    corrections: int
-    limits: RegularityStructure
-
-
-class LoopSystem(NamedTuple):
+class LoadedLoops(NamedTuple):
     """A tree with loops and its loads, for the library.
 
     Attributes:
@@ -100,26 +76,23 @@ class CompiledLoops:
     tree: CompiledTree
     tied: Sequence[Tied]
 
-    def system(self, loaded: LoadedTree, settings: Settings) -> LoopSystem | None:
-        """Return the constrained tree under its loads; ``None`` where the library refuses."""
-        compiled, model, rows = library(), self.tree.model, int(self._records["rows"].sum())
-        stored = int((np.arange(rows) - self._first + 1).sum())
-        places = self._first, np.cumsum(np.arange(rows) - self._first + 1) - np.arange(rows) - 1
+    def loaded(self, loaded: LoadedTree) -> LoadedLoops:
+        """Return the tree under its loads with its loops, not checked."""
+        model, rows = self.tree.model, len(self._first)
+        sizes = np.arange(rows) - self._first + 1
+        places, stored = (self._first, np.cumsum(sizes) - np.arange(rows) - 1), int(sizes.sum())
         entries = np.zeros(stored), np.zeros(stored)
         known = self._records, self._paths, self._velocities, np.zeros(len(self.tied), LOOP_STATE)
         buffers = (
             np.zeros((model.njoints, MOST_ROWS), FORCE), np.zeros((len(self._velocities), MOST_ROWS)),
-            np.zeros((model.nv, MOST_ROWS)), *(np.zeros(model.nv) for _ in range(3)),
-            *(np.zeros(rows) for _ in range(3)), np.zeros(model.nq + model.nv),
+            np.zeros((model.nv, MOST_ROWS)), np.zeros(model.nv), *(np.zeros(rows) for _ in range(3)),
         )  # fmt: skip
         counts = len(self.tied), len(self._paths), len(self._velocities)
         structure = ConstraintsStructure(
             ctypes.addressof(loaded.structure), *counts, *map(pointer, known),
-            SkylineStructure(rows, stored, *map(pointer, (*places, *entries))), *map(pointer, buffers), *settings, 0.0,
+            SkylineStructure(rows, stored, *map(pointer, (*places, *entries))), *map(pointer, buffers),
         )  # fmt: skip
-        if compiled is None or compiled.constraints_check(ctypes.byref(structure)):
-            return None
-        return LoopSystem(structure, (loaded, places, entries, known, buffers))
+        return LoadedLoops(structure, (loaded, places, entries, known, buffers))
 
     @cached_property
     def _links(self) -> list[Indices]:

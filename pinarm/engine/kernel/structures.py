@@ -76,13 +76,13 @@ class ProximalStructure(ctypes.Structure):
     _fields_ = [("term", REAL), ("accuracy", REAL), ("repeats", INT)]
 
 
-class RegularityStructure(ctypes.Structure):
-    """When a closed position is regular."""
+class LimitsStructure(ctypes.Structure):
+    """When a position is regular, and how a singular one is passed."""
 
     _fields_ = [
-        *((name, REAL) for name in ("usual", "near", "ahead", "coarse", "close", "vanished", "accuracy")),
-        ("rank", INT),
-    ]
+        *((name, REAL) for name in ("usual", "near", "ahead", "coarse", "close", "blind", "vanished", "accuracy")),
+        ("aside", REAL), ("across", REAL * 4), ("floor", REAL), ("rank", INT),
+    ]  # fmt: skip
 
 
 class ConstraintsStructure(ctypes.Structure):
@@ -91,10 +91,19 @@ class ConstraintsStructure(ctypes.Structure):
     _fields_ = [
         ("tree", POINTER), *((name, INT) for name in ("loops", "path_length", "support_length")),
         *((name, POINTER) for name in ("loop", "path", "dof", "loop_state")), ("delassus", SkylineStructure),
-        *((name, POINTER) for name in ("carried", "reduced", "spread", "weight", "generalised", "change")),
-        *((name, POINTER) for name in ("right", "multiplier", "before", "saved")), ("solve", ProximalStructure),
+        *((name, POINTER) for name in ("carried", "reduced", "spread", "weight", "right", "multiplier", "before")),
+    ]  # fmt: skip
+
+
+class ClosingStructure(ctypes.Structure):
+    """A motion along loops."""
+
+    _fields_ = [
+        ("rows", ConstraintsStructure), ("exact", ProximalStructure), ("tolerant", ProximalStructure),
         *((name, REAL) for name in ("projection", "closed", "stalled", "torn")), ("corrections", INT),
-        ("limits", RegularityStructure), ("regular", REAL),
+        ("limits", LimitsStructure),
+        *((name, POINTER) for name in ("scale", "generalised", "change", "sum", "part", "state", "saved")),
+        ("near", INT), *((name, REAL) for name in ("regular", "t", "step", "floor")),
     ]  # fmt: skip
 
 
@@ -110,7 +119,7 @@ class PairStructure(ctypes.Structure):
 class FlowStructure(ctypes.Structure):
     """What is integrated."""
 
-    _fields_ = [("n", SIZE), ("rates", POINTER), ("settle", POINTER), ("system", POINTER)]
+    _fields_ = [("n", SIZE), *((name, POINTER) for name in ("rates", "settle", "floor", "system"))]
 
 
 class ControlStructure(ctypes.Structure):
@@ -118,7 +127,19 @@ class ControlStructure(ctypes.Structure):
 
     _fields_ = [
         (name, REAL)
-        for name in ("tolerance", "size", "safety", "gain", "slowest", "fastest", "lost", "huge", "tiny", "shortest")
+        for name in (
+            "tolerance",
+            "size",
+            "safety",
+            "gain",
+            "slowest",
+            "fastest",
+            "lost",
+            "huge",
+            "tiny",
+            "shortest",
+            "noise",
+        )
     ]
 
 
@@ -128,7 +149,8 @@ class CourseStructure(ctypes.Structure):
     _fields_ = [
         *((name, REAL) for name in ("t", "start", "end", "h", "ceiling")),
         *((name, SIZE) for name in ("tries", "room", "written", "rejected", "handed")),
-        *((name, POINTER) for name in ("y", "scratch", "starts", "lengths", "ends", "rejections", "states", "slopes")),
+        *((name, POINTER) for name in ("y", "scratch", "starts", "lengths", "ends")),
+        *((name, POINTER) for name in ("rejections", "floored", "marks", "states", "slopes")),
     ]
 
 
@@ -136,8 +158,8 @@ ARRAYS = (
     SCREW, LINK, DEGREE, ROTATION_SPRING, POINT_SPRING, LINK_STATE, DEGREE_STATE, LOOP, LOOP_STATE, FORCE,
 )  # fmt: skip
 STRUCTURES = (
-    TreeStructure, SkylineStructure, ConstraintsStructure, PairStructure, FlowStructure, ControlStructure,
-    CourseStructure,
+    TreeStructure, SkylineStructure, ConstraintsStructure, ClosingStructure, PairStructure, FlowStructure,
+    ControlStructure, CourseStructure,
 )  # fmt: skip
 SIZES = (*(one.itemsize for one in ARRAYS), *map(ctypes.sizeof, STRUCTURES))
 """Sizes [bytes], in the order of ``kernel_sizes`` in ``kernel.c``."""

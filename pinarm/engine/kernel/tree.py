@@ -40,6 +40,9 @@ times the rounding on usual trees, and below what any tolerance of an integratio
 STATES = 3
 """Number of states at which they are compared."""
 
+NO_FLOOR = np.zeros(1)
+"""The smallest useful step of trees [s]."""
+
 DISAGREES = "the compiled kernel is not used: its accelerations differ from Pinocchio's by {:.1e}"
 
 
@@ -88,7 +91,8 @@ class CompiledTree:
         if compiled is None or tree is None or compiled.tree_check(ctypes.byref(tree.structure)):
             return None
         n = self.model.nq + self.model.nv
-        return Flow(FlowStructure(n, address(compiled.tree_rates), None, ctypes.addressof(tree.structure)), tree)
+        places = address(compiled.tree_rates), None, pointer(NO_FLOOR), ctypes.addressof(tree.structure)
+        return Flow(FlowStructure(n, *places), tree)
 
     def loaded(self, steady: Array, changing: Sequence[ForceElement]) -> LoadedTree | None:
         """Return the tree with its loads, not checked; ``None`` where the library does not know one of them."""

@@ -15,12 +15,9 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.integration.first_step import first_step
 from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution, Step
-from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, TINY, growth, shrinkage
+from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, NOISE, TINY, growth, shrinkage
 from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4, Tableau
 from pinarm.errors import MethodError
-
-NOISE = 1e-6
-"""Error of a step, relative to ``1 + |y|``, up to which amplified rounding near a singular position explains it."""
 
 STIFF = 0.3
 """Share of steps at the stability limit from which a motion is reported as stiff for an explicit method."""
@@ -94,14 +91,7 @@ class Adaptive:
             return _terms(self.tableau, interval, manifold, steps)
         from pinarm.engine.integration.compiled_steps import terms
 
-        compiled = [interval.compiled.knows(step.t) for step in steps]
-        if all(compiled):
-            return terms(self.tableau, interval.compiled, steps)
-        return np.stack([
-            terms(self.tableau, interval.compiled, [step])[0] if known
-            else _terms(self.tableau, interval, manifold, [step])[0]
-            for step, known in zip(steps, compiled, strict=True)
-        ])  # fmt: skip
+        return terms(self.tableau, interval.compiled, steps)
 
     def diagnose(self, solution: Solution) -> list[str]:
         """Return a note where the stability limit, not the error, keeps steps short.

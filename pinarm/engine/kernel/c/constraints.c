@@ -71,8 +71,7 @@ static void multiply(const constraints *c, int i) {
         memset(c->spread + c->dof[l->support + n] * MOST_ROWS, 0, MOST_ROWS * sizeof *c->spread);
 }
 
-/* Write W of all loop joints and W' D^-1 W, which is S = G M^-1 G'. */
-static void delassus(const constraints *c) {
+void constraints_delassus(const constraints *c) {
     for (int k = 0; k < c->tree->nv; k++)
         c->weight[k] = c->tree->degree_state[k].inverse;
     for (int i = 0; i < c->loops; i++) {
@@ -81,8 +80,7 @@ static void delassus(const constraints *c) {
     }
 }
 
-/* Write G G'. */
-static void squares(const constraints *c) {
+void constraints_squares(const constraints *c) {
     for (int k = 0; k < c->tree->nv; k++)
         c->weight[k] = 1.0;
     for (int i = 0; i < c->loops; i++) {
@@ -91,7 +89,7 @@ static void squares(const constraints *c) {
     }
 }
 
-static void place(const constraints *c, const double *q, const double *v) {
+void constraints_place(const constraints *c, const double *q, const double *v) {
     tree_articulate(c->tree, q, v);
     tree_place(c->tree);
     for (int i = 0; i < c->loops; i++)
@@ -108,8 +106,7 @@ static double torn(const constraints *c, double *result) {
     return square;
 }
 
-/* u += W lam */
-static void add_multipliers(const constraints *c, const double *multiplier, double *u) {
+void constraints_load(const constraints *c, const double *multiplier, double *u) {
     for (int i = 0; i < c->loops; i++) {
         const loop *l = &c->loop[i];
         for (int n = 0; n < l->degrees; n++)
@@ -121,130 +118,33 @@ static void add_multipliers(const constraints *c, const double *multiplier, doub
 /* The multipliers of S lam = b: the proximal iteration of Carpentier, Budhiraja, Mansard, Proximal and sparse resolution
  * of constrained dynamic equations (2021), algorithm 1, as Pinocchio's. It ends at lam of least length.
  */
-static void find_multipliers(const constraints *c) {
+static void find_multipliers(const constraints *c, const proximal *p) {
     const ptrdiff_t m = c->delassus.rows;
     memset(c->multiplier, 0, (size_t)m * sizeof *c->multiplier);
-    skyline_factorise(&c->delassus, c->solve.term);
-    for (int n = 0; n < c->solve.repeats; n++) {
+    skyline_factorise(&c->delassus, p->term);
+    for (int n = 0; n < p->repeats; n++) {
         double largest = 0.0;
         for (ptrdiff_t k = 0; k < m; k++)
-            c->before[k] = c->multiplier[k], c->multiplier[k] = c->solve.term * c->multiplier[k] - c->right[k];
+            c->before[k] = c->multiplier[k], c->multiplier[k] = p->term * c->multiplier[k] - c->right[k];
         skyline_solve(&c->delassus, c->multiplier);
         for (ptrdiff_t k = 0; k < m; k++)
             largest = fmax(largest, fabs(c->multiplier[k] - c->before[k]));
-        if (c->solve.term * largest <= c->solve.accuracy)
+        if (p->term * largest <= p->accuracy)
             break;
     }
 }
 
 /* M a + nle = tau + G' lam and G a + G' v = 0: with a_0 of the free tree S lam = -(G a_0 + G' v); then u + W lam moves the
- * tree: Featherstone, sections 8.3 and 8.5. The state is placed; return the square of the length of G a + G' v.
+ * tree: Featherstone, sections 8.3 and 8.5.
  */
-static double accelerate(const constraints *c, double *a) {
-    delassus(c);
+double constraints_accelerate(const constraints *c, const proximal *p, double *a) {
+    constraints_delassus(c);
     tree_accelerate(c->tree, a);
     torn(c, c->right);
-    find_multipliers(c);
-    add_multipliers(c, c->multiplier, c->tree->tau);
+    find_multipliers(c, p);
+    constraints_load(c, c->multiplier, c->tree->tau);
     tree_accelerate(c->tree, a);
     return torn(c, c->right);
-}
-
-void constraints_rates(const void *system, double time, double *y, double *slope) {
-    const constraints *c = system;
-    const tree *t = c->tree;
-    (void)time;
-    tree_coordinate_rates(t, y, y + t->nq, slope);
-    place(c, y, y + t->nq);
-    accelerate(c, slope + t->nq);
-}
-
-/* Write the least x, measured by the masses, for which G x is `right`: x = M^-1 G' S^-1 right. S is factorised. */
-static void least_change(const constraints *c) {
-    skyline_solve(&c->delassus, c->right);
-    memset(c->generalised, 0, (size_t)c->tree->nv * sizeof *c->generalised);
-    add_multipliers(c, c->right, c->generalised);
-    tree_response(c->tree, c->generalised, c->change);
-}
-
-/* Write what is open to `right`; return its length. */
-static double gap(const constraints *c) {
-    double square = 0.0;
-    for (int i = 0; i < c->loops; i++)
-        for (int r = 0; r < c->loop[i].rows; r++) {
-            const double x = c->loop_state[i].open[r];
-            c->right[c->loop[i].first + r] = x, square += x * x;
-        }
-    return sqrt(square);
-}
-
-/* Close positions by Newton's method and velocities in one step, by the least changes. */
-static void close_state(const constraints *c, double *q, double *v) {
-    const tree *t = c->tree;
-    double before = INFINITY;
-    for (int n = 0;; n++) {
-        place(c, q, v);
-        delassus(c);
-        skyline_factorise(&c->delassus, c->projection);
-        const double size = gap(c);
-        if (n == c->corrections || size <= c->closed || (size < c->stalled && size > 0.5 * before))
-            break;
-        before = size;
-        least_change(c);
-        for (int i = 0; i < t->links; i++)
-            joint_move(t->link[i].kind, q + t->link[i].q, c->change + t->link[i].v);
-    }
-    for (int i = 0; i < c->loops; i++)
-        memcpy(c->right + c->loop[i].first, c->loop_state[i].rate, (size_t)c->loop[i].rows * sizeof *c->right);
-    least_change(c);
-    for (int k = 0; k < t->nv; k++)
-        v[k] -= c->change[k];
-}
-
-/* Tell whether the next step may go on without looking at its stages: by the singular values of G at the position, s_r / s_1
- * with the rank r along the motion, and by how they fell over the last step.
- */
-static int is_regular(constraints *c) {
-    const regularity *l = &c->limits;
-    const skyline *s = &c->delassus;
-    const double before = c->regular, least = l->near * l->usual;
-    double trace = 0.0, diagonal = 0.0;
-    squares(c);
-    for (ptrdiff_t i = 0; i < s->rows; i++) {
-        const double x = s->entry[s->origin[i] + i];
-        trace += x, diagonal = fmax(diagonal, x);
-    }
-    if (!(trace < INFINITY && diagonal > 0.0))
-        return 0;
-    const double largest = skyline_eigenvalue(s, 0, diagonal, trace, l->accuracy);
-    if (s->rows - skyline_factorise(s, -l->vanished * largest) > l->rank ||
-        s->rows - skyline_factorise(s, -least * least * largest) < l->rank)
-        return 0;
-    const double smallest = skyline_eigenvalue(s, l->rank - 1, least * least * largest, largest, l->accuracy);
-    const double regular = sqrt(smallest / largest) / l->usual, fall = before - regular;
-    if (regular < l->ahead * fall && (fall > l->coarse || regular < l->close))
-        return 0;
-    c->regular = regular;
-    return 1;
-}
-
-int constraints_settle(void *system, double time, double *y, double *slope) {
-    constraints *c = system;
-    const tree *t = c->tree;
-    const size_t size = (size_t)(t->nq + t->nv) * sizeof *y;
-    const double before = c->regular;
-    (void)time;
-    memcpy(c->saved, y, size);
-    close_state(c, y, y + t->nq);
-    if (is_regular(c)) {
-        tree_coordinate_rates(t, y, y + t->nq, slope);
-        place(c, y, y + t->nq);
-        if (accelerate(c, slope + t->nq) <= c->torn * c->torn)
-            return 0;
-    }
-    memcpy(y, c->saved, size);
-    c->regular = before;
-    return 1;
 }
 
 static int loop_is_sound(const constraints *c, int i) {
@@ -272,9 +172,7 @@ static int loop_is_sound(const constraints *c, int i) {
 }
 
 int constraints_check(const constraints *c) {
-    const double numbers[] = {c->solve.term, c->solve.accuracy, c->projection, c->closed, c->stalled, c->torn,
-                              c->limits.usual, c->limits.near};
-    if (tree_check(c->tree) || c->loops < 1 || skyline_check(&c->delassus) || !all_finite(numbers, 8))
+    if (tree_check(c->tree) || c->loops < 1 || skyline_check(&c->delassus))
         return 1;
     for (int i = 0; i < c->loops; i++)
         if (!loop_is_sound(c, i))

@@ -1,4 +1,4 @@
-/* A tree with loops: its accelerations, and its states brought back onto the constraints. */
+/* A tree with loops: the rows of its loop joints together, and its accelerations. */
 #ifndef PINARM_CONSTRAINTS_H
 #define PINARM_CONSTRAINTS_H
 
@@ -12,48 +12,34 @@ typedef struct {
     int repeats;     /* most iterations */
 } proximal;
 
-/* When a closed position is regular; the numbers stand in pinarm/engine/motion/systems/point_constrained.py. */
-typedef struct {
-    double usual;                              /* regularity of positions of no special kind */
-    double near, ahead, coarse, close;         /* limits of the regularity relative to that, and of its fall */
-    double vanished;                           /* square of a singular value that is 0, relative to the largest */
-    double accuracy;                           /* of the squares of singular values */
-    int rank;                                  /* of G along the motion */
-} regularity;
-
 typedef struct {
     const tree *tree;
     int loops, path_length, support_length;
     const loop *loop;
-    const int *path, *dof;   /* links and velocities that move each loop joint, links in descending order */
+    const int *path, *dof; /* links and velocities that move each loop joint, links in descending order */
     loop_state *loop_state;
-    skyline delassus;        /* rows of all loop joints */
-    force *carried;          /* MOST_ROWS for each link: forces of the rows on their way to the root; 0 between uses */
-    double *reduced;         /* MOST_ROWS for each entry of `dof` */
-    double *spread;          /* MOST_ROWS for each velocity; 0 between uses */
-    double *weight;          /* nv */
-    double *generalised, *change; /* nv */
+    skyline delassus;      /* rows of all loop joints */
+    force *carried;        /* MOST_ROWS for each link: forces of the rows on their way to the root; 0 between uses */
+    double *reduced;       /* MOST_ROWS for each entry of `dof` */
+    double *spread;        /* MOST_ROWS for each velocity; 0 between uses */
+    double *weight;        /* nv */
     double *right, *multiplier, *before; /* as many as there are rows */
-    double *saved;           /* nq + nv */
-    proximal solve;
-    double projection;       /* the same term of projections [1/kg] */
-    double closed, stalled;  /* gaps that are rounding, and at which the iteration may end [m] */
-    double torn;             /* largest length of G a + G' v at accepted states */
-    int corrections;         /* most corrections of a position */
-    regularity limits;
-    double regular;          /* regularity of the last closed position */
 } constraints;
 
 /* Return 0 where all indices are within their arrays and all numbers finite, else 1. */
 int constraints_check(const constraints *c);
 
-/* The rates of a state y = [q, v], for the integrator: normalise q within y, and write [q', a]. */
-void constraints_rates(const void *system, double time, double *y, double *slope);
+/* Bring the tree and its loop joints into a state. */
+void constraints_place(const constraints *c, const double *q, const double *v);
 
-/* Bring an accepted state onto the constraints and write its slope; return 0.
- *
- * Where the position is not regular, or the accelerations leave the constraints, leave the state as it was and return 1.
- */
-int constraints_settle(void *system, double time, double *y, double *slope);
+/* Write the reduced rows W and S = W' D^-1 W = G M^-1 G', or the rows themselves and G G', where the state is placed. */
+void constraints_delassus(const constraints *c);
+void constraints_squares(const constraints *c);
+
+/* u += W lam */
+void constraints_load(const constraints *c, const double *multiplier, double *u);
+
+/* Write the accelerations a where the state is placed; return the square of the length of G a + G' v. */
+double constraints_accelerate(const constraints *c, const proximal *p, double *a);
 
 #endif

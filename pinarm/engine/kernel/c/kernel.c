@@ -1,4 +1,4 @@
-#include "constraints.h"
+#include "closing.h"
 #include "runge_kutta.h"
 
 /* Write the sizes in bytes of the structures that are passed from Python, in the order of STRUCTURES in structures.py;
@@ -10,7 +10,7 @@ int kernel_sizes(int room, int *sizes) {
     static const size_t known[] = {
         sizeof(screw),        sizeof(link),        sizeof(degree),     sizeof(rotation_spring), sizeof(point_spring),
         sizeof(link_state),   sizeof(degree_state), sizeof(loop),      sizeof(loop_state),      sizeof(force),
-        sizeof(tree),         sizeof(skyline),     sizeof(constraints), sizeof(pair),           sizeof(flow),
+        sizeof(tree),         sizeof(skyline),     sizeof(constraints), sizeof(closing), sizeof(pair),           sizeof(flow),
         sizeof(control),      sizeof(course),
     };
     const int count = (int)(sizeof known / sizeof known[0]);

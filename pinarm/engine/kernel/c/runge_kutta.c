@@ -73,10 +73,18 @@ static double ulp(double x) {
     return nextafter(x, INFINITY) - x;
 }
 
-static void write_step(const flow *f, course *m, double taken, double until) {
+/* Write an accepted step and move to its end. */
+static void accept(const flow *f, course *m, double taken, int last, int floored, const double *end, double *slopes) {
     const ptrdiff_t k = m->written++;
-    m->starts[k] = m->t, m->lengths[k] = taken, m->ends[k] = until, m->rejections[k] = m->rejected;
+    m->starts[k] = m->t, m->lengths[k] = taken, m->ends[k] = last ? m->end : m->t + taken;
+    m->rejections[k] = m->rejected, m->floored[k] = floored, m->marks[k] = 0;
     copy(f->n, m->y, m->states + k * f->n);
+    copy(f->n, end, m->y);
+    m->t = m->ends[k];
+    if (f->settle) {
+        m->marks[k] = f->settle(f->system, m->t, m->y, slopes);
+        m->handed = m->marks[k] < 0;
+    }
 }
 
 void pair_steps(const pair *p, const flow *f, const control *c, course *m) {
@@ -89,20 +97,19 @@ void pair_steps(const pair *p, const flow *f, const control *c, course *m) {
         double *slopes = m->slopes + m->written * block;
         advance(p, f, m->t, taken, m->y, slopes, at, end);
         const double error = error_of(p, f, c, taken, m->y, end, slopes);
+        const double floor = error < c->noise / c->tolerance ? *f->floor : 0.0;
+        const int floored = error > 1.0 && taken <= 1.001 * floor;
         m->tries--;
-        if (error <= 1.0) {
-            const double following = taken * growth(p, c, error, m->ceiling);
-            write_step(f, m, taken, last ? m->end : m->t + taken);
-            copy(n, end, m->y);
+        if (error <= 1.0 || floored) {
+            const double following = taken * growth(p, c, fmin(error, 1.0), m->ceiling);
             copy(n, slopes + block - n, slopes + block); /* k_s is k_0 of the next step */
-            m->h = last ? fmax(m->h, following) : following;
-            m->t = m->ends[m->written - 1];
+            accept(f, m, taken, last, floored, end, slopes + block);
+            const double next = floored ? fmax(following, *f->floor) : following;
+            m->h = last ? fmax(m->h, next) : next;
             m->ceiling = c->fastest;
-            if (f->settle)
-                m->handed = f->settle(f->system, m->t, m->y, slopes + block);
         } else { /* NaN included */
             m->rejected++;
-            m->h = taken * shrinkage(p, c, error);
+            m->h = fmax(taken * shrinkage(p, c, error), floor);
             m->ceiling = 1.0;
         }
     }

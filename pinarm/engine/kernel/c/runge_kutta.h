@@ -22,14 +22,15 @@ typedef struct {
     const double *dense_d;           /* d rows of s + 1 + e */
 } pair;
 
-/* What is integrated: y of n numbers. `rates` writes its slope, and projects y onto the space it belongs to. `settle`, where
- * there is one, brings an accepted state back onto constraints and writes its slope; it returns other than 0, and leaves
- * the state, where the steps have to end there.
+/* What is integrated: y of n numbers. `rates` writes its slope, and projects y onto the space it belongs to. `settle`, if
+ * there is one, brings an accepted state back onto constraints and writes its slope; it returns a mark of the state, or
+ * less than 0, and leaves the state, where the steps have to end there.
  */
 typedef struct {
     ptrdiff_t n;
-    void (*rates)(const void *system, double time, double *y, double *slope);
+    void (*rates)(void *system, double time, double *y, double *slope);
     int (*settle)(void *system, double time, double *y, double *slope);
+    const double *floor; /* the smallest useful step: 0, unless rounding is amplified */
     void *system;
 } flow;
 
@@ -39,6 +40,7 @@ typedef struct {
     double safety, gain, slowest, fastest; /* of the next step */
     double lost, huge, tiny;               /* of errors that are infinite, or 0 */
     double shortest;                       /* least step, in units in the last place of the time */
+    double noise;                          /* errors, relative to size + |y|, that amplified rounding explains */
 } control;
 
 /* A motion on an interval without jumps: where it is, and where its steps are written. */
@@ -49,13 +51,14 @@ typedef struct {
     ptrdiff_t room;          /* steps that may be written */
     ptrdiff_t written;       /* steps that have been */
     ptrdiff_t rejected;      /* steps rejected */
-    ptrdiff_t handed;        /* other than 0: the steps ended because the last state is not settled */
+    ptrdiff_t handed;        /* 1 where the steps ended because the last state is not settled */
     double *y;               /* present state, n */
     double *scratch;         /* 2 n */
     double *starts;          /* t, h and t + h of the written steps, room each */
     double *lengths;
     double *ends;
     ptrdiff_t *rejections;   /* steps rejected before each, since the beginning of the call, room */
+    int *floored, *marks;    /* whether each was accepted as rounding, and the mark of the state at its end, room each */
     double *states;          /* y at the start of each, room rows of n */
     double *slopes;          /* k_0 .. k_s of each, room + 1 blocks of s + 1 rows of n; the first k_0 is given */
 } course;

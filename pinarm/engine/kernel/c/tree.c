@@ -189,7 +189,7 @@ void tree_coordinate_rates(const tree *t, double *q, const double *v, double *ra
     }
 }
 
-void tree_rates(const void *system, double time, double *y, double *slope) {
+void tree_rates(void *system, double time, double *y, double *slope) {
     const tree *t = system;
     (void)time;
     tree_coordinate_rates(t, y, y + t->nq, slope);

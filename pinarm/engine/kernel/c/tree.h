@@ -76,7 +76,7 @@ vector tree_point(const tree *t, int i, vector place);
 void tree_coordinate_rates(const tree *t, double *q, const double *v, double *rates);
 
 /* The rates of a state y = [q, v], for the integrator: normalise q within y, and write [q', a]. */
-void tree_rates(const void *system, double time, double *y, double *slope);
+void tree_rates(void *system, double time, double *y, double *slope);
 
 /* Whether `count` places from `first` on are within an array of a size, and whether all of n numbers are finite. */
 int within(int first, int count, int size);

@@ -1,7 +1,6 @@
-"""Motions of loops that are closed by points, in compiled code wherever they are far from singular positions.
+"""Motions of loops that are closed by points, in compiled code.
 
-The library takes steps as long as every closed position is regular, and hands back the first that is not. Pinocchio
-judges it when a motion begins: what the library says of closed states has to satisfy Pinocchio's equations.
+Pinocchio judges it when a motion begins: what the library says of closed states has to satisfy Pinocchio's equations.
 """
 
 from __future__ import annotations
@@ -9,6 +8,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -17,9 +17,9 @@ from pinarm.arrays import Array
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.dynamics.pinocchio_constraints import PROJECTION, PointConstraints
-from pinarm.engine.kernel.library import Flow, address, library
-from pinarm.engine.kernel.loops import POINT, CompiledLoops, Settings, Tied
-from pinarm.engine.kernel.structures import FlowStructure, ProximalStructure, RegularityStructure
+from pinarm.engine.kernel.library import Flow, address, library, pointer
+from pinarm.engine.kernel.loops import POINT, CompiledLoops, LoadedLoops, Tied
+from pinarm.engine.kernel.structures import ClosingStructure, FlowStructure, LimitsStructure, ProximalStructure
 from pinarm.engine.kernel.tree import CompiledTree, rates
 from pinarm.engine.motion.systems import point_motion
 from pinarm.engine.motion.systems.batch_rows import ITERATIONS, ROUNDED
@@ -46,12 +46,27 @@ State = tuple[Array, Array]
 """Configuration, shape (nq,), and velocity, shape (nv,)."""
 
 
-@dataclass(frozen=True, eq=False)
-class PointFlow(Flow):
-    """The motion of loops by the library, which goes on where the motion in Python finds a position regular.
+class _System(NamedTuple):
+    """A motion along loops, for the library.
 
     Attributes:
-        motion: The motion in Python, which decides.
+        structure: The C structure.
+        loops: The loops.
+        kept: What else it points to.
+    """
+
+    structure: ClosingStructure
+    loops: LoadedLoops
+    kept: tuple[Array, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class PointFlow(Flow):
+    """The motion of loops by the library, which closes states and passes singular positions as the motion in Python.
+
+    Attributes:
+        motion: The motion in Python. It begins, and settles what the library hands back: states at which the rank has
+            grown, and those whose accelerations leave the constraints.
     """
 
     motion: PointMotion
@@ -60,29 +75,39 @@ class PointFlow(Flow):
     def of(cls, loops: CompiledLoops, dynamics: Dynamics, motion: PointMotion) -> PointFlow | None:
         """Return the motion of loops under their loads; ``None`` where the library does not know one, or refuses."""
         compiled, loaded = library(), loops.tree.loaded(dynamics.steady, dynamics.changing)
-        system = loops.system(loaded, _settings(motion)) if loaded else None
-        if compiled is None or system is None:
+        if compiled is None or loaded is None:
             return None
-        n, place = loops.tree.model.nq + loops.tree.model.nv, ctypes.addressof(system.structure)
-        functions = address(compiled.constraints_rates), address(compiled.constraints_settle)
-        return cls(FlowStructure(n, *functions, place), system, motion)
+        system = _system(loops.loaded(loaded), motion)
+        if compiled.closing_check(ctypes.byref(system.structure)):
+            return None
+        functions, place = (compiled.closing_rates, compiled.closing_settle), ctypes.addressof(system.structure)
+        floor = place + ClosingStructure.floor.offset
+        return cls(FlowStructure(len(system.kept[-1]), *map(address, functions), floor, place), system, motion)
 
-    def ready(self) -> bool:
-        """Return whether stages need no closing; the library then goes on from what the motion knows."""
-        if self.motion.near:
-            return False
+    def ready(self) -> None:
+        """Bring the system to the present state of the motion."""
         structure, motion = self.system.structure, self.motion
+        self.take((motion.near, motion.rank))
         structure.regular, structure.limits.rank = motion.regular, motion.rank
-        structure.solve = _proximal(motion.way[0])
-        return True
+        structure.t, structure.step, structure.floor = motion.t, motion.step, motion.least
 
-    def knows(self, t: float) -> bool:
-        """Return whether the step that begins at t was taken without closing its stages, at the present rank."""
-        return self.motion.choices.get(t) == (False, self.motion.rank)
+    def way(self, t: float) -> Any:
+        """Return whether the stages were closed in the step that begins at t, and the rank."""
+        return self.motion.chosen(t)
 
-    def advanced(self, ends: Sequence[float]) -> None:
+    def take(self, way: Any) -> None:
+        """Let rates be those of steps that were taken in a way."""
+        near, rank = way
+        structure, settings = self.system.structure, self.motion.settings(rank)
+        structure.near, structure.tolerant = near, _proximal(settings) if settings else ProximalStructure()
+
+    def advanced(self, ends: Sequence[float], marks: Sequence[int]) -> None:
         """Let the motion know how far it is."""
-        self.motion.advanced(ends, self.system.structure.regular)
+        structure, motion = self.system.structure, self.motion
+        motion.choices |= {t: (bool(near), motion.rank) for t, near in zip(ends, marks, strict=True)}
+        motion.near, motion.regular = bool(structure.near), structure.regular
+        motion.singular = motion.regular < point_motion.NEAR
+        motion.t, motion.step, motion.least = structure.t, structure.step, structure.floor
 
 
 def compiled_loops(points: PointConstraints) -> CompiledLoops | None:
@@ -97,15 +122,21 @@ def compiled_loops(points: PointConstraints) -> CompiledLoops | None:
     return CompiledLoops(tree, loops) if tree else None
 
 
-def _settings(motion: PointMotion) -> Settings:
-    """Return the numbers by which the motion in Python solves, closes and looks."""
+def _system(loops: LoadedLoops, motion: PointMotion) -> _System:
+    """Return the system with the numbers by which the motion in Python solves, closes and looks."""
     points, extent = motion.points, motion.extent
-    limits = point_motion.NEAR, point_motion.AHEAD, point_motion.COARSE, point_motion.CLOSE
-    return Settings(
-        _proximal(motion.exact), PROJECTION * points.scale, ROUNDED * extent, point_motion.STALLED * extent,
-        MET * LEAST, ITERATIONS,
-        RegularityStructure(points.tied.regularity, *limits, point_motion.VANISHED, ALIKE, points.tied.rank),
+    nq, nv = points.tied.model.nq, points.tied.model.nv
+    of_motion = (getattr(point_motion, name) for name in ("NEAR", "AHEAD", "COARSE", "CLOSE", "BLIND", "VANISHED"))
+    across = tuple(point_motion.ACROSS)
+    limits = LimitsStructure(
+        points.tied.regularity, *of_motion, ALIKE, point_motion.ASIDE, across, point_motion.FLOOR, points.tied.rank
+    )
+    kept = motion.scale.copy(), *(np.zeros(nv) for _ in range(4)), *(np.zeros(nq + nv) for _ in range(2))
+    structure = ClosingStructure(
+        loops.structure, _proximal(motion.exact), ProximalStructure(), PROJECTION * points.scale, ROUNDED * extent,
+        point_motion.STALLED * extent, MET * LEAST, ITERATIONS, limits, *map(pointer, kept), 1, 0.0, -np.inf, 0.0, 0.0,
     )  # fmt: skip
+    return _System(structure, loops, kept)
 
 
 def _proximal(settings: pin.ProximalSettings) -> ProximalStructure:
@@ -125,7 +156,8 @@ def _residuals(
     flow: PointFlow, points: PointConstraints, dynamics: Dynamics, q: Array, v: Array
 ) -> tuple[float, float]:
     model = points.tied.model
-    a, lam = rates(flow, np.concatenate([q, v]))[model.nq :], flow.system.multipliers.copy()
+    flow.take((False, points.tied.rank))
+    a, lam = rates(flow, np.concatenate([q, v]))[model.nq :], flow.system.loops.multipliers.copy()
     load = dynamics.load()(0.0, q, v).copy()
     nle, mass = np.array(pin.nonLinearEffects(model, points.data, q, v)), mass_matrix(model, q)
     flow.motion.free(0.0, q, v)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import pinocchio as pin
 
@@ -65,17 +63,17 @@ class PointMotion:
             q, v = self.closed(q, v)
             if not self.looked:
                 self.look(q)
-        _, solve = self.way
-        a = solve(t, q, v)
+        tolerant = self.tolerant if not self.near and self.rank < self.points.tied.rank else None
+        a = (tolerant[1] if tolerant else self.free)(t, q, v)
         if t == self.t:
             require_closed_accelerations(self.rows, a, self.points.right(), t, q)
         return a
 
-    @property
-    def way(self) -> tuple[pin.ProximalSettings, Acceleration]:
-        """How accelerations are solved for at present."""
-        tolerant = self.tolerant if not self.near and self.rank < self.points.tied.rank else None
-        return tolerant or (self.exact, self.free)
+    def settings(self, rank: int) -> pin.ProximalSettings | None:
+        """Return how stages in regular steps are solved for; ``None`` where the rank is low and it is not known yet."""
+        if rank == self.points.tied.rank:
+            return self.exact
+        return self.tolerant[0] if self.tolerant else None
 
     def blind(self) -> bool:
         """Return whether the position last factorised is too close to a singular one."""
@@ -109,17 +107,13 @@ class PointMotion:
         self.choices[t] = self.near, self.rank
         return q, v
 
-    def advanced(self, ends: Sequence[float], regular: float) -> None:
-        """Note regular steps that have been taken and closed elsewhere: their ends, and the regularity at the last."""
-        before, self.t = [self.t, *ends][-2:]
-        if before > -np.inf:
-            self.step = self.t - before
-        self.least, self.regular = 0.0, regular
-        self.choices |= dict.fromkeys(ends, (False, self.rank))
+    def chosen(self, t: float) -> tuple[bool, int]:
+        """Return whether stages are closed in the step that begins at t, and the rank; at first they are."""
+        return self.choices.get(t, (True, self.rank))
 
     def since(self, t: float) -> Acceleration:
         """Return the acceleration as it was chosen at the start of a step, at the first instant as close as can be."""
-        chosen = self.choices.get(t, (True, self.rank))
+        chosen = self.chosen(t)
 
         def acceleration(instant: float, q: Array, v: Array) -> Array:
             now, (self.near, self.rank) = (self.near, self.rank), chosen
