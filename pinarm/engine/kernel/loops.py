@@ -13,6 +13,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from pinarm.arrays import Array, Indices
+from pinarm.engine.kernel.checks import loops_are_sound
 from pinarm.engine.kernel.library import pointer
 from pinarm.engine.kernel.structures import (
     FORCE,
@@ -24,8 +25,8 @@ from pinarm.engine.kernel.structures import (
 )
 from pinarm.engine.kernel.tree import CompiledTree, LoadedTree
 
-POINT = 0
-"""Kind of a loop joint: see ``loops.h``."""
+POINT, LOWER, UNIVERSAL, ROD = range(4)
+"""Kinds of loop joints: see ``loops.h``."""
 
 
 class Tied(NamedTuple):
@@ -76,8 +77,10 @@ class CompiledLoops:
     tree: CompiledTree
     tied: Sequence[Tied]
 
-    def loaded(self, loaded: LoadedTree) -> LoadedLoops:
-        """Return the tree under its loads with its loops, not checked."""
+    def loaded(self, loaded: LoadedTree) -> LoadedLoops | None:
+        """Return the tree under its loads with its loops; ``None`` where a number is none."""
+        if not loops_are_sound(self._records, len(self.tree.links)):
+            return None
         model, rows = self.tree.model, len(self._first)
         sizes = np.arange(rows) - self._first + 1
         places, stored = (self._first, np.cumsum(sizes) - np.arange(rows) - 1), int(sizes.sum())
@@ -90,7 +93,7 @@ class CompiledLoops:
         counts = len(self.tied), len(self._paths), len(self._velocities)
         structure = ConstraintsStructure(
             ctypes.addressof(loaded.structure), *counts, *map(pointer, known),
-            SkylineStructure(rows, stored, *map(pointer, (*places, *entries))), *map(pointer, buffers),
+            SkylineStructure(rows, *map(pointer, (*places, *entries))), *map(pointer, buffers),
         )  # fmt: skip
         return LoadedLoops(structure, (loaded, places, entries, known, buffers))
 

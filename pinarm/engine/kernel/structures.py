@@ -46,7 +46,7 @@ LOOP = np.dtype([
 ], align=True)  # fmt: skip
 """A joint that closes a loop."""
 
-LOOP_STATE, FORCE = np.dtype((float, 3 + 9 + 14 * MOST_ROWS)), np.dtype((float, 6))
+LOOP_STATE, FORCE = np.dtype((float, 3 + 9 + 18 * MOST_ROWS)), np.dtype((float, 6))
 """Buffers for a loop joint, and for a force."""
 
 
@@ -65,7 +65,7 @@ class SkylineStructure(ctypes.Structure):
     """A symmetric matrix whose rows are stored from their first entry on."""
 
     _fields_ = [
-        *((name, SIZE) for name in ("rows", "stored")),
+        ("rows", SIZE),
         *((name, POINTER) for name in ("first", "origin", "entry", "factor")),
     ]
 

@@ -15,6 +15,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from pinarm.arrays import Array
+from pinarm.engine.kernel.checks import links_are_sound, loads_are_sound
 from pinarm.engine.kernel.library import Flow, address, library, pointer
 from pinarm.engine.kernel.links import links_of
 from pinarm.engine.kernel.structures import (
@@ -88,14 +89,14 @@ class CompiledTree:
             changing: The other force elements; springs and dampers at joints as one, see ``forces.summed``.
         """
         compiled, tree = library(), self.loaded(steady, changing)
-        if compiled is None or tree is None or compiled.tree_check(ctypes.byref(tree.structure)):
+        if compiled is None or tree is None:
             return None
         n = self.model.nq + self.model.nv
         places = address(compiled.tree_rates), None, pointer(NO_FLOOR), ctypes.addressof(tree.structure)
         return Flow(FlowStructure(n, *places), tree)
 
     def loaded(self, steady: Array, changing: Sequence[ForceElement]) -> LoadedTree | None:
-        """Return the tree with its loads, not checked; ``None`` where the library does not know one of them."""
+        """Return the tree with its loads; ``None`` where the library does not know one of them, or a number is none."""
         from pinarm.mechanics.forces.joint_springs import BallSpring, SpringDamper
         from pinarm.mechanics.forces.point import TwoPointSpring
 
@@ -105,11 +106,12 @@ class CompiledTree:
         if len(springs) + len(balls) + len(lines) < len(changing) or len(springs) > 1:
             return None
         model, count = self.model, len(self.links)
-        arrays = (
-            self.links.copy(), self._degrees(steady, springs), np.array(balls, ROTATION_SPRING),
-            np.array(lines, POINT_SPRING), np.zeros(count, LINK_STATE), np.zeros(model.nv, DEGREE_STATE),
-            np.zeros(model.nv),
-        )  # fmt: skip
+        loads = self._degrees(steady, springs), np.array(balls, ROTATION_SPRING), np.array(lines, POINT_SPRING)
+        sound = links_are_sound(self.links, model.nq, model.nv) and loads_are_sound(*loads, count, model.nq)
+        if not sound or not np.isfinite(model.gravity.linear).all():
+            return None
+        buffers = np.zeros(count, LINK_STATE), np.zeros(model.nv, DEGREE_STATE), np.zeros(model.nv)
+        arrays = self.links.copy(), *loads, *buffers
         sizes, gravity = (count, model.nq, model.nv, len(balls), len(lines)), tuple(model.gravity.linear)
         return LoadedTree(TreeStructure(*sizes, gravity, *map(pointer, arrays)), arrays)
 

@@ -35,9 +35,6 @@ typedef struct {
     double t, step, floor;    /* its time, the length of the last regular step, and the least one now */
 } closing;
 
-/* Return 0 where all indices are within their arrays and all numbers finite, else 1. */
-int closing_check(const closing *c);
-
 /* The rates of a state y = [q, v], for the integrator: normalise q within y, and write [q', a]. */
 void closing_rates(void *system, double time, double *y, double *slope);
 
@@ -46,5 +43,8 @@ void closing_rates(void *system, double time, double *y, double *slope);
  * Where the rank has grown, or the accelerations leave the constraints, leave all as it was and return -1.
  */
 int closing_settle(void *system, double time, double *y, double *slope);
+
+/* Leave every accepted state to be settled elsewhere: return -1. */
+int closing_leave(void *system, double time, double *y, double *slope);
 
 #endif

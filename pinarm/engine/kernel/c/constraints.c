@@ -146,37 +146,3 @@ double constraints_accelerate(const constraints *c, const proximal *p, double *a
     tree_accelerate(c->tree, a);
     return torn(c, c->right);
 }
-
-static int loop_is_sound(const constraints *c, int i) {
-    enum { IN_PLACEMENTS = 2 * sizeof(placement) / sizeof(double), IN_ROWS = 2 * MOST_ROWS * 3 };
-    const tree *t = c->tree;
-    const loop *l = &c->loop[i];
-    int sound = within(l->kind, 1, LOOP_KINDS) && within(l->rows, 0, MOST_ROWS + 1) && l->links >= 0 &&
-                within(l->path, l->links, c->path_length) && l->degrees >= 0 &&
-                within(l->support, l->degrees, c->support_length) && within(l->coupled, 1, i + 1) &&
-                within(l->first, l->rows, (int)c->delassus.rows) &&
-                l->first == (i ? c->loop[i - 1].first + c->loop[i - 1].rows : 0) &&
-                all_finite((const double *)l->frame, IN_PLACEMENTS) && all_finite(&l->along[0].x, IN_ROWS);
-    for (int k = 0; k < 2; k++)
-        sound = sound && (l->link[k] == -1 || within(l->link[k], 1, t->links));
-    int degrees = 0;
-    for (int n = 0; sound && n < l->links; n++) { /* parents come after their children */
-        const int k = c->path[l->path + n];
-        sound = within(k, 1, t->links) && (n == 0 || k < c->path[l->path + n - 1]);
-        for (int v = 0; sound && v < joint_velocities(t->link[k].kind); v++, degrees++)
-            sound = degrees < l->degrees && c->dof[l->support + degrees] == t->link[k].v + v;
-    }
-    for (int r = 0; sound && r < l->rows; r++)
-        sound = c->delassus.first[l->first + r] == c->loop[l->coupled].first;
-    return sound && degrees == l->degrees;
-}
-
-int constraints_check(const constraints *c) {
-    if (tree_check(c->tree) || c->loops < 1 || skyline_check(&c->delassus))
-        return 1;
-    for (int i = 0; i < c->loops; i++)
-        if (!loop_is_sound(c, i))
-            return 1;
-    const loop *last = &c->loop[c->loops - 1];
-    return last->first + last->rows != c->delassus.rows;
-}

@@ -26,9 +26,6 @@ typedef struct {
     double *right, *multiplier, *before; /* as many as there are rows */
 } constraints;
 
-/* Return 0 where all indices are within their arrays and all numbers finite, else 1. */
-int constraints_check(const constraints *c);
-
 /* Bring the tree and its loop joints into a state. */
 void constraints_place(const constraints *c, const double *q, const double *v);
 

@@ -2,50 +2,79 @@
 
 #include <math.h>
 
-/* The frame of a loop joint in the world, its velocity and the acceleration of its origin, in its own axes. */
-typedef struct {
-    placement in_world;
-    motion velocity;
-} frame_state;
+static const vector ZERO = {0.0, 0.0, 0.0};
 
-static frame_state frame_of(const tree *t, const loop *l, int i) {
-    const motion rest = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
-    if (l->link[i] < 0)
-        return (frame_state){l->frame[i], rest};
-    const link_state *s = &t->link_state[l->link[i]];
-    return (frame_state){composed(&s->in_world, &l->frame[i]), into_child(&l->frame[i], &s->velocity)};
+static placement frame_placement(const tree *t, const loop *l, int i) {
+    return l->link[i] < 0 ? l->frame[i] : composed(&t->link_state[l->link[i]].in_world, &l->frame[i]);
 }
 
-/* The acceleration of a frame's origin, a + w x v, in its own axes, and its angular acceleration; equation 2.48. */
-static motion frame_acceleration(const tree *t, const loop *l, int i) {
-    const motion world = {scale(-1.0, t->gravity), {0.0, 0.0, 0.0}};
-    const link_state *s = l->link[i] < 0 ? 0 : &t->link_state[l->link[i]];
-    motion a = into_child(&l->frame[i], s ? &s->acceleration : &world);
-    if (s) {
-        const motion v = into_child(&l->frame[i], &s->velocity);
-        a.linear = add(a.linear, cross(v.angular, v.linear));
-    }
+/* The velocity of frame 1 or 2, in the axes of frame 1. */
+static motion frame_velocity(const tree *t, const loop *l, const loop_state *s, int i) {
+    if (l->link[i] < 0)
+        return (motion){ZERO, ZERO};
+    const motion v = into_child(&l->frame[i], &t->link_state[l->link[i]].velocity);
+    return i ? (motion){times(&s->axes, v.linear), times(&s->axes, v.angular)} : v;
+}
+
+/* The acceleration of its origin, a + w x v, and its angular acceleration; equation 2.48. */
+static motion frame_acceleration(const tree *t, const loop *l, const loop_state *s, int i) {
+    const motion world = {scale(-1.0, t->gravity), ZERO};
+    motion a = into_child(&l->frame[i], l->link[i] < 0 ? &world : &t->link_state[l->link[i]].acceleration);
+    if (i)
+        a = (motion){times(&s->axes, a.linear), times(&s->axes, a.angular)};
+    const motion v = frame_velocity(t, l, s, i);
+    a.linear = add(a.linear, cross(v.angular, v.linear));
     return a;
 }
 
 void loop_place(const tree *t, const loop *l, loop_state *s) {
-    const frame_state one = frame_of(t, l, 0), two = frame_of(t, l, 1);
-    const matrix *r = &one.in_world.rotation;
-    s->apart = transposed_times(r, subtract(two.in_world.translation, one.in_world.translation));
-    s->axes = transposed_product(r, &two.in_world.rotation);
-    const vector slip = subtract(one.velocity.linear, times(&s->axes, two.velocity.linear));
+    const placement one = frame_placement(t, l, 0), two = frame_placement(t, l, 1);
+    const double points = l->kind == POINT ? -1.0 : 1.0;
+    s->apart = transposed_times(&one.rotation, subtract(two.translation, one.translation));
+    s->axes = transposed_product(&one.rotation, &two.rotation);
     for (int k = 0; k < l->rows; k++) {
-        const vector e = l->along[k], none = {0.0, 0.0, 0.0};
-        s->on[0][k] = (force){e, none};
-        s->on[1][k] = (force){transposed_times(&s->axes, scale(-1.0, e)), none};
-        s->open[k] = dot(e, s->apart);
-        s->rate[k] = dot(e, slip);
+        vector e = l->along[k], w = l->about[k];
+        if (l->kind == UNIVERSAL && k == l->rows - 1)
+            w = cross(times(&s->axes, w), e), e = ZERO;
+        if (l->kind == ROD)
+            e = scale(1.0 / sqrt(dot(s->apart, s->apart)), s->apart);
+        s->along[k] = e, s->about[k] = w;
+        s->on[1][k] = (force){transposed_times(&s->axes, scale(points, e)), transposed_times(&s->axes, w)};
+        s->on[0][k] = (force){scale(-points, e), l->kind == POINT ? ZERO : scale(-1.0, add(w, cross(s->apart, e)))};
     }
 }
 
+/* e' . p' + w' . omega: what the change of the directions does. */
+static double bend(const loop *l, const loop_state *s, int k, vector dp, vector omega) {
+    if (l->kind == UNIVERSAL && k == l->rows - 1)
+        return dot(cross(cross(omega, times(&s->axes, l->about[k])), l->along[k]), omega);
+    if (l->kind == ROD)
+        return (dot(dp, dp) - dot(s->along[k], dp) * dot(s->along[k], dp)) / sqrt(dot(s->apart, s->apart));
+    return 0.0;
+}
+
+/* Of points the difference of their accelerations; else e . p'' + w . omega', seen from frame 1, where
+ * p'' = a_2 - a_1 - alpha_1 x p - w_1 x (w_1 x p) - 2 w_1 x p' and omega' = alpha_2 - alpha_1 - w_1 x omega.
+ */
 void loop_accelerations(const tree *t, const loop *l, const loop_state *s, double *result) {
-    const motion one = frame_acceleration(t, l, 0), two = frame_acceleration(t, l, 1);
-    const vector slip = subtract(one.linear, times(&s->axes, two.linear));
+    const motion a = frame_acceleration(t, l, s, 0), b = frame_acceleration(t, l, s, 1);
+    if (l->kind == POINT) {
+        for (int k = 0; k < l->rows; k++)
+            result[k] = dot(s->along[k], subtract(a.linear, b.linear));
+        return;
+    }
+    const motion v = frame_velocity(t, l, s, 0), u = frame_velocity(t, l, s, 1);
+    const vector carried = cross(v.angular, s->apart), omega = subtract(u.angular, v.angular);
+    const vector dp = subtract(subtract(u.linear, v.linear), carried);
+    const vector turning = add(cross(a.angular, s->apart), cross(v.angular, add(carried, scale(2.0, dp))));
+    const vector ddp = subtract(subtract(b.linear, a.linear), turning);
+    const vector domega = subtract(subtract(b.angular, a.angular), cross(v.angular, omega));
     for (int k = 0; k < l->rows; k++)
-        result[k] = dot(l->along[k], slip);
+        result[k] = dot(s->along[k], ddp) + dot(s->about[k], domega) + bend(l, s, k, dp, omega);
+}
+
+void loop_gap(const tree *t, const loop *l, const loop_state *s, double *open, double *rate) {
+    const vector slip = subtract(frame_velocity(t, l, s, 0).linear, frame_velocity(t, l, s, 1).linear);
+    for (int k = 0; k < l->rows; k++)
+        open[k] = dot(s->along[k], s->apart), rate[k] = dot(s->along[k], slip);
 }

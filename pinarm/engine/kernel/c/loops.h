@@ -1,4 +1,4 @@
-/* Joints that close loops: what is open between their two frames, and how the rows of G follow from the links' motions.
+/* Joints that close loops: their rows of G, and what these ask of accelerations, from the motions of the links.
  *
  * The rows are those of pinarm/mechanics/loops: row k holds e_k . p' + w_k . omega = 0, in the axes of frame 1.
  */
@@ -9,9 +9,12 @@
 
 enum { MOST_ROWS = 6 };
 
-/* POINT  the origins coincide: rows e . (v_1 - v_2), the difference of their velocities; those of Pinocchio
+/* POINT      the origins coincide: e . (v_1 - v_2), the difference of their velocities, as Pinocchio's points
+ * LOWER      e and w are constant: lower pairs, points on lines and planes, screws
+ * UNIVERSAL  the last row has w = R v x u, with u of frame 1 and v of frame 2, which stand in its `along` and `about`
+ * ROD        e is the direction of p
  */
-enum { POINT, LOOP_KINDS };
+enum { POINT, LOWER, UNIVERSAL, ROD, LOOP_KINDS };
 
 typedef struct {
     int kind, rows;
@@ -29,15 +32,17 @@ typedef struct {
 typedef struct {
     vector apart;            /* p, the place of frame 2 in frame 1 */
     matrix axes;             /* R, the axes of frame 2 in frame 1, as columns */
+    vector along[MOST_ROWS], about[MOST_ROWS];
     force on[2][MOST_ROWS];  /* force of every row on frame 1 and on frame 2 */
-    double open[MOST_ROWS];  /* what G x has to be so that x closes it */
-    double rate[MOST_ROWS];  /* G v */
 } loop_state;
 
-/* Place a loop joint: what is open, its rows and their rates; links are placed in the world and have velocities. */
+/* Place a loop joint, whose links are placed in the world and have velocities. */
 void loop_place(const tree *t, const loop *l, loop_state *s);
 
 /* Write G a + G' v, of the accelerations that the links have. */
 void loop_accelerations(const tree *t, const loop *l, const loop_state *s, double *result);
+
+/* Write what G x has to be for x to close points, and G v. */
+void loop_gap(const tree *t, const loop *l, const loop_state *s, double *open, double *rate);
 
 #endif

@@ -56,15 +56,3 @@ double skyline_eigenvalue(const skyline *s, ptrdiff_t above, double low, double 
     }
     return sqrt(low) * sqrt(high);
 }
-
-int skyline_check(const skyline *s) {
-    ptrdiff_t stored = 0;
-    if (s->rows < 1)
-        return 1;
-    for (ptrdiff_t i = 0; i < s->rows; i++) {
-        if (s->first[i] < 0 || s->first[i] > i || s->origin[i] != stored - s->first[i])
-            return 1;
-        stored += i - s->first[i] + 1;
-    }
-    return stored != s->stored;
-}

@@ -8,15 +8,12 @@
 #include <stddef.h>
 
 typedef struct {
-    ptrdiff_t rows, stored;  /* rows, and entries in all */
+    ptrdiff_t rows;
     const ptrdiff_t *first;  /* column of the first entry of each row */
     const ptrdiff_t *origin; /* entry (i, j) stands at origin[i] + j */
     double *entry;           /* of the matrix A */
     double *factor;          /* L and D of the factorisation */
 } skyline;
-
-/* Return 0 where all places of a skyline are within its arrays, else 1. */
-int skyline_check(const skyline *s);
 
 /* Factorise A + shift 1 = L D L' with a unit lower triangle L; return how many entries of D are negative.
  * As many eigenvalues of A are below -shift: Sylvester's law of inertia.

@@ -51,9 +51,6 @@ typedef struct {
     double *tau; /* nv loads, then u = tau - S' p^A */
 } tree;
 
-/* Return 0 where all indices of a tree are within its arrays and all its numbers finite, else 1. */
-int tree_check(const tree *t);
-
 /* The two halves of the accelerations of the free tree in the state q, v: what its links carry, which leaves I^A, U, D and
  * u in its buffers, and the accelerations a, of nv numbers.
  */
@@ -77,9 +74,5 @@ void tree_coordinate_rates(const tree *t, double *q, const double *v, double *ra
 
 /* The rates of a state y = [q, v], for the integrator: normalise q within y, and write [q', a]. */
 void tree_rates(void *system, double time, double *y, double *slope);
-
-/* Whether `count` places from `first` on are within an array of a size, and whether all of n numbers are finite. */
-int within(int first, int count, int size);
-int all_finite(const double *x, int n);
 
 #endif

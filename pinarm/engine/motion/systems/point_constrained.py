@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 from pinarm.arrays import Array
@@ -18,8 +17,6 @@ from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
     from pinarm.engine.kernel.library import Flow
-    from pinarm.engine.kernel.loops import CompiledLoops
-    from pinarm.engine.motion.systems.compiled_points import State
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,31 +60,9 @@ class PointSystem:
 
     def _compiled(self, dynamics: Dynamics, motion: PointMotion) -> tuple[Flow | None, str]:
         """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not."""
-        if self._loops is None:
-            return None, ""
-        from pinarm.engine.kernel.tree import AGREEMENT, DISAGREES
-        from pinarm.engine.motion.systems.compiled_points import PointFlow, disagreement
+        from pinarm.engine.motion.systems.compiled_points import compiled_points
 
-        flow = PointFlow.of(self._loops, dynamics, motion)
-        if flow is None:
-            return None, ""
-        apart = disagreement(flow, self.points, dynamics, self._states)
-        return (flow, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
-
-    @cached_property
-    def _loops(self) -> CompiledLoops | None:
-        """The loops in compiled code."""
-        from pinarm.engine.motion.systems.compiled_points import compiled_loops
-
-        return compiled_loops(self.points)
-
-    @cached_property
-    def _states(self) -> list[State]:
-        """Closed states in which compiled code is judged."""
-        from pinarm.engine.motion.systems.compiled_points import closed_states
-
-        rows = self.general.rows
-        return closed_states(self.points, self.near, rows.extent, rows.scale)
+        return compiled_points(dynamics, motion, self.near)
 
     def part(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the state itself."""
