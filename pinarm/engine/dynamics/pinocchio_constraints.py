@@ -88,7 +88,7 @@ class CoincidentPoints:
     def acting(self) -> Flags:
         """Which rows are not 0 at all configurations, such as those across the plane of a linkage, shape (m,)."""
         data, rows = self.model.createData(), 0.0
-        for q in _places(self.model):
+        for q in places_of(self.model):
             rows = np.maximum(rows, np.abs(_rows(self.model, data, list(self.needed), q)).max(axis=1))
         return np.asarray(rows > NOISE * np.max(rows))
 
@@ -127,7 +127,7 @@ class PointConstraints:
         for point in tied.needed:
             states.append(point.createData())
         pin.initConstraintDynamics(model, data, tied.needed, states)
-        inverse = _inverse_mass(model, data, q)
+        inverse = inverse_mass(model, data, q)
         if inverse is None:
             return None
         rows = _rows(model, data, list(tied.needed), q)
@@ -243,7 +243,7 @@ def _independent(
         What is left, the rank, and the better regularity of the two; nothing where the rows of those left contradict
         each other by more than ``NOISE``.
     """
-    places = _places(model)
+    places = places_of(model)
     rows = [_rows(model, data, points, q).reshape(len(points), 3, -1) for q in places]
     bases = [np.zeros((0, model.nv)) for _ in places]
     kept: list[pin.RigidConstraintModel] = []
@@ -260,7 +260,7 @@ def _independent(
     return kept, rank, max(float(value[rank - 1] / value[0]) for value in values)
 
 
-def _places(model: pin.Model) -> list[Array]:
+def places_of(model: pin.Model) -> list[Array]:
     """Return two configurations of no special kind."""
     generator = np.random.default_rng(0)
     return [pin.integrate(model, pin.neutral(model), generator.uniform(-1.0, 1.0, model.nv)) for _ in range(2)]
@@ -272,8 +272,8 @@ def _unevenness(model: pin.Model, data: pin.Data, points: Sequence[pin.RigidCons
     The larger one of two configurations of no special kind, so that it tells of masses and not of singular positions.
     """
     found = 1.0
-    for q in _places(model):
-        rows, inverse = _rows(model, data, points, q), _inverse_mass(model, data, q)
+    for q in places_of(model):
+        rows, inverse = _rows(model, data, points, q), inverse_mass(model, data, q)
         if inverse is None:
             continue
         delassus = rows @ inverse @ rows.T
@@ -292,7 +292,7 @@ def _grown(basis: Array, rows: Array, least: float) -> Array:
     return np.vstack([basis, vt[s > max(RANK * float(np.linalg.norm(rows)), least)]])
 
 
-def _inverse_mass(model: pin.Model, data: pin.Data, q: Array) -> Array | None:
+def inverse_mass(model: pin.Model, data: pin.Data, q: Array) -> Array | None:
     """Return the inverse of M, shape (nv, nv); ``None`` where M is singular."""
     mass = mass_matrix(model, q)
     size = np.sqrt(np.diag(mass))

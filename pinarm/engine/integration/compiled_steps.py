@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pinarm.engine.integration.methods.explicit import AdaptiveStepper
 
 FEWEST, MOST = 16, 512
-"""Most steps of the first call, and of later ones: each may take twice as many as the one before. An event that ends
+"""Most steps of the first call, and of later ones: each may take twice as many as one that was full. An event that ends
 the motion makes the steps after it useless, and memory is taken for all of them."""
 
 
@@ -108,7 +108,7 @@ class CompiledSteps:
         compiled, flow = library(), interval.compiled
         if compiled is None or flow is None:
             raise ValueError("the compiled library has gone")
-        record, self.room = _Record.of(self.room, stages, len(y)), min(2 * self.room, MOST)
+        record = _Record.of(self.room, stages, len(y))
         record.slopes[0, 0] = self.stepper.stages.slopes[0]
         course = CourseStructure(
             t, interval.start, interval.end, h, self.stepper.ceiling, tries, len(record.states), 0, 0, 0,
@@ -118,6 +118,8 @@ class CompiledSteps:
         parts = self._coefficients.structure, flow.structure, self._control(interval), course
         compiled.pair_steps(*map(ctypes.byref, parts))
         self._add(index, course, record)
+        if course.written == self.room:
+            self.room = min(2 * self.room, MOST)
         self.stepper.ceiling = course.ceiling
         if flow.settles and course.written:
             self._settle(interval, flow, course, record)

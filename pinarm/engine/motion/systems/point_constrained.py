@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pinarm.arrays import Array
@@ -26,12 +26,10 @@ class PointSystem:
     Attributes:
         general: The same system by its rows: it begins and completes the motion.
         points: The loops as points.
-        near: A configuration near which they are, shape (nq,).
     """
 
     general: ConstrainedSystem
     points: PointConstraints
-    near: Array = field(repr=False)
 
     @property
     def manifold(self) -> Manifold:
@@ -62,7 +60,7 @@ class PointSystem:
         """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not."""
         from pinarm.engine.motion.systems.compiled_points import compiled_points
 
-        return compiled_points(dynamics, motion, self.near)
+        return compiled_points(dynamics, motion, self.general.near)
 
     def part(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the state itself."""
