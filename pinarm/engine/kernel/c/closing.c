@@ -3,9 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-static void copy(int n, const double *from, double *to) {
-    memcpy(to, from, (size_t)n * sizeof *to);
-}
+static void copy(int n, const double *from, double *to) { memcpy(to, from, (size_t)n * sizeof *to); }
 
 /* q moves along s x. */
 static void move(const tree *t, double s, const double *x, double *q) {
@@ -18,7 +16,7 @@ static void move(const tree *t, double s, const double *x, double *q) {
     }
 }
 
-/* Write the least change x, measured by the masses, for which G x is `right`: x = M^-1 G' S^-1 right. S is factorised. */
+/* Write the least x, measured by the masses, with G x = `right`: x = M^-1 G' S^-1 right. S is factorised. */
 static void least_change(const closing *c) {
     const constraints *r = &c->rows;
     skyline_solve(&r->delassus, r->right);
@@ -77,7 +75,7 @@ static ptrdiff_t count_from(const closing *c, double x) {
     return c->rows.delassus.rows - skyline_factorise(&c->rows.delassus, -x);
 }
 
-/* Return the acceleration at a singular position that is passed, from both sides of it; closed states are in `state`. */
+/* Write the acceleration at a singular position that is passed, from both sides of it. */
 static void across(const closing *c, const double *q, const double *v, double *a) {
     static const double places[4] = {-2.0, -1.0, 1.0, 2.0};
     const tree *t = c->rows.tree;
@@ -97,9 +95,8 @@ static void across(const closing *c, const double *q, const double *v, double *a
     copy(t->nv, c->sum, a);
 }
 
-/* Write the accelerations of a state, near singular positions those of the closed state; return the square of the length
- * of G a + G' v, or 0 at a position that is all but singular.
- */
+/* Write the accelerations of a state, near singular positions those of the closed state; return |G a + G' v|^2, or 0 at
+ * a position that is all but singular. */
 static double accelerations(const closing *c, const double *q, const double *v, double *a) {
     const tree *t = c->rows.tree;
     const double blind = c->limits.blind * c->limits.usual;
@@ -131,7 +128,7 @@ void closing_rates(void *system, double time, double *y, double *slope) {
     rates(system, y, slope);
 }
 
-/* Choose how to go on, by how regular the position is, which is the one last closed; return 0 where the rank has grown. */
+/* Choose how to go on, by how regular the position last closed is; return 0 where the rank has grown. */
 static int look(closing *c) {
     const limits *l = &c->limits;
     const double before = c->regular, largest = largest_square(c), least = l->vanished * largest;

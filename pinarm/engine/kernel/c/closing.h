@@ -1,15 +1,12 @@
 /* Motions along loops: states brought back onto the constraints, and singular positions passed.
  *
- * What is decided here, and the numbers, are those of pinarm/engine/motion/systems/point_motion.py.
- */
-#ifndef PINARM_CLOSING_H
-#define PINARM_CLOSING_H
+ * What is decided here, and the numbers, are those of pinarm/engine/motion/systems/point_motion.py. */
+#pragma once
 
 #include "constraints.h"
 
 /* When a position is regular; of squares of singular values relative to the largest, and of the regularity
- * s_r / s_1 / usual, s being the singular values of G in descending order and r the rank along the motion.
- */
+ * s_r / s_1 / usual, s being the singular values of G in descending order and r the rank along the motion. */
 typedef struct {
     double usual;                     /* s_r / s_1 at positions of no special kind */
     double near, ahead, coarse, close, blind; /* limits of the regularity, and of its fall over a step */
@@ -40,11 +37,8 @@ void closing_rates(void *system, double time, double *y, double *slope);
 
 /* Bring an accepted state onto the constraints and write its slope; return whether it is near a singular position.
  *
- * Where the rank has grown, or the accelerations leave the constraints, leave all as it was and return -1.
- */
+ * Where the rank has grown, or the accelerations leave the constraints, leave all as it was and return -1. */
 int closing_settle(void *system, double time, double *y, double *slope);
 
 /* Leave every accepted state to be settled elsewhere: return -1. */
 int closing_leave(void *system, double time, double *y, double *slope);
-
-#endif

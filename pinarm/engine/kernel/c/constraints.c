@@ -3,10 +3,9 @@
 #include <math.h>
 #include <string.h>
 
-/* S' f of the velocities of a link, from the tip to the root, and what is left of f beyond the joint: the whole of it for
- * the rows of G, and f - U S' f / D for those reduced by the articulated inertias: Featherstone, section 7.3, with forces
- * in place of bias forces. So G M^-1 G' = W' D^-1 W with the reduced rows W, in the columns that both loops have.
- */
+/* What is left of a force f on a link beyond its joint, which takes S' f: the whole of it for the rows of G, and
+ * f - U S' f / D for those reduced by the articulated inertias: Featherstone, section 7.3, with forces in place of bias
+ * forces. So G M^-1 G' = W' D^-1 W with the reduced rows W, in the columns that both loops have. */
 typedef force (*passage)(const tree *t, int k, force f, double power);
 
 static force rigidly(const tree *t, int k, force f, double power) {
@@ -115,9 +114,8 @@ void constraints_load(const constraints *c, const double *multiplier, double *u)
     }
 }
 
-/* The multipliers of S lam = b: the proximal iteration of Carpentier, Budhiraja, Mansard, Proximal and sparse resolution
- * of constrained dynamic equations (2021), algorithm 1, as Pinocchio's. It ends at lam of least length.
- */
+/* The multipliers of S lam = b: the proximal iteration of Carpentier, Budhiraja, Mansard, Proximal and sparse
+ * resolution of constrained dynamic equations (2021), algorithm 1, as Pinocchio's. It ends at lam of least length. */
 static void find_multipliers(const constraints *c, const proximal *p) {
     const ptrdiff_t m = c->delassus.rows;
     memset(c->multiplier, 0, (size_t)m * sizeof *c->multiplier);
@@ -134,9 +132,8 @@ static void find_multipliers(const constraints *c, const proximal *p) {
     }
 }
 
-/* M a + nle = tau + G' lam and G a + G' v = 0: with a_0 of the free tree S lam = -(G a_0 + G' v); then u + W lam moves the
- * tree: Featherstone, sections 8.3 and 8.5.
- */
+/* M a + nle = tau + G' lam and G a + G' v = 0: with a_0 of the free tree S lam = -(G a_0 + G' v); then u + W lam moves
+ * the tree: Featherstone, sections 8.3 and 8.5. */
 double constraints_accelerate(const constraints *c, const proximal *p, double *a) {
     constraints_delassus(c);
     tree_accelerate(c->tree, a);

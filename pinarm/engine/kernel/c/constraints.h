@@ -1,6 +1,5 @@
 /* A tree with loops: the rows of its loop joints together, and its accelerations. */
-#ifndef PINARM_CONSTRAINTS_H
-#define PINARM_CONSTRAINTS_H
+#pragma once
 
 #include "loops.h"
 #include "skyline.h"
@@ -29,7 +28,7 @@ typedef struct {
 /* Bring the tree and its loop joints into a state. */
 void constraints_place(const constraints *c, const double *q, const double *v);
 
-/* Write the reduced rows W and S = W' D^-1 W = G M^-1 G', or the rows themselves and G G', where the state is placed. */
+/* Write the reduced rows W and S = W' D^-1 W = G M^-1 G', or the rows of G and G G', where the state is placed. */
 void constraints_delassus(const constraints *c);
 void constraints_squares(const constraints *c);
 
@@ -38,5 +37,3 @@ void constraints_load(const constraints *c, const double *multiplier, double *u)
 
 /* Write the accelerations a where the state is placed; return the square of the length of G a + G' v. */
 double constraints_accelerate(const constraints *c, const proximal *p, double *a);
-
-#endif

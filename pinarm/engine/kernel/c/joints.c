@@ -14,9 +14,7 @@ static const layout LAYOUTS[JOINT_KINDS] = {
     [PLANAR] = {2, PAIR},     [TRANSLATION] = {3, NONE},
 };
 
-int joint_coordinates(int kind) {
-    return kind == SCREW ? 1 : LAYOUTS[kind].slides + LAYOUTS[kind].coordinates;
-}
+int joint_coordinates(int kind) { return kind == SCREW ? 1 : LAYOUTS[kind].slides + LAYOUTS[kind].coordinates; }
 
 int joint_velocities(int kind) {
     const int turned = LAYOUTS[kind].coordinates;
@@ -124,8 +122,7 @@ void joint_rates(int kind, const double *q, const double *v, double *rates) {
 }
 
 /* V u, the way of a frame that moves along and about itself by u and w: exp of (u, w) has the translation
- * u + (1 - cos n) / n^2 w x u + (n - sin n) / n^3 w x (w x u), n = |w|.
- */
+ * u + (1 - cos n) / n^2 w x u + (n - sin n) / n^3 w x (w x u), n = |w|. */
 static vector way_of(vector u, vector w) {
     const double square = dot(w, w), n = sqrt(square);
     const double half = n > 1e-4 ? (1.0 - cos(n)) / square : 0.5 - square / 24.0;

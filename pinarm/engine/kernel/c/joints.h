@@ -1,11 +1,9 @@
 /* Joints: where their coordinates put the child link, and how fast coordinates change with velocities.
  *
  * The motion subspace S of every kind is constant in the frame of the child link, so that its velocity product term is
- * v x S q' alone (Featherstone, section 4.4), and each of its columns is a screw about an axis of that frame: see degree.
- * The frame of a link whose joint has one velocity is turned so that the joint's axis is its z axis.
- */
-#ifndef PINARM_JOINTS_H
-#define PINARM_JOINTS_H
+ * v x S q' alone (Featherstone, section 4.4), and each of its columns is a screw about an axis of that frame.
+ * The frame of a link whose joint has one velocity is turned so that the joint's axis is its z axis. */
+#pragma once
 
 #include "spatial.h"
 
@@ -15,8 +13,7 @@
  * BALL             quaternion x, y, z, w           angular velocity
  * FLOATING         position, quaternion            velocity, angular velocity
  * PLANAR           x, y, cos, sin                  velocity x and y, angular velocity
- * TRANSLATION      position                        velocity
- */
+ * TRANSLATION      position                        velocity */
 enum { SCREW, CONTINUOUS, BALL, FLOATING, PLANAR, TRANSLATION, JOINT_KINDS };
 
 /* A column of S: the velocity of the child link is `slide` along, and `turn` about, an axis of its frame. */
@@ -25,29 +22,18 @@ typedef struct {
     double slide, turn;
 } screw;
 
+/* A component of a vector. */
+static inline double component(int axis, vector a) { return axis == 0 ? a.x : axis == 1 ? a.y : a.z; }
+
 /* S s, of one column of the motion subspace */
 static inline motion along(const screw *s, double rate) {
-    const double slide = s->slide * rate, turn = s->turn * rate;
-    switch (s->axis) {
-    case 0:
-        return (motion){{slide, 0.0, 0.0}, {turn, 0.0, 0.0}};
-    case 1:
-        return (motion){{0.0, slide, 0.0}, {0.0, turn, 0.0}};
-    default:
-        return (motion){{0.0, 0.0, slide}, {0.0, 0.0, turn}};
-    }
+    const vector axis = {s->axis == 0, s->axis == 1, s->axis == 2};
+    return (motion){scale(s->slide * rate, axis), scale(s->turn * rate, axis)};
 }
 
 /* S' f */
 static inline double power(const screw *s, const force *f) {
-    switch (s->axis) {
-    case 0:
-        return s->slide * f->linear.x + s->turn * f->angular.x;
-    case 1:
-        return s->slide * f->linear.y + s->turn * f->angular.y;
-    default:
-        return s->slide * f->linear.z + s->turn * f->angular.z;
-    }
+    return s->slide * component(s->axis, f->linear) + s->turn * component(s->axis, f->angular);
 }
 
 /* A link, its joint and the frame in which the joint starts. */
@@ -74,5 +60,3 @@ void joint_move(int kind, double *q, const double *x);
 
 /* Write q' of a joint's coordinates and velocities: Featherstone, section 4.5. */
 void joint_rates(int kind, const double *q, const double *v, double *rates);
-
-#endif

@@ -54,8 +54,7 @@ static double bend(const loop *l, const loop_state *s, int k, vector dp, vector 
 }
 
 /* Of points the difference of their accelerations; else e . p'' + w . omega', seen from frame 1, where
- * p'' = a_2 - a_1 - alpha_1 x p - w_1 x (w_1 x p) - 2 w_1 x p' and omega' = alpha_2 - alpha_1 - w_1 x omega.
- */
+ * p'' = a_2 - a_1 - alpha_1 x p - w_1 x (w_1 x p) - 2 w_1 x p' and omega' = alpha_2 - alpha_1 - w_1 x omega. */
 void loop_accelerations(const tree *t, const loop *l, const loop_state *s, double *result) {
     const motion a = frame_acceleration(t, l, s, 0), b = frame_acceleration(t, l, s, 1);
     if (l->kind == POINT) {

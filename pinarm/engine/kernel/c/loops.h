@@ -1,9 +1,7 @@
 /* Joints that close loops: their rows of G, and what these ask of accelerations, from the motions of the links.
  *
- * The rows are those of pinarm/mechanics/loops: row k holds e_k . p' + w_k . omega = 0, in the axes of frame 1.
- */
-#ifndef PINARM_LOOPS_H
-#define PINARM_LOOPS_H
+ * The rows are those of pinarm/mechanics/loops: row k holds e_k . p' + w_k . omega = 0, in the axes of frame 1. */
+#pragma once
 
 #include "tree.h"
 
@@ -12,8 +10,7 @@ enum { MOST_ROWS = 6 };
 /* POINT      the origins coincide: e . (v_1 - v_2), the difference of their velocities, as Pinocchio's points
  * LOWER      e and w are constant: lower pairs, points on lines and planes, screws
  * UNIVERSAL  the last row has w = R v x u, with u of frame 1 and v of frame 2, which stand in its `along` and `about`
- * ROD        e is the direction of p
- */
+ * ROD        e is the direction of p */
 enum { POINT, LOWER, UNIVERSAL, ROD, LOOP_KINDS };
 
 typedef struct {
@@ -44,5 +41,3 @@ void loop_accelerations(const tree *t, const loop *l, const loop_state *s, doubl
 
 /* Write what G x has to be for x to close points, and G v. */
 void loop_gap(const tree *t, const loop *l, const loop_state *s, double *open, double *rate);
-
-#endif

@@ -3,9 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-static void copy(ptrdiff_t n, const double *from, double *to) {
-    memcpy(to, from, (size_t)n * sizeof *to);
-}
+static void copy(ptrdiff_t n, const double *from, double *to) { memcpy(to, from, (size_t)n * sizeof *to); }
 
 /* sum += w x, over n numbers */
 static void add_scaled(ptrdiff_t n, double w, const double *x, double *sum) {
@@ -35,8 +33,7 @@ static void advance(const pair *p, const flow *f, double t, double h, const doub
 }
 
 /* The error of a step over the tolerance: section II.10, equation 10.17. With the estimates e_i,
- * |h| rms(e_0) / sqrt(|e_0|^2 + 0.01 |e_1|^2) |e_0|, where e_i is relative to tolerance (size + max(|y|, |end|)).
- */
+ * |h| rms(e_0) / sqrt(|e_0|^2 + 0.01 |e_1|^2) |e_0|, where e_i is relative to tolerance (size + max(|y|, |end|)). */
 static double error_of(const pair *p, const flow *f, const control *c, double h, const double *y, const double *end,
                        const double *slopes) {
     const ptrdiff_t s = p->stages, n = f->n;
@@ -69,9 +66,7 @@ static double shrinkage(const pair *p, const control *c, double error) {
     return error < c->huge ? fmax(c->slowest, c->safety * pow(error, -1.0 / (double)p->order)) : c->lost;
 }
 
-static double ulp(double x) {
-    return nextafter(x, INFINITY) - x;
-}
+static double ulp(double x) { return nextafter(x, INFINITY) - x; }
 
 /* Write an accepted step and move to its end. */
 static void accept(const flow *f, course *m, double taken, int last, int floored, const double *end, double *slopes) {
@@ -116,8 +111,7 @@ void pair_steps(const pair *p, const flow *f, const control *c, course *m) {
 }
 
 /* The terms of one step, from its slopes and those of the further stages: section II.6;
- * r_0 = y_new - y, r_1 = h k_0 - r_0, r_2 = 2 r_0 - h (k_0 + k_s), and h dense_d k.
- */
+ * r_0 = y_new - y, r_1 = h k_0 - r_0, r_2 = 2 r_0 - h (k_0 + k_s), and h dense_d k. */
 static void terms_of(const pair *p, const flow *f, double h, const double *slopes, double *terms) {
     const ptrdiff_t s = p->stages, n = f->n, all = s + 1 + p->dense_stages;
     double *change = terms, *second = terms + n, *third = terms + 2 * n;

@@ -1,9 +1,7 @@
 /* Embedded explicit Runge-Kutta pairs with variable steps and dense output, for one motion.
  *
- * Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd edition, chapter II.
- */
-#ifndef PINARM_RUNGE_KUTTA_H
-#define PINARM_RUNGE_KUTTA_H
+ * Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd edition, chapter II. */
+#pragma once
 
 #include <stddef.h>
 
@@ -22,10 +20,9 @@ typedef struct {
     const double *dense_d;           /* d rows of s + 1 + e */
 } pair;
 
-/* What is integrated: y of n numbers. `rates` writes its slope, and projects y onto the space it belongs to. `settle`, if
- * there is one, brings an accepted state back onto constraints and writes its slope; it returns a mark of the state, or
- * less than 0, and leaves the state, where the steps have to end there.
- */
+/* What is integrated: y of n numbers. `rates` writes its slope, and projects y onto the space it belongs to. `settle`,
+ * if there is one, brings an accepted state back onto constraints and writes its slope; it returns a mark of the state,
+ * or less than 0, and leaves the state, where the steps have to end there. */
 typedef struct {
     ptrdiff_t n;
     void (*rates)(void *system, double time, double *y, double *slope);
@@ -58,7 +55,7 @@ typedef struct {
     double *lengths;
     double *ends;
     ptrdiff_t *rejections;   /* steps rejected before each, since the beginning of the call, room */
-    int *floored, *marks;    /* whether each was accepted as rounding, and the mark of the state at its end, room each */
+    int *floored, *marks;    /* whether each was accepted as rounding, and the mark of its end, room each */
     double *states;          /* y at the start of each, room rows of n */
     double *slopes;          /* k_0 .. k_s of each, room + 1 blocks of s + 1 rows of n; the first k_0 is given */
 } course;
@@ -69,5 +66,3 @@ void pair_steps(const pair *p, const flow *f, const control *c, course *m);
 /* Write the terms of the dense output of m steps, 3 + d rows of n for each; `scratch` has (s + 2 + e) n numbers. */
 void pair_terms(const pair *p, const flow *f, ptrdiff_t m, const double *starts, const double *lengths,
                 const double *states, const double *slopes, double *scratch, double *terms);
-
-#endif

@@ -4,8 +4,7 @@
 #include <math.h>
 
 /* L D L' by rows: g_ij = a_ij - sum_k g_ik l_jk for j < i, l_ij = g_ij / d_j, d_i = a_ii - sum_j g_ij l_ij, where sums
- * begin at the later first entry of both rows; George and Liu, section 4.2. A pivot that is 0 becomes a tiny one.
- */
+ * begin at the later first entry of both rows; George and Liu, section 4.2. A pivot that is 0 becomes a tiny one. */
 ptrdiff_t skyline_factorise(const skyline *s, double shift) {
     ptrdiff_t negative = 0;
     for (ptrdiff_t i = 0; i < s->rows; i++) {

@@ -3,27 +3,19 @@
 #include <float.h>
 #include <math.h>
 
+static vector symmetric_row(const symmetric *s, int axis) {
+    return axis == 0 ? (vector){s->xx, s->xy, s->xz} : axis == 1 ? (vector){s->xy, s->yy, s->yz} :
+                                                                   (vector){s->xz, s->yz, s->zz};
+}
+
 /* I S: a column of M and of H, and a row of H and of I */
 static force column(const articulated *i, const screw *s) {
     const matrix *h = &i->coupling;
-    const symmetric *m = &i->mass, *j = &i->inertia;
-    vector mass, moment, coupled, inertia;
-    switch (s->axis) {
-    case 0:
-        mass = (vector){m->xx, m->xy, m->xz}, moment = h->x;
-        coupled = (vector){h->x.x, h->y.x, h->z.x}, inertia = (vector){j->xx, j->xy, j->xz};
-        break;
-    case 1:
-        mass = (vector){m->xy, m->yy, m->yz}, moment = h->y;
-        coupled = (vector){h->x.y, h->y.y, h->z.y}, inertia = (vector){j->xy, j->yy, j->yz};
-        break;
-    default:
-        mass = (vector){m->xz, m->yz, m->zz}, moment = h->z;
-        coupled = (vector){h->x.z, h->y.z, h->z.z}, inertia = (vector){j->xz, j->yz, j->zz};
-        break;
-    }
-    return (force){add(scale(s->slide, mass), scale(s->turn, moment)),
-                   add(scale(s->slide, coupled), scale(s->turn, inertia))};
+    const int k = s->axis;
+    const vector coupled = {component(k, h->x), component(k, h->y), component(k, h->z)};
+    const vector moment = k == 0 ? h->x : k == 1 ? h->y : h->z;
+    return (force){add(scale(s->slide, symmetric_row(&i->mass, k)), scale(s->turn, moment)),
+                   add(scale(s->slide, coupled), scale(s->turn, symmetric_row(&i->inertia, k)))};
 }
 
 /* The loads of the joints' springs, dampers and efforts. */
@@ -50,14 +42,14 @@ void tree_place(const tree *t) {
     }
 }
 
-vector tree_point(const tree *t, int i, vector place) {
+static vector point(const tree *t, int i, vector place) {
     if (i < 0)
         return place;
     const placement *x = &t->link_state[i].in_world;
     return add(times(&x->rotation, place), x->translation);
 }
 
-vector tree_point_velocity(const tree *t, int i, vector place) {
+static vector point_velocity(const tree *t, int i, vector place) {
     if (i < 0)
         return (vector){0.0, 0.0, 0.0};
     const link_state *s = &t->link_state[i];
@@ -79,12 +71,13 @@ static void add_point_springs(const tree *t) {
         const point_spring *s = &t->point_spring[k];
         vector end[2], rate[2];
         for (int i = 0; i < 2; i++) {
-            end[i] = tree_point(t, s->link[i], s->place[i]);
-            rate[i] = tree_point_velocity(t, s->link[i], s->place[i]);
+            end[i] = point(t, s->link[i], s->place[i]);
+            rate[i] = point_velocity(t, s->link[i], s->place[i]);
         }
         const vector apart = subtract(end[1], end[0]), change = subtract(rate[1], rate[0]);
         const double l = sqrt(dot(apart, apart)), beyond = s->pull - s->stiffness * s->rest;
-        const double held = beyond == 0.0 && s->damping == 0.0 ? 0.0 : (beyond + s->damping * dot(apart, change) / l) / l;
+        const int linear = beyond == 0.0 && s->damping == 0.0;
+        const double held = linear ? 0.0 : (beyond + s->damping * dot(apart, change) / l) / l;
         const vector tension = scale(s->stiffness + held, apart);
         pull(t, s->link[0], s->place[0], tension);
         pull(t, s->link[1], s->place[1], scale(-1.0, tension));
@@ -110,8 +103,7 @@ static void velocities(const tree *t, const double *q, const double *v) {
 }
 
 /* Pass 2, from the tips: for each column S of the joint U = I^A S, D = S' U + armature, u = tau - S' p^A;
- * I^a = I^A - U U' / D, p^a = p^A + I^a c + U u / D, and both are added to those of the parent.
- */
+ * I^a = I^A - U U' / D, p^a = p^A + I^a c + U u / D, and both are added to those of the parent. */
 static void inertias(const tree *t) {
     for (int i = t->links - 1; i >= 0; i--) {
         const link *l = &t->link[i];
@@ -136,8 +128,7 @@ static void inertias(const tree *t) {
 }
 
 /* Featherstone, section 7.3 and table 7.1, in the frames of the links. The columns of a joint with several velocities
- * are eliminated one after the other, as if massless links were between them: this is Gauss's elimination of D.
- */
+ * are eliminated one after the other, as if massless links were between them: this is Gauss's elimination of D. */
 void tree_articulate(const tree *t, const double *q, const double *v) {
     add_loads(t, q, v);
     velocities(t, q, v);

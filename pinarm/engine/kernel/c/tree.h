@@ -1,6 +1,5 @@
 /* A tree of links: its accelerations under gravity and the loads of its joints, by the articulated-body algorithm. */
-#ifndef PINARM_TREE_H
-#define PINARM_TREE_H
+#pragma once
 
 #include "joints.h"
 
@@ -18,8 +17,7 @@ typedef struct {
 } rotation_spring;
 
 /* A spring, damper and constant pull along the line between two points, of links or of the world (link -1):
- * tension = stiffness (l - rest) + damping l' + pull.
- */
+ * tension = stiffness (l - rest) + damping l' + pull. */
 typedef struct {
     int link[2];
     vector place[2]; /* of the points in their links' frames */
@@ -51,9 +49,8 @@ typedef struct {
     double *tau; /* nv loads, then u = tau - S' p^A */
 } tree;
 
-/* The two halves of the accelerations of the free tree in the state q, v: what its links carry, which leaves I^A, U, D and
- * u in its buffers, and the accelerations a, of nv numbers.
- */
+/* The two halves of the accelerations of the free tree in the state q, v: what its links carry, which leaves I^A, U, D
+ * and u in its buffers, and the accelerations a, of nv numbers. */
 void tree_articulate(const tree *t, const double *q, const double *v);
 void tree_accelerate(const tree *t, double *a);
 
@@ -63,16 +60,8 @@ void tree_response(const tree *t, const double *u, double *x);
 /* Place the links in the world, from their placements in their parents. */
 void tree_place(const tree *t);
 
-/* The velocity of a point of a link, or of the world, in the world's axes. */
-vector tree_point_velocity(const tree *t, int i, vector place);
-
-/* The place of a point of a link, or of the world, in the world. */
-vector tree_point(const tree *t, int i, vector place);
-
 /* Normalise the coordinates q, and write q' of the velocities v. */
 void tree_coordinate_rates(const tree *t, double *q, const double *v, double *rates);
 
 /* The rates of a state y = [q, v], for the integrator: normalise q within y, and write [q', a]. */
 void tree_rates(void *system, double time, double *y, double *slope);
-
-#endif

@@ -101,7 +101,7 @@ def closed_states(q: Array, scale: Array, moved: Callable[[Array, Array], Array]
 def disagreement(flow: Flow, model: pin.Model, dynamics: Dynamics, rows: Rows, states: Sequence[State]) -> float:
     """Return how well the library's a and lam satisfy Pinocchio's equations in the worst of some states.
 
-    ``M a + nle - tau - G^T lam`` and ``G a + G' v``, each relative to the largest of its terms: so the condition of the
+    ``M a + nle - tau - G^T lam`` and ``G a + G' v``, each relative to the sizes of its factors: so the condition of the
     equations, which grows without bound near singular positions, has no part in it.
     """
     worst = 0.0
@@ -110,12 +110,13 @@ def disagreement(flow: Flow, model: pin.Model, dynamics: Dynamics, rows: Rows, s
         load = dynamics.load()(0.0, q, v)
         nle, mass = np.array(pin.nonLinearEffects(model, dynamics.data, q, v)), mass_matrix(model, q)
         matrix, drift = rows(q, v)
-        size = np.abs(mass) @ np.abs(a) + np.abs(nle) + np.abs(load) + np.abs(matrix.T) @ np.abs(lam)
-        worst = _larger(worst, mass @ a + nle - load - matrix.T @ lam, size)
-        worst = _larger(worst, matrix @ a + drift, np.abs(matrix) @ np.abs(a) + np.abs(drift))
+        worst = _larger(worst, (mass, a), (matrix.T, -lam), (np.eye(len(a)), nle - load))
+        worst = _larger(worst, (matrix, a), (np.eye(len(drift)), drift))
     return worst
 
 
-def _larger(worst: float, left: Array, terms: Array) -> float:
-    """Return the larger one of a ratio and that of what is left to its terms; NaN where that is none."""
-    return float(np.maximum(worst, np.abs(left).max() / max(terms.max(), np.finfo(float).tiny)))
+def _larger(worst: float, *terms: tuple[Array, Array]) -> float:
+    """Return the larger one of a ratio and that of a sum of products to its terms; NaN where that is none."""
+    left = np.abs(np.sum([matrix @ x for matrix, x in terms], axis=0)).max()
+    size = sum(np.abs(matrix).max() * np.abs(x).max() for matrix, x in terms)
+    return float(np.maximum(worst, left / max(size, np.finfo(float).tiny)))

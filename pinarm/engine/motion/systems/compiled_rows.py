@@ -12,7 +12,7 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.constraints.nullspace import RANK
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.pinocchio_constraints import MET, NOISE, UNEVEN, inverse_mass, places_of
+from pinarm.engine.dynamics.pinocchio_constraints import NOISE, UNEVEN, inverse_mass, places_of
 from pinarm.engine.kernel.library import Flow, library
 from pinarm.engine.kernel.loops import LOWER, ROD, UNIVERSAL, CompiledLoops, LoadedLoops, Tied
 from pinarm.engine.kernel.structures import ProximalStructure
@@ -26,7 +26,7 @@ from pinarm.mechanics.loops.rod import Tie
 from pinarm.mechanics.loops.universal import ORIGINS, Cross
 
 PROXIMAL, ITERATIONS = 1e-12, 4
-"""Proximal term of accelerations, relative to the smallest Delassus diagonal, and most iterations: rows that reach
+"""Proximal term of accelerations, relative to the smallest Delassus diagonal, and iterations: rows that reach
 1e-5 of the others count in full, as in the singular values in Python."""
 
 CLEAR = 1e-4
@@ -69,7 +69,7 @@ def _flow(loops: LoadedLoops, closure: Closure, closed: list[Array]) -> Flow | N
     compiled, scale = library(), _delassus_scale(closure, closed)
     if compiled is None or not scale:
         return None
-    solve = ProximalStructure(PROXIMAL * scale, MET, ITERATIONS)
+    solve = ProximalStructure(PROXIMAL * scale, 0.0, ITERATIONS)
     system = LoopSystem.of(loops, closure.scale, closure.model.nq, solve)
     return Flow(system.flow((compiled.closing_rates, compiled.closing_leave)), system) if system else None
 
