@@ -101,8 +101,9 @@ def closed_states(q: Array, scale: Array, moved: Callable[[Array, Array], Array]
 def disagreement(flow: Flow, model: pin.Model, dynamics: Dynamics, rows: Rows, states: Sequence[State]) -> float:
     """Return how well the library's a and lam satisfy Pinocchio's equations in the worst of some states.
 
-    ``M a + nle - tau - G^T lam`` and ``G a + G' v``, each relative to the sizes of its factors: so the condition of the
-    equations, which grows without bound near singular positions, has no part in it.
+    ``M a + nle - tau - G^T lam`` and ``G a + G' v``, each relative to the sizes of its factors; in a the motion of the
+    free tree and ``M^-1 G^T lam`` have cancelled, so that the size of ``G M^-1 G^T lam`` counts too. The condition of
+    the equations, which grows without bound near singular positions, has no part in it.
     """
     worst = 0.0
     for q, v in states:
@@ -110,13 +111,20 @@ def disagreement(flow: Flow, model: pin.Model, dynamics: Dynamics, rows: Rows, s
         load = dynamics.load()(0.0, q, v)
         nle, mass = np.array(pin.nonLinearEffects(model, dynamics.data, q, v)), mass_matrix(model, q)
         matrix, drift = rows(q, v)
-        worst = _larger(worst, (mass, a), (matrix.T, -lam), (np.eye(len(a)), nle - load))
-        worst = _larger(worst, (matrix, a), (np.eye(len(drift)), drift))
+        forced = float(np.abs(matrix @ np.linalg.solve(mass, matrix.T)).max() * np.abs(lam).max())
+        worst = _larger(worst, 0.0, (mass, a), (matrix.T, -lam), (np.eye(len(a)), nle - load))
+        worst = _larger(worst, forced, (matrix, a), (np.eye(len(drift)), drift))
     return worst
 
 
-def _larger(worst: float, *terms: tuple[Array, Array]) -> float:
-    """Return the larger one of a ratio and that of a sum of products to its terms; NaN where that is none."""
+def _larger(worst: float, size: float, *terms: tuple[Array, Array]) -> float:
+    """Return the larger one of a ratio and that of a sum of products to its terms; NaN where that is none.
+
+    Args:
+        worst: The ratio.
+        size: Size of terms that have cancelled before.
+        terms: Matrices and vectors.
+    """
     left = np.abs(np.sum([matrix @ x for matrix, x in terms], axis=0)).max()
-    size = sum(np.abs(matrix).max() * np.abs(x).max() for matrix, x in terms)
+    size += sum(float(np.abs(matrix).max() * np.abs(x).max()) for matrix, x in terms)
     return float(np.maximum(worst, left / max(size, np.finfo(float).tiny)))
