@@ -28,6 +28,7 @@ ELSEWHERE = {
         "engine/integration/methods/explicit",
     ),
     "engine/kernel/test_library.py": ("its structures", "engine/kernel/structures"),
+    "engine/kernel/test_tree.py": ("what is refused", "engine/kernel/checks"),
     "engine/kinematics/test_newton.py": (
         "positions that laws ask for", "engine/kinematics/continuation engine/kinematics/joint_motion "
         "engine/kinematics/prescribed",
@@ -60,9 +61,14 @@ ELSEWHERE = {
     ),
     "input/yaml/test_document.py": ("what YAML means", "input/yaml/parser"),
     "input/yaml/test_schema.py": ("keys of the file", "mechanics/description"),
+    "loops/test_compiled.py": (
+        "compiled loops against Python", "engine/kernel/loops engine/motion/systems/compiled_loops "
+        "engine/motion/systems/compiled_points engine/motion/systems/compiled_rows",
+    ),
     "loops/test_in_time.py": (
         "loops in motion, against multipliers", "engine/dynamics/pinocchio_constraints "
-        "engine/motion/systems/constrained engine/motion/systems/point_constrained engine/motion/systems/row_motion",
+        "engine/motion/systems/constrained engine/motion/systems/point_constrained "
+        "engine/motion/systems/point_motion engine/motion/systems/row_motion",
     ),
     "loops/test_kinds.py": (
         "every kind against Newton and Euler", "engine/constraints/constraint mechanics/loops/kinds "
