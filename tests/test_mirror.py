@@ -104,6 +104,7 @@ ELSEWHERE = {
         "mechanics/loading/mjcf_geoms mechanics/loading/mjcf_joints mechanics/loading/mjcf_names "
         "mechanics/loading/mjcf_settings",
     ),
+    "mechanics/loading/test_urdf_writer.py": ("of models with points", "mechanics/points"),
     "mechanics/loading/test_urdf.py": ("what files make of it", "mechanics/loading/model_tree"),
     "mechanics/planar/test_linkage.py": ("mistakes with their lines", "mechanics/planar/drawing"),
     "mechanics/test_coordinates.py": ("joints by their coordinates", "mechanics/joints"),
@@ -118,6 +119,9 @@ ELSEWHERE = {
     "problems/test_loads_and_partial_results.py": (
         "loads in every kind of problem", "problems/accuracy problems/forward problems/inverse problems/loads "
         "problems/states problems/time_grid",
+    ),
+    "problems/test_recorded.py": (
+        "rows in files and arrays", "engine/motion/recorded_motion problems/recorded_columns use/scenario/recorded",
     ),
     "problems/test_profiles.py": ("laws in problems", "mechanics/forces/breakpoints problems/prescribed_laws"),
     "test_messages.py": (
