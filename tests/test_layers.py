@@ -17,7 +17,7 @@ FLOOR_PLAN = {
     "errors": "",
     "arrays": "",
     "input": "numbers units roots xml_text xml_names mjcf_includes formulas yaml csv_rows motion_tables xacro robots",
-    "mechanics": "geometry joints laws drives coordinates ball_joints loops forces loading couplings friction "
+    "mechanics": "geometry joints laws drives coordinates rotors ball_joints loops forces loading couplings friction "
     "payloads points perturbation planar description",
     "engine": "series kernel integration constraints dynamics model_source kinematics statics friction motion checks "
     "quantities mechanism_parts mechanism",

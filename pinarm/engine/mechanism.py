@@ -22,18 +22,19 @@ from pinarm.engine.dynamics.masses import massive
 from pinarm.engine.mechanism_parts import (
     Locate,
     arguments_of,
-    check_start,
     couplings_of,
     forces_of,
     frictions_of,
+    geared_rotors,
     loaded,
-    loop_coordinates_of,
-    loop_joints_of,
     marked,
     mount_drives,
+    named_parts,
     naming_arguments,
     open_closings,
+    rotors_along,
     symbols_of,
+    tying,
 )
 from pinarm.engine.model_source import RobotReader, Source, numeric, read_robot, robot_of_model
 from pinarm.errors import InputError, choices
@@ -42,12 +43,12 @@ from pinarm.input.units import Unit
 from pinarm.input.xacro.expansion import check_declared
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import Values, varied
-from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, balls_of, positions_of
-from pinarm.mechanics.coordinates import Coordinate, coordinates_of
+from pinarm.mechanics.ball_joints import Ball, positions_of
+from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.couplings.coupling import mimic_coupling
 from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector, gravity_words
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.joints import Joint, joints_of
+from pinarm.mechanics.joints import Joint, links_of
 from pinarm.mechanics.perturbation import perturbed
 
 if TYPE_CHECKING:
@@ -442,6 +443,19 @@ class Mechanism:
         known = positions_of(self.joints, self.balls)  # of a part of the mechanism there may be fewer
         return {name: float(value) for name, value in self.description.start.items() if name in known}
 
+    def driven_joint(self, drive: str) -> Joint:
+        """Return the joint that moves as what a drive acts along: its own, or that of its rotor, by name."""
+        from pinarm.mechanics.rotors import rotor_name
+
+        return self.joints[self.drives[drive].joint or rotor_name(drive)]
+
+    @cached_property
+    def dotted_names(self) -> frozenset[str]:
+        """Names of joints, links, drives, loop joints and couplings that have dots in them, which separate words."""
+        ties = (constraint.name for constraint in self.constraints)
+        names = (*self.joints, *self.balls, *links_of(self.model), *self.drives, *ties)
+        return frozenset(name for name in names if "." in name)
+
     @property
     def gravity(self) -> float:
         """Magnitude of gravity [m/s^2]."""
@@ -526,22 +540,23 @@ def _build(
     with naming_arguments(here):
         check_declared(units, texts)
     model, carried = loaded(marked(robot.model, description.points, here), description.payloads, payloads, here, caller)
-    joints, balls = joints_of(model), balls_of(model)
     model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
-    check_start(description, joints, balls, here)
-    turns = {**ball_coordinates(model, balls), **ball_angles(balls)}
-    loops = loop_joints_of(model, key, robot.loops, description.loops, here)
-    turns |= loop_coordinates_of(model, loops, {*joints, *turns}, here)
-    with here("coordinates"):
-        coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
+    parts = named_parts(robot, description, model, key, here)
+    if (geared := rotors_along(model, description, parts.coordinates, here)) is not model:
+        model, parts = geared, named_parts(robot, description, geared, key, here)
+    joints, balls, loops, coordinates = parts
     mimics = [mimic_coupling(mimic, joints, model) for mimic in robot.mimics]
-    constraints: tuple[Constraint, ...] = (*mimics, *loops, *couplings_of(robot, description, model, joints, here))
+    constraints: tuple[Constraint, ...] = (
+        *mimics, *loops, *couplings_of(robot, description, model, joints, here),
+        *geared_rotors(joints, description, coordinates),
+    )  # fmt: skip
+    frictions = frictions_of(robot, description, model, joints, constraints, here)
     symbols = symbols_of(description, here)
     mount_drives(model, joints, description, here)
+    forces = forces_of(robot, description, model, joints, coordinates, here)
     return Mechanism(
-        description.title or model.name, model, robot.xml, joints, balls, coordinates, constraints,
-        dict(description.drives), forces_of(robot, description, model, joints, coordinates, here), symbols, resolved,
+        description.title or model.name, model, robot.xml, joints, balls, coordinates, tying(constraints, frictions),
+        dict(description.drives), forces, symbols, resolved,
         {name: units[name].si for name in resolved if name in units}, description, source, carried,
-        (*robot.notes, *open_closings(model, loops)),
-        frictions_of(robot, description, model, joints, constraints, here),
+        (*robot.notes, *open_closings(model, loops)), frictions,
     )  # fmt: skip

@@ -42,12 +42,18 @@ class Problem(Protocol):
         """Return what the problem says about coordinates; ``None`` where the mechanism is not to be simplified."""
         ...
 
-    def prepare(self, mechanism: Mechanism, place: Place) -> object:
-        """Check all names and units against the mechanism; ``place`` locates mistakes."""
+    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Any:
+        """Check all names and units against the mechanism; return what ``solve`` begins with, the same in every run.
+
+        Args:
+            mechanism: What moves.
+            accuracy: How it is solved.
+            place: Gives mistakes their place.
+        """
         ...
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
-        """Return the answer."""
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Any = None) -> Outcome:
+        """Return the answer; ``prepared`` is what ``prepare`` has returned for the same arguments, if it was called."""
         ...
 
 

@@ -39,7 +39,7 @@ MOST = 180
 def question(result: Result) -> ReportTable:
     """Return what is given and asked: a table of what it is, of which coordinate or name, and the value."""
     rows = [*_problem(result.data["problem"]), *_given(result), *_asked(result)]
-    return ReportTable(["Given", "Of", "Value"], _once(rows), texts=3)
+    return ReportTable(["Given", "Of", "Value"], _once(rows), texts=range(3))
 
 
 def words(value: Any) -> str:

@@ -119,9 +119,20 @@ class Scenario:
         return self._of(replace(self.document, data=dict(data)))
 
     def _of(self, document: Document) -> Scenario:
-        """Return the scenario of another document in the same place, with the same last digits."""
+        """Return the scenario of another document in the same place, with the same last digits.
+
+        It has the same mechanism, if that has been loaded and the document says the same of it.
+        """
         content = document.validate(ScenarioFile)
-        return replace(self, document=document, content=content, problem=_problem(document, content.problem))
+        other = replace(self, document=document, content=content, problem=_problem(document, content.problem))
+        if "mechanism" in vars(self) and self._mechanism_data == other._mechanism_data:
+            vars(other)["mechanism"] = self.mechanism
+        return other
+
+    @property
+    def _mechanism_data(self) -> list[Any]:
+        """What the document says of the mechanism."""
+        return [self.document.data.get(key) for key in ("mechanism", "arguments", "gravity", "payloads", "changes")]
 
     @property
     def name(self) -> str:
@@ -182,7 +193,7 @@ class Scenario:
     def simplification(self) -> Simplification:
         """What is solved in place of the question about the whole mechanism."""
         if self.content.modelled == "whole":
-            return Simplification.whole(self.problem, self.mechanism)
+            return Simplification.whole(self.problem, self.mechanism, self.content.accuracy, self._place)
         expected = (text for entry in self.content.expect for text in (entry.quantity, entry.formula or ""))
         wanted = self.content.find.requested() if self.content.find else ()
         texts = [*self.content.outputs, *self.content.numbers, *wanted, *expected]
@@ -190,7 +201,7 @@ class Scenario:
             with self.document.locating(key):
                 texts += assessment.requested(self.mechanism)
         requested = requested_joints(texts, self.symbols, self.mechanism)
-        return Simplification.required(self.problem, self.mechanism, requested, self._place)
+        return Simplification.required(self.problem, self.mechanism, self.content.accuracy, self._place, requested)
 
     def run(self) -> Result:
         """Solve the problem; with ``accuracy.target``, at the cheapest setting whose error is below it.
@@ -233,13 +244,13 @@ class Scenario:
 
     def solved_outcome(self) -> Outcome:
         """Return what comes out for the whole mechanism; nothing is measured or checked."""
-        _, outcome = self.simplification.solve(self.content.accuracy, self._place)
+        _, outcome = self.simplification.solve()
         return outcome
 
     def _solve_once(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""
         try:
-            solved = self.simplification.solve(self.content.accuracy, self._place)
+            solved = self.simplification.solve()
         except MethodError as error:
             raise error.at(self.document.locate(("accuracy", "method"))) from None
         return self.measured(*solved)
@@ -299,7 +310,7 @@ class Scenario:
             PinarmError: Something is wrong; the message says where.
         """
         with failures_in_words():
-            self.problem.prepare(self.mechanism, self._place)
+            self.problem.prepare(self.mechanism, self.content.accuracy, self._place)
             quantities = self.quantities()
             for index, name in enumerate(self.content.outputs):
                 with self.document.locating("outputs", index):

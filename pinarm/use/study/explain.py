@@ -19,6 +19,7 @@ from pinarm.input.yaml.values import Values
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.couplings.left_open import left_open
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.rotors import GearedRotor
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
@@ -70,6 +71,8 @@ class Explanation:
             elif isinstance(one, Coupling):
                 forces = one.transmission or f"its forces on bodies are not known: {one.missing}"
                 lines.append(f"  {one.name}: {one.kind}, 1 row; {forces}")
+            elif isinstance(one, GearedRotor):
+                lines.append(f"  {one.name}: the rotor {one.rotor.name} moves with what the drive acts along, 1 row")
         return lines if len(lines) > 1 else ["no loops: an open chain"]
 
     def _mobility(self) -> list[str]:
@@ -105,7 +108,7 @@ class Explanation:
         direction = mechanism.model.gravity.linear
         lines = [f"gravity: {', '.join(f'{x:g}' for x in direction)} m/s^2" if direction.any() else "no gravity"]
         lines += [": ".join(filter(None, (f"force {name}", one.description))) for name, one in mechanism.forces.items()]
-        lines += [f"drive {name} at {drive.joint}" for name, drive in mechanism.drives.items()]
+        lines += [f"drive {name} at {drive.coordinate}" for name, drive in mechanism.drives.items()]
         return [*lines, *(f"note: {note}" for note in mechanism.notes)]
 
     def _modelled(self) -> list[str]:
