@@ -20,6 +20,14 @@ from pinarm.errors import InputError, ModelError, choices
 MARKERS = ("pyproject.toml", ".pinarm-root")
 NO_PACKAGES: Mapping[str, Path] = MappingProxyType({})
 
+Stamp = tuple[int, int, int, int]
+"""Times of the last changes of a file's content and of its entry [ns], its size [bytes], and its number."""
+
+
+def stamp_of(state: os.stat_result) -> Stamp:
+    """Return what tells whether a file has changed: programs that copy keep the time of its content."""
+    return state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino
+
 
 _given: ContextVar[Path | None] = ContextVar("given", default=None)
 
