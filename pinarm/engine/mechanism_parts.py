@@ -27,9 +27,14 @@ if TYPE_CHECKING:
     from pinarm.mechanics.friction.contact import FrictionContact
     from pinarm.mechanics.loops.kinds import Loop
     from pinarm.mechanics.payloads import Payload
+    from pinarm.mechanics.points import PointDefinition
 
 Locate = Callable[..., AbstractContextManager[None]]
 """``with locate("forces", "spring"):`` gives errors of the block that place of a file."""
+
+
+CLOSING = "closing_"
+"""Beginning of the names of frames at which exporters open loops."""
 
 
 def frictions_of(
@@ -69,8 +74,17 @@ class NamedParts(NamedTuple):
     coordinates: dict[str, Coordinate]
 
 
-def named_parts(robot: RobotModel, description: MechanismDescription, model: pin.Model, here: Locate) -> NamedParts:
+def named_parts(
+    robot: RobotModel, description: MechanismDescription, model: pin.Model, key: str, here: Locate
+) -> NamedParts:
     """Return joints, loop joints and coordinates by name.
+
+    Args:
+        robot: What the model's file says.
+        description: What the mechanism file says.
+        model: Pinocchio's model.
+        key: Key of the mechanism file that names the drawing or the model.
+        here: Gives errors their place.
 
     Raises:
         InputError: One does not exist, or has the name of another one.
@@ -78,7 +92,7 @@ def named_parts(robot: RobotModel, description: MechanismDescription, model: pin
     joints, balls = joints_of(model), balls_of(model)
     check_start(description, joints, balls, here)
     turns = {**ball_coordinates(model, balls), **ball_angles(balls)}
-    loops = loop_joints_of(model, robot.loops, description.loops, here)
+    loops = loop_joints_of(model, key, robot.loops, description.loops, here)
     turns |= loop_coordinates_of(model, loops, {*joints, *turns}, here)
     with here("coordinates"):
         coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
@@ -128,15 +142,23 @@ def check_start(
 
 
 def loop_joints_of(
-    model: pin.Model, drawn: Mapping[str, Loop], said: Mapping[str, Loop], here: Locate
+    model: pin.Model, key: str, drawn: Mapping[str, Loop], said: Mapping[str, Loop], here: Locate
 ) -> list[LoopJoint]:
-    """Return the loop joints of a drawing, and those that the mechanism file says beside."""
-    with here("planar"):
+    """Return the loop joints of a drawing or of a model's file, and those that the mechanism file says beside.
+
+    Args:
+        model: Pinocchio's model.
+        key: Key of the mechanism file that names the drawing or the model.
+        drawn: What that says.
+        said: What the mechanism file says.
+        here: Gives errors their place.
+    """
+    with here(key):
         loops = [loop.bind(model, name) for name, loop in drawn.items()]
     for name, loop in said.items():
         with here("loops", name):
             if name in drawn:
-                raise InputError(f"the drawing has a loop joint '{name}' already", expected="a name of its own")
+                raise InputError(f"the model has a loop joint '{name}' already", expected="a name of its own")
             loops.append(loop.bind(model, name))
     return loops
 
@@ -191,6 +213,36 @@ def loaded(
                     raise InputError(f"the mechanism has a payload '{name}' already", expected="a name of its own")
                 model, carried[name] = with_payloads(model, [payload]), payload
     return model, carried
+
+
+def open_closings(model: pin.Model, loops: Sequence[LoopJoint]) -> Iterator[str]:
+    """Yield a note on each pair of frames at which an exporter opened a loop, and which no loop joint ties.
+
+    onshape-to-robot and its relatives write links ``closing_NAME_1`` and ``closing_NAME_2`` into a URDF, which has no
+    loops; the kind of the joint is not in the file.
+    """
+    links = {frame.name: index for index, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY}
+    tied = {frozenset((loop.first, loop.second)) for loop in loops}
+    for first, index in links.items():
+        base = first.removesuffix("_1")
+        second = links.get(f"{base}_2")
+        if not first.startswith(CLOSING) or base == first or second is None or frozenset((index, second)) in tied:
+            continue
+        ends, name = f"{first}, {base}_2", base.removeprefix(CLOSING)
+        yield (f"an exporter opened a loop at {first} and {base}_2, and the file does not say by which joint: such as "
+               f"loops: {{{name}: {{kind: revolute, axis: z, between: [{ends}]}}}}")  # fmt: skip
+
+
+def marked(model: pin.Model, points: Mapping[str, PointDefinition], here: Locate) -> pin.Model:
+    """Return the model with the points of its mechanism file."""
+    if not points:
+        return model
+    from pinarm.mechanics.points import with_points
+
+    for name, point in points.items():
+        with here("points", name):
+            model = with_points(model, [(name, point)])
+    return model
 
 
 def couplings_of(

@@ -19,6 +19,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.friction.switching import Slip
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.events import Watch, resolving_parts
@@ -106,7 +107,7 @@ class HybridSystem:
         return self._systems[held]
 
     def _resting(self, held: Held) -> System:
-        return ConstrainedSystem.of(self.closure, self.dynamics, self._with_stops(held))
+        return ConstrainedSystem.of(self.closure, self.dynamics, self._with_stops(held), self.initial.q)
 
     def _with_stops(self, held: Held) -> PrescribedCoordinates:
         """Return the coordinates that follow laws, and those of joints that rest on stops."""
@@ -127,7 +128,7 @@ class HybridSystem:
             return self.system(mode.held)
         friction, span = self.friction(mode.held), self._span(t)
         held = friction.held(mode.slip, q, lambda: friction.sliding(mode.slip, span).equation.at(t, q, v))
-        inner = (ConstrainedSystem.of(self.closure, self.dynamics, held) if mode.held
+        inner = (ConstrainedSystem.of(self.closure, self.dynamics, held, q) if mode.held
                  else system_of(self.closure, self.dynamics, held, replace(self.initial, q=q, v=v)))  # fmt: skip
         return FrictionalSystem(friction, mode.slip, inner, self.cuts)
 
@@ -177,6 +178,28 @@ class HybridSystem:
                     f"'{bound.name}' at {bound.limit:.6g} {bound.coordinate.unit}"
                 )
         return whole_q[0], whole_v[0]
+
+    @cached_property
+    def start(self) -> tuple[Array, Array]:
+        """The initial state of the mechanism, to be read only; see ``begin`` and ``require_masses``."""
+        q, v = self.begin(self.initial)
+        self.require_masses(q[None])
+        q.flags.writeable = v.flags.writeable = False
+        return q, v
+
+    @cached_property
+    def guided(self) -> Closure:
+        """The constraints of the mechanism, then the coordinates that follow laws."""
+        return self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
+
+    def require_masses(self, q: Array) -> None:
+        """Raise where masses do not determine the accelerations at configurations, shape (n, nq).
+
+        Raises:
+            DynamicsError: Names what moves without mass.
+        """
+        known = q.shape[1] == len(self.initial.q)
+        require_masses(self.guided, q if known else self.initial.q[None], self.time[0])
 
     @cached_property
     def _intervals(self) -> list[Interval]:

@@ -66,7 +66,7 @@ def _bodies(mechanism: Mechanism) -> ReportTable:
     rows = [_body(model, index) for index in range(1, model.njoints)]
     total = sum(inertia.mass for inertia in list(model.inertias)[1:])
     return ReportTable(
-        ["Body", "fixed to it", "mass [kg]", "x [m]", "y [m]", "z [m]", "Ixx", "Iyy", "Izz [kg·m²]"], rows, 2,
+        ["Body", "fixed to it", "mass [kg]", "x [m]", "y [m]", "z [m]", "Ixx", "Iyy", "Izz [kg·m²]"], rows, range(2),
         "Bodies", f"Mass that moves: {number(total)} kg. Centre of mass in the axes of the body's joint; moments of "
         "inertia about it, in the same axes.",
     )  # fmt: skip
@@ -89,7 +89,7 @@ def _joints(mechanism: Mechanism) -> ReportTable:
          _axis(model, index), _range(model, mechanism.joints.get(model.names[index]))]
         for index in range(1, model.njoints)
     ]  # fmt: skip
-    return ReportTable(["Joint", "kind", "from", "to", "axis", "range"], rows, 6, "Joints",
+    return ReportTable(["Joint", "kind", "from", "to", "axis", "range"], rows, range(6), "Joints",
                        "Axes in those of the joint.")  # fmt: skip
 
 
@@ -119,7 +119,7 @@ def _range(model: pin.Model, joint: Joint | None) -> str:
 
 
 def _constraints(mechanism: Mechanism) -> ReportTable:
-    return ReportTable(["Loop or coupling", "kind", "between", "rows"], list(_ties(mechanism)), 3,
+    return ReportTable(["Loop or coupling", "kind", "between", "rows"], list(_ties(mechanism)), range(3),
                        "Joints that close loops, and couplings")  # fmt: skip
 
 
@@ -138,4 +138,4 @@ def _acting(mechanism: Mechanism) -> ReportTable:
     rows = [("force", name, element.description) for name, element in mechanism.forces.items()]
     rows += [("dry friction", contact.name, "") for contact in mechanism.frictions]
     rows += [("drive", name, f"at {drive.coordinate}") for name, drive in mechanism.drives.items()]
-    return ReportTable(["What acts", "name", ""], rows, 3, "Forces and drives")
+    return ReportTable(["What acts", "name", ""], rows, range(3), "Forces and drives")

@@ -123,26 +123,32 @@ class Explanation:
         return [*lines, f"compiled kernel: {reason}; steps of motions are computed in Python"] if reason else lines
 
 
-def explain(path: str | Path, values: Values | None = None) -> Explanation:
+def explain(path: str | Path | Mechanism, values: Values | None = None) -> Explanation:
     """Return the structure of a scenario's mechanism where its motion begins, or of a model near its zero position.
 
     Where that is a singular position it is that of a closed one beside it.
 
     Args:
-        path: A scenario, a mechanism file, a model file, or the name of a robot.
+        path: A scenario, a mechanism file, a model file, the name of a robot, or a mechanism, as it is.
         values: Other values than those of the scenario (see ``pinarm.load``), or of the mechanism file (see
             ``Mechanism.load``).
 
     Raises:
         PinarmError: The file has a mistake, or the loops cannot be closed.
     """
+    if isinstance(path, Mechanism):
+        return _structure(path)
     file = Path(path)
     if file.suffix in (".yaml", ".yml") and "problem" in (Document.read(file).data or {}):
         scenario = Scenario.load(file, values)
         q, whole = run(scenario).trajectory.q, scenario.mechanism
         some = [q[k] for k in np.unique(np.linspace(0, len(q) - 1, ROWS).astype(int))]
         return _explained(whole, some, "where the motion begins", scenario.simplification.removals)
-    mechanism = Mechanism.load(path, values=values)
+    return _structure(Mechanism.load(path, values=values))
+
+
+def _structure(mechanism: Mechanism) -> Explanation:
+    """Return the structure of a mechanism near its zero position, or wherever its loops close."""
     try:
         q, where = closed_near(mechanism, {}), "in the closed position nearest to zero"
     except AssemblyError as error:
