@@ -220,6 +220,24 @@ class TestClosing:
         assert structure.floor == pytest.approx(python.least, abs=1e-12)
         assert slope[3:] == pytest.approx(python.acceleration(0.9, closed, rate), rel=1e-6, abs=1e-6)
 
+    def test_chooses_alike_how_to_go_on(self, motion):
+        """By the regularity, by a fall of it over one step, and by both; the least steps follow."""
+        python, flow = motion
+        chosen = set()
+        for begin in np.linspace(0.0, 1.55, 12):
+            for angle in np.linspace(0.05, 1.57, 24):
+                for t, before in ((0.3, begin - 0.01), (0.5, begin)):
+                    python.settle(t, *self.state(before, 0.0))
+                flow.ready()
+                q, v = self.state(angle, 0.0)
+                y = np.concatenate([q, v])
+                mark, earlier = settle(flow, 1.0, y, np.zeros(6)), python.regular
+                python.settle(1.0, q, v)
+                assert mark == python.near
+                assert flow.system.structure.floor == pytest.approx(python.least, abs=1e-12)
+                chosen.add((python.near, python.singular, earlier - python.regular > 0.65, python.least > 0.0))
+        assert {(False, False, False, False), (True, True, False, True), (True, False, True, False)} <= chosen
+
     @pytest.mark.parametrize("angle", [0.3, 0.5 * np.pi, 0.5 * np.pi + 1e-6, 0.5 * np.pi + 1e-2])
     def test_closes_stages_and_looks_past_singular_positions(self, motion, angle):
         """Where the rods are in line the position says nothing; the acceleration comes from both sides."""
