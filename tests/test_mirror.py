@@ -76,7 +76,7 @@ ELSEWHERE = {
         "mechanics/loops/universal",
     ),
     "loops/test_many_rows.py": (
-        "many rows against each alone", "engine/constraints/batch_jacobians engine/constraints/closure "
+        "many rows against each alone", "engine/constraints/batch_jacobians engine/constraints/row_measures "
         "engine/constraints/multipliers engine/constraints/nullspace_batch engine/kinematics/continuation_batch "
         "engine/motion/systems/batch_rows",
     ),
@@ -104,6 +104,7 @@ ELSEWHERE = {
         "mechanics/loading/mjcf_geoms mechanics/loading/mjcf_joints mechanics/loading/mjcf_names "
         "mechanics/loading/mjcf_settings",
     ),
+    "mechanics/loading/test_urdf_writer.py": ("of models with points", "mechanics/points"),
     "mechanics/loading/test_urdf.py": ("what files make of it", "mechanics/loading/model_tree"),
     "mechanics/planar/test_linkage.py": ("mistakes with their lines", "mechanics/planar/drawing"),
     "mechanics/test_coordinates.py": ("joints by their coordinates", "mechanics/joints"),
@@ -119,10 +120,13 @@ ELSEWHERE = {
         "loads in every kind of problem", "problems/accuracy problems/forward problems/inverse problems/loads "
         "problems/states problems/time_grid",
     ),
+    "problems/test_recorded.py": (
+        "rows in files and arrays", "engine/motion/recorded_motion problems/recorded_columns use/scenario/recorded",
+    ),
     "problems/test_profiles.py": ("laws in problems", "mechanics/forces/breakpoints problems/prescribed_laws"),
     "test_messages.py": (
         "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/failures "
-        "use/scenario/scenario use/scenario/scenario_file",
+        "use/scenario/scenario_file",
     ),
     "test_readme.py": ("what is printed", "use/show/terminal"),
     "physics/test_friction.py": (
@@ -134,11 +138,14 @@ ELSEWHERE = {
         "joints as they are asked", "use/assessments/loads/joint use/assessments/loads/number",
     ),
     "use/assessments/sensitivity/test_sensitivity.py": (
-        "numbers of mechanisms in closed form", "use/assessments/sensitivity/accuracy "
+        "numbers of mechanisms in closed form",
         "use/assessments/sensitivity/tables use/assessments/sensitivity/variation",
     ),
     "use/assessments/sizing/test_sizing.py": (
         "motors for a joint in closed form", "use/assessments/sizing/catalogue use/assessments/sizing/duty",
+    ),
+    "use/assessments/test_limits.py": (
+        "numbers, their errors and bounds", "use/result/condition use/result/number_accuracy",
     ),
     "use/assessments/test_path_error.py": ("points in lists and files", "use/assessments/wanted_points"),
     "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),

@@ -215,7 +215,8 @@ def positions_of(joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> dict
 def velocities_of(joints: Mapping[str, Joint], balls: Mapping[str, Ball]) -> dict[str, Unit]:
     """Return what velocities can be given by, with units: see ``velocity``."""
     spins = (f"{name}.angular_velocity.{axis}" for name in balls for axis in "xyz")
-    rates = {name: joint.unit / unit("s") for name, joint in joints.items()}
+    measures = {measured: measured / unit("s") for measured in {joint.unit for joint in joints.values()}}
+    rates = {name: measures[joint.unit] for name, joint in joints.items()}
     return {**rates, **dict.fromkeys(spins, SPIN)}
 
 

@@ -78,6 +78,11 @@ def format_configuration(model: pin.Model, q: Array) -> str:
     return ", ".join(words)
 
 
+def links_of(model: pin.Model) -> list[str]:
+    """Return the names of the links of a model."""
+    return [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
+
+
 def frame_of(model: pin.Model, name: str) -> int:
     """Return the index of the frame of a link.
 
@@ -87,8 +92,7 @@ def frame_of(model: pin.Model, name: str) -> int:
     for index, frame in enumerate(model.frames):
         if frame.name == name and frame.type == pin.FrameType.BODY:
             return index
-    links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
-    expected, hint = choices(name, links)
+    expected, hint = choices(name, links_of(model))
     raise InputError(f"the model has no link '{name}'", expected=expected, hint=hint)
 
 

@@ -21,6 +21,7 @@ KINDS = {
     "forward": ("forward", "Forward"),
     "kinematics": ("kinematics", "KinematicMotion"),
     "equilibria": ("equilibria", "Equilibria"),
+    "recorded": ("recorded", "Recorded"),
 }
 """Kind, and its module and class. A new kind is one class and one entry."""
 
@@ -41,12 +42,18 @@ class Problem(Protocol):
         """Return what the problem says about coordinates; ``None`` where the mechanism is not to be simplified."""
         ...
 
-    def prepare(self, mechanism: Mechanism, place: Place) -> object:
-        """Check all names and units against the mechanism; ``place`` locates mistakes."""
+    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Any:
+        """Check all names and units against the mechanism; return what ``solve`` begins with, the same in every run.
+
+        Args:
+            mechanism: What moves.
+            accuracy: How it is solved.
+            place: Gives mistakes their place.
+        """
         ...
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
-        """Return the answer."""
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Any = None) -> Outcome:
+        """Return the answer; ``prepared`` is what ``prepare`` has returned for the same arguments, if it was called."""
         ...
 
 
@@ -55,9 +62,10 @@ if TYPE_CHECKING:  # mypy compares the kinds with the protocol, which are import
     from pinarm.problems.forward import Forward
     from pinarm.problems.inverse import Inverse
     from pinarm.problems.kinematics import KinematicMotion
+    from pinarm.problems.recorded import Recorded
     from pinarm.problems.states import State, Statics
 
-    _PROBLEMS: tuple[type[Problem], ...] = (Statics, State, Inverse, Forward, KinematicMotion, Equilibria)
+    _PROBLEMS: tuple[type[Problem], ...] = (Statics, State, Inverse, Forward, KinematicMotion, Equilibria, Recorded)
 
 
 def problem_class(kind: object) -> type[Any]:

@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 else:  # imported where a file has loads, see LOADS
     Force = Any
 
+Prepared = tuple[ForceBalance, list[Array]]
+"""The balance of forces, and the configuration of every start."""
+
 
 class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
     """Configurations at rest at which the generalised force of weights and loads vanishes; drives give none.
@@ -74,7 +77,7 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
     def declaration(self) -> None:
         """Return that the mechanism is not to be simplified: all joints that are free have a part in its modes."""
 
-    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[ForceBalance, list[Array]]:
+    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Prepared:
         """Check all names and units; return the balance of forces, and the configuration of every start."""
         if len(mechanism.joints) < mechanism.model.nv:
             raise InputError("equilibria are found for joints with one coordinate only; this model has others")
@@ -91,7 +94,9 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
                         raise InputError(f"'{name}' is held", expected="starting values of the other joints")
         return balance, [start_configuration(mechanism, start) for start in self.starts]
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
+    ) -> Outcome:
         """Return the equilibria, one a row in the order in which they are found.
 
         Each row has beside its quantities ``equilibrium.starts``, how many starts led to it,
@@ -101,7 +106,7 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
         Raises:
             AssemblyError: A start leads to none; ``partial`` holds what the starts before it led to.
         """
-        balance, starts = self.prepare(mechanism, place)
+        balance, starts = prepared or self.prepare(mechanism, accuracy, place)
         found: list[Equilibrium] = []
         for index, q in enumerate(starts):
             with place("starts", index):

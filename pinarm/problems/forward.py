@@ -13,8 +13,8 @@ from msgspec.structs import replace as replace_fields
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST, energy_of
 from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.nullspace import VANISHED
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.kinematics.newton import start_configuration
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
@@ -36,7 +36,7 @@ from pinarm.mechanics.laws import Motion
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
-from pinarm.problems.joint_values import check_levels, check_rates, is_coordinate
+from pinarm.problems.joint_values import check_levels, check_rates, rates_of_coordinates
 from pinarm.problems.loads import LOADS, bind_loads, schema_row
 from pinarm.problems.prescribed_laws import laws_of
 from pinarm.problems.time_grid import TimeGrid
@@ -46,8 +46,6 @@ if TYPE_CHECKING:
     from pinarm.mechanics.forces.kinds import Force
 else:  # imported where a file has loads, see LOADS
     Force = Any
-
-DEFAULT = Accuracy()
 
 
 class InitialState(InputStruct, frozen=True):
@@ -106,7 +104,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
     def _without(self, names: Collection[str]) -> Forward:
         return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names), loads={})
 
-    def prepare(self, mechanism: Mechanism, place: Place, accuracy: Accuracy = DEFAULT) -> HybridSystem:
+    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> HybridSystem:
         """Check all names and units; return what is to be integrated."""
         motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, place))
@@ -127,7 +125,9 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             hybrid.system()
         return hybrid
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: HybridSystem | None = None
+    ) -> Outcome:
         """Return the motion, with what its energy says of its accuracy.
 
         Raises:
@@ -135,16 +135,15 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             IntegrationError: The motion could not be followed to its end, or is not determined from some instant on;
                 ``partial`` holds it until then.
         """
-        hybrid = self.prepare(mechanism, place, accuracy)
+        hybrid = prepared or self.prepare(mechanism, accuracy, place)
         with place("initial"):
-            q, v = hybrid.begin(hybrid.initial)
+            q, v = hybrid.start
         return self.solve_from(mechanism, hybrid, q, v)
 
     def solve_from(
         self, mechanism: Mechanism, hybrid: HybridSystem, q: Array, v: Array, first: FirstSegment | None = None
     ) -> Outcome:
         """Return the motion from an assembled state; see ``solve``, and ``HybridSystem.integrate`` for ``first``."""
-        closure = self.require_masses(mechanism, hybrid, q[None])
         try:
             motion = integrate_to_size(hybrid, q, v, first)
         except (IntegrationError, Interrupted) as error:
@@ -153,36 +152,18 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
                 grid = hybrid.grid(self.time.instants(), error.partial.seams).until(error.partial.end)
                 error.partial = replace(reached.outcome(grid), notes=tuple(error.partial.diagnose()))
             raise
-        self._require_branch(mechanism, hybrid, closure, motion)
+        self._require_branch(mechanism, hybrid, motion)
         t, end = self.time.instants(), motion.end
         grid = hybrid.grid(t if end == t[-1] else np.array([*t[t < end], end]), motion.seams)
         whole = IntegratedMotion(mechanism, hybrid, motion).outcome(grid)
         energy = {} if self.motion else energy_of(motion)
         notes = motion.diagnose() or _lost(energy.get("energy", 0.0))
-        remarks = [*_changed(mechanism, hybrid, v), *motion.remarks()]
+        remarks = [*_changed(mechanism, hybrid, v), *_uncertain(hybrid.guided, q, v), *motion.remarks()]
         return replace(whole, figures={**motion.cost(), **energy}, notes=(*remarks, *notes))
 
-    def require_masses(self, mechanism: Mechanism, hybrid: HybridSystem, q: Array) -> Closure:
-        """Return the constraints and the coordinates that follow laws, where masses determine the accelerations.
-
-        Args:
-            mechanism: What moves.
-            hybrid: What is to be integrated.
-            q: Configurations, shape (n, nq).
-
-        Raises:
-            DynamicsError: They do not.
-        """
-        closure = mechanism.closure.with_guides(hybrid.prescribed.names, hybrid.prescribed.coordinates)
-        known = q.shape[1] == len(hybrid.initial.q)
-        require_masses(closure, q if known else hybrid.initial.q[None], self.time.start)
-        return closure
-
-    def _require_branch(
-        self, mechanism: Mechanism, hybrid: HybridSystem, closure: Closure, motion: SegmentedMotion
-    ) -> None:
+    def _require_branch(self, mechanism: Mechanism, hybrid: HybridSystem, motion: SegmentedMotion) -> None:
         """Raise where rounding has chosen between motions that meet; the motion until then is kept."""
-        rest = undetermined_rest(closure, motion)
+        rest = undetermined_rest(hybrid.guided, motion)
         if rest is None:
             return
         kept = None
@@ -210,7 +191,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         with place("initial", "position"):
             q = start_configuration(mechanism, {**self.start, **self.initial.position})
         joints, balls = mechanism.joints, mechanism.balls
-        others = {name: rate for name, rate in self.initial.velocity.items() if is_coordinate(mechanism, name)}
+        others = rates_of_coordinates(mechanism, self.initial.velocity)
         own = {name: rate for name, rate in self.initial.velocity.items() if name not in others}
         v = velocity(mechanism.model, joints, balls, own)
         positions, velocities = (
@@ -235,6 +216,27 @@ def _changed(mechanism: Mechanism, hybrid: HybridSystem, v: Array) -> list[str]:
         [f"the loops do not allow the given velocities, the closest are taken: {', '.join(changes)}"] if changes else []
     )
 
+
+def _uncertain(closure: Closure, q: Array, v: Array) -> list[str]:
+    """Return what is to be said of a start next to a singular position: rounding leaves 1e-16 over s^2 of velocities.
+
+    Args:
+        closure: The constraints, and the coordinates that follow laws.
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,).
+    """
+    if not closure.size or len(q) < closure.model.nq or not v.any():
+        return []
+    values = closure.singular_values(q)
+    least = float(values[values > VANISHED * closure.coarseness].min(initial=values[0])) / float(values[0])
+    noise = float(np.finfo(float).eps) / least**2
+    return [] if noise < TELLING else [
+        f"the motion begins at {least:.1g} of a regular position: rounding leaves about {noise:.0e} of its velocities"
+    ]  # fmt: skip
+
+
+TELLING = 1e-9
+"""Part of the velocities at the start that rounding leaves from which on it is told."""
 
 CONSISTENT = 1e-9
 """Difference of given velocities to what loops allow that typed digits explain [rad/s or m/s], or relative to it."""

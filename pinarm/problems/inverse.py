@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 else:  # imported where a file has loads, see LOADS
     Force = Any
 
+Prepared = tuple[PrescribedCoordinates, Actuation, dict[str, ForceElement]]
+"""The prescribed coordinates, the drives and the forces."""
+
 
 class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     """Efforts for a motion that laws impose on as many coordinates as the mechanism has degrees of freedom.
@@ -74,9 +77,7 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
             self, motion=others(self.motion, names), start=others(self.start, names), drives=drives, loads={}
         )
 
-    def prepare(
-        self, mechanism: Mechanism, place: Place
-    ) -> tuple[PrescribedCoordinates, Actuation, dict[str, ForceElement]]:
+    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Prepared:
         """Check all names and units; return the prescribed coordinates, the drives and the forces."""
         motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         check_levels(mechanism, self.start, place, "start")
@@ -86,9 +87,11 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
         with place("motion"):
             return PrescribedCoordinates.of(mechanism, motion), drives, forces
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
+    ) -> Outcome:
         """Return the motion of the joints and the efforts of the drives."""
-        prescribed, drives, forces = self.prepare(mechanism, place)
+        prescribed, drives, forces = prepared or self.prepare(mechanism, accuracy, place)
         laws = [*prescribed.laws, *(law for force in forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"), locating_drives(place, "drives" if self.drives else "motion"):

@@ -8,7 +8,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.errors import Key, Place
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import check_unit
-from pinarm.mechanics.ball_joints import positions_of, unit_of, velocities_of
+from pinarm.mechanics.ball_joints import places_of, positions_of, unit_of, velocities_of
 
 
 def check_levels(mechanism: Mechanism, levels: Mapping[str, float], place: Place, *at: str) -> None:
@@ -26,13 +26,15 @@ def check_rates(mechanism: Mechanism, rates: Mapping[str, float], place: Place, 
 
     They are of joints, or of other coordinates of the mechanism.
     """
-    others = {name: mechanism.coordinate(name).unit / unit("s") for name in rates if is_coordinate(mechanism, name)}
-    _check_values({**velocities_of(mechanism.joints, mechanism.balls), **others}, rates, place, *at)
+    known = velocities_of(mechanism.joints, mechanism.balls)
+    others = {name: mechanism.coordinate(name).unit / unit("s") for name in rates_of_coordinates(mechanism, rates)}
+    _check_values({**known, **others}, rates, place, *at)
 
 
-def is_coordinate(mechanism: Mechanism, name: str) -> bool:
-    """Return whether a name is that of a coordinate that is not simply a joint's velocity."""
-    return name not in velocities_of(mechanism.joints, mechanism.balls) and name in mechanism.coordinates
+def rates_of_coordinates(mechanism: Mechanism, rates: Mapping[str, float]) -> dict[str, float]:
+    """Return those of given rates that are of coordinates, and not simply velocities of joints."""
+    own = places_of(mechanism.joints, mechanism.balls)
+    return {name: rate for name, rate in rates.items() if name not in own and name in mechanism.coordinates}
 
 
 def _check_values(known: Mapping[str, Unit], values: Mapping[str, float], place: Place, *at: str) -> None:

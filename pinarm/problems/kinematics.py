@@ -59,16 +59,18 @@ class KinematicMotion(InputStruct, frozen=True, tag_field="kind", tag="kinematic
     def _without(self, names: Collection[str]) -> KinematicMotion:
         return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names))
 
-    def prepare(self, mechanism: Mechanism, place: Place) -> PrescribedCoordinates:
+    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> PrescribedCoordinates:
         """Check all names and units; return the prescribed coordinates."""
         motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         check_levels(mechanism, self.start, place, "start")
         with place("motion"):
             return PrescribedCoordinates.of(mechanism, motion)
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PrescribedCoordinates | None = None
+    ) -> Outcome:
         """Return the motion of the joints."""
-        prescribed = self.prepare(mechanism, place)
+        prescribed = prepared or self.prepare(mechanism, accuracy, place)
         laws = [*prescribed.laws, *(law for force in mechanism.forces.values() for law in force.laws())]
         grid = Grid.cover(self.time.instants(), laws)
         with place("motion"):

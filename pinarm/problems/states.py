@@ -38,6 +38,12 @@ if TYPE_CHECKING:
 else:  # imported where a file has loads, see LOADS
     Force = Any
 
+PreparedStatics = tuple[PrescribedCoordinates, Actuation, dict[str, ForceElement]]
+"""The prescribed coordinates, the drives and the forces."""
+
+PreparedState = tuple[PrescribedCoordinates, Actuation, dict[str, ForceElement], Rates]
+"""The same, and the given rates."""
+
 
 class Range(InputStruct, frozen=True, rename=FILE_KEYS):
     """Evenly spaced values of a coordinate.
@@ -91,18 +97,18 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
             self, hold=others(self.hold, names), start=others(self.start, names), drives=drives, loads={}
         )
 
-    def prepare(
-        self, mechanism: Mechanism, place: Place
-    ) -> tuple[PrescribedCoordinates, Actuation, dict[str, ForceElement]]:
+    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> PreparedStatics:
         """Check all names and units; return the prescribed coordinates, the drives and the forces."""
         prescribed = _prescribed(mechanism, self.over, self.hold, place)
         with place("drives"):
             drives = actuation(mechanism, self.drives, prescribed.names)
         return prescribed, drives, _forces(self.start, self.loads, mechanism, place)
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PreparedStatics | None = None
+    ) -> Outcome:
         """Return the positions, at rest, and the efforts of the drives."""
-        prescribed, drives, forces = self.prepare(mechanism, place)
+        prescribed, drives, forces = prepared or self.prepare(mechanism, accuracy, place)
         rest = np.zeros(len(prescribed.names))
         with place(), locating_drives(place):
             return _prescription(mechanism, prescribed, drives, forces, self.over, (rest, rest)).outcome(
@@ -156,9 +162,7 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
             self, hold=hold, velocity=velocity, acceleration=acceleration, start=start, drives=drives, loads={}
         )
 
-    def prepare(
-        self, mechanism: Mechanism, place: Place
-    ) -> tuple[PrescribedCoordinates, Actuation, dict[str, ForceElement], Rates]:
+    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> PreparedState:
         """Check all names and units; return the prescribed coordinates, the drives, the forces, and the given rates."""
         prescribed = _prescribed(mechanism, self.over, self.hold, place)
         rates = np.zeros((2, len(prescribed.names)))
@@ -175,9 +179,11 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
             drives = actuation(mechanism, self.drives, prescribed.names)
         return prescribed, drives, _forces(self.start, self.loads, mechanism, place), (rates[0], rates[1])
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: PreparedState | None = None
+    ) -> Outcome:
         """Return the states and the efforts of the drives."""
-        prescribed, drives, forces, rates = self.prepare(mechanism, place)
+        prescribed, drives, forces, rates = prepared or self.prepare(mechanism, accuracy, place)
         with place(), locating_drives(place):
             return _prescription(mechanism, prescribed, drives, forces, self.over, rates).outcome(
                 _grid(self.over), start_configuration(mechanism, self.start))  # fmt: skip

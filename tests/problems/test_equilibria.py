@@ -283,7 +283,7 @@ def test_a_held_absolute_angle_leaves_a_pendulum_and_tells_the_torque_that_holds
 
 
 def test_a_start_is_moved_to_what_is_held(arm):
-    balance, starts = Equilibria(starts=[{"O": 0.5}], hold={"phi": 0.7}).prepare(arm, place)
+    balance, starts = Equilibria(starts=[{"O": 0.5}], hold={"phi": 0.7}).prepare(arm, Accuracy(), place)
     assert balance.nearest(starts[0]) == pytest.approx([0.6, 0.1])
 
 
@@ -431,7 +431,7 @@ REFUSED = {
 def test_what_is_refused(arm, case):
     given, message = REFUSED[case]
     with pytest.raises(InputError, match=message):
-        Equilibria(**given).prepare(arm, place)
+        Equilibria(**given).prepare(arm, Accuracy(), place)
 
 
 def test_a_law_is_refused_even_in_the_mechanism_itself(mechanism, chain):

@@ -95,12 +95,12 @@ REFUSED = {
 def test_what_is_refused(arm, kind, case):
     motion, message = REFUSED[case]
     with pytest.raises(InputError, match=message):
-        kind(time=TIME, motion=motion).prepare(arm, place)
+        kind(time=TIME, motion=motion).prepare(arm, Accuracy(), place)
 
 
 def test_a_free_coordinate_drives_no_profile(arm):
     with pytest.raises(InputError, match="'crank' follows no law"):
-        Forward(time=TIME, motion={"arm": Over(of="crank", profile=SWING)}).prepare(arm, place)
+        Forward(time=TIME, motion={"arm": Over(of="crank", profile=SWING)}).prepare(arm, Accuracy(), place)
 
 
 def test_a_torque_over_the_joint_itself_is_a_spring_and_one_like_a_weight_makes_a_pendulum(mechanism, chain):

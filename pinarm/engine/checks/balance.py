@@ -11,9 +11,11 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.checks.sample import SAMPLE, sampled
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving, supports
+from pinarm.mechanics.geometry.link_placements import LinkPlacements, moving
+from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.vectors import crossed
 
 if TYPE_CHECKING:
@@ -22,9 +24,6 @@ if TYPE_CHECKING:
 
 Whole = Callable[[Array, Array, Array], tuple[Array, Array]]
 """Rows of integrated states to rows of those of the mechanism: ``t, q, v -> q, v``."""
-
-SAMPLE = 64
-"""Number of rows that are checked where not all are: a fixed, even choice, so that the cost of tables stays bounded."""
 
 ROUNDING = 1e-15
 """Of an energy, relative to it: a motion so short that it exchanges no more has not lost any."""
@@ -59,7 +58,7 @@ def power_balance(trajectory: Trajectory, most: int = SAMPLE) -> dict[str, float
     """
     if trajectory.no_efforts:
         return {}
-    rows = np.linspace(0, len(trajectory) - 1, min(len(trajectory), most)).astype(int)
+    rows = sampled(len(trajectory), most)
     loads = trajectory.gather(lambda dynamics, part: dynamics.loads(
         trajectory.grid.t[part], trajectory.q[part], trajectory.v[part]))  # fmt: skip
     parts = [_virtual_powers(trajectory, loads, rows[k : k + SAMPLE]) for k in range(0, len(rows), SAMPLE)]
@@ -83,7 +82,7 @@ def _virtual_powers(run: Trajectory, loads: Array, rows: Indices) -> tuple[Array
     """
     model, lam = run.mechanism.model, run.lam.at(rows)
     links, twists, rates, columns = moving(model, run.q[rows], run.v[rows], run.a[rows])
-    moved, held = supports(model), run.closure.load(links, columns, run.q[rows], lam)
+    moved, held = LinkTree.of(model).supports, run.closure.load(links, columns, run.q[rows], lam)
     wrenches = demands(model, links, twists, rates)
     asked = np.where(moved, links.at_world(wrenches) @ columns, 0.0)  # part by part and link by link
     supplied = run.tau[rows] + loads[rows] + run.friction_loads[rows] + held - model.armature * run.a[rows]
@@ -104,13 +103,12 @@ def _most_powers(wrenches: Array, twists: Array) -> Array:
 
 def _weights(links: LinkPlacements, columns: Array, moved: Flags) -> Array:
     """Return the most that weights can do: m g times the paths of mass centres when one joint moves, shape (n, nv)."""
-    inertias = links.model.inertias.tolist()
-    masses, levers = np.array([inertia.mass for inertia in inertias]), np.array([inertia.lever for inertia in inertias])
-    centres = links.places + np.matvec(links.turns, levers)
+    tree = LinkTree.of(links.model)
+    centres = links.places + np.matvec(links.turns, tree.levers)
     linear, angular = columns[:, None, :3].swapaxes(2, 3), columns[:, None, 3:].swapaxes(2, 3)
     paths = linear + crossed(angular, centres[:, :, None])
     lengths = np.where(moved, np.sqrt((paths * paths).sum(axis=3)), 0.0)
-    return np.asarray(masses @ lengths * np.linalg.norm(links.model.gravity.linear))
+    return np.asarray(tree.masses @ lengths * np.linalg.norm(links.model.gravity.linear))
 
 
 def demands(model: pin.Model, links: LinkPlacements, twists: Array, rates: Array) -> Array:
@@ -125,8 +123,7 @@ def demands(model: pin.Model, links: LinkPlacements, twists: Array, rates: Array
     Returns:
         ``I V'``, ``V x* I V`` and the wrench against its weight, shape (3, n, njoints, 6).
     """
-    mass = np.array([inertia.matrix() for inertia in model.inertias.tolist()])
-    mass[0] = 0.0  # of the world
+    mass = LinkTree.of(model).inertias
     found = np.empty((3, *twists.shape))
     momenta, upwards = np.matvec(mass, twists), np.zeros_like(twists)
     v, omega, p, h = twists[..., :3], twists[..., 3:], momenta[..., :3], momenta[..., 3:]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.checks.balance import SAMPLE
+from pinarm.engine.checks.sample import SAMPLE, sampled
 from pinarm.engine.checks.singularity import nearest_singularity
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import MASSLESS, NOTHING
@@ -41,12 +41,14 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
     """
     if run.no_efforts and not run.mechanism.closure.size:
         return {}
-    rows = np.linspace(0, len(run) - 1, min(len(run), most)).astype(np.intp)
+    rows = sampled(len(run), most)
     found = _Looked.at(run, rows)
     figures: dict[str, float] = {}
     if run.mechanism.closure.size:
         gaps = found.gaps.max(axis=0).tolist()
         figures.update(zip(("closure", "closure rate", "closure acceleration"), gaps, strict=True))
+        if run.unknown:  # rates that are NaN
+            figures = {name: gap for name, gap in figures.items() if not np.isnan(gap)}
         values = run.mechanism.closure.values_of(found.own)
         figures |= zip(("regularity", "least regular at"), nearest_singularity(run, motion, rows, values), strict=True)
     if run.no_efforts:

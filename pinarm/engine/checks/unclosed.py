@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from pinarm.engine.checks.sample import sampled
 from pinarm.engine.constraints.nullspace import UNCLOSED, RowDecomposition
 from pinarm.engine.motion.trajectory import Trajectory
 
 ROUNDED = 1e-13
 """What rounding of numbers leaves open, relative to the length that a row can have: with 64 bits 1e-16 in each step."""
-
-SAMPLE = 16
-"""Number of rows that are looked at."""
 
 
 def unclosed(run: Trajectory) -> list[str]:
@@ -19,7 +17,7 @@ def unclosed(run: Trajectory) -> list[str]:
     closure = run.mechanism.closure
     if not closure.size:
         return []
-    rows = np.unique(np.linspace(0, len(run) - 1, SAMPLE).astype(int))
+    rows = sampled(len(run))
     gaps, matrices = closure.at(run.q[rows])
     if (np.abs(gaps) <= ROUNDED * closure.reach).all():  # nearly always
         return []

@@ -1,189 +1,26 @@
 """What constraints and coordinates measure, at many configurations at once: values, rows of J and drifts.
 
-The same numbers as those of ``Constraint`` and ``Coordinate``, for mechanisms whose joints turn or slide. Arrays have
-the n configurations along their last axis, or 1 where a number is the same in all of them.
+The rows of each are those of ``row_measures``, numbered through.
 """
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
+from pinarm.engine.constraints.alike_pairs import BLOCK, AlikePairs, alike_pairs
+from pinarm.engine.constraints.constraint import Constraint
 from pinarm.engine.constraints.elimination import Row
-from pinarm.mechanics.coordinates import Coordinate, DistanceCoordinate, FrameCoordinate, LinearCoordinate
-from pinarm.mechanics.couplings.coupling import Coupling
-from pinarm.mechanics.geometry.chains import Chain, Placed
+from pinarm.engine.constraints.row_measures import EvaluatedRows, RowMeasure, row_measure
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.vectors import dot
-from pinarm.mechanics.joints import UNIVERSE
-from pinarm.mechanics.loops.loop_joints import LoopJoint
-from pinarm.mechanics.loops.lower_pairs import PointOnPlane
-from pinarm.mechanics.loops.rod import Tie
 
-if TYPE_CHECKING:
-    from pinarm.mechanics.loops.pair import Pair
-
-BLOCK = 2048
-"""Number of configurations that are worked on at once: arrays of more would not stay in the processor's cache."""
-
-
-class EvaluatedRows(Protocol):
-    """The rows of one constraint or coordinate, at many configurations."""
-
-    def gap(self) -> list[Array]:
-        """Return the value of every row [m or rad], shape (n,) or (1,)."""
-        ...
-
-    def rows(self, wanted: Container[int]) -> Mapping[int, Row]:
-        """Return the wanted rows of J."""
-        ...
-
-    def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
-        """Return J' v of the wanted rows, shape (n,) or (1,), for velocities v, shape (nv, n)."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class PairMeasure:
-    """What a pair measures between two frames.
-
-    Attributes:
-        pair: The pair.
-        chain: The joints between the frames.
-    """
-
-    pair: Pair
-    chain: Chain
-
-    @property
-    def size(self) -> int:
-        """Number of rows."""
-        return len(self.pair.along)
-
-    def at(self, q: Array, cosine: Array, sine: Array) -> EvaluatedPair:
-        """Return its rows at configurations q; cos(q) and sin(q) serve all measures. Each of shape (nv, n)."""
-        return EvaluatedPair(self.pair, self.chain.placed(q, cosine, sine))
-
-
-@dataclass(frozen=True, eq=False)
-class EvaluatedPair:
-    """The rows of a pair at many configurations.
-
-    Attributes:
-        pair: The pair.
-        placed: The chain between its frames.
-    """
-
-    pair: Pair
-    placed: Placed
-
-    def gap(self) -> list[Array]:
-        """Return the open lengths and angles."""
-        return self.pair.gap(self.placed.p, self.placed.axes)
-
-    def rows(self, wanted: Container[int]) -> Mapping[int, Row]:
-        """Return ``e . p' + w . omega``."""
-        e, w = self._directions(wanted)
-        found: dict[int, Row] = {k: self.placed.along(direction) for k, direction in e.items()}
-        return found | {k: _sum(found.get(k, {}), self.placed.about(direction)) for k, direction in w.items()}
-
-    def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
-        """Return ``e . p'' + w . omega' + e' . p' + w' . omega``, for a = 0."""
-        dp, omega, ddp, domega = self.placed.rates(v)
-        e, w = self._directions(wanted)
-        bend = self.pair.bend(self.placed.p, self.placed.axes, dp, omega)
-        found = {k: dot(direction, ddp) + bend[k] for k, direction in e.items()}
-        return found | {k: dot(direction, domega) + found.get(k, bend[k]) for k, direction in w.items()}
-
-    def _directions(self, wanted: Container[int]) -> tuple[dict[int, Array], dict[int, Array]]:
-        """Return e and w of the wanted rows that have them, shape (3, n) or (3, 1)."""
-        e, w = self.pair.directions(self.placed.p, self.placed.axes)
-        along = {k: e[k].reshape(3, -1) for k, there in enumerate(self.pair.along) if there and k in wanted}
-        return along, {k: w[k].reshape(3, -1) for k, there in enumerate(self.pair.about) if there and k in wanted}
-
-
-def _sum(one: Row, two: Row) -> Row:
-    """Return the sum of two rows."""
-    return {**one, **{index: one[index] + x if index in one else x for index, x in two.items()}}
-
-
-@dataclass(frozen=True, eq=False)
-class SumMeasure:
-    """A weighted sum of joint coordinates less a constant.
-
-    Attributes:
-        weights: Place in q and v -> weight, shape (1,).
-        constant: The constant [m or rad].
-        size: One row.
-    """
-
-    weights: Row
-    constant: float = 0.0
-    size: int = 1
-
-    @classmethod
-    def of(cls, coordinate: LinearCoordinate, constant: float = 0.0) -> SumMeasure:
-        """Return the sum that a coordinate is."""
-        return cls({int(i): coordinate.weights[i : i + 1] for i in np.flatnonzero(coordinate.weights)}, constant)
-
-    def at(self, q: Array, cosine: Array, sine: Array) -> EvaluatedSum:
-        """Return its row at configurations q, shape (nv, n)."""
-        return EvaluatedSum(self, q)
-
-
-@dataclass(frozen=True, eq=False)
-class EvaluatedSum:
-    """The row of a sum at many configurations.
-
-    Attributes:
-        measure: The sum.
-        q: Configurations, shape (nv, n).
-    """
-
-    measure: SumMeasure
-    q: Array
-
-    def gap(self) -> list[Array]:
-        """Return the sum less its constant."""
-        total = sum((weight * self.q[i] for i, weight in self.measure.weights.items()), np.zeros(1))
-        return [total - self.measure.constant]
-
-    def rows(self, wanted: Container[int]) -> dict[int, Row]:
-        """Return the weights."""
-        return {0: self.measure.weights} if 0 in wanted else {}
-
-    def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
-        """Return nothing: the row is constant."""
-        return {}
-
-
-RowMeasure = PairMeasure | SumMeasure
-
-
-def row_measure(model: pin.Model, one: Constraint | Coordinate) -> RowMeasure | None:
-    """Return what a constraint or coordinate measures; ``None`` where it cannot be had at many configurations."""
-    if isinstance(one, GuidedCoordinate):
-        return row_measure(model, one.coordinate)
-    if isinstance(one, LinearCoordinate):
-        return SumMeasure.of(one)
-    if isinstance(one, Coupling):
-        return SumMeasure.of(one.coordinate, one.constant)
-    if isinstance(one, LoopJoint):
-        first, second, pair = one.first, one.second, one.pair
-    elif isinstance(one, FrameCoordinate):
-        first, second, pair = UNIVERSE, one.frame, PointOnPlane.around(one.axis)
-    elif isinstance(one, DistanceCoordinate):
-        first, second, pair = one.first, one.second, Tie(0.0)
-    else:
-        return None
-    chain = Chain.between(model, first, second)
-    return None if chain is None else PairMeasure(pair, chain)
+__all__ = ["BLOCK", "BatchJacobians", "EvaluatedJacobians", "rows_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,10 +47,24 @@ class BatchJacobians:
             size += measure.size
         return cls(tuple(parts), size)
 
+    @cached_property
+    def alike(self) -> tuple[AlikePairs, ...]:
+        """The pairs among the measures, those with the same constants together."""
+        return alike_pairs([measure for _, measure in self.parts])
+
+    @cached_property
+    def kinds(self) -> int:
+        """Number of measures that differ in more than their joints."""
+        return len(self.parts) - sum(len(pairs.places) - 1 for pairs in self.alike)
+
     def at(self, q: Array) -> EvaluatedJacobians:
         """Return the rows at configurations, shape (nv, n)."""
         cosine, sine = np.cos(q), np.sin(q)
-        return EvaluatedJacobians([(start, measure.at(q, cosine, sine)) for start, measure in self.parts])
+        known = dict(rows for pairs in self.alike for rows in pairs.at(q, cosine, sine))
+        return EvaluatedJacobians([
+            (start, known.get(place) or measure.at(q, cosine, sine))
+            for place, (start, measure) in enumerate(self.parts)
+        ])  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

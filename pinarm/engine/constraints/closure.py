@@ -18,16 +18,18 @@ from pinarm.engine.constraints.constraint import Constraint, GuidedCoordinate
 from pinarm.engine.constraints.nullspace import RANK, UNCLOSED, VANISHED, RowDecomposition, RowDecompositions
 from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.geometry.kinematics import Kinematics
-from pinarm.mechanics.geometry.link_placements import LinkPlacements, supports
+from pinarm.mechanics.geometry.link_placements import LinkPlacements
+from pinarm.mechanics.geometry.link_tree import LinkTree
 
 if TYPE_CHECKING:
-    from pinarm.engine.constraints.batch_jacobians import BatchJacobians
+    from pinarm.engine.constraints.batch_jacobians import BatchJacobians, EvaluatedJacobians
 
 SMALL = 0.01
 """Part of its reach below which a row may be that of a joint which repeats others but is a little out of line."""
 
 MANY, KEPT = 8, 64
-"""Number of configurations from which on it pays to look at them together, and up to which this is kept."""
+"""Number of configurations from which on it pays to look at them together, fewer where constraints are alike; and up to
+which this is kept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,39 +162,40 @@ class Closure:
 
         Those of few configurations are kept, to be read only: all that looks at a table asks for them.
         """
-        if self.size and len(q) >= MANY and self.batch_jacobians:
-            return self._kept(q.tobytes(), len(q)) if len(q) <= KEPT else self._together(q)
+        if measured := self._measured(q):
+            return measured.arrays
         gaps, rows = np.empty((len(q), self.size)), np.empty((len(q), self.size, self.model.nv))
         for k, one in enumerate(q if self.size else ()):
             state = self.state(one)
             gaps[k], rows[k] = self.gap(state), self.rows(state)
         return gaps, rows
 
-    def _together(self, q: Array) -> tuple[Array, Array]:
+    def _measured(self, q: Array) -> MeasuredRows | None:
+        """Return the rows at many configurations, evaluated together; ``None`` where each is looked at by itself."""
+        if not self.size or not self.batch_jacobians:
+            return None
+        if len(q) * len(self.constraints) < MANY * self.batch_jacobians.kinds:
+            return None
+        return self._kept(q.tobytes(), len(q)) if len(q) <= KEPT else self._together(q)
+
+    def _together(self, q: Array) -> MeasuredRows:
         assert self.batch_jacobians is not None
-        measured = self.batch_jacobians.at(q.T)
-        found = measured.gaps(len(q)), measured.matrices((len(q), self.size, self.model.nv))
-        for x in found:
-            x.flags.writeable = False
-        return found
+        return MeasuredRows(self.batch_jacobians.at(q.T), (len(q), self.size, self.model.nv), self.reach)
 
     @cached_property
-    def _kept(self) -> Callable[[bytes, int], tuple[Array, Array]]:
+    def _kept(self) -> Callable[[bytes, int], MeasuredRows]:
         return lru_cache(maxsize=4)(lambda content, n: self._together(np.frombuffer(content).reshape(n, -1)))
-
-    @cached_property
-    def _split(self) -> Callable[[bytes, int], RowDecompositions]:
-        return lru_cache(maxsize=4)(lambda content, n: RowDecompositions.of(self._kept(content, n)[1], self.reach))
 
     def splits(self, q: Array, rows: Array) -> RowDecompositions:
         """Return G taken apart at configurations, shape (n, nq); ``rows`` are what ``at`` says of them."""
-        kept = self.size and MANY <= len(q) <= KEPT and self.batch_jacobians
-        return self._split(q.tobytes(), len(q)) if kept else RowDecompositions.of(rows, self.reach)
+        if len(q) <= KEPT and (measured := self._measured(q)):
+            return measured.splits
+        return RowDecompositions.of(rows, self.reach)
 
     def drifts(self, q: Array, v: Array) -> Array:
         """Return G' v in states, shapes (n, nq) and (n, nv), as an array of shape (n, m)."""
-        if self.size and len(q) >= MANY and self.batch_jacobians:
-            return self.batch_jacobians.at(q.T).drifts(v.T, self.size)
+        if measured := self._measured(q):
+            return measured.rows.drifts(v.T, self.size)
         found = np.empty((len(q), self.size))
         for k, one in enumerate(q if self.size else ()):
             found[k] = self.drift(self.state(one, v[k]))
@@ -241,7 +244,7 @@ class Closure:
             q: Configurations, shape (n, nq).
             lam: Multipliers, shape (n, m).
         """
-        total, moved = np.zeros((len(lam), self.model.nv)), supports(self.model)
+        total, moved = np.zeros((len(lam), self.model.nv)), LinkTree.of(self.model).supports
         for constraint, part in zip(self.constraints, self.slices().values(), strict=True):
             wrenches = constraint.wrenches(links, lam[:, part])
             for joint, wrench in wrenches.items():
@@ -249,3 +252,31 @@ class Closure:
             if not wrenches:
                 total += np.vecmat(lam[:, part], Closure.of(self.model, [constraint]).at(q)[1])
         return total
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredRows:
+    """The rows of a closure at n configurations, and what has been computed of them.
+
+    Attributes:
+        rows: The rows.
+        shape: Of G, (n, m, nv).
+        reach: Length that each row can have, shape (m,).
+    """
+
+    rows: EvaluatedJacobians
+    shape: tuple[int, int, int]
+    reach: Array
+
+    @cached_property
+    def arrays(self) -> tuple[Array, Array]:
+        """The gaps, shape (n, m), and G, to be read only."""
+        found = self.rows.gaps(self.shape[0]), self.rows.matrices(self.shape)
+        for x in found:
+            x.flags.writeable = False
+        return found
+
+    @cached_property
+    def splits(self) -> RowDecompositions:
+        """G taken apart."""
+        return RowDecompositions.of(self.arrays[1], self.reach)

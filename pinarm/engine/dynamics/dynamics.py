@@ -6,9 +6,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Acceleration, Accelerations, Energy, Manifold
 
 NO_FORCES: Mapping[str, ForceElement] = MappingProxyType({})
+
+KEPT = 16
+"""Number of intervals of time whose loads are kept, since each is asked for several times in a run."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +83,17 @@ class Dynamics:
 
     def on(self, start: float, end: float) -> Dynamics:
         """Return the dynamics as it is on an interval of time in which no load jumps; buffers are shared."""
-        if not any(force.laws() for force in self.forces.values()):
-            return self
+        return self._on(start, end) if self._changes else self
+
+    @cached_property
+    def _changes(self) -> bool:
+        return any(force.laws() for force in self.forces.values())
+
+    @cached_property
+    def _on(self) -> Callable[[float, float], Dynamics]:
+        return lru_cache(maxsize=KEPT)(self._bound)
+
+    def _bound(self, start: float, end: float) -> Dynamics:
         here = {name: force.on(start, end) for name, force in self.forces.items()}
         return Dynamics(self.model, here, self.data)
 
@@ -214,10 +226,12 @@ class Dynamics:
 
     def energy(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return kinetic and potential energy [J], each of shape (n,); rotors and springs included."""
-        model, data = self.model, self.data
-        kinetic = np.array([pin.computeKineticEnergy(model, data, q[i], v[i]) for i in range(len(q))])
-        kinetic += v**2 @ self._forgotten
-        potential = np.array([pin.computePotentialEnergy(model, data, q[i]) for i in range(len(q))])
+        model, data, rows = self.model, self.data, []
+        for configuration, velocity in zip(q, v, strict=True):
+            pin.computeMechanicalEnergy(model, data, configuration, velocity)
+            rows.append((data.kinetic_energy, data.potential_energy))
+        kinetic, potential = np.reshape(rows, (-1, 2)).T
+        kinetic = kinetic + v**2 @ self._forgotten
         for force in self.forces.values():
             potential = potential + force.potential_energy(q)
         return kinetic, potential

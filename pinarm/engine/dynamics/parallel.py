@@ -12,6 +12,7 @@ from time import perf_counter
 import pinocchio as pin
 
 from pinarm.arrays import Array
+from pinarm.mechanics.geometry.model_cache import cached_by_model
 
 FEW, MANY = 2**8, 2**15
 """Numbers in v of all states: up to which a call is over before threads gain anything, and from which on it takes so
@@ -105,7 +106,7 @@ class Parallel:
         most = threads() if size > FEW and nv <= WIDE else 1
         pace = self._paces[call, size.bit_length()]
         number = pace.choice(most) if size < MANY else most
-        pool = self.one if number == 1 else self._several
+        pool = self.one if number == 1 else _several(self.model)
         start = perf_counter()
         found = call(number, pool, q.T, *(x.T for x in others))
         pace.note(number, (perf_counter() - start) / max(size, 1))
@@ -115,11 +116,17 @@ class Parallel:
     def _paces(self) -> defaultdict[tuple[Callable[..., Array], int], ThreadTiming]:
         return defaultdict(ThreadTiming)
 
-    @cached_property
+    @property
     def one(self) -> pin.ModelPool:
         """Buffers of one thread."""
-        return pin.ModelPool(self.model, 1)
+        return _one(self.model)
 
-    @cached_property
-    def _several(self) -> pin.ModelPool:
-        return pin.ModelPool(self.model, cores())
+
+@cached_by_model
+def _one(model: pin.Model) -> pin.ModelPool:
+    return pin.ModelPool(model, 1)
+
+
+@cached_by_model
+def _several(model: pin.Model) -> pin.ModelPool:
+    return pin.ModelPool(model, cores())

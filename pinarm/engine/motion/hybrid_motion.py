@@ -19,6 +19,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.masses import require_masses
 from pinarm.engine.friction.switching import Slip
 from pinarm.engine.integration.driver import integrate
 from pinarm.engine.integration.events import Watch, resolving_parts
@@ -177,6 +178,28 @@ class HybridSystem:
                     f"'{bound.name}' at {bound.limit:.6g} {bound.coordinate.unit}"
                 )
         return whole_q[0], whole_v[0]
+
+    @cached_property
+    def start(self) -> tuple[Array, Array]:
+        """The initial state of the mechanism, to be read only; see ``begin`` and ``require_masses``."""
+        q, v = self.begin(self.initial)
+        self.require_masses(q[None])
+        q.flags.writeable = v.flags.writeable = False
+        return q, v
+
+    @cached_property
+    def guided(self) -> Closure:
+        """The constraints of the mechanism, then the coordinates that follow laws."""
+        return self.closure.with_guides(self.prescribed.names, self.prescribed.coordinates)
+
+    def require_masses(self, q: Array) -> None:
+        """Raise where masses do not determine the accelerations at configurations, shape (n, nq).
+
+        Raises:
+            DynamicsError: Names what moves without mass.
+        """
+        known = q.shape[1] == len(self.initial.q)
+        require_masses(self.guided, q if known else self.initial.q[None], self.time[0])
 
     @cached_property
     def _intervals(self) -> list[Interval]:

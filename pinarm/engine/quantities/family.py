@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import Trajectory
@@ -125,7 +124,8 @@ class Family(ABC):
             InputError: Says why.
         """
         if self.run.no_efforts:
-            raise InputError(f"'{asked.name}': {self.run.no_efforts}", hint="kind: inverse")
+            hint = "derivatives: spline" if self.run.unknown else "kind: inverse"
+            raise InputError(f"'{asked.name}': {self.run.no_efforts}", hint=hint)
 
     def rate(self, asked: Asked, coordinate_name: str, rate: str) -> Series:
         """Return a coordinate or a derivative of it; ``rate`` is one of ``RATES``."""
@@ -165,11 +165,6 @@ class Family(ABC):
     def axes(self, asked: Asked) -> Array:
         """Return the axis by which ``axial`` and ``radial`` are meant, world axes, shape (n, 3); of joints only."""
         raise asked.unknown
-
-
-def links(run: Trajectory) -> list[str]:
-    """Return the names of the links."""
-    return [frame.name for frame in run.mechanism.model.frames if frame.type == pin.FrameType.BODY]
 
 
 def _rate_unit(base: Unit, order: int) -> Unit:

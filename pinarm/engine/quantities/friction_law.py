@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from pinarm.engine.checks.sample import sampled
 from pinarm.engine.friction.watches import REST
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.errors import DynamicsError
 from pinarm.mechanics.friction.contact import slip_rows
 from pinarm.mechanics.friction.slip_vectors import sizes, unit_vectors
-
-SAMPLE = 64
-"""Number of rows that are looked at: a fixed, even choice."""
 
 CONTRADICTED = 1e-6
 """Part of the largest friction by which the law may be missed: what rounding leaves of large reactions is less."""
@@ -34,7 +32,7 @@ def friction_figures(run: Trajectory) -> dict[str, float]:
     contacts = run.mechanism.frictions
     if not contacts or run.no_efforts or not len(run):
         return {}
-    some = run.some(np.unique(np.linspace(0, len(run) - 1, min(len(run), SAMPLE)).astype(np.intp)))
+    some = run.some(sampled(len(run)))
     reactions, missed, largest = Reactions(some), 0.0, 0.0
     slips = np.matvec(slip_rows(run.mechanism.model, contacts, some.q), some.v)
     lam = {name: reactions.multipliers[:, rows] for name, rows in some.closure.slices().items()}

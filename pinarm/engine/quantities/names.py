@@ -18,7 +18,7 @@ from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.evaluation import Evaluation
 from pinarm.engine.quantities.families import FAMILIES, family
-from pinarm.engine.quantities.family import Asked, Family, UnknownQuantity, links
+from pinarm.engine.quantities.family import Asked, Family, UnknownQuantity
 from pinarm.engine.quantities.reactions import Reactions
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, choices
@@ -91,8 +91,18 @@ class Quantities:
             InputError: There is no such quantity, or a name means several; the message lists what there is.
         """
         if name not in self._known:
-            self._known[name] = self._find(name)
+            self._known[name] = self._require_known(self._find(name))
         return self._known[name]
+
+    def _require_known(self, series: Series) -> Series:
+        """Return a quantity, unless it depends on velocities or accelerations that are not known, which are NaN.
+
+        Raises:
+            InputError: Says why they are not known.
+        """
+        if self.trajectory.unknown and np.isnan(series.values).any():
+            raise InputError(f"'{series.name}': {self.trajectory.unknown}", hint="derivatives: spline")
+        return series
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the names of all quantities."""
@@ -180,10 +190,8 @@ class Quantities:
     @cached_property
     def _dotted(self) -> set[str]:
         """Names of joints, links, drives, loop joints, couplings and force elements that have dots in them."""
-        mechanism = self.trajectory.mechanism
-        names = (*mechanism.joints, *mechanism.balls, *links(self.trajectory), *mechanism.drives, *self.reactions.loops,
-                 *self.reactions.couplings, *self.trajectory.dynamics.forces)  # fmt: skip
-        return {name for name in names if "." in name}
+        forces = self.trajectory.dynamics.forces
+        return {*self.trajectory.mechanism.dotted_names, *(name for name in forces if "." in name)}
 
     def _words(self, text: str) -> list[str]:
         """Return the words of a name between its dots, those of a joint's or link's own name together."""

@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.checks.balance import demands
+from pinarm.engine.checks.sample import sampled
 from pinarm.engine.constraints.constraint import GuidedCoordinate
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
@@ -155,8 +156,8 @@ class Reactions:
     def _balances(self, dynamics: Dynamics, part: slice) -> Array:
         """Return what is missed and the sums of absolute terms, body by body, shape (k, 2, njoints - 1, 6)."""
         run, model = self.run, self.model
-        sampled = np.linspace(0, len(run) - 1, min(len(run), SAMPLE)).astype(int)
-        rows = sampled[(sampled >= part.start) & (sampled < part.stop)]
+        checked = sampled(len(run))
+        rows = checked[(checked >= part.start) & (checked < part.stop)]
         links, twists, rates, _ = moving(model, run.q[rows], run.v[rows], run.a[rows])
         asked, wrenches = links.outwards(demands(model, links, twists, rates).sum(axis=0)), self.joints[rows]
         parents = np.array(model.parents)
@@ -254,8 +255,7 @@ class Reactions:
         """Multipliers of length 1 that do nothing, each of shape (n, m), at a sample of the rows; 0 at the others."""
         run, closure, m = self.run, self.closure, self.run.mechanism.closure.size
         found: list[Array] = []
-        sampled = np.linspace(0, len(run) - 1, min(len(run), self.sample if m else 0)).astype(int)
-        for i in sampled:
+        for i in sampled(len(run), self.sample if m else 0):
             split = run.mechanism.closure.split(closure.rows(closure.state(run.q[i]))[:m])
             free = split.scale[:, None] * split.redundant
             free /= np.linalg.norm(free, axis=0)

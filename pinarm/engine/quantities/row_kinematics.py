@@ -24,10 +24,14 @@ class RowKinematics:
     def __init__(self, run: Trajectory) -> None:
         self.run = run
         self.model = run.mechanism.model
-        self.data = run.mechanism.model.createData()
         self._frames: dict[str, Array] = {}
         self._turns: dict[str, Array] = {}
         self._coordinates: dict[str, Array] = {}
+
+    @cached_property
+    def data(self) -> pin.Data:
+        """Pinocchio's buffers; every pass over the rows fills them anew."""
+        return self.model.createData()
 
     def coordinate(self, name: str, coordinate: Coordinate) -> Array:
         """Return a coordinate with its two derivatives, shape (n, 3)."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import reduce
+from functools import lru_cache, reduce
 from typing import Any
 
 import numpy as np
@@ -40,10 +40,7 @@ class Expression:
         Raises:
             ExpressionError: The text is not a formula, or too long.
         """
-        tree = read_tree(text, FORMULA)
-        constants: Iterator[Any] = (node.value for node in ast.walk(tree) if isinstance(node, ast.Constant))
-        measured = tuple(value for value in constants if isinstance(value, MeasuredNumber))
-        return cls(text.strip(), tree, frozenset(names_in(tree, FORMULA)), measured)
+        return _parsed(text)
 
     def evaluate(self, names: Mapping[str, Any]) -> Any:
         """Return the value: a float or bool where all the names are numbers, else an array.
@@ -70,6 +67,14 @@ class Expression:
             ExpressionError: A name is unknown.
         """
         return unit_of(self.tree, names, _RULES, self.text)
+
+
+@lru_cache(maxsize=1024)  # those of a mechanism file are the same in every variant of a sweep
+def _parsed(text: str) -> Expression:
+    tree = read_tree(text, FORMULA)
+    constants: Iterator[Any] = (node.value for node in ast.walk(tree) if isinstance(node, ast.Constant))
+    measured = tuple(value for value in constants if isinstance(value, MeasuredNumber))
+    return Expression(text.strip(), tree, frozenset(names_in(tree, FORMULA)), measured)
 
 
 @dataclass(frozen=True)

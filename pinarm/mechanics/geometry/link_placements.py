@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Flags, Indices
+from pinarm.arrays import Array, Indices
+from pinarm.mechanics.geometry.link_tree import LinkTree
 from pinarm.mechanics.geometry.vectors import crossed
 
 
@@ -28,13 +29,10 @@ class LinkPlacements:
     @classmethod
     def at(cls, model: pin.Model, q: Array) -> LinkPlacements:
         """Return the placements at configurations, shape (n, nq)."""
-        data, shape = model.createData(), (len(q), model.njoints)
-        turns, places = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
-        for k, configuration in enumerate(q):
-            pin.forwardKinematics(model, data, configuration)
-            joints = data.oMi.tolist()
-            turns[k], places[k] = [joint.rotation for joint in joints], [joint.translation for joint in joints]
-        return cls(model, turns, places)
+        tree, still = LinkTree.of(model), np.zeros((len(q), model.nv))
+        relative = tree.relative(model, q, still)
+        turns = tree.multiplied(relative.turns)
+        return cls(model, turns, tree.summed(np.matvec(turns[:, tree.parents], relative.arms)))
 
     def some(self, rows: Indices) -> LinkPlacements:
         """Return the placements at some of the configurations."""
@@ -73,6 +71,15 @@ class LinkPlacements:
 def moving(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, Array, Array, Array]:
     """Return the placements of links, their twists, the time derivatives of these, and the world Jacobian.
 
+    From the parent p to the link, over the arm r in world axes, with the joint's motion ``[d; w] = S v`` and
+    ``[d'; w'] = S a + c`` turned to world axes:
+
+        omega = omega_p + w,    alpha = alpha_p + w' + omega_p x w
+        u = u_p + omega_p x r + d,    u' = u_p' + alpha_p x r + omega_p x (omega_p x r) + (omega_p + omega) x d + d'
+
+    u being the velocity of the link's origin; the derivative of its twist is ``[u' - omega x u; alpha]``. The simple
+    route to the same numbers is Pinocchio's ``forwardKinematics``, state by state.
+
     Args:
         model: Pinocchio's model.
         q: Configurations, shape (n, nq).
@@ -83,26 +90,33 @@ def moving(model: pin.Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacemen
         The placements; twists and their derivatives in link frames, each of shape (n, njoints, 6); and the columns of
         the joints as twists in the world frame, shape (n, 6, nv).
     """
-    data, shape = model.createData(), (len(q), model.njoints)
-    turns, places = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
-    twists, rates, columns = np.empty((*shape, 6)), np.empty((*shape, 6)), np.empty((len(q), 6, model.nv))
-    for k, (configuration, velocity, acceleration) in enumerate(zip(q, v, a, strict=True)):
-        pin.computeJointJacobians(model, data, configuration)
-        pin.forwardKinematics(model, data, configuration, velocity, acceleration)
-        joints, columns[k] = data.oMi.tolist(), data.J.reshape(6, -1)
-        turns[k], places[k] = [joint.rotation for joint in joints], [joint.translation for joint in joints]
-        twists[k], rates[k] = (
-            [motion.vector for motion in data.v.tolist()],
-            [motion.vector for motion in data.a.tolist()],
-        )
-    return LinkPlacements(model, turns, places), twists, rates, columns
+    tree = LinkTree.of(model)
+    relative = tree.relative(model, q, v)
+    turns = tree.multiplied(relative.turns)
+    arms = np.matvec(turns[:, tree.parents], relative.arms)
+    places = tree.summed(arms)
+    d, w = _turned(turns, tree.gathered(relative.subspaces * v[:, None]))
+    dd, dw = _turned(turns, tree.gathered(relative.subspaces * a[:, None]) + relative.biases)
+    omega = tree.summed(w)
+    before = omega[:, tree.parents]
+    swept = crossed(before, arms)
+    u, alpha = tree.summed(swept + d), tree.summed(dw + crossed(before, w))
+    du = tree.summed(crossed(alpha[:, tree.parents], arms) + crossed(before, swept) + crossed(before + omega, d) + dd)
+    inwards = turns.swapaxes(-1, -2)
+    twists, rates = (
+        np.concatenate([np.matvec(inwards, linear), np.matvec(inwards, angular)], axis=-1)
+        for linear, angular in ((u, omega), (du - crossed(omega, u), alpha))
+    )
+    return LinkPlacements(model, turns, places), twists, rates, _columns(tree, turns, places, relative.subspaces)
 
 
-def supports(model: pin.Model) -> Flags:
-    """Return which velocities move which links, shape (njoints, nv): row j is true for all joints up to joint j."""
-    moves = np.zeros((model.njoints, model.nv), dtype=bool)
-    for k, (parent, joint) in enumerate(zip(model.parents, model.joints, strict=True)):
-        if k:
-            moves[k] = moves[parent]
-            moves[k, joint.idx_v : joint.idx_v + joint.nv] = True
-    return moves
+def _turned(turns: Array, motions: Array) -> tuple[Array, Array]:
+    """Return the linear and the angular part of motions in link axes, shape (n, njoints, 6), in world axes."""
+    return np.matvec(turns, motions[..., :3]), np.matvec(turns, motions[..., 3:])
+
+
+def _columns(tree: LinkTree, turns: Array, places: Array, subspaces: Array) -> Array:
+    """Return the columns S of all velocities as twists in the world frame, shape (n, 6, nv)."""
+    columns = subspaces.swapaxes(1, 2)
+    d, w = _turned(turns[:, tree.moved], columns)
+    return np.concatenate([d + crossed(places[:, tree.moved], w), w], axis=-1).swapaxes(1, 2)

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -50,59 +51,65 @@ class Simplification:
     Attributes:
         question: The problem on the whole mechanism.
         mechanism: The whole.
+        accuracy: How it is solved.
+        place: Gives errors their place.
         problem: The problem on the part.
         part: What is solved; ``None`` where that is the whole.
     """
 
     question: Problem
     mechanism: Mechanism
+    accuracy: Accuracy
+    place: Place
     problem: Problem
     part: ReducedMechanism | None = None
 
     @classmethod
-    def whole(cls, problem: Problem, mechanism: Mechanism) -> Simplification:
+    def whole(cls, problem: Problem, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Simplification:
         """Return the simplification that removes nothing."""
-        return cls(problem, mechanism, problem)
+        return cls(problem, mechanism, accuracy, place, problem)
 
     @classmethod
     def required(
-        cls, problem: Problem, mechanism: Mechanism, requested: Collection[str], place: Place
+        cls, problem: Problem, mechanism: Mechanism, accuracy: Accuracy, place: Place, requested: Collection[str]
     ) -> Simplification:
         """Return what a problem requires.
 
         Args:
             problem: The problem.
             mechanism: The mechanism.
-            requested: Names of the joints at which forces are asked.
+            accuracy: How it is solved.
             place: Gives errors their place.
+            requested: Names of the joints at which forces are asked.
 
         Raises:
             InputError: The problem has a mistake.
         """
-        declared = problem.declaration()
-        if declared is None or mechanism.frictions:  # which of them stick is decided for all joints together
-            return cls.whole(problem, mechanism)
+        declared, whole = problem.declaration(), cls.whole(problem, mechanism, accuracy, place)
+        tied = any(drive.along for drive in mechanism.drives.values())  # rotors move with several joints
+        if declared is None or tied or mechanism.frictions:  # which of these stick is decided for all together
+            return whole
         from pinarm.problems.simplify.removal import KnownMotion, known_laws, removable
 
         known = KnownMotion(declared, mechanism, known_laws(declared, mechanism, place))
         stay = {mechanism.joints[name].v for name in requested if name in mechanism.joints}
         if known.own_laws.keys() | known.stationary.keys() <= stay:
-            return cls.whole(problem, mechanism)
+            return whole
         forces = bind_loads(mechanism, declared.loads, place)
         try:
             found = removable(known, forces, requested)
         except KeyError:  # a name that does not exist: the question tells of it when it is solved
             found = None
         if found is None:
-            return cls.whole(problem, mechanism)
+            return whole
         from pinarm.problems.simplify.model_reduction import ReducedMechanism
 
-        problem.prepare(mechanism, place)
+        problem.prepare(mechanism, accuracy, place)
         part = ReducedMechanism(mechanism, forces, *found)
         removed = mechanism.coordinates.keys() - part.mechanism.coordinates.keys()
-        return cls(problem, mechanism, declared.without(removed), part)
+        return cls(problem, mechanism, accuracy, place, declared.without(removed), part)
 
-    def solve(self, accuracy: Accuracy, place: Place) -> tuple[Outcome, Outcome]:
+    def solve(self) -> tuple[Outcome, Outcome]:
         """Return what came out for the mechanism that was solved, and the same of the whole mechanism.
 
         Where the part cannot be solved the whole is tried, so that what is wrong is told in its terms.
@@ -111,11 +118,11 @@ class Simplification:
             PinarmError: As the problem itself.
         """
         if self.part is None:
-            return self._as_put(accuracy, place)
+            return self._as_put()
         try:
-            run = self.problem.solve(self.part.mechanism, accuracy, place)
+            run = self.problem.solve(self.solved, self.accuracy, self.place, self._prepared_part)
         except (InputError, AssemblyError, DynamicsError):
-            return self._as_put(accuracy, place)
+            return self._as_put()
         except NumericsError as error:
             if isinstance(error.partial, Outcome):
                 error.partial = self.part.restored(error.partial)
@@ -145,9 +152,19 @@ class Simplification:
         """
         return (q, v) if self.part is None else self.part.spread(grid, q, v)
 
-    def _as_put(self, accuracy: Accuracy, place: Place) -> tuple[Outcome, Outcome]:
-        run = self.question.solve(self.mechanism, accuracy, place)
+    def _as_put(self) -> tuple[Outcome, Outcome]:
+        run = self.question.solve(self.mechanism, self.accuracy, self.place, self._prepared)
         return run, run
+
+    @cached_property
+    def _prepared(self) -> Any:
+        """What the question begins with, in every run."""
+        return self.question.prepare(self.mechanism, self.accuracy, self.place)
+
+    @cached_property
+    def _prepared_part(self) -> Any:
+        """What the problem on the part begins with, in every run."""
+        return self.problem.prepare(self.solved, self.accuracy, self.place)
 
     @property
     def removals(self) -> tuple[Removal, ...]:

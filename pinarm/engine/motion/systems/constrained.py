@@ -42,6 +42,10 @@ LASTING, ROUNDING = 1e-6, 1e-10
 """Part of the centripetal terms that redundant loops may leave: closed to rounding, they leave 1e-12; and what rounding
 leaves where these terms vanish, relative to the square of the velocity [m]."""
 
+REGULAR = 1e-6
+"""Least singular value of G, over the largest, at which velocities may be given. At 6e-7 those of a four-bar were wrong
+by 1e-4, at 1e-7 altogether."""
+
 FEW = 64
 """Number of rows whose G is taken apart at once."""
 
@@ -97,7 +101,25 @@ class ConstrainedSystem:
         require_masses(self.rows, q[None], start)
         v = self._velocity(q, initial, dw)
         self._check_lasting(q, v, ddw)
+        self._check_regular(q, v, start)
         return q, v
+
+    def _check_regular(self, q: Array, v: Array, t: float) -> None:
+        """Raise where a motion begins so near a singular position that digits of the position choose its velocities.
+
+        Rounding of the rows, 1e-16, leaves an angle of 1e-16 over their least singular value s, and velocities that are
+        wrong by 1e-16 over ``s^2``. Exactly there the rows count as dependent, and velocities tell the motions apart.
+        """
+        values = self.rows.singular_values(q)
+        open_to = values[(values > VANISHED * self.rows.coarseness) & (values <= REGULAR * values[:1])]
+        if not v.any() or not len(open_to):
+            return
+        raise InputError(
+            f"at t = {t:.9g} s the motion begins at {open_to[0] / values[0]:.1g} of a regular position, next to one "
+            "where several motions meet: the last digits of the start would choose its velocities",
+            expected=f"a start at more than {REGULAR:g}, farther from the singular position, such as 0.01 deg",
+            hint="the singular position itself, with velocities of all joints along one of the motions",
+        )
 
     def _check_lasting(self, q: Array, v: Array, ddw: Array) -> None:
         """Raise where the loops allow velocities for an instant only, as of two bars in one line between fixed ends."""

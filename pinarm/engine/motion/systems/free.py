@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,9 @@ from pinarm.mechanics.laws.motion_law import Grid
 if TYPE_CHECKING:
     from pinarm.engine.kernel.library import Flow
     from pinarm.engine.kernel.tree import CompiledTree
+
+KEPT = 16
+"""Number of intervals kept for the next run: a motion mostly has one, and one more for every jump of a load."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,14 @@ class FreeSystem:
         return initial.q, initial.v
 
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
-        """Return the motion of the free tree."""
+        """Return the motion of the free tree; that of the last few intervals is kept."""
+        return self._interval(dynamics, start, end)
+
+    @cached_property
+    def _interval(self) -> Callable[[Dynamics, float, float], Interval]:
+        return lru_cache(maxsize=KEPT)(self._prepared)
+
+    def _prepared(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         here = dynamics.on(start, end)
         compiled, remark = self._compiled(here)
         return Interval(

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pinarm.engine.quantities.family import AXES, RATES, SECOND, Asked, Family, Offered, links
+from pinarm.engine.quantities.family import AXES, RATES, SECOND, Asked, Family, Offered
 from pinarm.engine.series import Series
 from pinarm.input.units import unit
-from pinarm.mechanics.joints import METRE
+from pinarm.mechanics.joints import METRE, links_of
 
 TURNS = ("angular_velocity", "angular_acceleration")
 
@@ -25,7 +25,7 @@ class PointQuantities(Family):
 
     def entries(self) -> Iterator[Offered]:
         """Yield position, velocity and acceleration of every link's origin."""
-        return (Offered(name, rate, AXES) for name in links(self.run) for rate in RATES)
+        return (Offered(name, rate, AXES) for name in links_of(self.run.mechanism.model) for rate in RATES)
 
     def series(self, asked: Asked) -> Series:
         """Return a quantity; see ``Family.series``."""
@@ -47,7 +47,7 @@ class BodyQuantities(Family):
 
     def entries(self) -> Iterator[Offered]:
         """Yield angular velocity and acceleration of every link."""
-        return (Offered(name, rate, AXES) for name in links(self.run) for rate in TURNS)
+        return (Offered(name, rate, AXES) for name in links_of(self.run.mechanism.model) for rate in TURNS)
 
     def series(self, asked: Asked) -> Series:
         """Return a quantity; see ``Family.series``."""

@@ -91,7 +91,8 @@ def with_setting(
 ) -> Scenario:
     """Return a scenario with another setting of the integration and no target, and with other last digits."""
     accuracy = {**setting, "max_steps": max_steps or scenario.content.accuracy.max_steps}
-    return replace(scenario, seed=seed).varied({"accuracy": accuracy})
+    known = scenario if seed == scenario.seed else replace(scenario, seed=seed)
+    return known.varied({"accuracy": accuracy})
 
 
 def reference_settings() -> list[dict[str, Any]]:

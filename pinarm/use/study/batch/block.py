@@ -58,7 +58,7 @@ class Question:
                 expected="neither find nor accuracy.target", hint="accuracy.tolerance",
             )  # fmt: skip
         place = partial(scenario.document.locating, "problem")
-        return cls(scenario, problem, problem.prepare(scenario.simplification.solved, place, content.accuracy))
+        return cls(scenario, problem, problem.prepare(scenario.simplification.solved, content.accuracy, place))
 
     def begin(self, starts: Iterable[Initial]) -> tuple[Array, Array]:
         """Return initial states, assembled, of shapes (b, nq) and (b, nv).
@@ -68,7 +68,7 @@ class Question:
             DynamicsError: Masses do not determine the accelerations there.
         """
         q, v = (np.array(x) for x in zip(*(self.hybrid.begin(start) for start in starts), strict=True))
-        self.problem.require_masses(self.scenario.simplification.solved, self.hybrid, q)
+        self.hybrid.require_masses(q)
         return q, v
 
 
@@ -208,7 +208,7 @@ class Block:
             except Interrupted:
                 raise
             except NumericsError as error:
-                self._followed[number] = error
+                self._followed[number] = error.with_traceback(None)  # whose frames hold this block
         return self._followed[number]
 
 

@@ -14,6 +14,7 @@ from pinarm.engine.integration.methods.collocation import Collocation
 from pinarm.engine.integration.methods.explicit import Adaptive
 from pinarm.engine.integration.methods.stiff import Radau
 from pinarm.engine.mechanism import Mechanism
+from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.forward import Forward
 from pinarm.problems.time_grid import TimeGrid
 
@@ -123,7 +124,9 @@ ON_LOOPS = [
 @pytest.mark.parametrize("model", FREE_LOOPS)
 def test_on_loops_with_projection(method, model):
     mechanism, end = Mechanism.load(MODELS / model / "mechanism.yaml"), 0.4
-    hybrid = Forward(time=TimeGrid(end=end), **FREE_LOOPS[model]).prepare(mechanism, lambda *path: nullcontext())
+    hybrid = Forward(time=TimeGrid(end=end), **FREE_LOOPS[model]).prepare(
+        mechanism, Accuracy(), lambda *path: nullcontext()
+    )
     system, (q, v) = hybrid.system(), hybrid.begin(hybrid.initial)
     reference = integrate([system.interval(hybrid.dynamics, 0.0, end)], system.manifold, q, v, Adaptive(1e-13))
     last = np.hstack(reference.states(np.array([end])))[0]

@@ -1,0 +1,145 @@
+"""Pairs that differ only in the joints between their frames, evaluated as one pair at more configurations.
+
+The cells of a lattice, or a row of equal four-bars, have loop joints whose chains are the same but for the indices of
+their coordinates. L of them at n configurations are one at L n. The simple route is each pair by itself,
+``row_measures.EvaluatedPair``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Hashable, Iterator, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.elimination import Row
+from pinarm.engine.constraints.row_measures import EvaluatedPair, EvaluatedRows, PairMeasure, RowMeasure
+
+BLOCK = 2048
+"""Number of configurations that are worked on at once: arrays of more would not stay in the processor's cache."""
+
+
+@dataclass(frozen=True, eq=False)
+class AlikePairs:
+    """Pairs with the same constants.
+
+    Attributes:
+        measure: One of them, the joints of its chain numbered through.
+        joints: Index in q and v of each pair's joints, shape (L, s).
+        places: Places of the pairs among the measures that they belong to.
+    """
+
+    measure: PairMeasure
+    joints: Indices
+    places: tuple[int, ...]
+
+    def at(self, q: Array, cosine: Array, sine: Array) -> Iterator[tuple[int, EvaluatedRows]]:
+        """Yield the place of each pair, and its rows at configurations; see ``PairMeasure.at``."""
+        n, together = q.shape[1], max(1, BLOCK // max(1, q.shape[1]))
+        for first in range(0, len(self.joints), together):
+            joints = self.joints[first : first + together]
+            columns = (x[joints.T].reshape(joints.shape[1], len(joints) * n) for x in (q, cosine, sine))
+            evaluated = EvaluatedAlike(self.measure.at(*columns), joints)
+            yield from ((self.places[first + k], AlikeRows(evaluated, k)) for k in range(len(joints)))
+
+
+@dataclass(eq=False)
+class EvaluatedAlike:
+    """The rows of L alike pairs at n configurations; arrays have the shape (L n,), or (1,).
+
+    Attributes:
+        pair: All of them as one.
+        joints: Index in q and v of each pair's joints, shape (L, s).
+    """
+
+    pair: EvaluatedPair
+    joints: Indices
+    _drift: tuple[Array, dict[int, Array]] | None = field(default=None, repr=False)
+
+    @cached_property
+    def every(self) -> range:
+        """The numbers of the rows."""
+        return range(len(self.pair.pair.along))
+
+    @cached_property
+    def gap(self) -> list[Array]:
+        """The value of every row."""
+        return self.pair.gap()
+
+    @cached_property
+    def rows(self) -> dict[int, Row]:
+        """The rows of J, by the number of the joint in the chain."""
+        return dict(self.pair.rows(self.every))
+
+    def drift(self, v: Array) -> dict[int, Array]:
+        """Return J' v for velocities v, shape (nv, n)."""
+        if self._drift is None or self._drift[0] is not v:
+            columns = v[self.joints.T].reshape(self.joints.shape[1], -1)
+            self._drift = v, self.pair.drift(self.every, columns)
+        return self._drift[1]
+
+    def of_pair(self, k: int, x: Array) -> Array:
+        """Return what belongs to one of the pairs, shape (n,) or (1,)."""
+        return x if len(x) == 1 else x.reshape(len(self.joints), -1)[k]
+
+
+@dataclass(frozen=True, eq=False)
+class AlikeRows:
+    """The rows of one of several alike pairs; see ``EvaluatedRows``.
+
+    Attributes:
+        alike: All of them.
+        k: Number of the pair.
+    """
+
+    alike: EvaluatedAlike
+    k: int
+
+    def gap(self) -> list[Array]:
+        """Return the open lengths and angles."""
+        return [self.alike.of_pair(self.k, x) for x in self.alike.gap]
+
+    def rows(self, wanted: Container[int]) -> dict[int, Row]:
+        """Return the wanted rows of J."""
+        joints = self.alike.joints[self.k].tolist()
+        return {
+            i: {joints[stage]: self.alike.of_pair(self.k, x) for stage, x in row.items()}
+            for i, row in self.alike.rows.items()
+            if i in wanted
+        }
+
+    def drift(self, wanted: Container[int], v: Array) -> dict[int, Array]:
+        """Return J' v of the wanted rows."""
+        return {i: self.alike.of_pair(self.k, x) for i, x in self.alike.drift(v).items() if i in wanted}
+
+
+def alike_pairs(measures: Sequence[RowMeasure]) -> tuple[AlikePairs, ...]:
+    """Return the pairs among measures, those with the same constants together."""
+    found: dict[Hashable, tuple[PairMeasure, list[list[int]], list[int]]] = {}
+    for place, measure in enumerate(measures):
+        if isinstance(measure, PairMeasure):
+            stages = measure.chain.stages
+            numbered = tuple(replace(stage, index=k) for k, stage in enumerate(stages))
+            one = replace(measure, chain=replace(measure.chain, stages=numbered))
+            _, joints, places = found.setdefault(_constants(one), (one, [], []))
+            joints.append([stage.index for stage in stages])
+            places.append(place)
+    return tuple(
+        AlikePairs(one, np.array(joints, dtype=np.intp).reshape(len(places), -1), tuple(places))
+        for one, joints, places in found.values()
+    )
+
+
+def _constants(x: Any) -> Hashable:
+    """Return what two measures have the same of if they are alike: the numbers in arrays and in fields."""
+    if isinstance(x, np.ndarray):
+        return x.shape, (x + 0.0).tobytes()  # of -0 those of 0
+    if is_dataclass(x) and not isinstance(x, type):
+        return type(x), tuple(_constants(getattr(x, each.name)) for each in fields(x))
+    if isinstance(x, tuple | list):
+        return tuple(map(_constants, x))
+    known: Hashable = x  # a number, or a function
+    return known

@@ -1,0 +1,187 @@
+"""A tree of links as arrays, from which placements and motions of all links at many configurations are computed.
+
+Sums and products along the path from the world to each link take ``log2`` of its length in steps: to the sum over the
+last ``2^k`` joints that of the ``2^k`` before them is added, for all links at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array, Flags, Indices
+from pinarm.mechanics.geometry.model_cache import cached_by_model
+from pinarm.mechanics.geometry.vectors import crossed
+
+
+class SingleJoints(NamedTuple):
+    """The joints with one coordinate, which turn about an axis, slide along it, or both.
+
+    Attributes:
+        links: Their links, shape (k,).
+        q: Their coordinates in q, shape (k,).
+        constant: C0 in the rotation ``C0 + cos(q) C1 + sin(q) C2`` to the parent's axes, shape (k, 3, 3).
+        cosine: C1, shape (k, 3, 3).
+        sine: C2, shape (k, 3, 3).
+        shift: Place of the joint in the axes of its parent [m], shape (k, 3).
+        slide: How far it moves the link per unit of its coordinate, in the axes of the parent, shape (k, 3).
+    """
+
+    links: Indices
+    q: Indices
+    constant: Array
+    cosine: Array
+    sine: Array
+    shift: Array
+    slide: Array
+
+
+class RelativeMotion(NamedTuple):
+    """Every link seen from its parent, at n configurations.
+
+    Attributes:
+        turns: Rotation matrices, columns are the link's axes in those of its parent, shape (n, njoints, 3, 3).
+        arms: Origins in the axes of the parent [m], shape (n, njoints, 3).
+        subspaces: S, what unit velocities do to the link, in its own axes, shape (n, 6, nv), or (1, 6, nv) where that
+            is the same everywhere.
+        biases: Accelerations for ``a = 0``, in the link's own axes, shape (n, njoints, 6) or (1, njoints, 6).
+    """
+
+    turns: Array
+    arms: Array
+    subspaces: Array
+    biases: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LinkTree:
+    """What is the same of a tree of links at all configurations.
+
+    Attributes:
+        parents: Index of the parent of every link; that of the world is the world itself, shape (njoints,).
+        jumps: The ancestors 1, 2, 4, ... joints before every link, as far as there are any, each of shape (njoints,).
+        moved: Link that every velocity moves first, shape (nv,).
+        starts: First velocity of every joint, shape (njoints - 1,).
+        single: The joints with one coordinate.
+        others: Indices of the others.
+        subspace: S of the joints with one coordinate, 0 of others, shape (6, nv).
+        masses: Of the links [kg], shape (njoints,).
+        levers: Their centres of mass in link axes [m], shape (njoints, 3).
+        inertias: Their spatial inertias in link axes, 0 of the world, shape (njoints, 6, 6).
+    """
+
+    parents: Indices
+    jumps: tuple[Indices, ...]
+    moved: Indices
+    starts: Indices
+    single: SingleJoints
+    others: tuple[int, ...]
+    subspace: Array
+    masses: Array = field(repr=False)
+    levers: Array = field(repr=False)
+    inertias: Array = field(repr=False)
+
+    @classmethod
+    def of(cls, model: pin.Model) -> LinkTree:
+        """Return the tree of a model, whose joints and inertias do not change any more."""
+        return _tree(model)
+
+    @cached_property
+    def supports(self) -> Flags:
+        """Which velocities move which links, shape (njoints, nv): row j is true for all joints up to joint j."""
+        moves = np.zeros((len(self.parents), len(self.moved)), dtype=bool)
+        moves[self.moved, np.arange(len(self.moved))] = True
+        for jump in self.jumps:
+            moves |= moves[jump]
+        return moves
+
+    def summed(self, x: Array) -> Array:
+        """Return the sums over the paths from the world to every link, whose own term is 0; shape (n, njoints, ..)."""
+        for jump in self.jumps:
+            x = x + x[:, jump]
+        return x
+
+    def multiplied(self, turns: Array) -> Array:
+        """Return the products of rotations along these paths; that of the world is 1; shape (n, njoints, 3, 3)."""
+        for jump in self.jumps:
+            turns = turns[:, jump] @ turns
+        return turns
+
+    def gathered(self, columns: Array) -> Array:
+        """Return the sums over the velocities of every joint, 0 of the world: (n, 6, nv) to (n, njoints, 6)."""
+        found = np.zeros((len(columns), len(self.parents), 6))
+        if columns.shape[-1]:
+            found[:, 1:] = np.add.reduceat(columns, self.starts, axis=2).swapaxes(1, 2)
+        return found
+
+    def relative(self, model: pin.Model, q: Array, v: Array) -> RelativeMotion:
+        """Return how every link is placed and moves with respect to its parent, in states, (n, nq) and (n, nv)."""
+        n, count, one = len(q), len(self.parents), self.single
+        turns, arms = np.zeros((n, count, 3, 3)), np.zeros((n, count, 3))
+        turns[:, 0] = np.eye(3)
+        along = q[:, one.q, None]
+        angles = along[..., None]
+        turns[:, one.links] = one.constant + np.cos(angles) * one.cosine + np.sin(angles) * one.sine
+        arms[:, one.links] = one.shift + along * one.slide
+        if not self.others:
+            return RelativeMotion(turns, arms, self.subspace[None], np.zeros((1, count, 6)))
+        motion = RelativeMotion(turns, arms, np.tile(self.subspace, (n, 1, 1)), np.zeros((n, count, 6)))
+        for k in self.others:
+            _add_joint(motion, model, k, q, v)
+        return motion
+
+
+@cached_by_model
+def _tree(model: pin.Model) -> LinkTree:
+    joints, bodies, parents = model.joints.tolist(), model.inertias.tolist(), np.array(model.parents.tolist())
+    single = [k for k, joint in enumerate(joints) if k and joint.nq == joint.nv == 1]
+    subspace, neutral = np.zeros((6, model.nv)), pin.neutral(model)
+    for k in single:
+        data = joints[k].createData()
+        joints[k].calc(data, neutral)
+        subspace[:, joints[k].idx_v] = data.S
+    jumps, ahead = [], parents
+    while ahead.any():
+        jumps.append(ahead)
+        ahead = ahead[ahead]
+    counts = np.array([joint.nv for joint in joints[1:]], dtype=np.intp)
+    inertias = np.array([body.matrix() for body in bodies])
+    inertias[0] = 0.0
+    return LinkTree(
+        parents, tuple(jumps), np.repeat(np.arange(1, len(joints)), counts), np.cumsum(counts) - counts,
+        _single(model, single, subspace), tuple(k for k in range(1, len(joints)) if k not in set(single)),
+        subspace, np.array([body.mass for body in bodies]), np.array([body.lever for body in bodies]), inertias,
+    )  # fmt: skip
+
+
+def _single(model: pin.Model, links: list[int], subspace: Array) -> SingleJoints:
+    """Return the joints of links, with the rotation by Rodrigues' formula, ``u u^T + cos (1 - u u^T) + sin [u]x``."""
+    placements, joints = [model.jointPlacements[k] for k in links], [model.joints[k] for k in links]
+    turns = np.array([place.rotation for place in placements]).reshape(-1, 3, 3)
+    columns = subspace[:, [joint.idx_v for joint in joints]].T
+    axes = columns[:, 3:]
+    still = np.where(np.asarray(axes.any(axis=1))[:, None, None], 0.0, np.eye(3))
+    along = axes[:, :, None] * axes[:, None]
+    across = np.eye(3) - along - still
+    crossing = crossed(axes[:, None], np.eye(3)).swapaxes(1, 2)
+    return SingleJoints(
+        np.array(links, dtype=np.intp), np.array([joint.idx_q for joint in joints], dtype=np.intp),
+        turns @ (along + still), turns @ across, turns @ crossing,
+        np.array([place.translation for place in placements]).reshape(-1, 3), np.matvec(turns, columns[:, :3]),
+    )  # fmt: skip
+
+
+def _add_joint(motion: RelativeMotion, model: pin.Model, k: int, q: Array, v: Array) -> None:
+    """Set the motion of a link whose joint has several coordinates, as Pinocchio computes it, state by state."""
+    joint, place = model.joints[k], model.jointPlacements[k]
+    data, columns = joint.createData(), slice(joint.idx_v, joint.idx_v + joint.nv)
+    for row, (configuration, velocity) in enumerate(zip(q, v, strict=True)):
+        joint.calc(data, configuration, velocity)
+        placed = place * pin.SE3(data.M)
+        motion.turns[row, k], motion.arms[row, k] = placed.rotation, placed.translation
+        motion.subspaces[row, :, columns] = np.reshape(data.S, (6, -1))
+        motion.biases[row, k] = data.c

@@ -1,0 +1,57 @@
+"""Pairs that are evaluated as one, against each by itself."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.engine.constraints.alike_pairs import BLOCK, alike_pairs
+from pinarm.engine.constraints.batch_jacobians import BatchJacobians
+from pinarm.engine.mechanism import Mechanism
+
+MODELS = Path(pinarm.__file__).parents[1] / "models"
+
+
+def built(model):
+    return Mechanism.load(MODELS / model / "mechanism.yaml")
+
+
+def rows_of(measured, n, v):
+    """Return gaps, rows and drifts as arrays."""
+    m, nv = len(measured.gap()), len(v)
+    return measured.gaps(n), measured.matrices((n, m, nv)), measured.drifts(v, m)
+
+
+@pytest.mark.parametrize("n", [1, 3, BLOCK // 7], ids=["one", "few", "more than fit at once"])
+@pytest.mark.parametrize("model", ["two_four_bars", "forty_four_bars", "andrews", "planetary_gear"])
+def test_each_pair_has_the_rows_that_it_has_by_itself(model, n):
+    mechanism = built(model)
+    nv = mechanism.model.nv
+    q, v, w = np.random.default_rng(1).uniform(-1.0, 1.0, (3, nv, n))
+    every = BatchJacobians.of(mechanism.model, mechanism.constraints)
+    measured, cosine, sine = every.at(q), np.cos(q), np.sin(q)
+    alone = type(measured)([(start, measure.at(q, cosine, sine)) for start, measure in every.parts])
+    for rates in (v, w, v):  # what has been computed of other velocities is not taken for it
+        for found, expected in zip(rows_of(measured, n, rates), rows_of(alone, n, rates), strict=True):
+            assert found == pytest.approx(expected, abs=1e-14)
+    some = [0, every.size - 1]
+    assert measured.rows(some).keys() == alone.rows(some).keys()
+    assert measured.drift(some, v).keys() == alone.drift(some, v).keys()
+
+
+def test_equal_cells_are_alike_and_others_are_not():
+    groups = {model: BatchJacobians.of(built(model).model, built(model).constraints).alike
+              for model in ("forty_four_bars", "andrews")}  # fmt: skip
+    assert [len(pairs.places) for pairs in groups["forty_four_bars"]] == [40]
+    assert sorted(place for pairs in groups["andrews"] for place in pairs.places) == [0, 1, 2]
+    assert len(groups["andrews"]) == 3, "their bars have other lengths"
+
+
+def test_a_pair_with_another_length_is_another_one():
+    mechanism = built("forty_four_bars")
+    measures = [measure for _, measure in BatchJacobians.of(mechanism.model, mechanism.constraints).parts]
+    chain = measures[3].chain
+    measures[3] = replace(measures[3], chain=replace(chain, shift=chain.shift + 1e-15))
+    assert sorted(len(pairs.places) for pairs in alike_pairs(measures)) == [1, 39]

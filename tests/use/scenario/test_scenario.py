@@ -1,0 +1,78 @@
+"""What is kept with a scenario: runs of it, and of it with other values, begin where the first one did."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinarm
+from tests.use.conftest import KINDS
+
+SCENARIOS = Path(pinarm.__file__).parents[1] / "scenarios"
+SCENES = (
+    "bricard_falling", "change_point_four_bar_free", "crank_rocker_free", "brick_thrown", "mass_on_belt_stick_slip",
+    "manipulator_kinematics",
+)  # fmt: skip
+
+
+def same(result, other):
+    """Tell whether two results are the same to the last bit."""
+    one, two = result.trajectory, other.trajectory
+    arrays = all(np.array_equal(getattr(one, name), getattr(two, name)) for name in ("q", "v", "a", "tau"))
+    return arrays and np.array_equal(one.lam, two.lam) and result.figures == other.figures
+
+
+def counted(scenario, monkeypatch):
+    """Return a list that grows whenever the problem of a scenario is prepared."""
+    calls, kind = [], type(scenario.problem)
+    prepare = kind.prepare
+
+    def prepared(*given):
+        calls.append(given)
+        return prepare(*given)
+
+    monkeypatch.setattr(kind, "prepare", prepared)
+    return calls
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS.keys() - {"kinematics"}))
+def test_a_second_run_prepares_nothing_and_is_the_same(scenario, kind, monkeypatch):
+    one = scenario(kind)
+    calls = counted(one, monkeypatch)
+    first, second = one.run(), one.run()
+    assert len(calls) == 1
+    assert same(first, second) and same(first, pinarm.run(one.document.path))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_motions_leave_nothing_behind_in_what_is_kept(name):
+    one = pinarm.load(SCENARIOS / f"{name}.yaml")
+    first = one.run()
+    halfway = 0.5 * (first.trajectory.grid.t[0] + first.trajectory.grid.t[-1])
+    before = first.outcome.motion.positions(np.array([halfway]))
+    assert same(first, one.run())
+    assert (first.outcome.motion.positions(np.array([halfway])) == before).all(), "the first result still tells more"
+
+
+def test_other_values_keep_the_mechanism_unless_they_are_its_own(scenario):
+    one = scenario("forward")
+    mechanism = one.mechanism
+    shorter = one.varied({"problem.time.end": "3 s"})
+    assert shorter.mechanism is mechanism
+    assert same(shorter.run(), pinarm.run(one.document.path, {"problem.time.end": "3 s"}))
+    for other in ({"gravity": "none"}, {"changes": {"drives": {"motor": {"ratio": 50}}}},
+                  {"payloads": {"ball": {"point": "tip", "mass": "1 kg"}}}):  # fmt: skip
+        changed = one.varied(other)
+        assert changed.mechanism is not mechanism
+        assert same(changed.run(), pinarm.run(one.document.path, other))
+
+
+def test_a_mechanism_with_other_last_digits_is_another_one(scenario):
+    from dataclasses import replace
+
+    one = scenario("forward")
+    perturbed = replace(one, seed=1)
+    assert one.mechanism is not perturbed.mechanism
+    assert perturbed.varied({"problem.time.end": "3 s"}).mechanism is perturbed.mechanism
+    masses = [each.model.inertias[1].mass for each in (one.mechanism, perturbed.mechanism)]
+    assert masses[0] != masses[1] == pytest.approx(masses[0], rel=1e-14)
