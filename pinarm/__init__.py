@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pinarm.use.report.report import report
     from pinarm.use.result.result import Result
     from pinarm.use.scenario.json_schema import schema
+    from pinarm.use.scenario.recorded import result
     from pinarm.use.scenario.scenario import Scenario, load
     from pinarm.use.store.examples import examples
     from pinarm.use.store.new import new
@@ -48,6 +49,7 @@ _HOMES = {
     "replay": "pinarm.use.store.restore",
     "quantities": "pinarm.use.study.quantities",
     "report": "pinarm.use.report.report",
+    "result": "pinarm.use.scenario.recorded",
     "file_root": "pinarm.input.roots",
     "run": "pinarm.use.study.run",
     "schema": "pinarm.use.scenario.json_schema",
@@ -60,8 +62,8 @@ _HOMES = {
 
 __all__ = [
     "Batch", "Mechanism", "PinarmError", "Result", "Scenario", "SelfTest", "Series", "Sweep", "Tradeoff", "Trajectory",
-    "batch", "check", "examples", "explain", "file_root", "load", "new", "quantities", "replay", "report", "run",
-    "schema",    "selftest", "sweep", "tradeoff", "validate",
+    "batch", "check", "examples", "explain", "file_root", "load", "new", "quantities", "replay", "report", "result",
+    "run", "schema", "selftest", "sweep", "tradeoff", "validate",
 ]  # fmt: skip
 
 

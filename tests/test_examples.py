@@ -61,7 +61,7 @@ def test_a_script_runs(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out
 
 
-LONG = ("optimum", "sweep", "tradeoff")
+LONG = ("optimum", "sweep", "tradeoff", "sensitivity", "report")
 RUN = [pytest.param(path, marks=pytest.mark.slow if path.stem.endswith(LONG) else ()) for path in NOTEBOOKS]
 
 

@@ -28,6 +28,7 @@ ELSEWHERE = {
         "engine/integration/methods/explicit",
     ),
     "engine/kernel/test_library.py": ("its structures", "engine/kernel/structures"),
+    "engine/kernel/test_tree.py": ("what is refused", "engine/kernel/checks"),
     "engine/kinematics/test_newton.py": (
         "positions that laws ask for", "engine/kinematics/continuation engine/kinematics/joint_motion "
         "engine/kinematics/prescribed",
@@ -60,9 +61,14 @@ ELSEWHERE = {
     ),
     "input/yaml/test_document.py": ("what YAML means", "input/yaml/parser"),
     "input/yaml/test_schema.py": ("keys of the file", "mechanics/description"),
+    "loops/test_compiled.py": (
+        "compiled loops against Python", "engine/kernel/loops engine/motion/systems/compiled_loops "
+        "engine/motion/systems/compiled_points engine/motion/systems/compiled_rows",
+    ),
     "loops/test_in_time.py": (
         "loops in motion, against multipliers", "engine/dynamics/pinocchio_constraints "
-        "engine/motion/systems/constrained engine/motion/systems/point_constrained engine/motion/systems/row_motion",
+        "engine/motion/systems/constrained engine/motion/systems/point_constrained "
+        "engine/motion/systems/point_motion engine/motion/systems/row_motion",
     ),
     "loops/test_kinds.py": (
         "every kind against Newton and Euler", "engine/constraints/constraint mechanics/loops/kinds "
@@ -98,6 +104,7 @@ ELSEWHERE = {
         "mechanics/loading/mjcf_geoms mechanics/loading/mjcf_joints mechanics/loading/mjcf_names "
         "mechanics/loading/mjcf_settings",
     ),
+    "mechanics/loading/test_urdf_writer.py": ("of models with points", "mechanics/points"),
     "mechanics/loading/test_urdf.py": ("what files make of it", "mechanics/loading/model_tree"),
     "mechanics/planar/test_linkage.py": ("mistakes with their lines", "mechanics/planar/drawing"),
     "mechanics/test_coordinates.py": ("joints by their coordinates", "mechanics/joints"),
@@ -112,6 +119,9 @@ ELSEWHERE = {
     "problems/test_loads_and_partial_results.py": (
         "loads in every kind of problem", "problems/accuracy problems/forward problems/inverse problems/loads "
         "problems/states problems/time_grid",
+    ),
+    "problems/test_recorded.py": (
+        "rows in files and arrays", "engine/motion/recorded_motion problems/recorded_columns use/scenario/recorded",
     ),
     "problems/test_profiles.py": ("laws in problems", "mechanics/forces/breakpoints problems/prescribed_laws"),
     "test_messages.py": (
@@ -128,11 +138,14 @@ ELSEWHERE = {
         "joints as they are asked", "use/assessments/loads/joint use/assessments/loads/number",
     ),
     "use/assessments/sensitivity/test_sensitivity.py": (
-        "numbers of mechanisms in closed form", "use/assessments/sensitivity/accuracy "
+        "numbers of mechanisms in closed form",
         "use/assessments/sensitivity/tables use/assessments/sensitivity/variation",
     ),
     "use/assessments/sizing/test_sizing.py": (
         "motors for a joint in closed form", "use/assessments/sizing/catalogue use/assessments/sizing/duty",
+    ),
+    "use/assessments/test_limits.py": (
+        "numbers, their errors and bounds", "use/result/condition use/result/number_accuracy",
     ),
     "use/assessments/test_path_error.py": ("points in lists and files", "use/assessments/wanted_points"),
     "use/assessments/test_shaking.py": ("sections as they are told and saved", "use/result/section"),

@@ -1,4 +1,4 @@
-"""Every marked block of the README and of docs/many_cases.md is what it says; links of all pages lead somewhere."""
+"""Every marked block of the pages with code is what it says; links of all pages lead somewhere."""
 
 import os
 import re
@@ -15,7 +15,8 @@ from pinarm.use.study.answers.check import check
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"<!-- (?P<name>\w+) -->\n```\w+\n(?P<text>.*?)```", re.DOTALL)
-MARKED = "\n".join((ROOT / page).read_text(encoding="utf-8") for page in ("README.md", "docs/many_cases.md"))
+CODE_PAGES = ("README.md", "docs/many_cases.md", "docs/pinocchio.md")
+MARKED = "\n".join((ROOT / page).read_text(encoding="utf-8") for page in CODE_PAGES)
 BLOCKS = {match["name"]: match["text"] for match in BLOCK.finditer(MARKED)}
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 
@@ -44,7 +45,8 @@ def scenario(tmp_path):
 
 
 def test_every_marked_block_is_known():
-    assert set(BLOCKS) == {"run", "test", "installed", "scenario", "output", "python", "sweep", "swept", "batch"}
+    assert set(BLOCKS) == {"run", "test", "installed", "scenario", "output", "python", "sweep", "swept", "batch",
+                           "matrices", "recorded", "model", "meshcat"}  # fmt: skip
 
 
 def test_commands_name_what_there_is():
@@ -78,6 +80,15 @@ def test_the_python_block_runs(project):
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("Cr [N*m] -321.5")
     assert (project / "torques.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("block", ["matrices", "recorded", "model", "meshcat"])
+def test_the_blocks_for_pinocchios_users_run(project, block):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", BLOCKS[block]], cwd=project, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def test_the_batch_runs(project):

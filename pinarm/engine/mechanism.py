@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
@@ -22,30 +22,33 @@ from pinarm.engine.dynamics.masses import massive
 from pinarm.engine.mechanism_parts import (
     Locate,
     arguments_of,
-    check_start,
     couplings_of,
     forces_of,
     frictions_of,
+    geared_rotors,
     loaded,
-    loop_coordinates_of,
-    loop_joints_of,
+    marked,
     mount_drives,
+    named_parts,
     naming_arguments,
+    open_closings,
+    rotors_along,
     symbols_of,
+    tying,
 )
-from pinarm.engine.model_source import Source, numeric, read_robot
+from pinarm.engine.model_source import RobotReader, Source, numeric, read_robot, robot_of_model
 from pinarm.errors import InputError, choices
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.units import Unit
 from pinarm.input.xacro.expansion import check_declared
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import Values, varied
-from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, balls_of, positions_of
-from pinarm.mechanics.coordinates import Coordinate, coordinates_of
+from pinarm.mechanics.ball_joints import Ball, positions_of
+from pinarm.mechanics.coordinates import Coordinate
 from pinarm.mechanics.couplings.coupling import mimic_coupling
-from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector
+from pinarm.mechanics.description import Gravity, MechanismDescription, gravity_vector, gravity_words
 from pinarm.mechanics.forces.force_element import ForceElement
-from pinarm.mechanics.joints import Joint, joints_of, links_of
+from pinarm.mechanics.joints import Joint, links_of
 from pinarm.mechanics.perturbation import perturbed
 
 if TYPE_CHECKING:
@@ -58,7 +61,7 @@ if TYPE_CHECKING:
     from pinarm.mechanics.payloads import Payload
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Mechanism:
     """A mechanism with its names.
 
@@ -84,7 +87,7 @@ class Mechanism:
 
     title: str
     model: pin.Model
-    xml: str = field(repr=False)
+    xml: str
     joints: Mapping[str, Joint]
     balls: Mapping[str, Ball]
     coordinates: Mapping[str, Coordinate]
@@ -94,8 +97,8 @@ class Mechanism:
     symbols: Mapping[str, Expression]
     arguments: Mapping[str, float]
     argument_units: Mapping[str, Unit]
-    description: MechanismDescription = field(repr=False)
-    source: Source = field(repr=False)
+    description: MechanismDescription
+    source: Source
     payloads: Mapping[str, Payload] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     frictions: tuple[FrictionContact, ...] = ()
@@ -120,6 +123,35 @@ class Mechanism:
         """
         document = mechanism_document(Path(path))
         return _described(varied(document, values) if values else document, Path(path).parent, arguments or {})
+
+    @classmethod
+    def of(cls, model: pin.Model, **keys: Any) -> Mechanism:
+        """Return the mechanism of a ``pin.Model`` and of what a mechanism file would say beside it.
+
+        The model is written as URDF and read again, so that a result of the mechanism can be saved. Joints keep their
+        names and motions, links and frames theirs; q and v are in pinarm's convention and order, and
+        ``from_pinocchio`` and ``to_pinocchio`` convert those of ``model``. Damping, dry friction, armatures, limits and
+        gravity are taken; ``pinarm.explain`` lists what there is, and in its notes what is not taken.
+
+        Args:
+            model: Any number of joints, but for composite, mimicking, helical and ellipsoid ones.
+            keys: Keys of a mechanism file: ``loops={"closing": {"kind": "revolute", "between": ["a", "b"]}}``,
+                ``drives``, ``forces``, ``points={"tip": {"link": "hand", "at": ["0 m", "0 m", "10 cm"]}}``,
+                ``gravity``, ``couplings``, ``coordinates``, ``symbols``, ``title``, ...
+
+        Raises:
+            InputError: A key has a mistake.
+            ModelError: The model has a joint that pinarm does not have, or two frames with the same name.
+        """
+        data = {"pinarm": 1, "robot": "model.urdf", "gravity": gravity_words(model), **keys}
+        document = Document.of_data(data, "mechanism")
+        description, read = document.validate(MechanismDescription), partial(robot_of_model, model)
+        return _build(description, document.data, Path(), {}, {}, document.locating, lambda *at: nullcontext(), read)
+
+    def __repr__(self) -> str:
+        """Return its title, and how many joints, constraints and freedoms it has."""
+        count = len(self.joints) + len(self.balls)
+        return f"<Mechanism '{self.title}': {count} joints, {len(self.constraints)} constraints, nv {self.model.nv}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Say how another process makes the same mechanism: from its fields, with the forces bound anew (functions).
@@ -251,6 +283,87 @@ class Mechanism:
 
         return states.quantities(self, q, v, a, tau, drives, t)
 
+    def jacobian(self, name: str, q: ArrayLike) -> Array:
+        """Return the matrix J(q) of ``x' = J v``, x the motion of something that quantities can name.
+
+        =================================  ===========  ==========================================================
+        name                               shape        x'
+        =================================  ===========  ==========================================================
+        ``hand``, a link                   (..., 6, nv)  velocity of its origin, then its angular velocity
+        ``point.hand``                     (..., 3, nv)  velocity of its origin [m/s]
+        ``body.hand``                      (..., 3, nv)  its angular velocity [rad/s]
+        ``knee``, ``coordinate.knee``      (..., nv)     rate of a coordinate, also of one defined by the mechanism file
+        ``joint.hip``, a ball joint        (..., 3, nv)  angular velocity of its link, in the link's own axes
+        =================================  ===========  ==========================================================
+
+        Axes are those of the world, as of ``pin.LOCAL_WORLD_ALIGNED``; those of link B with ``.along.B`` at the end, so
+        that ``hand.along.hand`` is ``pin.LOCAL``. Loops do not change J: v has all joints, and ``closure`` says which v
+        the loops allow.
+
+        Args:
+            name: What moves.
+            q: Configurations in pinarm's convention, as everywhere here, shape (..., nq); see ``from_pinocchio``.
+
+        Raises:
+            InputError: There is nothing of that name, it means several things, or the shape does not fit.
+        """
+        from pinarm.engine.quantities import matrices
+
+        return matrices.jacobian(self, name, q)
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """Return the symmetric mass matrix M(q) of the tree, rotors and armatures included, loops not eliminated.
+
+        Args:
+            q: Configurations in pinarm's convention, shape (..., nq).
+
+        Returns:
+            M, shape (..., nv, nv) [kg*m^2, kg*m or kg], for v in pinarm's convention.
+
+        Raises:
+            InputError: The shape does not fit.
+        """
+        from pinarm.engine.quantities import matrices
+
+        return matrices.mass_matrices(self, q)
+
+    def frame(self, name: str, q: ArrayLike) -> Array:
+        """Return the placement of a link, or of the frame of a joint J by ``joint.J``, in the world.
+
+        Args:
+            name: Of the link, or ``joint.J``.
+            q: Configurations in pinarm's convention, shape (..., nq).
+
+        Returns:
+            Homogeneous matrices ``T = [[R, p], [0, 1]]``, shape (..., 4, 4): the columns of R are the frame's axes in
+            those of the world, p is its origin [m]. ``pin.SE3(T)`` makes Pinocchio's type of a single one.
+
+        Raises:
+            InputError: There is no such link or joint, or the shape does not fit.
+        """
+        from pinarm.engine.quantities import matrices
+
+        return matrices.placements(self, name, q)
+
+    def pin_data(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> pin.Data:
+        """Return Pinocchio's data of one state of ``model``, filled: a copy of one's own, to be read or changed.
+
+        ``pin.computeAllTerms``, ``pin.rnea`` and ``pin.forwardKinematics`` with the accelerations have been called, and
+        all frames are placed; M is whole. These know weights and inertias only: ``data.tau`` and ``data.nle`` lack
+        springs, dampers, friction and loops, which ``inverse`` and ``forward`` have.
+
+        Args:
+            q: Configuration in pinarm's convention, which is that of ``model``, shape (nq,).
+            v: Velocity, shape (nv,); 0 where it is left out.
+            a: Acceleration, shape (nv,); 0 where it is left out.
+
+        Raises:
+            InputError: The shapes do not fit, or several states are given.
+        """
+        from pinarm.engine.quantities import matrices
+
+        return matrices.pinocchio_data(self, q, v, a)
+
     def quantities(self, like: str = "") -> QuantityCatalogue:
         """Return what can be asked by name of a mechanism in motion: names, units, meanings.
 
@@ -266,6 +379,8 @@ class Mechanism:
 
     def from_pinocchio(self, q: ArrayLike, v: ArrayLike | None = None) -> tuple[Array, Array]:
         """Return q and v of this mechanism from those of ``pin.buildModelFromUrdf`` of the same URDF.
+
+        Of a mechanism that was made of a ``pin.Model``, see ``of``, they are those of that model.
 
         They differ where the base floats, and in joints of the types ``continuous``, ``floating`` and ``planar``. Of a
         floating base Pinocchio's v has the velocity of the base's origin in the base's own axes, this mechanism's v in
@@ -308,6 +423,8 @@ class Mechanism:
         """Where ``pin.buildModelFromUrdf`` has the joints; see ``from_pinocchio``."""
         from pinarm.mechanics.loading.pinocchio_layout import PinocchioLayout
 
+        if self.source.model is not None:
+            return PinocchioLayout.between(self.source.model, self.model, self.joints, self.balls)
         return PinocchioLayout.of(self.xml, self.model, self.joints, self.balls)
 
     @cached_property
@@ -325,6 +442,12 @@ class Mechanism:
         """Return rough joint coordinates near which the loops close [rad or m], as far as the mechanism file says."""
         known = positions_of(self.joints, self.balls)  # of a part of the mechanism there may be fewer
         return {name: float(value) for name, value in self.description.start.items() if name in known}
+
+    def driven_joint(self, drive: str) -> Joint:
+        """Return the joint that moves as what a drive acts along: its own, or that of its rotor, by name."""
+        from pinarm.mechanics.rotors import rotor_name
+
+        return self.joints[self.drives[drive].joint or rotor_name(drive)]
 
     @cached_property
     def dotted_names(self) -> frozenset[str]:
@@ -406,30 +529,34 @@ def _described(
 def _build(
     description: MechanismDescription, data: Mapping[str, Any], folder: Path,
     arguments: Mapping[str, float | str], payloads: Mapping[str, Payload], here: Locate, caller: Locate,
+    read: RobotReader = read_robot,
 ) -> Mechanism:  # fmt: skip
     """Build a mechanism from its description; ``here`` locates its own mistakes, ``caller`` the caller's."""
     units, given = arguments_of(description, arguments, here, caller)
-    with here("planar" if description.planar else "robot"), naming_arguments(caller):
-        robot, texts, source = read_robot(description, data, folder, given)
+    key = "planar" if description.planar else "robot"
+    with here(key), naming_arguments(caller):
+        robot, texts, source = read(description, data, folder, given)
     resolved = dict(numeric(texts))
     with naming_arguments(here):
         check_declared(units, texts)
-    model, carried = loaded(robot.model, description.payloads, payloads, here, caller)
-    joints, balls = joints_of(model), balls_of(model)
+    model, carried = loaded(marked(robot.model, description.points, here), description.payloads, payloads, here, caller)
     model.gravity.linear = gravity_vector(description.gravity, robot.gravity)
-    check_start(description, joints, balls, here)
-    turns = {**ball_coordinates(model, balls), **ball_angles(balls)}
-    loops = loop_joints_of(model, robot.loops, description.loops, here)
-    turns |= loop_coordinates_of(model, loops, {*joints, *turns}, here)
-    with here("coordinates"):
-        coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
+    parts = named_parts(robot, description, model, key, here)
+    if (geared := rotors_along(model, description, parts.coordinates, here)) is not model:
+        model, parts = geared, named_parts(robot, description, geared, key, here)
+    joints, balls, loops, coordinates = parts
     mimics = [mimic_coupling(mimic, joints, model) for mimic in robot.mimics]
-    constraints: tuple[Constraint, ...] = (*mimics, *loops, *couplings_of(robot, description, model, joints, here))
+    constraints: tuple[Constraint, ...] = (
+        *mimics, *loops, *couplings_of(robot, description, model, joints, here),
+        *geared_rotors(joints, description, coordinates),
+    )  # fmt: skip
+    frictions = frictions_of(robot, description, model, joints, constraints, here)
     symbols = symbols_of(description, here)
     mount_drives(model, joints, description, here)
+    forces = forces_of(robot, description, model, joints, coordinates, here)
     return Mechanism(
-        description.title or model.name, model, robot.xml, joints, balls, coordinates, constraints,
-        dict(description.drives), forces_of(robot, description, model, joints, coordinates, here), symbols, resolved,
-        {name: units[name].si for name in resolved if name in units}, description, source, carried, robot.notes,
-        frictions_of(robot, description, model, joints, constraints, here),
+        description.title or model.name, model, robot.xml, joints, balls, coordinates, tying(constraints, frictions),
+        dict(description.drives), forces, symbols, resolved,
+        {name: units[name].si for name in resolved if name in units}, description, source, carried,
+        (*robot.notes, *open_closings(model, loops)), frictions,
     )  # fmt: skip

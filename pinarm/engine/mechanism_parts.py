@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pinocchio as pin
 
-from pinarm.errors import InputError, Key, within
+from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.units import Unit, unit
 from pinarm.input.xacro.expansion import UnknownArgument
 from pinarm.input.yaml.schema import Measured, check_unit, quantity
-from pinarm.mechanics.ball_joints import Ball, positions_of, unit_of
-from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, balls_of, positions_of, unit_of
+from pinarm.mechanics.coordinates import Coordinate, coordinates_of
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.mechanics.forces.force_element import ForceElement, check_new
-from pinarm.mechanics.joints import Joint, joint_of
+from pinarm.mechanics.joints import Joint, joint_of, joints_of
 from pinarm.mechanics.loading.pinocchio_model import RobotModel
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
@@ -27,9 +27,14 @@ if TYPE_CHECKING:
     from pinarm.mechanics.friction.contact import FrictionContact
     from pinarm.mechanics.loops.kinds import Loop
     from pinarm.mechanics.payloads import Payload
+    from pinarm.mechanics.points import PointDefinition
 
 Locate = Callable[..., AbstractContextManager[None]]
 """``with locate("forces", "spring"):`` gives errors of the block that place of a file."""
+
+
+CLOSING = "closing_"
+"""Beginning of the names of frames at which exporters open loops."""
 
 
 def frictions_of(
@@ -51,6 +56,57 @@ def frictions_of(
         if name not in description.friction:
             contacts.extend(Friction(constant=friction).bind(name, model, joints, ()))
     return tuple(contacts)
+
+
+class NamedParts(NamedTuple):
+    """What has a name in a model and may move.
+
+    Attributes:
+        joints: Joints with one coordinate.
+        balls: Ball joints.
+        loops: Joints that close loops.
+        coordinates: Coordinates of all of these, and those defined beside them.
+    """
+
+    joints: dict[str, Joint]
+    balls: dict[str, Ball]
+    loops: list[LoopJoint]
+    coordinates: dict[str, Coordinate]
+
+
+def named_parts(
+    robot: RobotModel, description: MechanismDescription, model: pin.Model, key: str, here: Locate
+) -> NamedParts:
+    """Return joints, loop joints and coordinates by name.
+
+    Args:
+        robot: What the model's file says.
+        description: What the mechanism file says.
+        model: Pinocchio's model.
+        key: Key of the mechanism file that names the drawing or the model.
+        here: Gives errors their place.
+
+    Raises:
+        InputError: One does not exist, or has the name of another one.
+    """
+    joints, balls = joints_of(model), balls_of(model)
+    check_start(description, joints, balls, here)
+    turns = {**ball_coordinates(model, balls), **ball_angles(balls)}
+    loops = loop_joints_of(model, key, robot.loops, description.loops, here)
+    turns |= loop_coordinates_of(model, loops, {*joints, *turns}, here)
+    with here("coordinates"):
+        coordinates = {**coordinates_of(model, joints, description.coordinates, turns), **turns}
+    return NamedParts(joints, balls, loops, coordinates)
+
+
+def tying(constraints: Sequence[Constraint], frictions: Sequence[FrictionContact]) -> tuple[Constraint, ...]:
+    """Return the constraints without belts that slip: friction alone ties their wheels."""
+    if not any(friction.name.startswith("coupling.") for friction in frictions):
+        return tuple(constraints)
+    from pinarm.mechanics.friction.belt import BeltFriction
+
+    slipping = [friction.coupling for friction in frictions if isinstance(friction, BeltFriction)]
+    return tuple(constraint for constraint in constraints if constraint not in slipping)
 
 
 def loop_coordinates_of(
@@ -86,15 +142,23 @@ def check_start(
 
 
 def loop_joints_of(
-    model: pin.Model, drawn: Mapping[str, Loop], said: Mapping[str, Loop], here: Locate
+    model: pin.Model, key: str, drawn: Mapping[str, Loop], said: Mapping[str, Loop], here: Locate
 ) -> list[LoopJoint]:
-    """Return the loop joints of a drawing, and those that the mechanism file says beside."""
-    with here("planar"):
+    """Return the loop joints of a drawing or of a model's file, and those that the mechanism file says beside.
+
+    Args:
+        model: Pinocchio's model.
+        key: Key of the mechanism file that names the drawing or the model.
+        drawn: What that says.
+        said: What the mechanism file says.
+        here: Gives errors their place.
+    """
+    with here(key):
         loops = [loop.bind(model, name) for name, loop in drawn.items()]
     for name, loop in said.items():
         with here("loops", name):
             if name in drawn:
-                raise InputError(f"the drawing has a loop joint '{name}' already", expected="a name of its own")
+                raise InputError(f"the model has a loop joint '{name}' already", expected="a name of its own")
             loops.append(loop.bind(model, name))
     return loops
 
@@ -149,6 +213,36 @@ def loaded(
                     raise InputError(f"the mechanism has a payload '{name}' already", expected="a name of its own")
                 model, carried[name] = with_payloads(model, [payload]), payload
     return model, carried
+
+
+def open_closings(model: pin.Model, loops: Sequence[LoopJoint]) -> Iterator[str]:
+    """Yield a note on each pair of frames at which an exporter opened a loop, and which no loop joint ties.
+
+    onshape-to-robot and its relatives write links ``closing_NAME_1`` and ``closing_NAME_2`` into a URDF, which has no
+    loops; the kind of the joint is not in the file.
+    """
+    links = {frame.name: index for index, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY}
+    tied = {frozenset((loop.first, loop.second)) for loop in loops}
+    for first, index in links.items():
+        base = first.removesuffix("_1")
+        second = links.get(f"{base}_2")
+        if not first.startswith(CLOSING) or base == first or second is None or frozenset((index, second)) in tied:
+            continue
+        ends, name = f"{first}, {base}_2", base.removeprefix(CLOSING)
+        yield (f"an exporter opened a loop at {first} and {base}_2, and the file does not say by which joint: such as "
+               f"loops: {{{name}: {{kind: revolute, axis: z, between: [{ends}]}}}}")  # fmt: skip
+
+
+def marked(model: pin.Model, points: Mapping[str, PointDefinition], here: Locate) -> pin.Model:
+    """Return the model with the points of its mechanism file."""
+    if not points:
+        return model
+    from pinarm.mechanics.points import with_points
+
+    for name, point in points.items():
+        with here("points", name):
+            model = with_points(model, [(name, point)])
+    return model
 
 
 def couplings_of(
@@ -207,10 +301,49 @@ def mount_drives(
     mounted: dict[str, str] = {}
     armature: Any = model.armature
     for name, drive in description.drives.items():
-        with here("drives", name), within("joint"):
-            joint = joint_of(joints, drive.joint)
-            if drive.joint in mounted:
-                raise InputError(f"the joint '{drive.joint}' has two drives, '{mounted[drive.joint]}' and '{name}'",
+        driven, key = drive.coordinate, "joint" if drive.joint else "along"
+        with here("drives", name), within(key):
+            joint = joint_of(joints, driven) if drive.joint else None
+            if driven in mounted:
+                raise InputError(f"the {key} '{driven}' has two drives, '{mounted[driven]}' and '{name}'",
                                  expected="one drive at each joint")  # fmt: skip
-        mounted[drive.joint] = name
-        armature[joint.v] += drive.armature
+        mounted[driven] = name
+        if joint is not None:
+            armature[joint.v] += drive.armature
+
+
+def rotors_along(
+    model: pin.Model, description: MechanismDescription, coordinates: Mapping[str, Coordinate], here: Locate
+) -> pin.Model:
+    """Return the model with a joint for the rotor of every drive that acts along a coordinate; itself without any.
+
+    Raises:
+        InputError: A coordinate does not exist, or is a joint's own.
+    """
+    along = {name: drive for name, drive in description.drives.items() if drive.along}
+    if not along:
+        return model
+    from pinarm.mechanics.rotors import with_rotors
+
+    for name, drive in along.items():
+        with here("drives", name), within("along"):
+            if drive.along not in coordinates:
+                expected, hint = choices(drive.along, coordinates)
+                raise InputError(f"the mechanism has no coordinate '{drive.along}'", expected=expected, hint=hint)
+            if drive.along in joints_of(model):
+                raise InputError(f"'{drive.along}' is a joint", expected=f"joint: {drive.along}")
+    with here("drives"):
+        return with_rotors(model, along, {name: coordinates[drive.along].unit for name, drive in along.items()})
+
+
+def geared_rotors(
+    joints: Mapping[str, Joint], description: MechanismDescription, coordinates: Mapping[str, Coordinate]
+) -> list[Constraint]:
+    """Return what ties the rotors of drives along coordinates to these."""
+    along = {name: drive.along for name, drive in description.drives.items() if drive.along}
+    if not along:
+        return []
+    from pinarm.mechanics.rotors import GearedRotor, rotor_name
+
+    return [GearedRotor(f"gear of {name}", joints[rotor_name(name)], coordinates[driven])
+            for name, driven in along.items()]  # fmt: skip

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
+import pinocchio as pin
 
 from pinarm.errors import Location, ModelError
 from pinarm.input.mjcf_includes import resolve_includes
@@ -38,6 +39,7 @@ class Source:
         robot: The model's file; paths of meshes are relative to its folder.
         base: Whether the model's root was held or floats; ``None`` where the model says it.
         defects: What was done about inertias that no body can have.
+        model: Pinocchio's model that it was made of; ``None`` where it was read from a file.
     """
 
     data: Mapping[str, Any]
@@ -45,6 +47,25 @@ class Source:
     robot: Path
     base: Base | None
     defects: Defects
+    model: pin.Model | None = None
+
+
+def robot_of_model(
+    model: pin.Model, description: MechanismDescription, data: Mapping[str, Any], folder: Path,
+    arguments: Mapping[str, float],
+) -> tuple[RobotModel, Mapping[str, str], Source]:  # fmt: skip
+    """Return the model of a mechanism that is made of a ``pin.Model``, by way of its URDF text; see ``read_robot``.
+
+    Raises:
+        ModelError: It has a joint that pinarm does not have, or a field of gravity that turns.
+    """
+    from pinarm.mechanics.loading.urdf_writer import written
+
+    check_declared(arguments, {})
+    text, defects = written(model), description.defects or "noted"
+    robot = build_model(text.urdf, base=description.base, defects=defects, creep=description.creep)
+    source = Source(data, folder, folder / description.robot, description.base, defects, pin.Model(model))
+    return replace(robot, notes=(*robot.notes, *text.notes)), {}, source
 
 
 def read_robot(
@@ -103,6 +124,11 @@ def _drawn(
     )  # fmt: skip
     return replace(robot, loops=model.loops, gravity=down.vector()), {}, source
 
+
+RobotReader = Callable[
+    [MechanismDescription, Mapping[str, Any], Path, Mapping[str, float]], tuple[RobotModel, Mapping[str, str], Source]
+]
+"""What reads the model of a mechanism; see ``read_robot``."""
 
 _NAMED = re.compile(r"(link|joint|body) '([^']+)'")
 

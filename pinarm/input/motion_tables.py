@@ -54,6 +54,38 @@ def read_table(name: str, stamp: tuple[int, int]) -> tuple[Column, Column, Unit,
     return tuple(first), tuple(second), along, measured
 
 
+@lru_cache(maxsize=8)
+def read_columns(name: str, stamp: tuple[int, int]) -> dict[str, Column]:
+    """Read all columns of a CSV file: headings as they are written, each with its numbers as they are written.
+
+    Args:
+        name: The file, as an absolute path that may be read.
+        stamp: Time and size of the file; part of the cache key, so that a changed file is read again.
+
+    Raises:
+        InputError: The file cannot be read, two headings are the same, or a cell is not a finite number; located at
+            the line.
+    """
+    file, table = Path(name).name, rows(Path(name), Path(name).name)
+    _, heads = next(table, (1, []))
+    heads = [head.strip() for head in heads]
+    if len(set(heads)) < len(heads):
+        twice = next(head for head in heads if heads.count(head) > 1)
+        raise InputError(f"two columns have the heading '{twice}'", expected="a heading of its own for each").at(
+            Location(file, 1, 1, ",".join(heads))
+        )
+    numbers: list[list[float]] = []
+    for line, row in table:
+        if len(row) != len(heads):
+            raise InputError(f"the row has {len(row)} cells, the heading {len(heads)}", expected="as many").at(
+                Location(file, line, 1, ",".join(row))
+            )
+        numbers.append([_number(row, column, file, line) for column in range(len(heads))])
+    if not numbers:
+        raise _too_short(file)
+    return dict(zip(heads, zip(*numbers, strict=True), strict=True))
+
+
 def _too_short(file: str) -> InputError:
     return InputError(
         f"the table {file} is too short",

@@ -6,7 +6,7 @@ Each has a value w(q), a row J with ``w' = J v``, and a drift ``J' v``, so that 
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, Protocol
 
 import msgspec
@@ -242,14 +242,32 @@ def rate_of_b(w: Array, rate: Array) -> Array:
 
 
 class AngleSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):
-    """Sum of joint coordinates about parallel axes of one sense: the absolute angle of a link, turns counted."""
+    """Sum of joint coordinates: of a list, about parallel axes of one sense, an absolute angle with its turns.
 
-    of: Annotated[list[str], msgspec.Meta(min_length=1)]
+    With weights, ``of: {left: 0.5, right: 0.5}``, it is any linear function of joints of one kind, such as what a motor
+    turns behind a differential.
+
+    Attributes:
+        of: Joints, or joint -> weight.
+    """
+
+    of: Annotated[list[str], msgspec.Meta(min_length=1)] | Annotated[dict[str, float], msgspec.Meta(min_length=1)]
+
+    def check(self) -> None:
+        """Refuse weights of 0 or infinity."""
+        for name, weight in self.of.items() if isinstance(self.of, dict) else ():
+            if not 0.0 < abs(weight) < np.inf:
+                with within("of", Key(name)):
+                    raise InputError(f"the weight of {name} cannot be {weight:g}", expected="a finite number but 0")
 
     def bind(self, model: pin.Model, joints: Mapping[str, Joint]) -> Coordinate:
         """Return the coordinate for a model."""
         with within("of"):
-            coordinate = sum_of(model, joints, self.of)
+            coordinate = sum_of(model, joints, list(self.of))
+            if isinstance(self.of, dict):
+                weights = np.zeros_like(coordinate.weights)
+                weights[[joints[name].v for name in self.of]] = list(self.of.values())
+                return replace(coordinate, weights=weights)
             check_parallel(model, {name: joints[name].v for name in self.of})
             return coordinate
 

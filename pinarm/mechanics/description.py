@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
+import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError
+from pinarm.errors import InputError, ModelError
 from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import Acceleration, InputStruct, Level, Positive
-from pinarm.mechanics.joints import AXES, Axis
+from pinarm.mechanics.joints import AXES, Direction, unit_vector
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects
 
 if TYPE_CHECKING:
@@ -22,8 +23,10 @@ if TYPE_CHECKING:
     from pinarm.mechanics.loops.kinds import Loop
     from pinarm.mechanics.payloads import Payload
     from pinarm.mechanics.planar.drawing import PlanarDrawing
+    from pinarm.mechanics.points import PointDefinition
 else:  # imported where a file has the key, see MechanismDescription.deferred
-    CoordinateDefinition = CouplingDefinition = Drive = Force = Friction = Loop = Payload = PlanarDrawing = Any
+    CoordinateDefinition = CouplingDefinition = Drive = Force = Friction = Loop = Any
+    Payload = PlanarDrawing = PointDefinition = Any
 
 STANDARD_GRAVITY = 9.81
 """Magnitude used where a file gives only a direction [m/s^2]."""
@@ -33,16 +36,16 @@ class Gravity(InputStruct, frozen=True):
     """A uniform gravity field.
 
     Attributes:
-        direction: Direction of the field, a world axis.
+        direction: Direction of the field: a world axis, or components in world axes, of any length.
         magnitude: Gravitational acceleration [m/s^2].
     """
 
-    direction: Axis = "-z"
+    direction: Direction = "-z"
     magnitude: Acceleration = STANDARD_GRAVITY
 
     def vector(self) -> Array:
         """Return the field [m/s^2], world axes, shape (3,)."""
-        return np.array(AXES[self.direction], float) * float(self.magnitude)
+        return unit_vector(self.direction) * float(self.magnitude)
 
 
 def gravity_vector(gravity: Gravity | Literal["none"] | None, otherwise: Array | None) -> Array:
@@ -55,6 +58,21 @@ def gravity_vector(gravity: Gravity | Literal["none"] | None, otherwise: Array |
     if gravity is None:
         return Gravity().vector() if otherwise is None else otherwise
     return np.zeros(3) if isinstance(gravity, str) else gravity.vector()
+
+
+def gravity_words(model: pin.Model) -> dict[str, Any] | Literal["none"]:
+    """Return the gravity of a ``pin.Model`` as a mechanism file says it.
+
+    Raises:
+        ModelError: It has an angular part.
+    """
+    if np.any(model.gravity.angular):
+        raise ModelError("the gravity of the model has an angular part", expected="a uniform field")
+    field = np.asarray(model.gravity.linear)
+    if not (magnitude := float(np.linalg.norm(field))):
+        return "none"
+    axis = next((name for name, along in AXES.items() if np.array_equal(field, np.array(along) * magnitude)), None)
+    return {"direction": axis or field.tolist(), "magnitude": f"{magnitude!r} m/s^2"}
 
 
 class MechanismDescription(InputStruct, frozen=True):
@@ -71,6 +89,7 @@ class MechanismDescription(InputStruct, frozen=True):
             otherwise, robots known by name are not.
         creep: Velocity below which the dry friction of the model gives way [rad/s or m/s]: it is regularised,
             ``F tanh(v / creep)``, and never sticks. Where this is left out it sticks.
+        points: Frames on links, beside those of the model; they are named, and asked about, like links.
         arguments: Unit of every xacro argument of the model, so that a scenario can give them with units.
         gravity: ``none`` for none; that of the model, or 9.81 m/s^2 downwards, where it is left out.
         coordinates: Coordinates beside those of the joints.
@@ -87,6 +106,7 @@ class MechanismDescription(InputStruct, frozen=True):
 
     deferred: ClassVar[Deferred] = {
         "planar": ("pinarm.mechanics.planar.drawing", "PlanarDrawing"),
+        "points": ("pinarm.mechanics.points", "PointDefinition"),
         "coordinates": ("pinarm.mechanics.coordinates", "CoordinateDefinition"),
         "loops": ("pinarm.mechanics.loops.kinds", "Loop"),
         "couplings": ("pinarm.mechanics.couplings.kinds", "CouplingDefinition"),
@@ -103,6 +123,7 @@ class MechanismDescription(InputStruct, frozen=True):
     base: Base | None = None
     defects: Defects | None = None
     creep: Positive | None = None
+    points: dict[str, PointDefinition] = {}
     arguments: dict[str, str] = {}
     gravity: Gravity | Literal["none"] | None = None
     coordinates: dict[str, CoordinateDefinition] = {}

@@ -16,34 +16,48 @@ from pinarm.input.yaml.schema import Inertia, InputStruct
 class Drive(InputStruct, frozen=True):
     """A motor that turns ``ratio`` times as fast as its joint, through a gear of constant efficiency.
 
+    In place of a joint of the tree it may drive another coordinate: of a loop joint (``L.angle``, ``L.position``), or
+    one defined in ``coordinates``, such as a weighted sum of joints behind a differential. The rotor then is a joint
+    ``D.rotor`` whose coordinate is the driven one; torques are known where the run has a drive along the coordinate
+    (``drives: [C]``).
+
     With v the velocity of the joint, N the ratio and tau the effort that goes through the gear, that of the joint
-    (``joint.J.effort``) less ``N^2 J a`` of the rotor: the motor turns at ``N v`` and gives ``tau / (N eta)`` while it
-    drives (tau v > 0), ``eta tau / N`` while the load drives it, plus ``J N a`` for its rotor. An armature that the
-    model gives the joint is a load of the gear.
+    (``joint.J.effort``, ``coordinate.C.effort``) less ``N^2 J a`` of the rotor: the motor turns at ``N v`` and gives
+    ``tau / (N eta)`` while it drives (tau v > 0), ``eta tau / N`` while the load drives it, plus ``J N a`` for its
+    rotor. An armature that the model gives the joint is a load of the gear.
     Where the speed passes through zero the motion that follows counts, at the end of a smooth part of a law that which
     has ended. At rest friction in the gear helps to hold, and the torque given is that which would set the load in
     motion, ``tau / (N eta)``: the safe side for sizing. A motor that is off, at a free joint, has no torque; its rotor
     is moved without loss.
 
     Attributes:
-        joint: Joint that it drives.
-        ratio: N, motor turns per turn of the joint; negative where they turn against each other.
+        joint: Joint that it drives; this or ``along``.
+        along: Coordinate that it drives.
+        ratio: N, motor turns per turn of the joint, or radians per metre; negative where they turn against each other.
         efficiency: eta, between 0 (excluded) and 1.
         rotor_inertia: J of everything that turns with the motor, about its axis [kg*m^2].
     """
 
-    joint: str
+    joint: str = ""
+    along: str = ""
     ratio: float = 1.0
     efficiency: Annotated[float, msgspec.Meta(gt=0, le=1)] = 1.0
     rotor_inertia: Inertia = 0.0
 
     def check(self) -> None:
-        """Refuse a ratio of 0, infinity or NaN."""
+        """Refuse a ratio of 0, infinity or NaN, and a drive at nothing, or at two things."""
+        if bool(self.joint) == bool(self.along):
+            raise InputError("a drive acts at one joint, or along one coordinate", expected="the key joint, or along")
         if self.ratio == 0.0 or not math.isfinite(self.ratio):
             with within("ratio"):
                 raise InputError(
                     f"the ratio of a gear cannot be {self.ratio:g}", expected="a finite number other than 0"
                 )
+
+    @property
+    def coordinate(self) -> str:
+        """Name of the coordinate that it drives, a joint's own among them."""
+        return self.joint or self.along
 
     @property
     def armature(self) -> float:

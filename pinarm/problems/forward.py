@@ -12,6 +12,8 @@ from msgspec.structs import replace as replace_fields
 
 from pinarm.arrays import Array
 from pinarm.engine.checks.balance import LOST, energy_of
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.nullspace import VANISHED
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.friction.columns import friction_columns
 from pinarm.engine.kinematics.newton import start_configuration
@@ -156,7 +158,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         whole = IntegratedMotion(mechanism, hybrid, motion).outcome(grid)
         energy = {} if self.motion else energy_of(motion)
         notes = motion.diagnose() or _lost(energy.get("energy", 0.0))
-        remarks = [*_changed(mechanism, hybrid, v), *motion.remarks()]
+        remarks = [*_changed(mechanism, hybrid, v), *_uncertain(hybrid.guided, q, v), *motion.remarks()]
         return replace(whole, figures={**motion.cost(), **energy}, notes=(*remarks, *notes))
 
     def _require_branch(self, mechanism: Mechanism, hybrid: HybridSystem, motion: SegmentedMotion) -> None:
@@ -214,6 +216,27 @@ def _changed(mechanism: Mechanism, hybrid: HybridSystem, v: Array) -> list[str]:
         [f"the loops do not allow the given velocities, the closest are taken: {', '.join(changes)}"] if changes else []
     )
 
+
+def _uncertain(closure: Closure, q: Array, v: Array) -> list[str]:
+    """Return what is to be said of a start next to a singular position: rounding leaves 1e-16 over s^2 of velocities.
+
+    Args:
+        closure: The constraints, and the coordinates that follow laws.
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,).
+    """
+    if not closure.size or len(q) < closure.model.nq or not v.any():
+        return []
+    values = closure.singular_values(q)
+    least = float(values[values > VANISHED * closure.coarseness].min(initial=values[0])) / float(values[0])
+    noise = float(np.finfo(float).eps) / least**2
+    return [] if noise < TELLING else [
+        f"the motion begins at {least:.1g} of a regular position: rounding leaves about {noise:.0e} of its velocities"
+    ]  # fmt: skip
+
+
+TELLING = 1e-9
+"""Part of the velocities at the start that rounding leaves from which on it is told."""
 
 CONSISTENT = 1e-9
 """Difference of given velocities to what loops allow that typed digits explain [rad/s or m/s], or relative to it."""

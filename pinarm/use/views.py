@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pinarm.errors import PinarmError
 
 if TYPE_CHECKING:
+    import meshcat
+
     from pinarm.use.result.result import Result
     from pinarm.use.show.plot import Picture
     from pinarm.use.show.replay.page import Replay
@@ -42,6 +44,13 @@ def replay(result: Result, traces: Sequence[str], arrows: Sequence[str], plots: 
     from pinarm.use.show.replay import page
 
     return page.replay_page(result, traces=traces, arrows=arrows, plots=plots)
+
+
+def show(result: Result, visualizer: Any, name: str) -> meshcat.Visualizer:
+    """Show the run in a live viewer; see ``Result.show``."""
+    from pinarm.use.show.replay import live
+
+    return live.show(result, visualizer, name=name)
 
 
 def save(result: Result, folder: Path, *, plots: bool) -> Path:

@@ -170,7 +170,7 @@ ENTRIES: list[Entry] = [
       for cut in "ABC"],
     *[("singular loops", f"parallelogram set in motion {miss:g} rad before all bars are in line", PENDULUM,
        partial(parallelogram, FLAT - miss, {"O": 5.0}, 3.0, "B"), 1e-6, "noise close to singular positions")
-      for miss in (1e-3, 1e-6, 1e-9)],
+      for miss in (1e-3, 1e-5, 1e-6, 1e-9)],
     ("singular loops", "parallelogram started in line, velocities of both cranks given", PENDULUM,
      partial(parallelogram, FLAT, {"O": 5.0, "C": 5.0}, 3.0, "B"), 1e-6, "noise close to singular positions"),
     ("singular loops", "parallelogram started in line, velocity of one crank given", "none: two motions meet",

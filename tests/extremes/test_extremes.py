@@ -28,6 +28,7 @@ PERMITTED = {
     "tip led past the base at 1e-9 m, the arm folded": SINGULAR,
     "tip led through the base, the arm folded": SINGULAR,
     "tip of a shorter forearm led inside of the inner border": BEYOND,
+    "parallelogram set in motion 1e-06 rad before all bars are in line": "last digits of the start would choose",
     "parallelogram set in motion 1e-09 rad before all bars are in line": SINGULAR,
     "parallelogram started in line, velocity of one crank given": SINGULAR,
     "parallelogram let go in line, at rest": STOPS,

@@ -390,6 +390,7 @@ def main() -> int:
     """Try the mutants that are asked for; return 1 where one got through."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=1000, help="mutants of each kind")
+    parser.add_argument("--first", type=int, default=0, help="number of the first one: others than were tried before")
     parser.add_argument("--kind", action="append", help="of these kinds only")
     parser.add_argument("--folder", type=Path, default=Path("results/mutants"), help="where findings are kept")
     parser.add_argument("--show", nargs=2, metavar=("KIND", "NUMBER"), help="print a mutant and what becomes of it")
@@ -404,24 +405,24 @@ def main() -> int:
             print("\n" + tried(name, known[name], number, Path(folder)))
             return 0
     options.folder.mkdir(parents=True, exist_ok=True)
-    return int(any([_run(name, options.count, options.folder) for name in options.kind or known]))
+    return int(any([_run(name, options.first, options.count, options.folder) for name in options.kind or known]))
 
 
-def _run(name: str, count: int, folder: Path) -> bool:
-    """Try the mutants of a kind from where it was left; return whether one got through."""
+def _run(name: str, first: int, count: int, folder: Path) -> bool:
+    """Try ``count`` mutants of a kind, from the first or from where it was left; return whether one got through."""
     state, begin = folder / f"{name}.json", time.monotonic()
-    done = json.loads(state.read_text()) if state.exists() else {"next": 0, "counts": {}, "through": {}}
-    first = done["next"]
-    for number, said in outcomes(name, first, count):
+    done = json.loads(state.read_text()) if state.exists() else {"next": first, "counts": {}, "through": {}}
+    last, first = first + count, done["next"]
+    for number, said in outcomes(name, first, last):
         ended = said if said in ("answered", "refused") else "through"
         done["counts"][ended] = done["counts"].get(ended, 0) + 1
         if ended == "through":
             done["through"][str(number)] = said
         done["next"] = number + 1
-        if ended == "through" or number % 50 == 0 or number == count - 1:
+        if ended == "through" or number % 50 == 0 or number == last - 1:
             state.write_text(json.dumps(done, indent=1))
             rate = (number + 1 - first) / (time.monotonic() - begin)
-            print(f"\r{name}: {number + 1} of {count}, {rate:.0f}/s, {done['counts']}", end="", flush=True)
+            print(f"\r{name}: {number + 1} of {last}, {rate:.0f}/s, {done['counts']}", end="", flush=True)
     print()
     return bool(done["through"])
 

@@ -208,6 +208,19 @@ def test_the_power_screw_of_the_textbook(write, joint, flank):
     assert turning.figures["friction"] < 1e-13
 
 
+def test_a_screw_with_three_starts_on_a_collar(write):
+    """Bhandari, Design of Machine Elements, example 6.1: 50 mm, three starts of 8 mm, 15 kN, mu = 0.15 for thread and
+    collar, of 65 to 100 mm: 204.64 N*m raise the load, 87.40 N*m lower it.
+    """
+    mechanism = f"""{LOAD.replace("-6.4 kN", "-15 kN")}{COUPLED.replace("8 mm", "24 mm")}friction:
+  thread: {{mu: 0.15, radius: 23 mm}}
+  turn: {{mu: 0.15, radius: 23 mm, thrust_radius: 41.25 mm}}
+"""
+    held = pinarm.run(write(SCREW, mechanism, "{kind: statics, hold: {turn: 0 rad}, drives: [turn]}", TORQUE))
+    lower, upper = (float(held[f"joint.turn.effort.{side}"].values[0]) for side in ("lower", "upper"))
+    assert (round(upper, 2), round(-lower, 2)) == (204.64, 87.40)
+
+
 @pytest.mark.parametrize(("angle", "locks"), [(4.0, True), (20.0, False)])
 def test_the_efficiency_of_a_worm_comes_out(write, angle, locks):
     """Shigley, section 13-17: ``(cos phi - mu tan L) / (cos phi + mu cot L)``, phi normal to the thread."""

@@ -90,8 +90,18 @@ problem:
 outputs: [alpha, point.tip.velocity.x]
 """
 
+RECORDED = """\
+pinarm: 1
+mechanism: pendulum.yaml
+problem:
+  kind: recorded
+  columns: {"t [s]": [0, 0.5, 1], "pivot [deg]": 0 10 30, "joint.pivot.velocity [rad/s]": [0, 1, 0.5],
+            "joint.pivot.acceleration [rad/s^2]": [1, 0, -1]}
+outputs: [M, alpha]
+"""
+
 KINDS = {"statics": STATICS, "inverse": INVERSE, "forward": FORWARD, "state": STATE, "equilibria": EQUILIBRIA,
-         "kinematics": KINEMATICS}  # fmt: skip
+         "kinematics": KINEMATICS, "recorded": RECORDED}  # fmt: skip
 
 
 @pytest.fixture

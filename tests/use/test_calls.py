@@ -13,6 +13,8 @@ import pinarm
 from pinarm.cli.main import _parser, main
 from pinarm.errors import InputError
 
+ROOT = Path(pinarm.__file__).parents[1]
+
 
 def commands() -> set[str]:
     [choices] = [action for action in _parser([])._actions if isinstance(action, argparse._SubParsersAction)]
@@ -124,3 +126,18 @@ def test_a_scenario_may_be_plain_data():
         with pytest.raises(InputError, match="unknown key 'hld'") as error:
             pinarm.validate({**data, "problem": {**data["problem"], "hld": {}}})
     assert str(error.value.location) == "scenario: problem.hld"
+
+
+def test_reprs_are_one_short_line() -> None:
+    """What a console or a debugger shows of each: names and sizes, not fields."""
+    mechanism = pinarm.Mechanism.load(ROOT / "models" / "manipulator" / "mechanism.yaml")
+    scenario = pinarm.load(ROOT / "scenarios" / "gen411_arm_static.yaml")
+    result = scenario.run()
+    batch = pinarm.batch(ROOT / "scenarios" / "crank_rocker_free.yaml", {})
+    shown = [repr(each) for each in (mechanism, scenario, result, result["C_B"], batch)]
+    assert all(len(text) < 160 and "\n" not in text for text in shown), shown
+    assert f"{len(mechanism.constraints)} constraints, nv {mechanism.model.nv}>" in shown[0]
+    assert shown[1] == "<Scenario 'gen411_arm_static', statics of ../models/gen411_arm/mechanism.yaml; C_B, F_Bx, F_By>"
+    assert shown[2] == "<Result of 'gen411_arm_static', statics: 241 rows; C_B, F_Bx, F_By>"
+    assert shown[3] == "C_B [N*m]: 241 values, 0.73575 to 1.4715"
+    assert shown[4].startswith("<Batch of 'crank_rocker_free': 1 motions, ")

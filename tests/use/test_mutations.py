@@ -26,7 +26,7 @@ expect:
   - {quantity: M, at: max, published: 20.0 N*m, because: 20*alpha, verdict: rounding, value: 20 N*m, source: s}
   - {quantity: M, formula: 1*M, published_formula: 2*M + 1, verdict: misprint, rtol: 1e-3, source: s}
 symbols: {twice: 2*alpha, more: twice + 1}
-accuracy: {tolerance: 1e-6}
+accuracy: {tolerance: 1e-6, max_steps: 3000}
 payloads: {sack: {point: tip, mass: 1 kg, inertia: [0 kg*m^2, 1 kg*m^2, 1 kg*m^2]}}
 gravity: {direction: x, magnitude: 1 m/s^2}
 """

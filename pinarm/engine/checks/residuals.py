@@ -47,6 +47,8 @@ def residual_figures(run: Trajectory, motion: SolvedMotion | None = None, most: 
     if run.mechanism.closure.size:
         gaps = found.gaps.max(axis=0).tolist()
         figures.update(zip(("closure", "closure rate", "closure acceleration"), gaps, strict=True))
+        if run.unknown:  # rates that are NaN
+            figures = {name: gap for name, gap in figures.items() if not np.isnan(gap)}
         values = run.mechanism.closure.values_of(found.own)
         figures |= zip(("regularity", "least regular at"), nearest_singularity(run, motion, rows, values), strict=True)
     if run.no_efforts:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from pinarm.arrays import Array, Indices
+from pinarm.arrays import Array, Flags, Indices
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import RANK, VANISHED
 from pinarm.engine.dynamics.coordinate_partition import Targets
@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 PROXIMAL, ITERATIONS = 1e-10, 3
 """Proximal term of accelerations, relative to the smallest Delassus diagonal, and iterations."""
+
+MET = 1e-12
+"""What the iteration may leave of the rows, where it ends [m/s^2]."""
 
 TOLERANT, REPEATS = 1e-3, 8
 """The same where redundant points are not quite closed, relative to the least eigenvalue of the Delassus matrix that
@@ -81,6 +84,14 @@ class CoincidentPoints:
         points.extend(needed)
         return CoincidentPoints(model, points, held, inertia, rank, regularity)
 
+    @cached_property
+    def acting(self) -> Flags:
+        """Which rows are not 0 at all configurations, such as those across the plane of a linkage, shape (m,)."""
+        data, rows = self.model.createData(), 0.0
+        for q in places_of(self.model):
+            rows = np.maximum(rows, np.abs(_rows(self.model, data, list(self.needed), q)).max(axis=1))
+        return np.asarray(rows > NOISE * np.max(rows))
+
 
 @dataclass(frozen=True, eq=False)
 class PointConstraints:
@@ -116,7 +127,7 @@ class PointConstraints:
         for point in tied.needed:
             states.append(point.createData())
         pin.initConstraintDynamics(model, data, tied.needed, states)
-        inverse = _inverse_mass(model, data, q)
+        inverse = inverse_mass(model, data, q)
         if inverse is None:
             return None
         rows = _rows(model, data, list(tied.needed), q)
@@ -125,25 +136,25 @@ class PointConstraints:
         scale = float(diagonal[diagonal > RANK**2 * diagonal.max()].min())
         return cls(tied, data, states, pin.ConstraintCholeskyDecomposition(model, data, tied.needed, states), scale)
 
-    def acceleration(self, dynamics: Dynamics, targets: Targets) -> Acceleration:
-        """Return the constrained motion's ``(t, q, v) -> a`` under the forces of ``dynamics`` and the given laws."""
-        return self._solved(dynamics, targets, pin.ProximalSettings(1e-12, PROXIMAL * self.scale, ITERATIONS))
+    @property
+    def exact(self) -> pin.ProximalSettings:
+        """How accelerations are solved for."""
+        return pin.ProximalSettings(MET, PROXIMAL * self.scale, ITERATIONS)
 
-    def tolerant(self, dynamics: Dynamics, targets: Targets, q: Array, rank: int) -> Acceleration:
+    def tolerant(self, q: Array, rank: int) -> pin.ProximalSettings:
         """Return the same for states whose redundant points are not quite closed, as they are within steps.
 
         Args:
-            dynamics: The forces.
-            targets: The laws.
             q: A closed configuration that is not close to a singular one, shape (nq,).
             rank: Rank of the rows there.
         """
         model, data = self.tied.model, self.data
         rows, mass = _rows(model, data, list(self.tied.needed), q), mass_matrix(model, q)
         least = float(np.linalg.eigvalsh(rows @ np.linalg.solve(mass, rows.T))[-rank])
-        return self._solved(dynamics, targets, pin.ProximalSettings(1e-12, TOLERANT * least, REPEATS))
+        return pin.ProximalSettings(MET, TOLERANT * least, REPEATS)
 
-    def _solved(self, dynamics: Dynamics, targets: Targets, settings: pin.ProximalSettings) -> Acceleration:
+    def acceleration(self, dynamics: Dynamics, targets: Targets, settings: pin.ProximalSettings) -> Acceleration:
+        """Return the constrained motion's ``(t, q, v) -> a`` under the forces of ``dynamics`` and the given laws."""
         model, data, points, states = self.tied.model, self.data, self.tied.needed, self.states
         solve, load, driven, inertia = pin.constraintDynamics, dynamics.load(), self.tied.driven, self.tied.inertia
 
@@ -232,7 +243,7 @@ def _independent(
         What is left, the rank, and the better regularity of the two; nothing where the rows of those left contradict
         each other by more than ``NOISE``.
     """
-    places = _places(model)
+    places = places_of(model)
     rows = [_rows(model, data, points, q).reshape(len(points), 3, -1) for q in places]
     bases = [np.zeros((0, model.nv)) for _ in places]
     kept: list[pin.RigidConstraintModel] = []
@@ -249,7 +260,7 @@ def _independent(
     return kept, rank, max(float(value[rank - 1] / value[0]) for value in values)
 
 
-def _places(model: pin.Model) -> list[Array]:
+def places_of(model: pin.Model) -> list[Array]:
     """Return two configurations of no special kind."""
     generator = np.random.default_rng(0)
     return [pin.integrate(model, pin.neutral(model), generator.uniform(-1.0, 1.0, model.nv)) for _ in range(2)]
@@ -261,8 +272,8 @@ def _unevenness(model: pin.Model, data: pin.Data, points: Sequence[pin.RigidCons
     The larger one of two configurations of no special kind, so that it tells of masses and not of singular positions.
     """
     found = 1.0
-    for q in _places(model):
-        rows, inverse = _rows(model, data, points, q), _inverse_mass(model, data, q)
+    for q in places_of(model):
+        rows, inverse = _rows(model, data, points, q), inverse_mass(model, data, q)
         if inverse is None:
             continue
         delassus = rows @ inverse @ rows.T
@@ -281,7 +292,7 @@ def _grown(basis: Array, rows: Array, least: float) -> Array:
     return np.vstack([basis, vt[s > max(RANK * float(np.linalg.norm(rows)), least)]])
 
 
-def _inverse_mass(model: pin.Model, data: pin.Data, q: Array) -> Array | None:
+def inverse_mass(model: pin.Model, data: pin.Data, q: Array) -> Array | None:
     """Return the inverse of M, shape (nv, nv); ``None`` where M is singular."""
     mass = mass_matrix(model, q)
     size = np.sqrt(np.diag(mass))

@@ -5,13 +5,15 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pinarm.arrays import Array, Indices
 from pinarm.engine.integration.integrator import EmbeddedPair, Interval, Solution, Step
-from pinarm.engine.integration.step_control import FASTEST, GAIN, HUGE, LOST, SAFETY, SHORTEST, SLOWEST, TINY
+from pinarm.engine.integration.step_control import FASTEST, GAIN, HUGE, LOST, NOISE, SAFETY, SHORTEST, SLOWEST, TINY
 from pinarm.engine.integration.tableaus import Tableau
 from pinarm.engine.kernel.library import Flow, contiguous, library, pointer
 from pinarm.engine.kernel.structures import ControlStructure, CourseStructure, PairStructure
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from pinarm.engine.integration.methods.explicit import AdaptiveStepper
 
 FEWEST, MOST = 16, 512
-"""Most steps of the first call, and of later ones: each may take twice as many as the one before. An event that ends
+"""Most steps of the first call, and of later ones: each may take twice as many as one that was full. An event that ends
 the motion makes the steps after it useless, and memory is taken for all of them."""
 
 
@@ -49,6 +51,8 @@ class _Record(NamedTuple):
     Attributes:
         times: Starts, lengths and ends of the steps [s], shape (3, m).
         rejections: Steps rejected before each, shape (m,).
+        floored: Whether each was accepted as rounding, shape (m,).
+        marks: Mark of the state at the end of each, shape (m,).
         states: y at their starts, shape (m, n).
         slopes: Slopes at their stages, those of the step that is tried last included, shape (m + 1, s + 1, n).
         scratch: Buffer, shape (2, n).
@@ -56,6 +60,8 @@ class _Record(NamedTuple):
 
     times: Array
     rejections: Indices
+    floored: NDArray[np.intc]
+    marks: NDArray[np.intc]
     states: Array
     slopes: Array
     scratch: Array
@@ -63,11 +69,14 @@ class _Record(NamedTuple):
     @classmethod
     def of(cls, room: int, stages: int, n: int) -> _Record:
         slopes = np.empty((room + 1, stages + 1, n))
-        return cls(np.empty((3, room)), np.empty(room, np.intp), np.empty((room, n)), slopes, np.empty((2, n)))
+        floored, marks = np.empty((2, room), np.intc)
+        times, states = np.empty((3, room)), np.empty((room, n))
+        return cls(times, np.empty(room, np.intp), floored, marks, states, slopes, np.empty((2, n)))
 
     def pointers(self) -> list[int]:
         """Return the addresses in the order of ``Course``, behind that of y."""
-        return [pointer(x) for x in (self.scratch, *self.times, self.rejections, self.states, self.slopes)]
+        steps = *self.times, self.rejections, self.floored, self.marks, self.states, self.slopes
+        return [pointer(x) for x in (self.scratch, *steps)]
 
 
 @dataclass
@@ -87,6 +96,8 @@ class CompiledSteps:
     room: int = FEWEST
     _rejected: list[int] = field(default_factory=list)
     """Number of steps rejected in all before each step of the solution."""
+    _floored: list[int] = field(default_factory=list)
+    """Which of its steps were accepted as rounding."""
 
     def __post_init__(self) -> None:
         self._coefficients = _Coefficients.of(self.pair.tableau)
@@ -94,24 +105,40 @@ class CompiledSteps:
     def take(self, index: int, t: float, h: float, tries: int) -> tuple[float, float]:
         """Take as many steps in an interval as there is room for."""
         interval, stages, y = self.solution.intervals[index], self.pair.tableau.stages, self.stepper.y
-        record, self.room = _Record.of(self.room, stages, len(y)), min(2 * self.room, MOST)
-        record.slopes[0, 0] = self.stepper.stages.slopes[0]
-        course = CourseStructure(
-            t, interval.start, interval.end, h, self.stepper.ceiling, tries, len(record.states), 0, 0,
-            pointer(y), *record.pointers(),
-        )  # fmt: skip
         compiled, flow = library(), interval.compiled
         if compiled is None or flow is None:
             raise ValueError("the compiled library has gone")
+        record = _Record.of(self.room, stages, len(y))
+        record.slopes[0, 0] = self.stepper.stages.slopes[0]
+        course = CourseStructure(
+            t, interval.start, interval.end, h, self.stepper.ceiling, tries, len(record.states), 0, 0, 0,
+            pointer(y), *record.pointers(),
+        )  # fmt: skip
+        flow.ready()
         parts = self._coefficients.structure, flow.structure, self._control(interval), course
         compiled.pair_steps(*map(ctypes.byref, parts))
         self._add(index, course, record)
+        if course.written == self.room:
+            self.room = min(2 * self.room, MOST)
         self.stepper.ceiling = course.ceiling
+        if flow.settles and course.written:
+            self._settle(interval, flow, course, record)
         return course.t, course.h
+
+    def _settle(self, interval: Interval, flow: Flow, course: CourseStructure, record: _Record) -> None:
+        """Let the motion know which states have been settled, and let it settle the one that is handed back."""
+        settled, count = course.written - course.handed, self.solution.count
+        if settled:
+            flow.advanced(record.times[2, :settled].tolist(), record.marks[:settled].tolist())
+        count.evaluations += settled
+        if course.handed:
+            count.evaluations += self.stepper.stages.settle(course.t)
+            if record.floored[course.written - 1]:
+                course.h = max(course.h, interval.floor())
 
     def _control(self, interval: Interval) -> ControlStructure:
         return ControlStructure(
-            self.pair.tolerance, interval.size, SAFETY, GAIN, SLOWEST, FASTEST, LOST, HUGE, TINY, SHORTEST
+            self.pair.tolerance, interval.size, SAFETY, GAIN, SLOWEST, FASTEST, LOST, HUGE, TINY, SHORTEST, NOISE
         )
 
     def _add(self, index: int, course: CourseStructure, record: _Record) -> None:
@@ -122,6 +149,8 @@ class CompiledSteps:
         self.solution.steps += [Step(t, h, until, y, k, index) for (t, h, until), y, k in added]
         before = count.rejected
         self._rejected += [before + number for number in record.rejections[:written].tolist()]
+        self._floored += record.floored[:written].tolist()
+        count.floored += sum(record.floored[:written].tolist())
         count.rejected += course.rejected
         count.evaluations += (written + course.rejected) * self.pair.tableau.stages
         refused_last = not written or count.rejected > self._rejected[-1]
@@ -133,13 +162,24 @@ class CompiledSteps:
         count = self.solution.count
         surplus = len(self.solution.steps) - index - 1 + count.rejected - self._rejected[index]
         count.rejected = self._rejected[index]
-        count.evaluations -= surplus * self.pair.tableau.stages
-        del self._rejected[index + 1 :]
+        count.floored = sum(self._floored[: index + 1])
+        flow, dropped = self.solution.intervals[-1].compiled, len(self.solution.steps) - index - 1
+        count.evaluations -= surplus * self.pair.tableau.stages + (dropped if flow and flow.settles else 0)
+        del self._rejected[index + 1 :], self._floored[index + 1 :]
         self.solution.truncate(index + 1)
 
 
 def terms(tableau: Tableau, flow: Flow, steps: Sequence[Step]) -> Array:
     """Return the terms of the dense output of steps, see ``Method.interpolants``, shape (n, d, nq + nv)."""
+    found = []
+    for way, group in [(way, list(group)) for way, group in groupby(steps, lambda step: flow.way(step.t))]:
+        flow.take(way)
+        found.append(_terms(tableau, flow, group))
+    return np.concatenate(found)
+
+
+def _terms(tableau: Tableau, flow: Flow, steps: Sequence[Step]) -> Array:
+    """Return the terms of steps that have been taken in one way."""
     coefficients, compiled = _Coefficients.of(tableau), library()
     if compiled is None:
         raise ValueError("the compiled library has gone")

@@ -17,6 +17,10 @@ PARTS, REFINEMENTS = 16, 14
 NEGLIGIBLE = 1e-14
 """Size of the last coefficients of a series that are rounding, over the largest; they would disturb its roots."""
 
+BESIDE = 1e-3
+"""Part of a step up to which roots outside of it are told from those within: one at an end may be on either side. Signs
+between the roots decide what is a crossing."""
+
 CONVERGED, MOST_PARTS = 1e-3, 4096
 """Size of the last coefficients of a series that has converged, over the largest; and most steps tried for it."""
 
@@ -161,8 +165,8 @@ def _brackets(values: Array, direction: int) -> list[tuple[float, float]]:
     significant = np.flatnonzero(np.abs(series) > NEGLIGIBLE * np.abs(series).max())
     roots = np.polynomial.chebyshev.chebroots(series[: significant[-1] + 1]) if len(significant) else np.zeros(0)
     real = np.sort(0.5 + 0.5 * roots.real[np.abs(roots.imag) < 1e-4])
-    inner = real[(real > 0.0) & (real < 1.0)]
-    bounds = np.concatenate([[0.0], 0.5 * (inner[1:] + inner[:-1]), [1.0]])
+    here = np.clip(real[(real > -BESIDE) & (real < 1.0 + BESIDE)], 0.0, 1.0)
+    bounds = np.concatenate([[0.0], 0.5 * (here[1:] + here[:-1]), [1.0]])
     above = np.polynomial.chebyshev.chebval(2.0 * bounds - 1.0, series) >= 0.0
     above[0], above[-1] = values[0] >= 0.0, values[-1] >= 0.0
     return [

@@ -31,6 +31,9 @@ PASSED = 1e12
 SHORTEST = 16.0
 """Smallest step, in units in the last place of t: in shorter ones ``t + c h`` of some stage equals t."""
 
+NOISE = 1e-6
+"""Error of a step, relative to ``1 + |y|``, up to which amplified rounding near a singular position explains it."""
+
 
 def growth(
     error: Number, order: int, ceiling: Number, least: Callable[..., Number] = min, most: Callable[..., Number] = max

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -35,6 +36,24 @@ class Flow:
     structure: FlowStructure
     system: Any = field(repr=False)
 
+    @property
+    def settles(self) -> bool:
+        """Whether accepted states are brought back onto constraints."""
+        return bool(self.structure.settle)
+
+    def ready(self) -> None:
+        """Bring the system to the present state of the motion."""
+
+    def way(self, t: float) -> Any:
+        """Return in which way the accepted step was taken that begins at t [s]."""
+        return None
+
+    def take(self, way: Any) -> None:
+        """Let rates be those of steps that were taken in a way."""
+
+    def advanced(self, ends: Sequence[float], marks: Sequence[int]) -> None:
+        """Note that steps have been taken to these instants [s], and the states there settled, with these marks."""
+
 
 @cache
 def library() -> ctypes.PyDLL | None:
@@ -60,6 +79,11 @@ def absence() -> str:
     if os.environ.get(SWITCH) == "off":
         return f"switched off by {SWITCH}=off"
     return f"{PATH.name} is of another version or system" if PATH.exists() else "not built, for want of a C compiler"
+
+
+def address(function: Any) -> int | None:
+    """Return the address of a function of the library."""
+    return ctypes.cast(function, ctypes.c_void_p).value
 
 
 def pointer(array: NDArray[Any]) -> int:

@@ -54,8 +54,22 @@ class JointFrame(NamedTuple):
     rotation: Array
 
 
-def links_of(model: pin.Model) -> tuple[NDArray[np.void], NDArray[np.void]] | None:
-    """Return the links of a model, and the screw of each velocity; ``None`` where a joint is of no known kind.
+class Links(NamedTuple):
+    """The links of a model.
+
+    Attributes:
+        links: Links, shape (njoints - 1,), of ``structures.LINK``.
+        screws: The screw of each velocity, shape (nv,), of ``structures.SCREW``.
+        axes: Axes of the frames of the world and of the links in Pinocchio's, as columns, shape (njoints, 3, 3).
+    """
+
+    links: NDArray[np.void]
+    screws: NDArray[np.void]
+    axes: Array
+
+
+def links_of(model: pin.Model) -> Links | None:
+    """Return the links of a model; ``None`` where a joint is of no known kind.
 
     With the axes A of a link's frame in Pinocchio's, and A_p of its parent's, placements are ``A_p^T R A`` and
     ``A_p^T r``, and of the body ``A^T m c`` and ``A^T I A``.
@@ -65,8 +79,8 @@ def links_of(model: pin.Model) -> tuple[NDArray[np.void], NDArray[np.void]] | No
     if len(frames) < len(joints):
         return None
     parents, links = np.array(model.parents.tolist())[1:], np.zeros(len(frames), LINK)
-    turned = np.array([frame.rotation for frame in frames])
-    outwards = np.array([np.eye(3), *turned])[parents].swapaxes(1, 2)
+    axes = np.array([np.eye(3), *(frame.rotation for frame in frames)])
+    turned, outwards = axes[1:], axes[parents].swapaxes(1, 2)
     placements = np.array([one.homogeneous for one in model.jointPlacements.tolist()[1:]])
     bodies = np.array([one.toDynamicParameters() for one in model.inertias.tolist()[1:]])
     links["parent"], links["kind"] = parents - 1, [frame.kind for frame in frames]
@@ -76,7 +90,7 @@ def links_of(model: pin.Model) -> tuple[NDArray[np.void], NDArray[np.void]] | No
     links["mass"], links["moment"] = bodies[:, 0], np.vecmat(bodies[:, 1:4], turned)
     inertias = turned.swapaxes(1, 2) @ bodies[:, SYMMETRIC].reshape(-1, 3, 3) @ turned
     links["inertia"] = inertias[:, *np.triu_indices(3)]
-    return links, np.array([screw for frame in frames for screw in frame.screws], SCREW)
+    return Links(links, np.array([screw for frame in frames for screw in frame.screws], SCREW), axes)
 
 
 def _frame(model: pin.Model, joint: pin.JointModel) -> JointFrame | None:

@@ -26,16 +26,84 @@ DEGREE = np.dtype([
 ROTATION_SPRING = np.dtype([("q", np.intc), ("v", np.intc), ("stiffness", float)], align=True)
 """A spring of a ball joint."""
 
-LINK_STATE, DEGREE_STATE = np.dtype((float, 12 + 18 + 21 + 6)), np.dtype((float, 8))
+POINT_SPRING = np.dtype([
+    ("link", np.intc, 2), ("place", float, (2, 3)),
+    *((name, float) for name in ("stiffness", "damping", "rest", "pull")),
+], align=True)  # fmt: skip
+"""A spring between two points."""
+
+LINK_STATE, DEGREE_STATE = np.dtype((float, 24 + 18 + 21 + 6)), np.dtype((float, 7))
 """Buffers of the recursion for a link, and for a velocity."""
+
+MOST_ROWS = 6
+"""Most rows of a loop joint."""
+
+LOOP = np.dtype([
+    ("kind", np.intc), ("rows", np.intc), ("link", np.intc, 2),
+    *((name, np.intc) for name in ("first", "path", "links", "support", "degrees", "coupled")),
+    ("frame", [("rotation", float, (3, 3)), ("translation", float, 3)], 2),
+    ("along", float, (MOST_ROWS, 3)), ("about", float, (MOST_ROWS, 3)),
+], align=True)  # fmt: skip
+"""A joint that closes a loop."""
+
+LOOP_STATE, FORCE = np.dtype((float, 3 + 9 + 18 * MOST_ROWS)), np.dtype((float, 6))
+"""Buffers for a loop joint, and for a force."""
 
 
 class TreeStructure(ctypes.Structure):
     """A tree of links with its buffers."""
 
     _fields_ = [
-        *((name, INT) for name in ("links", "nq", "nv", "rotation_springs")), ("gravity", REAL * 3),
-        *((name, POINTER) for name in ("link", "degree", "rotation_spring", "link_state", "degree_state", "tau")),
+        *((name, INT) for name in ("links", "nq", "nv", "rotation_springs", "point_springs")),
+        ("gravity", REAL * 3),
+        *((name, POINTER) for name in ("link", "degree", "rotation_spring", "point_spring")),
+        *((name, POINTER) for name in ("link_state", "degree_state", "tau")),
+    ]  # fmt: skip
+
+
+class SkylineStructure(ctypes.Structure):
+    """A symmetric matrix whose rows are stored from their first entry on."""
+
+    _fields_ = [
+        ("rows", SIZE),
+        *((name, POINTER) for name in ("first", "origin", "entry", "factor")),
+    ]
+
+
+class ProximalStructure(ctypes.Structure):
+    """How multipliers are found."""
+
+    _fields_ = [("term", REAL), ("accuracy", REAL), ("repeats", INT)]
+
+
+class LimitsStructure(ctypes.Structure):
+    """When a position is regular, and how a singular one is passed."""
+
+    _fields_ = [
+        *((name, REAL) for name in ("usual", "near", "ahead", "coarse", "close", "blind", "vanished", "accuracy")),
+        ("aside", REAL), ("across", REAL * 4), ("floor", REAL), ("rank", INT),
+    ]  # fmt: skip
+
+
+class ConstraintsStructure(ctypes.Structure):
+    """A tree with loops, and its buffers."""
+
+    _fields_ = [
+        ("tree", POINTER), *((name, INT) for name in ("loops", "path_length", "support_length")),
+        *((name, POINTER) for name in ("loop", "path", "dof", "loop_state")), ("delassus", SkylineStructure),
+        *((name, POINTER) for name in ("carried", "reduced", "spread", "weight", "right", "multiplier", "before")),
+    ]  # fmt: skip
+
+
+class ClosingStructure(ctypes.Structure):
+    """A motion along loops."""
+
+    _fields_ = [
+        ("rows", ConstraintsStructure), ("exact", ProximalStructure), ("tolerant", ProximalStructure),
+        *((name, REAL) for name in ("projection", "closed", "stalled", "torn")), ("corrections", INT),
+        ("limits", LimitsStructure),
+        *((name, POINTER) for name in ("scale", "generalised", "change", "sum", "part", "state", "saved")),
+        ("near", INT), *((name, REAL) for name in ("regular", "t", "step", "floor")),
     ]  # fmt: skip
 
 
@@ -51,7 +119,7 @@ class PairStructure(ctypes.Structure):
 class FlowStructure(ctypes.Structure):
     """What is integrated."""
 
-    _fields_ = [("n", SIZE), ("rates", POINTER), ("system", POINTER)]
+    _fields_ = [("n", SIZE), *((name, POINTER) for name in ("rates", "settle", "floor", "system"))]
 
 
 class ControlStructure(ctypes.Structure):
@@ -59,7 +127,19 @@ class ControlStructure(ctypes.Structure):
 
     _fields_ = [
         (name, REAL)
-        for name in ("tolerance", "size", "safety", "gain", "slowest", "fastest", "lost", "huge", "tiny", "shortest")
+        for name in (
+            "tolerance",
+            "size",
+            "safety",
+            "gain",
+            "slowest",
+            "fastest",
+            "lost",
+            "huge",
+            "tiny",
+            "shortest",
+            "noise",
+        )
     ]
 
 
@@ -68,12 +148,18 @@ class CourseStructure(ctypes.Structure):
 
     _fields_ = [
         *((name, REAL) for name in ("t", "start", "end", "h", "ceiling")),
-        *((name, SIZE) for name in ("tries", "room", "written", "rejected")),
-        *((name, POINTER) for name in ("y", "scratch", "starts", "lengths", "ends", "rejections", "states", "slopes")),
+        *((name, SIZE) for name in ("tries", "room", "written", "rejected", "handed")),
+        *((name, POINTER) for name in ("y", "scratch", "starts", "lengths", "ends")),
+        *((name, POINTER) for name in ("rejections", "floored", "marks", "states", "slopes")),
     ]
 
 
-ARRAYS = (SCREW, LINK, DEGREE, ROTATION_SPRING, LINK_STATE, DEGREE_STATE)
-STRUCTURES = (TreeStructure, PairStructure, FlowStructure, ControlStructure, CourseStructure)
+ARRAYS = (
+    SCREW, LINK, DEGREE, ROTATION_SPRING, POINT_SPRING, LINK_STATE, DEGREE_STATE, LOOP, LOOP_STATE, FORCE,
+)  # fmt: skip
+STRUCTURES = (
+    TreeStructure, SkylineStructure, ConstraintsStructure, ClosingStructure, PairStructure, FlowStructure,
+    ControlStructure, CourseStructure,
+)  # fmt: skip
 SIZES = (*(one.itemsize for one in ARRAYS), *map(ctypes.sizeof, STRUCTURES))
 """Sizes [bytes], in the order of ``kernel_sizes`` in ``kernel.c``."""

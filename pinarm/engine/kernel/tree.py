@@ -1,4 +1,4 @@
-"""Trees whose free motion the compiled library computes, under springs, dampers and steady efforts at joints.
+"""Trees whose free motion the compiled library computes, under springs, dampers and steady efforts.
 
 Pinocchio judges it: before the first step the accelerations of the two are compared, which share no code.
 """
@@ -8,19 +8,21 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from pinarm.arrays import Array
-from pinarm.engine.kernel.library import Flow, library, pointer
+from pinarm.engine.kernel.checks import links_are_sound, loads_are_sound
+from pinarm.engine.kernel.library import Flow, address, library, pointer
 from pinarm.engine.kernel.links import links_of
 from pinarm.engine.kernel.structures import (
     DEGREE,
     DEGREE_STATE,
     LINK_STATE,
+    POINT_SPRING,
     ROTATION_SPRING,
     FlowStructure,
     TreeStructure,
@@ -30,6 +32,7 @@ from pinarm.mechanics.forces.force_element import ForceElement
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Acceleration
     from pinarm.mechanics.forces.joint_springs import SpringDamper
+    from pinarm.mechanics.forces.point import TwoPointSpring
 
 AGREEMENT = 1e-12
 """Largest difference to Pinocchio's accelerations, relative to these and to the squares of velocities: a thousand
@@ -38,7 +41,22 @@ times the rounding on usual trees, and below what any tolerance of an integratio
 STATES = 3
 """Number of states at which they are compared."""
 
+NO_FLOOR = np.zeros(1)
+"""The smallest useful step of trees [s]."""
+
 DISAGREES = "the compiled kernel is not used: its accelerations differ from Pinocchio's by {:.1e}"
+
+
+class LoadedTree(NamedTuple):
+    """A tree with its loads, for the library.
+
+    Attributes:
+        structure: The C structure.
+        arrays: What it points to.
+    """
+
+    structure: TreeStructure
+    arrays: tuple[NDArray[Any], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +67,13 @@ class CompiledTree:
         model: Pinocchio's model.
         links: Its links, shape (njoints - 1,), of ``structures.LINK``.
         screws: The screw of each velocity, shape (nv,), of ``structures.SCREW``.
+        axes: Axes of the frames of the world and of the links in Pinocchio's, as columns, shape (njoints, 3, 3).
     """
 
     model: pin.Model
     links: NDArray[np.void]
     screws: NDArray[np.void]
+    axes: Array
 
     @classmethod
     def of(cls, model: pin.Model) -> CompiledTree | None:
@@ -68,24 +88,43 @@ class CompiledTree:
             steady: The sum of the steady loads [N*m or N], shape (nv,).
             changing: The other force elements; springs and dampers at joints as one, see ``forces.summed``.
         """
+        compiled, tree = library(), self.loaded(steady, changing)
+        if compiled is None or tree is None:
+            return None
+        n = self.model.nq + self.model.nv
+        places = address(compiled.tree_rates), None, pointer(NO_FLOOR), ctypes.addressof(tree.structure)
+        return Flow(FlowStructure(n, *places), tree)
+
+    def loaded(self, steady: Array, changing: Sequence[ForceElement]) -> LoadedTree | None:
+        """Return the tree with its loads; ``None`` where the library does not know one of them, or a number is none."""
         from pinarm.mechanics.forces.joint_springs import BallSpring, SpringDamper
+        from pinarm.mechanics.forces.point import TwoPointSpring
 
         springs = [one for one in changing if isinstance(one, SpringDamper)]
         balls = [(one.q, one.v, one.stiffness) for one in changing if isinstance(one, BallSpring)]
-        if len(springs) + len(balls) < len(changing) or len(springs) > 1:
+        lines = [self._between_points(one) for one in changing if isinstance(one, TwoPointSpring)]
+        if len(springs) + len(balls) + len(lines) < len(changing) or len(springs) > 1:
             return None
         model, count = self.model, len(self.links)
-        arrays = (
-            self.links.copy(), self._degrees(steady, springs), np.array(balls, ROTATION_SPRING),
-            np.zeros(count, LINK_STATE), np.zeros(model.nv, DEGREE_STATE), np.zeros(model.nv),
-        )  # fmt: skip
-        gravity = tuple(model.gravity.linear)
-        tree = TreeStructure(count, model.nq, model.nv, len(balls), gravity, *map(pointer, arrays))
-        compiled = library()
-        if compiled is None or compiled.tree_check(ctypes.byref(tree)):
+        loads = self._degrees(steady, springs), np.array(balls, ROTATION_SPRING), np.array(lines, POINT_SPRING)
+        sound = links_are_sound(self.links, model.nq, model.nv) and loads_are_sound(*loads, count, model.nq)
+        if not sound or not np.isfinite(model.gravity.linear).all():
             return None
-        rates = ctypes.cast(compiled.tree_rates, ctypes.c_void_p).value
-        return Flow(FlowStructure(model.nq + model.nv, rates, ctypes.addressof(tree)), (tree, arrays))
+        buffers = np.zeros(count, LINK_STATE), np.zeros(model.nv, DEGREE_STATE), np.zeros(model.nv)
+        arrays = self.links.copy(), *loads, *buffers
+        sizes, gravity = (count, model.nq, model.nv, len(balls), len(lines)), tuple(model.gravity.linear)
+        return LoadedTree(TreeStructure(*sizes, gravity, *map(pointer, arrays)), arrays)
+
+    def placed(self, joint: int, place: pin.SE3) -> tuple[int, Array, Array]:
+        """Return the link, -1 for the world, of a frame at a joint, and its rotation and place in the link's frame."""
+        axes = self.axes[joint]
+        return joint - 1, axes.T @ place.rotation, axes.T @ place.translation
+
+    def _between_points(self, spring: TwoPointSpring) -> tuple[object, ...]:
+        frames = (self.model.frames[frame] for frame in spring.frames)
+        (first, _, begin), (second, _, end) = (self.placed(one.parentJoint, one.placement) for one in frames)
+        numbers = spring.stiffness, spring.damping, spring.free_length, spring.force
+        return (first, second), (begin, end), *numbers
 
     def _degrees(self, steady: Array, springs: Sequence[SpringDamper]) -> NDArray[np.void]:
         """Return each velocity with its rotor and what acts along it."""
@@ -100,11 +139,8 @@ class CompiledTree:
 def rates(flow: Flow, y: Array) -> Array:
     """Return the slope of a state [q, v], shape (nq + nv,)."""
     state, slope = np.array(y, float), np.empty(len(y))
-    compiled = library()
-    if compiled is None:
-        raise ValueError("there is no compiled library")
-    system = ctypes.c_void_p(flow.structure.system)
-    compiled.tree_rates(system, ctypes.c_double(0.0), *(ctypes.c_void_p(pointer(x)) for x in (state, slope)))
+    function = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
+    function(flow.structure.rates)(flow.structure.system, 0.0, pointer(state), pointer(slope))
     return slope
 
 

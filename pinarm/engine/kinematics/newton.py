@@ -47,7 +47,8 @@ AGREED, SHORT = 1e-7, 1e-3
 """Largest disagreement of redundant rows, relative to their terms: loops closed to rounding leave 1e-12. And the length
 with which centripetal terms are compared that have vanished but for rounding."""
 
-ITERATIONS = 60
+ITERATIONS, POLISHED = 60, 4
+"""Most steps until a position is closed, and from there on until its gap is rounding."""
 
 SMALLEST = 1e-9
 """Smallest part of a sample interval that the continuation takes at once: what lies beyond is out of reach."""
@@ -161,12 +162,20 @@ class NewtonSolver:
         return state.q, gap
 
     def _polish(self, q: Array, w: Array) -> Array:
-        """Take two more Newton steps: from 1e-12 they end at rounding."""
-        for _ in range(2):
-            state = self.closure.state(q)
-            gap = self.gap(state, w)
-            if np.linalg.cond(rows := self.rows(state)) < 1 / SINGULAR:
-                q = self.moved(q, _solve(rows, gap / self.measure))
+        """Take further Newton steps while they close what is left: from 1e-12 two end at rounding.
+
+        Next to a singular position a gap of 1e-12 leaves an angle of 1e-6, and with it other velocities.
+        """
+        gap = self.gap(self.closure.state(q), w) / self.measure
+        for _ in range(POLISHED):
+            try:
+                nearer = self.moved(q, _solve(self.rows(self.closure.state(q)), gap))
+            except np.linalg.LinAlgError:
+                return q
+            left = self.gap(self.closure.state(nearer), w) / self.measure
+            if not np.abs(left).max(initial=0.0) < np.abs(gap).max(initial=0.0):
+                return q
+            q, gap = nearer, left
         return q
 
     def advance(

@@ -107,7 +107,7 @@ class HybridSystem:
         return self._systems[held]
 
     def _resting(self, held: Held) -> System:
-        return ConstrainedSystem.of(self.closure, self.dynamics, self._with_stops(held))
+        return ConstrainedSystem.of(self.closure, self.dynamics, self._with_stops(held), self.initial.q)
 
     def _with_stops(self, held: Held) -> PrescribedCoordinates:
         """Return the coordinates that follow laws, and those of joints that rest on stops."""
@@ -128,7 +128,7 @@ class HybridSystem:
             return self.system(mode.held)
         friction, span = self.friction(mode.held), self._span(t)
         held = friction.held(mode.slip, q, lambda: friction.sliding(mode.slip, span).equation.at(t, q, v))
-        inner = (ConstrainedSystem.of(self.closure, self.dynamics, held) if mode.held
+        inner = (ConstrainedSystem.of(self.closure, self.dynamics, held, q) if mode.held
                  else system_of(self.closure, self.dynamics, held, replace(self.initial, q=q, v=v)))  # fmt: skip
         return FrictionalSystem(friction, mode.slip, inner, self.cuts)
 

@@ -28,8 +28,7 @@ closed loops amplify some thousand times at most."""
 
 def lossy(mechanism: Mechanism) -> list[int]:
     """Return the indices in v of the joints at which the direction matters: behind a gear with losses."""
-    drives = mechanism.drives.values()
-    return [mechanism.joints[drive.joint].v for drive in drives if drive.efficiency < 1.0]
+    return [mechanism.driven_joint(name).v for name, drive in mechanism.drives.items() if drive.efficiency < 1.0]
 
 
 def row_paces(mechanism: Mechanism, v: Array, a: Array) -> Array:

@@ -33,6 +33,7 @@ from pinarm.errors import DynamicsError, IntegrationError
 from pinarm.mechanics.ball_joints import coordinate_at
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.friction.contact import FrictionContact, JointContact, slip_rows
+from pinarm.mechanics.friction.coupling_contact import CouplingContact
 from pinarm.mechanics.friction.slip_vectors import same_joint, several, sizes, unit_vectors
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
@@ -145,8 +146,7 @@ class StickSlip:
             q: Where, shape (nq,).
             response: Returns what friction does there.
         """
-        indices = [self._standing(group, response) for group in slip.stuck]
-        coordinates: list[Coordinate] = [coordinate_at(self.closure.model, index) for index in indices]
+        coordinates = [self._standing(group, response) for group in slip.stuck]
         state = self.closure.state(q)
         return PrescribedCoordinates(
             (*self.prescribed.names, *(f"{self.contacts[group.first].name}, stuck" for group in slip.stuck)),
@@ -154,23 +154,25 @@ class StickSlip:
             (*self.prescribed.laws, *(Constant(value=coordinate.value(state)) for coordinate in coordinates)),
         )
 
-    def _standing(self, group: SlipGroup, response: Callable[[], SlipResponse]) -> int:
-        """Return the index in v of a joint that stands still if and only if a group does."""
-        for i in group.members:
-            contact = self.contacts[i]
+    def _standing(self, group: SlipGroup, response: Callable[[], SlipResponse]) -> Coordinate:
+        """Return a coordinate that stands still if and only if a group does: of a joint, or a sum of joints."""
+        for contact in (self.contacts[i] for i in group.members):
             if isinstance(contact, JointContact) and not contact.part:
-                return contact.v
+                return coordinate_at(self.closure.model, contact.v)
         found = response()
         slip, free = found.slips[group.first], found.free
         sizes = np.linalg.norm(free, axis=1)
         cosines = np.abs(free @ slip) / np.maximum(sizes * np.linalg.norm(slip), np.finfo(float).tiny)
         best = int(np.where(cosines > 1.0 - 1e-9, sizes, 0.0).argmax())
-        if cosines[best] < 1.0 - 1e-9:
-            raise DynamicsError(
-                f"no joint of the tree stands still where {self.contacts[group.first].name} sticks",
-                expected="friction at joints of the tree, where the mechanism has several motions",
-            )
-        return best
+        if cosines[best] >= 1.0 - 1e-9:
+            return coordinate_at(self.closure.model, best)
+        for contact in (self.contacts[i] for i in group.members):
+            if isinstance(contact, CouplingContact):
+                return contact.coordinate
+        raise DynamicsError(
+            f"no joint of the tree stands still where {self.contacts[group.first].name} sticks",
+            expected="friction at joints of the tree, where the mechanism has several motions",
+        )
 
     def watches(self, slip: Slip, system: FrictionalSystem) -> list[tuple[int, Watch]]:
         """Return what ends a stretch of the motion: number of a joint whose slip ends, or complement of a group's."""

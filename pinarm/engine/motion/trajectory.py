@@ -66,6 +66,8 @@ class Trajectory:
         drives: Names of the coordinates that drives act along; those that follow laws, of forward problems.
         directions: Directions of the joints, 1, 0 or -1, where drives have losses, shape (n, nv); see
             ``motion.standstill``.
+        sampled: Whether the rows were given, and nothing is known between them.
+        unknown: Why velocities or accelerations, which are NaN then, are not known; empty where they are.
     """
 
     mechanism: Mechanism
@@ -85,6 +87,8 @@ class Trajectory:
     driven: Flags | None = field(default=None, repr=False)
     drives: tuple[str, ...] = ()
     directions: Array | None = field(default=None, repr=False)
+    sampled: bool = False
+    unknown: str = ""
 
     @classmethod
     def schema_row(
@@ -112,6 +116,11 @@ class Trajectory:
     def numbered(self) -> bool:
         """Whether the rows are only numbered, ``row``: there is nothing between them."""
         return self.parameter == ROW
+
+    @property
+    def isolated(self) -> bool:
+        """Whether there is nothing between the rows."""
+        return self.numbered or self.sampled
 
     def some(self, rows: Indices) -> Trajectory:
         """Return some of the rows, in their order, shape (n,); one may be there several times."""

@@ -124,7 +124,8 @@ class Family(ABC):
             InputError: Says why.
         """
         if self.run.no_efforts:
-            raise InputError(f"'{asked.name}': {self.run.no_efforts}", hint="kind: inverse")
+            hint = "derivatives: spline" if self.run.unknown else "kind: inverse"
+            raise InputError(f"'{asked.name}': {self.run.no_efforts}", hint=hint)
 
     def rate(self, asked: Asked, coordinate_name: str, rate: str) -> Series:
         """Return a coordinate or a derivative of it; ``rate`` is one of ``RATES``."""

@@ -91,8 +91,18 @@ class Quantities:
             InputError: There is no such quantity, or a name means several; the message lists what there is.
         """
         if name not in self._known:
-            self._known[name] = self._find(name)
+            self._known[name] = self._require_known(self._find(name))
         return self._known[name]
+
+    def _require_known(self, series: Series) -> Series:
+        """Return a quantity, unless it depends on velocities or accelerations that are not known, which are NaN.
+
+        Raises:
+            InputError: Says why they are not known.
+        """
+        if self.trajectory.unknown and np.isnan(series.values).any():
+            raise InputError(f"'{series.name}': {self.trajectory.unknown}", hint="derivatives: spline")
+        return series
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the names of all quantities."""

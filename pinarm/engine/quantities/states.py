@@ -128,7 +128,7 @@ def quantities(
         raise InputError("accelerations and efforts are given", expected="one of them: the other one follows")
     rates = {name: (x, nv) for name, x in (("v", v), ("a", a), ("tau", tau)) if x is not None}
     leading, rows = LeadingAxes.fold(q=(q, nq), **rates)
-    _check_unit(mechanism, leading, rows[0])
+    check_quaternions(mechanism, leading, rows[0])
     named = dict(zip(("q", *rates), rows, strict=True))
     found = _quantities(mechanism, leading, named, drives, t)
     return States(found, leading)
@@ -205,7 +205,7 @@ def inverse(mechanism: Mechanism, q: Array, v: Array, a: Array, drives: Sequence
                          hint="inverse(q, v, a, drives=[...])")  # fmt: skip
     nv = mechanism.model.nv
     leading, (q, v, a) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), a=(a, nv))
-    _check_unit(mechanism, leading, q)
+    check_quaternions(mechanism, leading, q)
     demand = mechanism.dynamics.on(t, np.nextafter(t, np.inf)).inverse(t, q, v, a)
     _check_closed(mechanism.closure, leading, q, v, a)
     if mechanism.frictions:
@@ -219,14 +219,14 @@ def forward(mechanism: Mechanism, q: Array, v: Array, tau: Array | None, t: floa
     dynamics, nv = mechanism.dynamics.on(t, np.nextafter(t, np.inf)), mechanism.model.nv
     given = {} if tau is None else {"tau": (tau, nv)}
     leading, (q, v, *efforts) = LeadingAxes.fold(q=(q, mechanism.model.nq), v=(v, nv), **given)
-    _check_unit(mechanism, leading, q)
+    check_quaternions(mechanism, leading, q)
     tau = efforts[0] if efforts else np.zeros_like(v)
     a = _forward(mechanism, dynamics, t, q, v, tau + _friction(mechanism, dynamics, t, q, v, tau)[1])
     _check_closed(mechanism.closure, leading, q, v, a)
     return leading.unfold(a)
 
 
-def _check_unit(mechanism: Mechanism, leading: LeadingAxes, q: Array) -> None:
+def check_quaternions(mechanism: Mechanism, leading: LeadingAxes, q: Array) -> None:
     """Raise where a quaternion has not the length 1.
 
     Raises:

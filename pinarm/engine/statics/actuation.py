@@ -20,7 +20,6 @@ from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.errors import InputError
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
-from pinarm.mechanics.couplings.coupling import Coupling
 
 if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint import Constraint
@@ -167,9 +166,5 @@ def everywhere(mechanism: Mechanism) -> Actuation | None:
 
 def followers_of(constraints: Sequence[Constraint]) -> Indices | None:
     """Return the joints that mimic others, one of each constraint; ``None`` where there are other constraints."""
-    found = {
-        constraint.follower
-        for constraint in constraints
-        if isinstance(constraint, Coupling) and constraint.follower is not None
-    }
+    found = {follower for constraint in constraints if (follower := getattr(constraint, "follower", None)) is not None}
     return np.array(sorted(found), dtype=np.intp) if len(found) == len(constraints) else None

@@ -13,7 +13,7 @@ from pinarm.input.formulas.grammar import CONSTANTS, interpret, look_up
 from pinarm.input.formulas.measured_numbers import MeasuredNumber
 from pinarm.input.units import DIMENSIONLESS, Unit
 
-BatchJacobians = Sequence["Measure"]
+Measures = Sequence["Measure"]
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Measure:
     value: Fraction | None = None
 
 
-Rule = Callable[[BatchJacobians], Measure]
+Rule = Callable[[Measures], Measure]
 """From the measures of the arguments of a function to that of its value."""
 
 _PURE = Measure(DIMENSIONLESS)
@@ -88,7 +88,7 @@ class _Units:
             return _UNKNOWN
         return Measure(left.unit * right.unit if symbol == "*" else left.unit / right.unit)
 
-    def compare(self, symbols: Sequence[str], operands: BatchJacobians) -> Measure:
+    def compare(self, symbols: Sequence[str], operands: Measures) -> Measure:
         return ratio(operands)
 
     def logic(self, symbol: str, operands: Sequence[Callable[[], Measure]]) -> Measure:
@@ -99,7 +99,7 @@ class _Units:
     def choose(self, test: Measure, then: Callable[[], Measure], otherwise: Callable[[], Measure]) -> Measure:
         return same([then(), otherwise()])
 
-    def call(self, function: str, arguments: BatchJacobians) -> Measure:
+    def call(self, function: str, arguments: Measures) -> Measure:
         return self.rules[function](arguments)
 
 
@@ -111,7 +111,7 @@ def _folded(symbol: str, left: Fraction, right: Fraction) -> tuple[Fraction] | N
     return (folds[symbol],) if symbol in folds else None
 
 
-def same(measures: BatchJacobians) -> Measure:
+def same(measures: Measures) -> Measure:
     """Return the common measure of operands of one dimension: sums, minima, ..."""
     units = [measure.unit for measure in measures if measure.unit is not None and measure.value != 0]
     for unit in units[1:]:
@@ -121,13 +121,13 @@ def same(measures: BatchJacobians) -> Measure:
     return Measure(units[0]) if units else _UNKNOWN if unknown else Measure(DIMENSIONLESS, Fraction(0))
 
 
-def ratio(measures: BatchJacobians) -> Measure:
+def ratio(measures: Measures) -> Measure:
     """Return a dimensionless measure from quantities of one dimension: quotients, comparisons, atan2."""
     same(measures)
     return _PURE
 
 
-def pure(measures: BatchJacobians) -> Measure:
+def pure(measures: Measures) -> Measure:
     """Return a dimensionless measure from dimensionless arguments: sines, logarithms, ..."""
     for measure in measures:
         if measure.unit is not None and measure.value != 0 and measure.unit.dimension != DIMENSIONLESS.dimension:
@@ -149,11 +149,11 @@ def power(base: Measure, exponent: Measure) -> Measure:
     return _PURE
 
 
-def root(measures: BatchJacobians) -> Measure:
+def root(measures: Measures) -> Measure:
     """Return the measure of a square root."""
     return power(measures[0], Measure(DIMENSIONLESS, Fraction(1, 2)))
 
 
-def sign(measures: BatchJacobians) -> Measure:
+def sign(measures: Measures) -> Measure:
     """Return a dimensionless measure, from any argument."""
     return _PURE

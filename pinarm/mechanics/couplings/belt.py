@@ -26,7 +26,8 @@ class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
     They turn alike; against each other where the belt is crossed, or where their joints' axes have opposite senses.
     With a pretension the reactions carry the tensions of its strands, ``F0 + D/2`` and ``F0 - D/2`` with
     ``D = M / r``, along the tangents of the wheels. Where one would be pushed it is slack, and the other one carries D.
-    The belt has no mass. Without a pretension the reactions of the joints between are refused.
+    The belt has no mass. It slips where ``friction`` of the mechanism file names it. Without a pretension the reactions
+    of the joints between are refused.
 
     Attributes:
         joints: The joints of the two wheels.
@@ -88,7 +89,10 @@ class Belt(InputStruct, frozen=True, tag_field="kind", tag="belt"):
         sine = np.sqrt(1.0 - cosine * cosine)
         pulls = [_pull(one, two, r1, r2, cosine * along + side * sine * np.cross(a, along)) for side in (1.0, -1.0)]
         sense = pair.sense * float(np.sign(a @ pair.second.axis))
-        return Strands(pair.carrier, pair.first.body, pair.second.body, two, np.array(pulls), sense / r2, pretension)
+        angle = float(np.arccos(cosine))  # from the line of centres to the points where the belt leaves the wheels
+        wrap = min(2.0 * np.pi - 2.0 * angle, 2.0 * angle) if r2 > 0.0 else 2.0 * np.pi - 2.0 * angle
+        members = pair.carrier, pair.first.body, pair.second.body
+        return Strands(*members, two, np.array(pulls), sense / r2, pretension, wrap)
 
 
 def _pull(one: Array, two: Array, r1: float, r2: float, normal: Array) -> Array:

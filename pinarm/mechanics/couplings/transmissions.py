@@ -160,6 +160,7 @@ class Strands:
         pulls: Wrenches on the second wheel of unit tensions [f; m] at the carrier's origin, shape (2, 6).
         difference: Tension of strand 1 less that of strand 2, of a unit multiplier [1/m].
         pretension: F0, the tension of both without a multiplier [N].
+        wrap: Angle by which the belt lies on that wheel on which it is less [rad].
     """
 
     carrier: int
@@ -169,6 +170,7 @@ class Strands:
     pulls: Array
     difference: float
     pretension: float
+    wrap: float
 
     def tensions(self, lam: Array) -> Array:
         """Return the tensions of the strands [N], shape (n, 2)."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.input.units import Unit
+from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.friction.bearing import Bearing
 from pinarm.mechanics.friction.contact import quantity_of
@@ -43,6 +44,11 @@ class CouplingContact(ABC):
     def quantity(self) -> str:
         """``coupling.C.friction``."""
         return quantity_of(self.name)
+
+    @property
+    def coordinate(self) -> LinearCoordinate:
+        """A sum of joint coordinates that stands still where the slip is 0, the largest weight 1."""
+        return replace(self.coupling.coordinate, weights=self.slip / np.abs(self.slip).max())
 
     def row(self, state: Kinematics) -> Array:
         """Return J, shape (nv,)."""

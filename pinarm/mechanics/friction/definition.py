@@ -48,6 +48,10 @@ class Friction(InputStruct, frozen=True):
     worm, friction acts along the thread: forces in N, velocities in m/s, both along it. It takes ``radius``, the mean
     one of the thread, ``flank`` and, of a worm, ``lead_angle``.
 
+    A belt, a coupling ``belt`` with a pretension, slips on its wheels where the strands' tensions differ by more than
+    the factor ``exp(mu theta)``, theta being the smaller angle of wrap; until then it sticks. Its wheels are tied by
+    this friction alone: each is a degree of freedom, with a law, a drive or an initial velocity of its own.
+
     Attributes:
         mu: Coefficient of friction while the joint slips.
         static_mu: Coefficient at rest; ``mu`` where it is left out.
@@ -150,7 +154,9 @@ class Friction(InputStruct, frozen=True):
         return Bearing.ball(float(self.radius), float(self.preload))
 
     def _of_coupling(self, model: pin.Model, coupling: Coupling) -> FrictionContact:
-        """Return the friction of a screw between two joints, of a worm and its wheel, or of spur wheels."""
+        """Return the friction of a screw between two joints, of a worm and its wheel, of spur wheels, or of a belt."""
+        if coupling.kind == "belt":
+            return self._of_belt(coupling)
         if self.teeth is not None:
             from pinarm.mechanics.friction.tooth import tooth_friction
 
@@ -176,6 +182,16 @@ class Friction(InputStruct, frozen=True):
         return ThreadFriction(
             f"coupling.{coupling.name}", unit("N"), coupling, slip, law, bearing, self._shared, along=thread.along
         )
+
+    def _of_belt(self, coupling: Coupling) -> FrictionContact:
+        from pinarm.mechanics.friction.belt import belt_friction
+
+        for key in ("radius", "thrust_radius", "span", "flank", "lead_angle", "teeth", "preload"):
+            if getattr(self, key):
+                with within(key):
+                    raise InputError("the grip of a belt follows from its pretension, radii and mu",
+                                     expected="mu, static_mu, stribeck")  # fmt: skip
+        return belt_friction(coupling, self._law(Joint(coupling.name, 0, 0, 0, METRE)))
 
     def _thread_radius(self, name: str) -> float:
         if not self.radius:

@@ -10,7 +10,7 @@ belong to the addenda of the wheels, both below 1,
 
 and of outer teeth the part ``mu pi (1/z1 + 1/z2) (1 - e1 - e2 + e1^2 + e2^2)`` of the power is lost.
 Friction acts as opposite moments G f on the wheels; its mean force along the flanks, ``mu N (e1 - e2)``, is left out.
-Source: Niemann, Winter, Maschinenelemente II, section 21.5 (tooth losses, after Ohlendorf).
+Source: the gear loss factor ``H_V`` of Ohlendorf (1958), as in ISO/TR 14179-2:2001, of outer teeth without helix.
 """
 
 from __future__ import annotations

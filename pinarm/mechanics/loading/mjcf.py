@@ -19,12 +19,12 @@ from pinarm.errors import ModelError
 from pinarm.input.xml_names import check_names, counted
 from pinarm.input.xml_text import MAX_LINKS, bound
 from pinarm.mechanics.loading.mjcf_actuators import with_actuators
+from pinarm.mechanics.loading.mjcf_equalities import EqualityReader, with_held
 from pinarm.mechanics.loading.mjcf_geoms import geom_inertia
 from pinarm.mechanics.loading.mjcf_joints import elements_of, joint_chain
 from pinarm.mechanics.loading.mjcf_names import GENERATED, MJCF
 from pinarm.mechanics.loading.mjcf_settings import Attributes, Settings, number, numbers
 from pinarm.mechanics.loading.model_tree import (
-    Mimic,
     Tree,
     TreeJoint,
     checked_mimics,
@@ -46,6 +46,7 @@ class _Reader:
         joints: Joints by name, depth-first.
         nameless: Number of bodies without a name by their parent.
         sites: Named points, as joints that hold them.
+        places: Placement of every body in the world in the pose of the file.
         defects: As in ``Tree``.
         notes: What is not modelled -> names.
     """
@@ -55,6 +56,7 @@ class _Reader:
     joints: dict[str, TreeJoint] = field(default_factory=dict)
     nameless: Counter[str] = field(default_factory=Counter)
     sites: list[TreeJoint] = field(default_factory=list)
+    places: dict[str, pin.SE3] = field(default_factory=lambda: {WORLD: pin.SE3.Identity()})
     defects: list[str] = field(default_factory=list)
     notes: dict[str, list[str]] = field(default_factory=dict)
 
@@ -79,7 +81,7 @@ def mjcf_tree(model: Element) -> Tree:
 
     Raises:
         ModelError: A name, number, mass or axis is invalid, or the model has a part that would move it and is not
-            supported: loops, generated bodies.
+            supported: couplings by curves, generated bodies.
     """
     unread = check_names(model, MJCF)
     settings = Settings.of(model)
@@ -88,15 +90,18 @@ def mjcf_tree(model: Element) -> Tree:
         _bodies(reader, world, WORLD, pin.SE3.Identity(), "", moves=False)
     sites = [site for site in reader.sites if site.child not in reader.links]  # points, unless a body is called so
     links = {**_scaled(reader.links, settings.total_mass), **{site.child: pin.Inertia.Zero() for site in sites}}
-    joints = with_actuators(settings, model, reader.joints, reader.notes)
-    mimics, orphans = checked_mimics([*_couplings(model, reader)], {name: joint.kind for name, joint in joints.items()})
+    names = frozenset(site.child for site in sites)
+    said = EqualityReader(settings, reader.joints, reader.places, names).read(model)
+    links |= {frame.child: pin.Inertia.Zero() for frame in said.frames}
+    joints = with_held(with_actuators(settings, model, reader.joints, reader.notes), said.held)
+    mimics, orphans = checked_mimics(said.mimics, {name: joint.kind for name, joint in joints.items()})
     gravity = np.zeros(3) if "gravity" in settings.off else settings.gravity
     notes = [f"{what}: {several(names)}" for what, names in reader.notes.items()]
     if unread:
         notes.append(f"not read: {counted(unread)}")
     return Tree(
-        model.get("model", ""), links, (*joints.values(), *sites), mimics, gravity, (*reader.defects, *orphans),
-        (*notes, *_unread(model)),
+        model.get("model", ""), links, (*joints.values(), *sites, *said.frames), mimics, gravity,
+        (*reader.defects, *orphans), (*notes, *_unread(model)), said.loops,
     )  # fmt: skip
 
 
@@ -134,7 +139,7 @@ def _body(reader: _Reader, body: Element, parent: str, frame: pin.SE3, childclas
     childclass = body.get("childclass", childclass)
     place = frame * settings.placement(body.attrib, where)
     joints = [*elements_of(settings, body, childclass, "joint", "freejoint")]
-    reader.links[name] = pin.Inertia.Zero()
+    reader.links[name], reader.places[name] = pin.Inertia.Zero(), reader.places[parent] * place
     if not joints:
         reader.add(_fixed(f"{name}_fixed", parent, name, place))
     for joint in joint_chain(settings, joints, parent, name, place, reader.notes):
@@ -204,31 +209,6 @@ def _scaled(links: dict[str, pin.Inertia], total: float) -> dict[str, pin.Inerti
     mass = sum(body.mass for body in links.values())
     share = total / mass if total > 0.0 and mass else 1.0
     return {name: inertia(share * body.mass, body.lever, share * body.inertia) for name, body in links.items()}
-
-
-def _couplings(model: Element, reader: _Reader) -> Iterator[Mimic]:
-    """Yield the couplings of the ``<equality>`` section.
-
-    Raises:
-        ModelError: An equality closes a loop, or couples by a curve.
-    """
-    drawn = {joint.name: joint.drawn for joint in reader.joints.values()}
-    for element in (element for section in model.findall("equality") for element in section):
-        given = reader.settings.attributes(element, "", "equality")
-        name = given.get("name") or given.get("joint1") or given.get("body1") or given.get("site1") or "without name"
-        if given.get("active", "true") == "false" or reader.settings.off & {"equality", "constraint"}:
-            continue
-        if element.tag != "joint":
-            raise ModelError(f"equality '{name}': a <{element.tag}> that ties bodies together is not read",
-                             hint="remove it, and use 'loops:' or 'couplings:' of the mechanism file")  # fmt: skip
-        follower, leader, where = given.get("joint1", ""), given.get("joint2"), f"equality '{name}'"
-        text = given.get("polycoef", "0 1 0 0 0").split()
-        curve = numbers({"polycoef": " ".join([*text, *["0"] * (5 - len(text))])}, "polycoef", where, 5)
-        if leader is None or curve[2:].any():
-            raise ModelError(f"{where}: it couples by a curve or holds a joint, which is not read",
-                             expected="two joints, and polycoef with at most two numbers")  # fmt: skip
-        ends = [drawn.get(joint, 0.0) for joint in (follower, leader)]
-        yield Mimic(follower, leader, float(curve[1]), float(curve[0] + ends[0] - curve[1] * ends[1]))
 
 
 def _unread(model: Element) -> Iterator[str]:

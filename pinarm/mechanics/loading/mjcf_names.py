@@ -82,8 +82,8 @@ _SETTINGS: dict[str, ElementNames | Content] = {
     "default": _IN_DEFAULT["default"],
 }  # fmt: skip
 
-_EQUALITIES = ("connect", "weld", "tendon", "flex", "flexvert", "flexstrain", "distance")
-"""Equalities other than those of joints; they are refused by the reader unless they are inactive."""
+_EQUALITIES = ("tendon", "flex", "flexvert", "flexstrain", "distance")
+"""Equalities that are not read; they are refused by the reader unless they are inactive."""
 
 MJCF = names(
     "model",
@@ -91,7 +91,10 @@ MJCF = names(
         **_SETTINGS,
         "worldbody": names("name", _IN_BODY),
         "equality": names("", {
-            "joint": names(f"name class joint1 joint2 polycoef {EQUALITY}"), **dict.fromkeys(_EQUALITIES, Content.IDLE),
+            "joint": names(f"name class joint1 joint2 polycoef {EQUALITY}"),
+            "connect": names(f"name class body1 body2 site1 site2 anchor {EQUALITY}"),
+            "weld": names(f"name class body1 body2 site1 site2 anchor relpose torquescale {EQUALITY}"),
+            **dict.fromkeys(_EQUALITIES, Content.IDLE),
         }),
         "actuator": names("", {kind: names(f"{TRANSMISSION} {ACTUATOR}", {"config": Content.IDLE})
                                for kind in ACTUATORS}),

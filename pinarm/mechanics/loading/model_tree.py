@@ -6,13 +6,16 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.errors import ModelError, choices
+
+if TYPE_CHECKING:
+    from pinarm.mechanics.loops.kinds import Loop
 
 Kind = Literal["fixed", "revolute", "prismatic", "ball", "planar", "floating"]
 
@@ -110,6 +113,7 @@ class Tree:
         gravity: Gravity field of the file [m/s^2], world axes, shape (3,); ``None`` where it gives none.
         defects: Physically impossible values with which the model can still be built, in words.
         notes: Parts of the file that are modelled differently or not at all, in words.
+        loops: Joints that close loops of the tree, by name.
     """
 
     name: str
@@ -119,6 +123,7 @@ class Tree:
     gravity: Array | None = None
     defects: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    loops: Mapping[str, Loop] = field(default_factory=dict)
 
     @property
     def root(self) -> str:

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 from xml.etree import ElementTree
 
@@ -30,6 +31,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.loading.pinocchio_model import BASE
+from pinarm.mechanics.loading.urdf_writer import CHAINS
 
 if TYPE_CHECKING:
     from pinarm.mechanics.ball_joints import Ball
@@ -55,27 +57,27 @@ class JointStates(Protocol):
 
 
 @dataclass(frozen=True)
-class SingleStates:
-    """A joint with one coordinate, the same in both.
+class CopiedStates:
+    """A joint whose coordinates and rates are the same in both.
 
     Attributes:
-        p_q: Index in Pinocchio's q.
-        p_v: Index in Pinocchio's v.
-        q: Index in q.
-        v: Index in v.
+        p_q: Indices in Pinocchio's q.
+        p_v: Indices in Pinocchio's v.
+        q: Indices in q.
+        v: Indices in v.
     """
 
-    p_q: int
-    p_v: int
-    q: int
-    v: int
+    p_q: tuple[int, ...]
+    p_v: tuple[int, ...]
+    q: tuple[int, ...]
+    v: tuple[int, ...]
 
     def take(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
-        """Copy coordinate and rate."""
+        """Copy coordinates and rates."""
         q[:, self.q], v[:, self.v] = p_q[:, self.p_q], p_v[:, self.p_v]
 
     def give(self, p_q: Array, p_v: Array, q: Array, v: Array) -> None:
-        """Copy coordinate and rate."""
+        """Copy coordinates and rates."""
         p_q[:, self.p_q], p_v[:, self.p_v] = q[:, self.q], v[:, self.v]
 
 
@@ -224,8 +226,30 @@ class PinocchioLayout:
         if root.tag != "robot":
             raise InputError("the model is MJCF, which pin.buildModelFromUrdf does not read", expected="URDF or xacro")
         floats = BASE in balls and BASE not in {joint.get("name") for joint in root.findall("joint")}
+        if any(joint.get("type") == "spherical" for joint in root.findall("joint")):
+            raise InputError("the model has spherical joints, which pin.buildModelFromUrdf does not know",
+                             expected="types of URDF, or a mechanism of a pin.Model")  # fmt: skip
         theirs = pin.buildModelFromXML(xml, pin.JointModelFreeFlyer()) if floats else pin.buildModelFromXML(xml)
-        names = [BASE if floats and name == FREE_FLYER else name for name in theirs.names]
+        return cls.between(theirs, model, joints, balls, {FREE_FLYER: BASE} if floats else {})
+
+    @classmethod
+    def between(
+        cls, theirs: pin.Model, model: pin.Model, joints: Mapping[str, Joint], balls: Mapping[str, Ball],
+        renamed: Mapping[str, str] = MappingProxyType({}),
+    ) -> PinocchioLayout:  # fmt: skip
+        """Compare a mechanism with Pinocchio's model of the same joints.
+
+        Args:
+            theirs: Pinocchio's model.
+            model: pinarm's model of it.
+            joints: Its joints with one coordinate, by name.
+            balls: Its ball joints, by name.
+            renamed: Names there -> names here, where they differ.
+
+        Raises:
+            InputError: They have other joints.
+        """
+        names = [renamed.get(name, name) for name in theirs.names]
         parts = tuple(_part(theirs, k, names[k], model, joints, balls) for k in range(1, theirs.njoints))
         if theirs.nv != model.nv:
             raise InputError(f"the mechanism has {model.nv} velocities, and Pinocchio's reader makes {theirs.nv} of it")
@@ -246,10 +270,15 @@ class PinocchioLayout:
         return p_q, p_v
 
 
-PARTS: Mapping[tuple[int, int], tuple[str, ...]] = {
-    (1, 1): ("",), (2, 1): ("",), (4, 3): (".x", ".y", ".angle"), (7, 6): (".x", ".y", ".z"),
+PARTS: Mapping[str, tuple[str, ...]] = {
+    "Planar": (".x", ".y", ".angle"), "FreeFlyer": (".x", ".y", ".z"), "Spherical": (),
+    **{kind: tuple(f".{ending}" for ending in endings) for kind, endings in CHAINS.items()},
 }  # fmt: skip
-"""Lengths of q and v of one of Pinocchio's joints, and what the names of pinarm's joints for it have at their end."""
+"""Kind of Pinocchio's joint -> what the names of pinarm's joints with one coordinate for it have at their end; those of
+any other kind have its own name."""
+
+BALLS = ("FreeFlyer", "Spherical")
+"""Kinds that have a ball joint of their own name here."""
 
 
 def _part(
@@ -261,23 +290,31 @@ def _part(
         InputError: The mechanism has no such joint.
     """
     joint = theirs.joints[index]
-    p_q, p_v, size = joint.idx_q, joint.idx_v, (joint.nq, joint.nv)
-    named = [f"{name}{ending}" for ending in PARTS.get(size, ())]
-    if not named or not set(named) <= joints.keys() or (size == (7, 6) and name not in balls):
+    kind, p_q, p_v = joint.shortname().removeprefix("JointModel"), joint.idx_q, joint.idx_v
+    named = [f"{name}{ending}" for ending in PARTS.get(kind, ("",))]
+    if not set(named) <= joints.keys() or (kind in BALLS and name not in balls):
         raise InputError(f"Pinocchio's reader makes '{name}' a {joint.shortname()}, which it is not here",
                          hint="the base as the model's text has it, fixed or floating")  # fmt: skip
     ours = [joints[each] for each in named]
-    if size == (1, 1):
-        return SingleStates(p_q, p_v, ours[0].q, ours[0].v)
-    if size == (2, 1):
+    if kind == "Spherical":
+        ball = balls[name]
+        return CopiedStates(_from(p_q, 4), _from(p_v, 3), _from(ball.q, 4), _from(ball.v, 3))
+    if joint.nq == 2 * joint.nv:
         return ContinuousStates(name, p_q, p_v, ours[0].q, ours[0].v)
+    if joint.nq == joint.nv:
+        q, v = tuple(each.q for each in ours), tuple(each.v for each in ours)
+        return CopiedStates(_from(p_q, joint.nq), _from(p_v, joint.nv), q, v)
     axes = model.jointPlacements[ours[0].index].rotation.T @ theirs.jointPlacements[index].rotation
-    if size == (7, 6):
+    if kind == "FreeFlyer":
         return FloatingStates(p_q, p_v, (ours[0], ours[1], ours[2]), balls[name], axes)
     if np.abs(axes - np.eye(3)).max() > SAME:
         raise InputError(f"Pinocchio's reader takes no notice of the axis of the planar joint '{name}'",
                          expected="planar joints whose axis is z")  # fmt: skip
     return PlanarStates(ContinuousStates(name, p_q + 2, p_v + 2, ours[2].q, ours[2].v), p_q, p_v, ours[0], ours[1])
+
+
+def _from(start: int, count: int) -> tuple[int, ...]:
+    return tuple(range(start, start + count))
 
 
 def _turned(quaternion: Array, vectors: Array) -> Array:

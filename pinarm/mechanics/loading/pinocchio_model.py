@@ -95,7 +95,7 @@ def build_model(
         *_said(tree, creep),
     ]  # fmt: skip
     sticking = {} if creep else {part.name: part.friction for part in _rubbing(tree) if part.kind != "ball"}
-    return RobotModel(model, xml, forces, sticking, tree.mimics, gravity=tree.gravity, notes=tuple(notes))
+    return RobotModel(model, xml, forces, sticking, tree.mimics, tree.loops, tree.gravity, tuple(notes))
 
 
 def _read(xml: str) -> Tree:

@@ -30,9 +30,9 @@ from pinarm.mechanics.loading.urdf_names import check_once, urdf_names
 
 KINDS: Mapping[str, Kind] = {
     "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "planar": "planar",
-    "floating": "floating",
+    "floating": "floating", "spherical": "ball",
 }  # fmt: skip
-"""URDF joint type -> kind; ``continuous`` is a revolute joint without limits."""
+"""URDF joint type -> kind; ``continuous`` is revolute without limits, ``spherical`` an extension of URDF."""
 
 Vector = tuple[float, float, float]
 Element = ElementTree.Element
@@ -118,9 +118,12 @@ def _joint(joint: Element, name: str, links: Mapping[str, Any]) -> TreeJoint:
     plain = TreeJoint(name, KINDS[given], parent, child, placement, np.array([1.0, 0.0, 0.0]))
     if plain.kind == "fixed":
         return plain
-    damping, friction = (_not_negative(joint.find("dynamics"), key, where) for key in ("damping", "friction"))
+    damping, friction, armature = (
+        _not_negative(joint.find("dynamics"), key, where) for key in ("damping", "friction", "armature")
+    )
     axis = _axis(joint.find("axis"), where)
-    return replace(plain, axis=axis, bounds=_bounds(joint, where), damping=damping, friction=friction)
+    return replace(plain, axis=axis, bounds=_bounds(joint, where), damping=damping, friction=friction,
+                   armature=armature)  # fmt: skip
 
 
 def _end(joint: Element, end: str, where: str, links: Mapping[str, Any]) -> str:

@@ -1,7 +1,8 @@
 """Elements and attributes of URDF, and the extensions of others that stand in files of robots.
 
 Source: the XML specifications of the ROS package ``urdf``. What the robots of example-robot-data have beyond these, and
-what Gazebo and ros2_control add, is known and not read.
+what Gazebo and ros2_control add, is known and not read. ``armature``, and the joint type ``spherical``, are extensions
+that are read: a ``pin.Model`` has both.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ _JOINT = names(
         "origin": _ORIGIN, "parent": names("link"), "child": names("link"), "axis": names("xyz"),
         "limit": names("lower upper effort velocity",
                        unread="acceleration deceleration jerk command_effort current gear_velocity"),
-        "dynamics": names("damping friction", unread="D K mu_coulomb mu_viscous"),
+        "dynamics": names("damping friction armature", unread="D K mu_coulomb mu_viscous"),
         "mimic": names("joint multiplier offset"), "calibration": Content.IDLE, "safety_controller": Content.IDLE,
     },
     unread="dont_collapse",

@@ -32,7 +32,7 @@ def requested_joints(texts: Iterable[str], symbols: Mapping[str, Expression], me
         if any(re.search(rf"\b(joint|coordinate)\.{re.escape(name)}\.(?!{MOTION})", text) for text in seen)
     }  # fmt: skip
     return joints | {
-        drive.joint for name, drive in mechanism.drives.items() if any(f"drive.{name}." in text for text in seen)
+        drive.coordinate for name, drive in mechanism.drives.items() if any(f"drive.{name}." in text for text in seen)
     }
 
 

@@ -23,6 +23,7 @@ ASSESSMENTS: Deferred = {
     "sizing": ("pinarm.use.assessments.sizing.sizing", "Sizing"),
     "loads": ("pinarm.use.assessments.loads.loads", "Loads"),
     "path_error": ("pinarm.use.assessments.path_error", "PathError"),
+    "limits": ("pinarm.use.assessments.limits", "Limits"),
     "sensitivity": ("pinarm.use.assessments.sensitivity.sensitivity", "Sensitivity"),
 }
 """Key of a scenario -> module and class. A new one is a class, an entry here, and the key in ``ScenarioFile``."""
@@ -65,10 +66,11 @@ class Assessment(Protocol):
 
 
 if TYPE_CHECKING:  # mypy compares the classes with the protocol, which are imported by name
+    from pinarm.use.assessments.limits import Limits
     from pinarm.use.assessments.loads.loads import Loads
     from pinarm.use.assessments.path_error import PathError
     from pinarm.use.assessments.sensitivity.sensitivity import Sensitivity
     from pinarm.use.assessments.shaking import Shaking
     from pinarm.use.assessments.sizing.sizing import Sizing
 
-    _CLASSES: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads, PathError, Sensitivity)
+    _CLASSES: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads, PathError, Limits, Sensitivity)

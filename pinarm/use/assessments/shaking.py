@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 PERIODIC = 1e-6
 """Difference between start and end, relative to the largest size, below which a run is a whole number of periods."""
 
+ROUNDING = 1e-12
+"""Shaking force, relative to the inertia forces that it sums, below which it is 0 but for rounding."""
+
 PARTS = ("force.x", "force.y", "force.z", "moment.x", "moment.y", "moment.z")
 PEAKS = ("peak", "rms")
 PULSATION = unit("rad/s")
@@ -81,13 +84,16 @@ class Shaking(InputStruct, frozen=True):
         units = [given[f"{part}.peak"].unit for part in PARTS]
         tables = [_figures_table(numbers, units)]
         remarks = [f"the moment is taken about {self.about or 'the origin of the world'}"]
+        balanced = float(numbers["force.norm.peak"].values[0]) <= ROUNDING * _terms(result)
+        if balanced:
+            remarks.append("the shaking force is balanced: it is 0 but for rounding")
         if self.harmonics:
             amplitudes, error = _harmonics(result.lookup, [self.quantity(part) for part in PARTS], self.harmonics)
             tables.append(_harmonics_table(amplitudes, units, 2.0 * np.pi / _length(result.lookup)))
             remarks.append(f"harmonics: quadrature error at most {error:.1e} of the largest component")
         return Section(
             "shaking", "Shaking force and moment on the frame", tables, numbers, remarks,
-            [_hodograph(result, [self.quantity(part) for part in PARTS[:3]])],
+            [] if balanced else [_hodograph(result, [self.quantity(part) for part in PARTS[:3]])],
             {name: each.error for name, each in given.items()},
         )  # fmt: skip
 
@@ -110,6 +116,12 @@ def _figures_table(numbers: dict[str, Series], units: Sequence[Unit | None]) -> 
         peak, rms = (float(numbers[f"{part}.{name}"].values[0]) for name in ("peak", "rms"))
         rows.append((part, str(measured), peak, rms))
     return SectionTable("figures", "Peak and rms value", ("", "unit", "peak", "rms"), (None, None, None, None), rows)
+
+
+def _terms(result: Result) -> float:
+    """Return the largest inertia force [N] of the bodies behind any joint: the terms that the shaking force sums."""
+    joints = list(result.trajectory.mechanism.model.names)[1:]
+    return max(float(result[f"dynamic.{joint}.force.norm"].values.max()) for joint in joints)
 
 
 def _length(run: Lookup) -> float:

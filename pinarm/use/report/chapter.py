@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 CURVES = 2
 """Quantities a picture: a page holds two pictures, and little room is lost where one does not fit."""
 
-MOST_ROWS = 200
+MOST_ROWS = 60
 """Rows of a section's table that are printed; the file beside the result has all."""
 
 
@@ -131,7 +131,7 @@ def chapter(result: Result, origin: Origin, *, moving: bool) -> Chapter:
         verdicts=verdicts,
         accuracy=_accuracy(result),
         error=error_lines(result),
-        left_out=ReportTable(["Joint", "how", "why"], [(x.joint, x.how, x.why) for x in result.removals], 3),
+        left_out=ReportTable(["Joint", "how", "why"], [(x.joint, x.how, x.why) for x in result.removals], range(3)),
         notes=[*result.notes(), *unshown],
         origin=origin,
         replay=replay,
@@ -167,10 +167,11 @@ def _ranges(result: Result) -> ReportTable:
     names = [with_unit(text, run.unit) if text == f"at {run.parameter}" else text for text in heading[2:]]
     own = [[name, unit_text(unit), *numbers] for name, unit, *numbers in rows]
     if not result.errors:
-        return ReportTable(["Quantity", "unit", *names], own, 2)
+        return ReportTable(["Quantity", "unit", *names], own, range(2))
     bounds = [_bound(result.errors.get(series.name)) for series in result.columns()[1:]]
     return ReportTable(
-        ["Quantity", "unit", *names, "error"], [[*row, bound] for row, bound in zip(own, bounds, strict=True)], 2,
+        ["Quantity", "unit", *names, "error"], [[*row, bound] for row, bound in zip(own, bounds, strict=True)],
+        range(2),
         remark="error: bound of the global error relative to the largest value of the quantity, in 99 of 100 cases",
     )  # fmt: skip
 
@@ -182,7 +183,7 @@ def _bound(error: float | None) -> str:
 def _numbers(result: Result) -> ReportTable:
     rows = [[text, unit_text(series.unit), number(float(series.values[0])), f"{error:.1e}" if error else "0"]
             for text, (series, error) in result.numbers().items()]  # fmt: skip
-    return ReportTable(["Number of the run", "unit", "value", "quadrature error"], rows, 2)
+    return ReportTable(["Number of the run", "unit", "value", "quadrature error"], rows, range(2))
 
 
 def _findings(result: Result) -> ReportTable:
@@ -213,7 +214,7 @@ def _part(section: Section) -> Part:
     told = {cell for table in tables for row in table.rows for cell in row}
     untold = {name: series for name, series in section.numbers.items() if _cell(series) not in told}
     rows = [[name, unit_text(series.unit), _cell(series)] for name, series in untold.items()]
-    more = [ReportTable(["Number", "unit", "value"], rows, 2)] if rows else []
+    more = [ReportTable(["Number", "unit", "value"], rows, range(2))] if rows else []
     return Part(section.title, [*more, *tables], section.remarks, [graph(drawn).svg() for drawn in section.graphs])
 
 
@@ -222,10 +223,9 @@ def _cell(series: Series) -> str:
 
 
 def _section_table(table: SectionTable, key: str) -> ReportTable:
-    """Return a table of a section; the texts on its left decide which columns stand to the left."""
+    """Return a table of a section."""
     rows = [[cell if isinstance(cell, str) else number(cell) for cell in row] for row in table.rows[:MOST_ROWS]]
-    first = table.rows[0] if table.rows else ()
-    texts = next((k for k, cell in enumerate(first) if not isinstance(cell, str)), len(first))
+    texts = {k for row in table.rows for k, cell in enumerate(row) if isinstance(cell, str)}
     more = len(table.rows) - MOST_ROWS
     remark = f"and {more} more rows in {key}_{table.name}.csv" if more > 0 else ""
     headings = zip(table.columns, table.units, strict=True)
@@ -243,7 +243,7 @@ def _verdicts(result: Result) -> tuple[ReportTable | None, list[str]]:
     *misses, counts = verdict_remarks(findings)
     heading = ["Quantity", *HEADING[3:], "source"]
     remark = f"{counts}. Of many rows, the one that is farthest off is shown; the difference is relative."
-    return ReportTable(heading, rows, len(heading), remark=remark), misses
+    return ReportTable(heading, rows, range(len(heading)), remark=remark), misses
 
 
 def _accuracy(result: Result) -> ReportTable:
@@ -252,7 +252,7 @@ def _accuracy(result: Result) -> ReportTable:
     rows = [[name, f"{value:.1e}" if name in few else f"{value:.6g}", MEASURES[name]]
             for name, value in result.figures.items() if name in MEASURES]  # fmt: skip
     rows += [[name, f"{value:.0f}", "cost"] for name, value in result.figures.items() if name in COSTS]
-    return ReportTable(["Figure", "value", "meaning"], rows, 3)
+    return ReportTable(["Figure", "value", "meaning"], rows, range(3))
 
 
 def _replay(result: Result) -> tuple[str, list[str]]:

@@ -14,6 +14,7 @@ from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.geometry.chains import screw_of
 from pinarm.mechanics.joints import RADIAN, Joint
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.rotors import GearedRotor
 from pinarm.use.report.tables import ReportTable, number, shortened, unit_text
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def _bodies(mechanism: Mechanism) -> ReportTable:
     rows = [_body(model, index) for index in range(1, model.njoints)]
     total = sum(inertia.mass for inertia in list(model.inertias)[1:])
     return ReportTable(
-        ["Body", "fixed to it", "mass [kg]", "x [m]", "y [m]", "z [m]", "Ixx", "Iyy", "Izz [kg·m²]"], rows, 2,
+        ["Body", "fixed to it", "mass [kg]", "x [m]", "y [m]", "z [m]", "Ixx", "Iyy", "Izz [kg·m²]"], rows, range(2),
         "Bodies", f"Mass that moves: {number(total)} kg. Centre of mass in the axes of the body's joint; moments of "
         "inertia about it, in the same axes.",
     )  # fmt: skip
@@ -88,7 +89,7 @@ def _joints(mechanism: Mechanism) -> ReportTable:
          _axis(model, index), _range(model, mechanism.joints.get(model.names[index]))]
         for index in range(1, model.njoints)
     ]  # fmt: skip
-    return ReportTable(["Joint", "kind", "from", "to", "axis", "range"], rows, 6, "Joints",
+    return ReportTable(["Joint", "kind", "from", "to", "axis", "range"], rows, range(6), "Joints",
                        "Axes in those of the joint.")  # fmt: skip
 
 
@@ -118,7 +119,7 @@ def _range(model: pin.Model, joint: Joint | None) -> str:
 
 
 def _constraints(mechanism: Mechanism) -> ReportTable:
-    return ReportTable(["Loop or coupling", "kind", "between", "rows"], list(_ties(mechanism)), 3,
+    return ReportTable(["Loop or coupling", "kind", "between", "rows"], list(_ties(mechanism)), range(3),
                        "Joints that close loops, and couplings")  # fmt: skip
 
 
@@ -129,10 +130,12 @@ def _ties(mechanism: Mechanism) -> Iterator[Sequence[str]]:
             yield one.name, one.kind, f"{frames[0]} and {frames[1]}", str(one.size)
         elif isinstance(one, Coupling):
             yield one.name, one.kind, str(one.transmission or f"forces on bodies not known: {one.missing}"), "1"
+        elif isinstance(one, GearedRotor):
+            yield one.name, "rotor", one.rotor.name, "1"
 
 
 def _acting(mechanism: Mechanism) -> ReportTable:
     rows = [("force", name, element.description) for name, element in mechanism.forces.items()]
     rows += [("dry friction", contact.name, "") for contact in mechanism.frictions]
-    rows += [("drive", name, f"at {drive.joint}") for name, drive in mechanism.drives.items()]
-    return ReportTable(["What acts", "name", ""], rows, 3, "Forces and drives")
+    rows += [("drive", name, f"at {drive.coordinate}") for name, drive in mechanism.drives.items()]
+    return ReportTable(["What acts", "name", ""], rows, range(3), "Forces and drives")

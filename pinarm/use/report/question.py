@@ -17,6 +17,7 @@ QUESTIONS = {
     "inverse": "Which efforts must the drives give, so that the mechanism moves as the given laws say?",
     "forward": "How does the mechanism move from its initial state under the loads that act on it?",
     "kinematics": "How do all parts of the mechanism move when the given coordinates follow their laws?",
+    "recorded": "Which velocities, forces and energies belong to a motion that was recorded?",
     "equilibria": "In which positions does the mechanism rest without any drive, and are these positions stable?",
 }
 """Kind of a problem -> what it asks. ``tests/use/report/test_question.py`` compares the kinds with those there are."""
@@ -38,7 +39,7 @@ MOST = 180
 def question(result: Result) -> ReportTable:
     """Return what is given and asked: a table of what it is, of which coordinate or name, and the value."""
     rows = [*_problem(result.data["problem"]), *_given(result), *_asked(result)]
-    return ReportTable(["Given", "Of", "Value"], _once(rows), texts=3)
+    return ReportTable(["Given", "Of", "Value"], _once(rows), texts=range(3))
 
 
 def words(value: Any) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 from pinarm.input.units import Unit
@@ -15,14 +15,14 @@ class ReportTable:
     Attributes:
         headings: Of its columns.
         rows: Its cells, row by row.
-        texts: Columns, counted from the left, that hold texts; the others hold numbers, which stand to the right.
+        texts: Columns, counted from 0, that hold texts; the others hold numbers, which stand to the right.
         title: Above it; none where it is empty.
         remark: Below it; none where it is empty.
     """
 
     headings: Sequence[str]
     rows: Sequence[Sequence[str]] = field(repr=False)
-    texts: int = 1
+    texts: Collection[int] = range(1)
     title: str = ""
     remark: str = ""
 

@@ -112,20 +112,51 @@ def integrals(run: Lookup, integrand: Callable[[Quantities], Array]) -> tuple[Ar
         run: The run; its rows are states of one motion.
         integrand: Quantities of n rows -> values of the functions there, of the size of 1 or less, shape (n, k).
     """
-    from scipy.integrate import cubature
-
     parts = []
     for interval, (start, end, _) in enumerate(run.intervals):
         low, high = sorted((start, end))
         if low < high:
-            at, allowed = (
-                _remembering(partial(run.quantities_at, interval), integrand, low, high),
-                ABSOLUTE * (high - low),
-            )
-            parts.append(_cubature(partial(cubature, at, [low], [high], rtol=RELATIVE, atol=allowed), high - low))
-    total, error = (np.sum([getattr(part, of) for part in parts], axis=0) for of in ("estimate", "error"))
+            rows = partial(run.quantities_at, interval)
+            parts.append(_integral_between(_remembering(rows, integrand, low, high), low, high))
+    total, error = (np.sum(of, axis=0) for of in zip(*parts, strict=True))
     return total, error + ROUNDING * np.abs(total)
 
+
+def _integral_between(at: Callable[[Array], Array], low: float, high: float) -> tuple[Array, Array]:
+    """Return the integrals of functions of size 1, and their errors, both of shape (k,).
+
+    A function is not integrated to less than its own rounding: it is made smaller by as much as that is more than what
+    is allowed.
+
+    Args:
+        at: Points, shape (n, 1) -> values of the functions, shape (n, k).
+        low: Where the interval begins.
+        high: Where it ends.
+    """
+    from scipy.integrate import cubature
+
+    length = high - low
+    scale = np.maximum(_rounding(at, low, high) / ABSOLUTE, 1.0)
+    attempt = partial(cubature, lambda t: at(t) / scale, [low], [high], rtol=RELATIVE, atol=ABSOLUTE * length)
+    part = _cubature(attempt, length)
+    return part.estimate * scale, part.error * scale
+
+
+def _rounding(at: Callable[[Array], Array], low: float, high: float) -> Array:
+    """Return the rounding of functions over an interval, shape (k,): what points next to each other differ by.
+
+    Third differences d of a smooth function over steps of 1e-7 of the interval vanish; of independent errors with the
+    deviation s they have ``(d²) = 20 s²`` in the mean.
+    """
+    steps = NEIGHBOUR * np.arange(-1.5, 2.0)
+    points = low + (high - low) * np.add.outer(CLUSTERS, steps)
+    values = at(points.reshape(-1, 1)).reshape(*points.shape, -1)
+    differences = np.diff(values, 3, axis=1)[:, 0]
+    return np.asarray(np.sqrt((differences**2).mean(axis=0) / 20.0))
+
+
+NEIGHBOUR, CLUSTERS = 1e-7, (0.1127, 0.3819, 0.5, 0.7236, 0.9472)
+"""Distance of points whose differences are rounding, and where they are taken, as parts of an interval."""
 
 NODE = 1e-13
 """Part of an interval within which points are one: Gauss's nodes are among those of Kronrod but for rounding."""

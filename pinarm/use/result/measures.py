@@ -13,9 +13,18 @@ CLOSURES = {
     "closure rate": "largest velocity against a loop [m/s or rad/s]",
     "closure acceleration": "largest acceleration against a loop [m/s^2 or rad/s^2]",
 }
+CONSISTENCIES = {
+    "velocity consistency": "difference of given velocities from the rate of the positions, relative to the largest",
+    "acceleration consistency": "difference of given accelerations from the rate of the velocities, likewise",
+    "spline velocity": "change of the spline's velocities, relative to the largest, without every second row",
+    "spline acceleration": "change of its accelerations, likewise",
+}
+"""Figures of a motion that was given row by row."""
+
 MEASURES = {
     **RESIDUALS,
     **CLOSURES,
+    **CONSISTENCIES,
     "regularity": "smallest singular value of the loops' rows relative to the largest: 0 at a singular position",
     "least regular at": "where along the run that is",
     "e-folding": "time in which errors grow e-fold [s], where their growth is seen and exponential",

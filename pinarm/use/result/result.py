@@ -27,6 +27,7 @@ from pinarm.use.result.measures import COSTS, MEASURES, NOT_ESTIMATED
 from pinarm.use.result.row_lookup import PLATEAU, Lookup, unreached
 
 if TYPE_CHECKING:
+    import meshcat
     from pandas import DataFrame
 
     from pinarm.engine.motion.outcome import Outcome
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from pinarm.use.show.replay.page import Replay
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """The answer to a scenario.
 
@@ -57,14 +58,19 @@ class Result:
     """
 
     name: str
-    scenario: Scenario = field(repr=False)
-    outcome: Outcome = field(repr=False)
-    quantities: Quantities = field(repr=False)
+    scenario: Scenario
+    outcome: Outcome
+    quantities: Quantities
     figures: Mapping[str, float] = field(default_factory=dict)
     errors: Mapping[str, float] = field(default_factory=dict)
     setting: str = ""
     removals: Sequence[Removal] = ()
-    known: Mapping[str, Section] = field(default_factory=dict, repr=False)
+    known: Mapping[str, Section] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Return its name, its kind, how many rows it has, and its outputs."""
+        outputs = ", ".join(self.content.outputs)
+        return f"<Result of '{self.name}', {self.kind}: {len(self)} rows; {outputs}>"
 
     @property
     def kind(self) -> str:
@@ -239,6 +245,24 @@ class Result:
         if path is not None:
             shown.save(path)
         return shown
+
+    def show(self, visualizer: Any = None, *, name: str = "pinarm") -> meshcat.Visualizer:
+        """Show the run in a live meshcat viewer, as an animation with meshcat's own controls, and return the viewer.
+
+        ``viewer.open()`` shows it in the browser, ``viewer.jupyter_cell()`` in a notebook. Angles and lengths are those
+        of the replay; bodies stand below ``name`` by the names of their joints, ``viewer["pinarm"]["knee"]``.
+
+        Args:
+            visualizer: A ``meshcat.Visualizer``, or Pinocchio's ``MeshcatVisualizer``; a new one, which only this
+                machine can reach, where it is left out.
+            name: Path of the mechanism in the viewer's tree; what stood there is replaced, all else stays.
+
+        Raises:
+            InputError: It is no viewer.
+        """
+        from pinarm.use import views
+
+        return views.show(self, visualizer, name)
 
     def save(self, folder: str | Path, *, plots: bool = True) -> Path:
         """Write the result as a folder: scenario, summary, CSV, npz, plots; return the folder."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
@@ -91,6 +92,14 @@ class SectionNumber:
 
 
 AnyNumber = RunNumber | SectionNumber
+
+LONGEST = 60
+"""Characters of a number's name in names of files."""
+
+
+def slug(number: AnyNumber) -> str:
+    """Return the name of a number as names of numbers and files have it: ``C_B @ max`` as ``C_B_max``."""
+    return re.sub(r"\W+", "_", number.label).strip("_")[:LONGEST]
 
 
 def measured(number: AnyNumber, result: Result) -> tuple[Series, float]:

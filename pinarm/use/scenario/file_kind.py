@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -41,3 +42,20 @@ def refuse_mechanism(path: Path, data: Any) -> None:
             expected=f"a scenario, with 'mechanism: {path.name}' and a 'problem:'",
             hint=f"python -m pinarm explain {path}; or python -m pinarm new four_bar, for a scenario to begin with",
         ).at(Location(str(path)))  # fmt: skip
+
+
+GIVEN = "mechanism.yaml"
+"""What a scenario calls a mechanism that was given as such: the file that a result writes it to."""
+
+
+def refuse_changes(data: Mapping[str, Any]) -> None:
+    """Refuse changes of a mechanism that was given as such: it is what it is.
+
+    Raises:
+        InputError: Says which key asks for them.
+    """
+    for key in ("arguments", "gravity", "payloads", "changes"):
+        if data.get(key):
+            raise InputError(f"the mechanism is given as an object, which '{key}' does not change",
+                             expected="its file or its name, or the changes where the mechanism is made",
+                             hint="Mechanism.load(path, values={...})")  # fmt: skip

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import msgspec
@@ -18,6 +17,7 @@ from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Measured
+from pinarm.use.result.condition import Condition, read_conditions
 from pinarm.use.result.section_number import AnyNumber, Numbered, names_section, read_number
 
 BOUNDS = "[0 kg, 500 kg], or {from: 0 kg, to: 500 kg, start: 100 kg}"
@@ -92,43 +92,6 @@ class Unknown(Measured):
         return type(self).bounded, (float(self), self.unit, self.low, self.high)
 
 
-@dataclass(frozen=True)
-class Condition:
-    """What a number of the run must keep to.
-
-    Attributes:
-        number: The number.
-        relation: ``<``, ``>`` or ``=``.
-        bound: What it is compared with.
-    """
-
-    number: AnyNumber
-    relation: Literal["<", ">", "="]
-    bound: Measured
-
-    @classmethod
-    def read(cls, number: str, text: str) -> Condition:
-        """Read ``< 0.52 m``, ``> 0.52 m`` or ``= 0.52 m``; ``<=`` and ``>=`` are the same as ``<`` and ``>``.
-
-        Raises:
-            InputError: It cannot be read.
-        """
-        relations: dict[str, Literal["<", ">", "="]] = {"<": "<", ">": ">", "=": "="}
-        if text[:1] not in relations:
-            raise InputError(f"'{text[:80]}' is no condition", expected="'< 0.52 m', '> 0.52 m' or '= 0.52 m'")
-        value = text[1:].removeprefix("=").strip()
-        return cls(read_number(number), relations[text[0]], AnyQuantity.read(value, bare=False))
-
-    def __str__(self) -> str:
-        return f"{self.number.label} {self.relation} {self.bound:g}" if not self.bound.unit else (
-            f"{self.number.label} {self.relation} {self.bound / self.bound.unit.factor:g} {self.bound.unit}"
-        )  # fmt: skip
-
-    def margin(self, value: float) -> float:
-        """Return by how much it holds, negative where it does not; for ``=`` the difference."""
-        return float(self.bound - value if self.relation == "<" else value - self.bound)
-
-
 class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_that"}):
     """Numbers to find, and what they are to bring about: ``so_that``, ``minimise`` or ``maximise``.
 
@@ -185,11 +148,8 @@ class Find(InputStruct, frozen=True, rename={"unknown": "for", "wanted": "so_tha
     @property
     def conditions(self) -> list[Condition]:
         """What numbers of the run must keep to."""
-        read = []
-        for number, text in self.subject_to.items():
-            with within("subject_to", number):
-                read.append(Condition.read(number, text))
-        return read
+        with within("subject_to"):
+            return read_conditions(self.subject_to)
 
     def requested(self) -> list[str]:
         """Return the quantities and numbers that it needs, so that the joints in them are solved for."""

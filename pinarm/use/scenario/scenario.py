@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,14 +27,14 @@ from pinarm.problems.simplify.requested_joints import requested_joints
 from pinarm.problems.simplify.simplification import Simplification
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.failures import failures_in_words, overflow
-from pinarm.use.scenario.file_kind import refuse_mechanism, refuse_model
+from pinarm.use.scenario.file_kind import GIVEN, refuse_changes, refuse_mechanism, refuse_model
 from pinarm.use.scenario.scenario_file import ScenarioFile
 
 if TYPE_CHECKING:
     from pinarm.use.result.section_number import Numbered
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Scenario:
     """A scenario, read and checked; nothing is computed before ``run``.
 
@@ -44,13 +44,15 @@ class Scenario:
         problem: The question in it.
         folder: Folder that paths in it are relative to.
         seed: Of changes in the last digits of the mechanism; none for the mechanism as it is.
+        given: The mechanism where it was given as such; ``None`` where a file or a name says it.
     """
 
-    document: Document = field(repr=False)
+    document: Document
     content: ScenarioFile
     problem: Problem
     folder: Path
     seed: int | None = None
+    given: Mechanism | None = None
 
     @classmethod
     def load(cls, path: str | Path, values: Values | None = None) -> Scenario:
@@ -81,11 +83,20 @@ class Scenario:
         Raises:
             InputError: It has a mistake.
         """
-        return cls.of(Document.of_data(data, "scenario"), Path())
+        given = data.get("mechanism")
+        if not isinstance(given, Mechanism):
+            return cls.of(Document.of_data(data, "scenario"), Path())
+        refuse_changes(data)
+        return replace(cls.of(Document.of_data({**data, "mechanism": GIVEN}, "scenario"), Path()), given=given)
+
+    def __repr__(self) -> str:
+        """Return its name, its kind, its mechanism and its outputs."""
+        outputs = ", ".join(self.content.outputs)
+        return f"<Scenario '{self.name}', {self.problem.kind} of {self.content.mechanism}; {outputs}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Say how another process makes the same scenario: from its text, since what is built from it has functions."""
-        return _read_again, (self.document, self.folder.absolute(), self.seed)
+        return _read_again, (self.document, self.folder.absolute(), self.seed, self.given)
 
     def varied(self, values: Values) -> Scenario:
         """Return the scenario with other values.
@@ -137,6 +148,9 @@ class Scenario:
     @cached_property
     def mechanism(self) -> Mechanism:
         """The mechanism, with the scenario's arguments and gravity."""
+        if self.given is not None:
+            refuse_changes(self.document.data)
+            return self.given if self.seed is None else self.given.perturbed(self.seed)
         wanted, gravity = self.content.mechanism, self.content.gravity
         with self.document.locating("mechanism"):
             source: str | Path = wanted
@@ -290,7 +304,7 @@ class Scenario:
         from pinarm.use.result.stored_rows import SolvedAnew, trajectory_of
 
         rows = trajectory_of(self, mechanism, arrays)
-        motion = None if rows.numbered else SolvedAnew(self, mechanism, rows.grid.cuts)
+        motion = None if rows.isolated else SolvedAnew(self, mechanism, rows.grid.cuts)
         return replace(self.result(Outcome(rows, motion, **outcome)), **measured)
 
     def validate(self) -> None:
@@ -347,8 +361,8 @@ class Scenario:
         return self.document.locating("problem", *path)
 
 
-def _read_again(document: Document, folder: Path, seed: int | None) -> Scenario:
-    return replace(Scenario.of(document, folder), seed=seed)
+def _read_again(document: Document, folder: Path, seed: int | None, given: Mechanism | None) -> Scenario:
+    return replace(Scenario.of(document, folder), seed=seed, given=given)
 
 
 def _varied(document: Document, folder: Path, values: Values) -> Document:
@@ -400,7 +414,8 @@ def load(scenario: Given, values: Values | None = None) -> Scenario:
 
     Args:
         scenario: The file; or what such a file would hold, ``{"pinarm": 1, "mechanism": "panda", ...}``, with paths
-            relative to the working folder; or a scenario that has been read, of which values are to be replaced.
+            relative to the working folder, or a ``Mechanism`` in place of its file; or a scenario that has been read,
+            of which values are to be replaced.
         values: Other values than those of the file: ``{"problem.time.end": "3 s", "arguments.m_A": 0.2}``, or texts
             ``["problem.time.end=3 s"]``. A bare number is in SI, and allowed where the file has an SI unit or none.
 

@@ -61,6 +61,7 @@ class ScenarioFile(InputStruct, frozen=True):
         sizing: Motor and gear of a drive, out of a catalogue; see ``assessments.sizing``.
         loads: Loads of joints, lives of bearings, balance of rotors, sets of loads for FEM; see ``assessments.loads``.
         path_error: How far a point passes from wanted ones; see ``assessments.path_error``.
+        limits: What numbers of the run must keep to; see ``assessments.limits``.
         sensitivity: What numbers of the run depend on, and bands from tolerances; see ``assessments.sensitivity``.
         modelled: ``required``, what the question requires: joints that it holds still are locked, and dropped those
             that it moves and nothing depends on; or the ``whole`` mechanism. The answer is the same.
@@ -93,6 +94,7 @@ class ScenarioFile(InputStruct, frozen=True):
     sizing: Assessment | None = None
     loads: Assessment | None = None
     path_error: Assessment | None = None
+    limits: Assessment | None = None
     sensitivity: Assessment | None = None
     modelled: Literal["required", "whole"] = "required"
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"

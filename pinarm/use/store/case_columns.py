@@ -56,8 +56,11 @@ def statistics(series: Series) -> dict[str, Any]:
         return found
     low, high = int(values.argmin()), int(values.argmax())
     found |= {"min": values[low], "at_min": int(solved[low]), "max": values[high], "at_max": int(solved[high])}
-    found |= {"mean": values.mean(), "deviation": values.std(ddof=1) if len(values) > 1 else 0.0}
-    found |= {name: np.quantile(values, share) for name, share in QUANTILES.items()}
+    exponent = int(np.frexp(np.abs(values).max())[1])  # squares of sizes up to 1 are finite
+    scaled = np.ldexp(values, -exponent)
+    measures = {"mean": scaled.mean(), "deviation": scaled.std(ddof=1) if len(values) > 1 else 0.0}
+    measures |= {name: np.quantile(scaled, share) for name, share in QUANTILES.items()}
+    found |= {name: np.ldexp(x, exponent) for name, x in measures.items()}
     return {name: float(value) if isinstance(value, np.floating) else value for name, value in found.items()}
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism, read_mechanism
@@ -27,6 +27,7 @@ from pinarm.use.output.folder import complete_folder
 from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result
 from pinarm.use.result.stored_rows import AGAIN, SolvedAnew, trajectory_of
+from pinarm.use.scenario.recorded import result as recorded_result
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.store.section_files import SECTIONS, read_sections
 
@@ -58,22 +59,26 @@ def restore(folder: str | Path) -> Result:
         scenario, known = Scenario.load(folder / "scenario.yaml"), read_sections(folder / SECTIONS)
         mechanism = replace(_mechanism(folder, scenario), notes=tuple(summary["notes"]))
     rows = trajectory_of(scenario, mechanism, arrays)
-    outcome = Outcome(rows, None if rows.numbered else SolvedAnew(scenario, mechanism, rows.grid.cuts))
+    outcome = Outcome(rows, None if rows.isolated else SolvedAnew(scenario, mechanism, rows.grid.cuts))
     measured = {key: summary[key] for key in ("figures", "errors", "setting", "removals")}
     return replace(scenario.result(outcome), name=str(summary["scenario"]), known=known, **measured)
 
 
 def replay(
-    result: Result | str | Path,
+    result: Result | Mechanism | str | Path,
+    q: ArrayLike | None = None,
+    t: ArrayLike | None = None,
     *,
     traces: Sequence[str] = (),
     arrows: Sequence[str] = (),
     plots: Sequence[str] | None = None,
 ) -> Replay:
-    """Return the moving picture of a result.
+    """Return the moving picture of a result, or of configurations: ``replay(mechanism, q, t)``.
 
     Args:
-        result: The result, or the folder that it was written to.
+        result: The result, or the folder that it was written to; or a mechanism, whose configurations are given.
+        q: Configurations of the mechanism in pinarm's convention, shape (n, nq); see ``Mechanism.from_pinocchio``.
+        t: Instants [s], shape (n,).
         traces: Links whose origins leave a path; ``com`` for the centre of mass.
         arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
         plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
@@ -83,7 +88,14 @@ def replay(
     """
     from pinarm.use.show.replay.page import replay_page
 
-    given = result if isinstance(result, Result) else restore(result)
+    if isinstance(result, Mechanism):
+        if q is None or t is None:
+            raise InputError("a mechanism by itself does not move", expected="replay(mechanism, q, t)")
+        given = recorded_result(result, t, q)
+    elif q is not None or t is not None:
+        raise InputError("a result has its own configurations and instants", expected="replay(mechanism, q, t)")
+    else:
+        given = result if isinstance(result, Result) else restore(result)
     return replay_page(given, traces=traces, arrows=arrows, plots=plots)
 
 
@@ -121,7 +133,8 @@ def _arrays(path: Path) -> dict[str, Array]:
         found = {name: array.astype(str if name == "guides" else float) for name, array in found.items()}
     except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, SyntaxError) as error:
         raise InputError(f"{path} does not hold the states of a run ({error})", hint=AGAIN) from None
-    if not all(np.isfinite(found[name]).all() for name in (*STATE, "directions") if name in found):
+    unknown = {name for name in ("v", "a") if np.isnan(found[name]).all()}  # of recorded motions
+    if not all(np.isfinite(found[name]).all() for name in {*STATE, "directions"} & found.keys() - unknown):
         raise InputError(f"the states in {path} are not finite")
     return found
 

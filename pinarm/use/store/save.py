@@ -17,10 +17,12 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import Source
+from pinarm.engine.motion.recorded_motion import RecordedRows
 from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.roots import contained_file, root_of
 from pinarm.mechanics.loading.pinocchio_model import file_suffix
+from pinarm.problems.recorded_columns import named_columns
 from pinarm.use.assessments import FILES
 from pinarm.use.output.folder import whole_folder
 from pinarm.use.result.stored_rows import states
@@ -53,6 +55,8 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
         write(draft / "scenario.yaml", _resolved(result, folder))
         for name, source in _tables(result).values():
             write_parts(draft / name, [source.read_bytes()])
+        if result.kind == RECORDED:
+            write_parts(draft / MOTION, recorded_csv(result))
         write(draft / "mechanism.yaml", mechanism_text(mechanism.source, folder, model))
         write(draft / model, _model(mechanism, folder))
         write_parts(draft / "trajectory.csv", csv(columns))
@@ -77,6 +81,9 @@ def table_csv(table: SectionTable) -> str:
     lines += [",".join(cell(each) if isinstance(each, str) else repr(each) for each in row) for row in table.rows]
     return "\n".join(lines) + "\n"
 
+
+RECORDED, MOTION = "recorded", "recorded.csv"
+"""Kind of problem whose rows are given, and the file of a result that holds them."""
 
 CHUNK = 50_000
 """Rows of a table that are written at once: memory for more would be as much again as the table's."""
@@ -106,22 +113,40 @@ def arrays(result: Result, columns: list[Series]) -> dict[str, Any]:
     return {**behind, **{series.name: np.asarray(series.values) for series in columns}}
 
 
+def recorded_csv(result: Result) -> Iterator[bytes]:
+    """Yield a recorded motion as the table that gives the same rows again; derivatives of a spline are not in it."""
+    run, splined = result.trajectory, result.data["problem"].get("derivatives") == "spline"
+    v, a = (None if splined or np.isnan(x).any() else x for x in (run.v, run.a))
+    tau = run.tau if run.driven is None and not run.no_efforts else None
+    known = RecordedRows(run.grid.t, run.q, v, a, tau)
+    columns = named_columns(run.mechanism, known)
+    yield (",".join(map(cell, columns)) + "\n").encode()
+    yield _lines(np.array([text.split() for text in columns.values()], float).T)
+
+
 def _resolved(result: Result, folder: Path) -> str:
     """Return the scenario with every argument of the model and every default written out."""
     own = {key: value for key, value in result.data.items() if key != "changes"}  # in which paths are the mechanism's
     written = {**result.data, **_moved(own, result.folder, folder)}
+    if result.kind == RECORDED:
+        problem = {key: value for key, value in written["problem"].items() if key != "columns"}
+        written["problem"] = {**problem, "file": MOTION}
     for key, (name, _) in _tables(result).items():
         written[key] = {**written[key], FILES[key]: name}
     units = result.trajectory.mechanism.argument_units
-    written["arguments"] = {
+    arguments = {
         name: f"{value!r} {units[name]}" if name in units else value
         for name, value in result.trajectory.mechanism.arguments.items()
     }
+    if result.scenario.given is None:
+        written["arguments"] = arguments
+    else:  # the model that is written has them filled in; formulas go on to know their values
+        written["symbols"] = {**{name: str(value) for name, value in arguments.items()}, **result.content.symbols}
     accuracy = result.content.accuracy
     decided = accuracy.setting_keys if accuracy.target is None else result.data["accuracy"]
     written["accuracy"] = {**decided, "max_steps": accuracy.max_steps}
     source = Path(str(written["mechanism"]))
-    if source.suffix:
+    if source.suffix and result.scenario.given is None:
         written["mechanism"] = os.path.relpath(result.folder / source, folder)
     written.pop("variants", None)  # which paths lead to from here, and are no part of the result
     return yaml_text(written)

@@ -19,6 +19,7 @@ from pinarm.input.yaml.values import Values
 from pinarm.mechanics.couplings.coupling import Coupling
 from pinarm.mechanics.couplings.left_open import left_open
 from pinarm.mechanics.loops.loop_joints import LoopJoint
+from pinarm.mechanics.rotors import GearedRotor
 from pinarm.problems.simplify.simplification import Removal
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
@@ -70,6 +71,8 @@ class Explanation:
             elif isinstance(one, Coupling):
                 forces = one.transmission or f"its forces on bodies are not known: {one.missing}"
                 lines.append(f"  {one.name}: {one.kind}, 1 row; {forces}")
+            elif isinstance(one, GearedRotor):
+                lines.append(f"  {one.name}: the rotor {one.rotor.name} moves with what the drive acts along, 1 row")
         return lines if len(lines) > 1 else ["no loops: an open chain"]
 
     def _mobility(self) -> list[str]:
@@ -105,7 +108,7 @@ class Explanation:
         direction = mechanism.model.gravity.linear
         lines = [f"gravity: {', '.join(f'{x:g}' for x in direction)} m/s^2" if direction.any() else "no gravity"]
         lines += [": ".join(filter(None, (f"force {name}", one.description))) for name, one in mechanism.forces.items()]
-        lines += [f"drive {name} at {drive.joint}" for name, drive in mechanism.drives.items()]
+        lines += [f"drive {name} at {drive.coordinate}" for name, drive in mechanism.drives.items()]
         return [*lines, *(f"note: {note}" for note in mechanism.notes)]
 
     def _modelled(self) -> list[str]:
@@ -120,26 +123,32 @@ class Explanation:
         return [*lines, f"compiled kernel: {reason}; steps of motions are computed in Python"] if reason else lines
 
 
-def explain(path: str | Path, values: Values | None = None) -> Explanation:
+def explain(path: str | Path | Mechanism, values: Values | None = None) -> Explanation:
     """Return the structure of a scenario's mechanism where its motion begins, or of a model near its zero position.
 
     Where that is a singular position it is that of a closed one beside it.
 
     Args:
-        path: A scenario, a mechanism file, a model file, or the name of a robot.
+        path: A scenario, a mechanism file, a model file, the name of a robot, or a mechanism, as it is.
         values: Other values than those of the scenario (see ``pinarm.load``), or of the mechanism file (see
             ``Mechanism.load``).
 
     Raises:
         PinarmError: The file has a mistake, or the loops cannot be closed.
     """
+    if isinstance(path, Mechanism):
+        return _structure(path)
     file = Path(path)
     if file.suffix in (".yaml", ".yml") and "problem" in (Document.read(file).data or {}):
         scenario = Scenario.load(file, values)
         q, whole = run(scenario).trajectory.q, scenario.mechanism
         some = [q[k] for k in np.unique(np.linspace(0, len(q) - 1, ROWS).astype(int))]
         return _explained(whole, some, "where the motion begins", scenario.simplification.removals)
-    mechanism = Mechanism.load(path, values=values)
+    return _structure(Mechanism.load(path, values=values))
+
+
+def _structure(mechanism: Mechanism) -> Explanation:
+    """Return the structure of a mechanism near its zero position, or wherever its loops close."""
     try:
         q, where = closed_near(mechanism, {}), "in the closed position nearest to zero"
     except AssemblyError as error:

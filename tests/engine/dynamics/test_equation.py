@@ -100,7 +100,7 @@ def test_points_in_pinocchio_give_the_same_without_efforts(name, seed):
     mechanism, q, v, _ = state(name, seed)
     points = PointConstraints.of(mechanism.closure, q)
     assert points is not None
-    a = points.acceleration(mechanism.dynamics.on(0.0, 1.0), lambda t: (np.empty(0),) * 3)(0.0, q, v)
+    a = points.acceleration(mechanism.dynamics.on(0.0, 1.0), lambda t: (np.empty(0),) * 3, points.exact)(0.0, q, v)
     (right,) = accelerations(
         mechanism.dynamics.on(0.0, 1.0), mechanism.closure, 0.0, q[None], v[None], np.zeros((1, len(v)))
     )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pinarm.engine.integration.driver import integrate
-from pinarm.engine.integration.events import Watch
+from pinarm.engine.integration.events import Watch, _brackets, nodes
 from pinarm.engine.integration.integrator import Flat, Interval
 from pinarm.engine.integration.methods import METHODS
 from pinarm.engine.integration.methods.explicit import Adaptive
@@ -74,6 +74,27 @@ def test_a_crossing_at_the_end_of_a_step_is_found_once():
     for level in (0.0, 1e-17, -1e-17):
         found = integrate(intervals, LINE, *start, Adaptive(1e-9), watches=[position(level)]).crossings
         assert [one.t for one in found] == pytest.approx([0.5], abs=1e-15)
+
+
+@pytest.mark.parametrize("zero", [0.0, 1.0])
+def test_a_crossing_exactly_at_an_end_of_a_step_hides_no_other_within_it(zero):
+    """``(x - zero) (x - other)``: 0, which counts as positive, at one end of the step, and negative beside it."""
+    x = nodes(4)
+    for other in np.linspace(0.002, 0.998, 499):
+        for factor in (1.0, 3.7, x + 0.1):
+            found = _brackets(factor * (x - zero) * (x - other), 0)
+            assert len(found) == 2, other
+            (first, one), (two, last) = found
+            assert first <= min(zero, other) <= one == two <= max(zero, other) <= last
+            assert len(_brackets(factor * (x - zero) * (x - other), 1)) == 1
+
+
+def test_a_motion_crosses_within_a_step_and_at_its_end():
+    flight = [Interval(low, low + 1.0, lambda t, q, v: np.array([2.0])) for low in (0.0, 1.0)]
+    found = integrate(
+        flight, LINE, np.array([0.5]), np.array([-1.5]), Adaptive(1e-6), watches=[position(0.0)]
+    ).crossings
+    assert [one.t for one in found] == pytest.approx([0.5, 1.0], abs=1e-12)
 
 
 def test_a_start_on_the_value_is_no_crossing():

@@ -57,9 +57,9 @@ def heavier(monkeypatch):
     """The library knows the last link of every tree with 1 % more mass."""
 
     def wrong(model):
-        links, screws = links_of(model)
-        links["mass"][-1] *= 1.01
-        return links, screws
+        known = links_of(model)
+        known.links["mass"][-1] *= 1.01
+        return known
 
     monkeypatch.setattr(kernel_tree, "links_of", wrong)
 

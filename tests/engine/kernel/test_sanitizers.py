@@ -15,7 +15,10 @@ SOURCES = sorted(kernel.PATH.parent.glob("*.c"))
 WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Wmissing-prototypes", "-Werror"]
 SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer", "-g"]
 
-TESTED = ["tests/engine/kernel/test_tree.py", "tests/engine/integration/test_compiled_steps.py"]
+TESTED = [
+    "tests/engine/kernel/test_tree.py", "tests/engine/integration/test_compiled_steps.py",
+    "tests/loops/test_compiled.py",
+]  # fmt: skip
 
 LOAD = """
 import sys

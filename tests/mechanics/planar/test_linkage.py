@@ -99,5 +99,5 @@ def test_a_drawing_has_no_arguments(tmp_path: Path) -> None:
 def test_a_loop_joint_beside_the_drawing_has_a_name_of_its_own(tmp_path: Path) -> None:
     extra = "loops: {B: {kind: revolute, between: [crank, rocker]}}\n"
     (tmp_path / "m.yaml").write_text(SOUND + extra)
-    with pytest.raises(InputError, match=r"m\.yaml:13:.*the drawing has a loop joint 'B' already"):
+    with pytest.raises(InputError, match=r"m\.yaml:13:.*the model has a loop joint 'B' already"):
         pinarm.Mechanism.load(tmp_path / "m.yaml")

@@ -117,6 +117,45 @@ def test_a_step_may_end_on_a_change_point(speed):
     assert found[3] == pytest.approx(0.5 * (found[2] + found[4]), rel=1e-3)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("rough", [0.0, 0.02, -0.02])
+def test_a_start_next_to_the_change_point_has_the_velocities_of_its_branch_or_is_refused(solve, side, rough):
+    """Within 1e-5 rad a start had other velocities than were given, without a word; the energy was not kept."""
+    right = 0
+    for apart in (1e-2, 1e-3, 1e-4, 3e-6, 1e-6, 3e-7, 1e-7, 1e-8, 1e-10, 0.0):
+        turned = np.pi - side * apart
+        start = {"A": -np.pi + rough, "theta4": np.pi - rough}
+        initial = {"position": {"theta2": turned}, "velocity": {"theta2": 12.0}}
+        try:
+            found = solve("change_point_four_bar", "forward", end=0.1, samples=3, start=start, initial=initial)
+        except PinarmError as error:
+            assert "choose its velocities" in str(error) or "for an instant only" in str(error)
+            assert apart <= 3e-6
+            continue
+        right += 1
+        branches = [CHANGE_POINT.slopes(np.array(turned + offset))[3] for offset in (0.0, 2.0 * np.pi)]
+        rate = found["omega4"].values[0] / found["omega2"].values[0]
+        assert found["omega2"].values[0] == pytest.approx(12.0, rel=1e-4)  # rounding over the square of the regularity
+        assert min(abs(rate - one) for one in branches) < max(1e-4, apart)
+        assert np.ptp(found["energy.total"].values) < 1e-4 * np.ptp(found["energy.kinetic"].values)
+    assert right >= 3
+
+
+@pytest.mark.parametrize("turn", [0.0, 2.0 * np.pi])
+def test_from_the_change_point_velocities_tell_the_motion(solve, turn):
+    _, _, d3, d4 = CHANGE_POINT.slopes(np.array(np.pi + turn))
+    velocity = {"theta2": 12.0, "A": 12.0 * (d3 - 1.0), "theta4": 12.0 * d4}
+    found = solve(
+        "change_point_four_bar", "forward", end=0.2, samples=5, tolerance=1e-10, start={"A": -np.pi, "theta4": np.pi},
+        initial={"position": {"theta2": np.pi}, "velocity": {name: float(rate) for name, rate in velocity.items()}},
+    )  # fmt: skip
+    _, theta4, *_ = CHANGE_POINT.slopes(found["theta2"].values + turn)
+    assert np.exp(1j * found["theta4"].values) == pytest.approx(np.exp(1j * theta4), abs=1e-7)
+    assert np.ptp(found["energy.total"].values) < 1e-6 * np.ptp(
+        found["energy.kinetic"].values
+    )  # noise of the first row
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5, 1e-7, 1e-9, 1e-11, 1e-12, 1e-13])
 def test_it_is_passed_from_any_start(solve, tolerance):

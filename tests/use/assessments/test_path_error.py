@@ -143,6 +143,7 @@ def test_the_other_way_round_is_an_order_defect() -> None:
         _ = pinarm.run(FOUR_BAR, asked([300.0, 200.0, 80.0, 10.0])).sections
 
 
+@pytest.mark.slow
 def test_a_search_finds_the_length_that_drew_the_points() -> None:
     values = asked([10.0, 80.0, 150.0, 200.0, 300.0], 0.341)
     values["find"] = {"for": {"arguments.b": ["0.33 m", "0.37 m"]}, "minimise": "path_error.rms", "starts": 1}

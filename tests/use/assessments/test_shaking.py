@@ -66,3 +66,6 @@ def test_the_counterweights_of_berkof_and_lowen_are_found() -> None:
     assert result.figures["payloads.crank.mass [kg]"] == pytest.approx((0.5 + 1.75) * 100 / 60, rel=1e-12)
     assert result.figures["payloads.rocker.mass [kg]"] == pytest.approx((1.25 + 1.75) * 250 / 100, rel=1e-12)
     assert result.number("shaking.force.norm.peak")[0] < 1e-11
+    section = result.sections["shaking"]
+    assert "the shaking force is balanced: it is 0 but for rounding" in section.remarks
+    assert not section.graphs  # no picture of rounding

@@ -53,6 +53,27 @@ def test_what_a_speed_brings_about_is_its_integral(scenario: Callable[..., Any])
     assert result.number("joint.pivot.velocity @ integral")[0] == pytest.approx(turned, abs=1e-7)
 
 
+def test_a_quantity_that_is_only_rounding_takes_no_more_points_than_a_smooth_one(
+    scenario: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result, points = scenario("inverse").run(), []
+    solved = type(result.lookup).quantities_at
+
+    def counted(run: Any, interval: int, t: Any) -> Any:
+        points.append(len(t))
+        return solved(run, interval, t)
+
+    monkeypatch.setattr(type(result.lookup), "quantities_at", counted)
+    taken = {}
+    for name in ("alpha", "(alpha + 1.1)**2 - alpha**2 - 2.2*alpha - 1.21"):
+        points.clear()
+        value, error = result.number(f"{name} @ rms")
+        taken[name] = (value, error, sum(points))
+    (_, _, smooth), (value, error, rounding) = taken.values()
+    assert rounding <= 2 * smooth
+    assert 1e-17 < value < 1e-15 and error < 1e-15
+
+
 def test_an_integral_has_the_unit_of_the_parameter_in_it(scenario: Callable[..., Any]) -> None:
     result = scenario("inverse", "numbers: [joint.pivot.power @ integral, M @ rms]\n").run()
     units = {text: series.unit for text, (series, _) in result.numbers().items()}

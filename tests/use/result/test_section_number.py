@@ -80,6 +80,7 @@ def test_sweeps_take_them(scenario: Callable[..., Any], folder: Path) -> None:
     assert swept["loads.pivot.radial.peak"].values == pytest.approx([10, 20, 40], rel=1e-14)
 
 
+@pytest.mark.slow
 def test_searches_take_them(scenario: Callable[..., Any]) -> None:
     text = (
         "gravity: {direction: -z, magnitude: 10 m/s^2}\nloads: {joints: {pivot: {}}, sets: []}\n"

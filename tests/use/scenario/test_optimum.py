@@ -179,6 +179,7 @@ def test_the_move_of_least_heat_is_the_cubic(tmp_path):
     assert numbers["problem.motion.turn.points.2.1"].values == pytest.approx([0.648], abs=1e-3)
 
 
+@pytest.mark.slow
 def test_the_move_of_least_peak_torque_is_bang_bang(tmp_path):
     """Half of the time with a = 4 theta/T^2, half of it with -a: the speed reaches 2 theta/T and never rests there."""
     scenario = inertia(

@@ -15,12 +15,9 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.integration.first_step import first_step
 from pinarm.engine.integration.integrator import Count, Interval, Manifold, Solution, Step
-from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, TINY, growth, shrinkage
+from pinarm.engine.integration.step_control import FASTEST, HUGE, LOST, NOISE, TINY, growth, shrinkage
 from pinarm.engine.integration.tableaus import DOP853, DOPRI5, RK4, Tableau
 from pinarm.errors import MethodError
-
-NOISE = 1e-6
-"""Error of a step, relative to ``1 + |y|``, up to which amplified rounding near a singular position explains it."""
 
 STIFF = 0.3
 """Share of steps at the stability limit from which a motion is reported as stiff for an explicit method."""
@@ -90,11 +87,11 @@ class Adaptive:
 
     def interpolants(self, interval: Interval, manifold: Manifold, steps: Sequence[Step]) -> Array:
         """Return the terms of the dense output."""
-        if interval.compiled is not None:
-            from pinarm.engine.integration.compiled_steps import terms
+        if interval.compiled is None:
+            return _terms(self.tableau, interval, manifold, steps)
+        from pinarm.engine.integration.compiled_steps import terms
 
-            return terms(self.tableau, interval.compiled, steps)
-        return _terms(self.tableau, interval, manifold, steps)
+        return terms(self.tableau, interval.compiled, steps)
 
     def diagnose(self, solution: Solution) -> list[str]:
         """Return a note where the stability limit, not the error, keeps steps short.

@@ -2,14 +2,23 @@
 
 #include <math.h>
 
-int joint_coordinates(int kind) {
-    static const int coordinates[JOINT_KINDS] = {1, 2, 4, 7, 4, 3};
-    return coordinates[kind];
-}
+/* A joint with several coordinates: some are lengths along x, y and z, then come those of a rotation. */
+typedef struct {
+    int slides, coordinates; /* number of lengths; of numbers that are a (cos, sin) pair or a quaternion, or 0 */
+} layout;
+
+enum { NONE, PAIR = 2, QUATERNION = 4 };
+
+static const layout LAYOUTS[JOINT_KINDS] = {
+    [CONTINUOUS] = {0, PAIR}, [BALL] = {0, QUATERNION},  [FLOATING] = {3, QUATERNION},
+    [PLANAR] = {2, PAIR},     [TRANSLATION] = {3, NONE},
+};
+
+int joint_coordinates(int kind) { return kind == SCREW ? 1 : LAYOUTS[kind].slides + LAYOUTS[kind].coordinates; }
 
 int joint_velocities(int kind) {
-    static const int velocities[JOINT_KINDS] = {1, 1, 3, 6, 3, 3};
-    return velocities[kind];
+    const int turned = LAYOUTS[kind].coordinates;
+    return kind == SCREW ? 1 : LAYOUTS[kind].slides + (turned == QUATERNION ? 3 : turned == PAIR);
 }
 
 /* R Rz, where Rz turns by an angle about z. */
@@ -31,43 +40,45 @@ static matrix quaternion_rotation(const double *q) {
     };
 }
 
-static placement moved(const placement *fixed, vector by) {
-    return (placement){fixed->rotation, add(fixed->translation, times(&fixed->rotation, by))};
+/* The rotation of a joint's coordinates, behind its lengths. */
+static matrix rotation_of(const layout *p, const double *x) {
+    static const matrix identity = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}};
+    if (p->coordinates == PAIR)
+        return turned(&identity, x[0], x[1]);
+    return p->coordinates == QUATERNION ? quaternion_rotation(x) : identity;
+}
+
+/* The lengths among the numbers of a joint, as a vector. */
+static vector slid(const layout *p, const double *x) {
+    return (vector){p->slides > 0 ? x[0] : 0.0, p->slides > 1 ? x[1] : 0.0, p->slides > 2 ? x[2] : 0.0};
+}
+
+/* The rotations among its velocities, as a vector. */
+static vector spun(const layout *p, const double *v) {
+    const double *w = v + p->slides;
+    if (p->coordinates == QUATERNION)
+        return (vector){w[0], w[1], w[2]};
+    return (vector){0.0, 0.0, p->coordinates == PAIR ? w[0] : 0.0};
+}
+
+static void add_slides(const layout *p, vector by, double *x) {
+    const double each[3] = {by.x, by.y, by.z};
+    for (int k = 0; k < p->slides; k++)
+        x[k] += each[k];
 }
 
 placement joint_placement(const link *l, const screw *s, const double *q) {
     placement x = l->fixed;
-    matrix r;
-    switch (l->kind) {
-    case SCREW:
+    if (l->kind == SCREW) {
         if (s->slide != 0.0)
-            x = moved(&x, (vector){0.0, 0.0, s->slide * q[0]});
+            x.translation = add(x.translation, times(&x.rotation, (vector){0.0, 0.0, s->slide * q[0]}));
         if (s->turn != 0.0)
             x.rotation = turned(&l->fixed.rotation, cos(s->turn * q[0]), sin(s->turn * q[0]));
-        break;
-    case CONTINUOUS:
-        x.rotation = turned(&l->fixed.rotation, q[0], q[1]);
-        break;
-    case BALL:
-        r = quaternion_rotation(q);
-        x.rotation = product(&l->fixed.rotation, &r);
-        break;
-    case FLOATING:
-        r = quaternion_rotation(q + 3);
-        x = moved(&x, (vector){q[0], q[1], q[2]});
-        x.rotation = product(&l->fixed.rotation, &r);
-        break;
-    case PLANAR:
-        x = moved(&x, (vector){q[0], q[1], 0.0});
-        x.rotation = turned(&l->fixed.rotation, q[2], q[3]);
-        break;
-    case TRANSLATION:
-        x = moved(&x, (vector){q[0], q[1], q[2]});
-        break;
-    default:
-        break;
+        return x;
     }
-    return x;
+    const layout *p = &LAYOUTS[l->kind];
+    const matrix r = rotation_of(p, q + p->slides);
+    return (placement){product(&x.rotation, &r), add(x.translation, times(&x.rotation, slid(p, q)))};
 }
 
 static void normalise(double *x, int n) {
@@ -80,59 +91,77 @@ static void normalise(double *x, int n) {
 }
 
 void joint_normalise(int kind, double *q) {
-    switch (kind) {
-    case CONTINUOUS:
-        normalise(q, 2);
-        break;
-    case BALL:
-        normalise(q, 4);
-        break;
-    case FLOATING:
-        normalise(q + 3, 4);
-        break;
-    case PLANAR:
-        normalise(q + 2, 2);
-        break;
-    default:
-        break;
-    }
+    if (kind != SCREW)
+        normalise(q + LAYOUTS[kind].slides, LAYOUTS[kind].coordinates);
 }
 
 /* Half the product of a quaternion with an angular velocity in the frame that it turns: Featherstone, equation 4.13. */
-static void quaternion_rates(const double *q, const double *w, double *rates) {
-    rates[0] = 0.5 * (q[3] * w[0] + q[1] * w[2] - q[2] * w[1]);
-    rates[1] = 0.5 * (q[3] * w[1] + q[2] * w[0] - q[0] * w[2]);
-    rates[2] = 0.5 * (q[3] * w[2] + q[0] * w[1] - q[1] * w[0]);
-    rates[3] = -0.5 * (q[0] * w[0] + q[1] * w[1] + q[2] * w[2]);
+static void quaternion_rates(const double *q, vector w, double *rates) {
+    rates[0] = 0.5 * (q[3] * w.x + q[1] * w.z - q[2] * w.y);
+    rates[1] = 0.5 * (q[3] * w.y + q[2] * w.x - q[0] * w.z);
+    rates[2] = 0.5 * (q[3] * w.z + q[0] * w.y - q[1] * w.x);
+    rates[3] = -0.5 * (q[0] * w.x + q[1] * w.y + q[2] * w.z);
 }
 
 void joint_rates(int kind, const double *q, const double *v, double *rates) {
-    matrix r;
-    vector u;
-    switch (kind) {
-    case SCREW:
+    const layout *p = &LAYOUTS[kind];
+    const double *x = q + p->slides;
+    const vector w = spun(p, v);
+    if (kind == SCREW)
         rates[0] = v[0];
-        break;
-    case CONTINUOUS:
-        rates[0] = -q[1] * v[0], rates[1] = q[0] * v[0];
-        break;
-    case BALL:
-        quaternion_rates(q, v, rates);
-        break;
-    case FLOATING:
-        r = quaternion_rotation(q + 3);
-        u = times(&r, (vector){v[0], v[1], v[2]});
-        rates[0] = u.x, rates[1] = u.y, rates[2] = u.z;
-        quaternion_rates(q + 3, v + 3, rates + 3);
-        break;
-    case PLANAR:
-        rates[0] = q[2] * v[0] - q[3] * v[1], rates[1] = q[3] * v[0] + q[2] * v[1];
-        rates[2] = -q[3] * v[2], rates[3] = q[2] * v[2];
-        break;
-    case TRANSLATION:
-        rates[0] = v[0], rates[1] = v[1], rates[2] = v[2];
-        break;
-    default:
-        break;
+    if (p->slides) {
+        const matrix r = rotation_of(p, x);
+        for (int k = 0; k < p->slides; k++)
+            rates[k] = 0.0;
+        add_slides(p, times(&r, slid(p, v)), rates);
     }
+    if (p->coordinates == PAIR)
+        rates[p->slides] = -x[1] * w.z, rates[p->slides + 1] = x[0] * w.z;
+    if (p->coordinates == QUATERNION)
+        quaternion_rates(x, w, rates + p->slides);
+}
+
+/* V u, the way of a frame that moves along and about itself by u and w: exp of (u, w) has the translation
+ * u + (1 - cos n) / n^2 w x u + (n - sin n) / n^3 w x (w x u), n = |w|. */
+static vector way_of(vector u, vector w) {
+    const double square = dot(w, w), n = sqrt(square);
+    const double half = n > 1e-4 ? (1.0 - cos(n)) / square : 0.5 - square / 24.0;
+    const double sixth = n > 1e-2 ? (n - sin(n)) / (n * square) : 1.0 / 6.0 - square / 120.0 + square * square / 5040.0;
+    const vector first = cross(w, u);
+    return add(u, add(scale(half, first), scale(sixth, cross(w, first))));
+}
+
+/* The product of a quaternion and exp(w / 2). */
+static void turn_quaternion(double *q, vector w) {
+    const double n = sqrt(dot(w, w));
+    const double s = n > 1e-8 ? sin(0.5 * n) / n : 0.5, c = cos(0.5 * n);
+    const vector a = {q[0], q[1], q[2]}, b = scale(s, w);
+    const vector sum = add(add(scale(q[3], b), scale(c, a)), cross(a, b));
+    q[3] = q[3] * c - dot(a, b);
+    q[0] = sum.x, q[1] = sum.y, q[2] = sum.z;
+    normalise(q, 4);
+}
+
+/* Turn a (cos, sin) pair by an angle. */
+static void turn_pair(double *q, double angle) {
+    const double c = cos(angle), s = sin(angle), cosine = q[0] * c - q[1] * s;
+    q[1] = q[1] * c + q[0] * s;
+    q[0] = cosine;
+    normalise(q, 2);
+}
+
+void joint_move(int kind, double *q, const double *x) {
+    const layout *p = &LAYOUTS[kind];
+    double *turned_by = q + p->slides;
+    const vector w = spun(p, x);
+    if (kind == SCREW)
+        q[0] += x[0];
+    if (p->slides) {
+        const matrix r = rotation_of(p, turned_by);
+        add_slides(p, times(&r, way_of(slid(p, x), w)), q);
+    }
+    if (p->coordinates == PAIR)
+        turn_pair(turned_by, w.z);
+    if (p->coordinates == QUATERNION)
+        turn_quaternion(turned_by, w);
 }

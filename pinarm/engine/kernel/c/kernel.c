@@ -1,16 +1,16 @@
+#include "closing.h"
 #include "runge_kutta.h"
-#include "tree.h"
 
 /* Write the sizes in bytes of the structures that are passed from Python, in the order of STRUCTURES in structures.py;
- * return how many there are.
- */
+ * return how many there are. */
 int kernel_sizes(int room, int *sizes);
 
 int kernel_sizes(int room, int *sizes) {
     static const size_t known[] = {
-        sizeof(screw),        sizeof(link), sizeof(degree), sizeof(rotation_spring), sizeof(link_state),
-        sizeof(degree_state), sizeof(tree), sizeof(pair),   sizeof(flow),            sizeof(control),
-        sizeof(course),
+        sizeof(screw),      sizeof(link),         sizeof(degree),      sizeof(rotation_spring), sizeof(point_spring),
+        sizeof(link_state), sizeof(degree_state), sizeof(loop),        sizeof(loop_state),      sizeof(force),
+        sizeof(tree),       sizeof(skyline),      sizeof(constraints), sizeof(closing),         sizeof(pair),
+        sizeof(flow),       sizeof(control),      sizeof(course),
     };
     const int count = (int)(sizeof known / sizeof known[0]);
     for (int k = 0; k < count && k < room; k++)

@@ -3,9 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-static void copy(ptrdiff_t n, const double *from, double *to) {
-    memcpy(to, from, (size_t)n * sizeof *to);
-}
+static void copy(ptrdiff_t n, const double *from, double *to) { memcpy(to, from, (size_t)n * sizeof *to); }
 
 /* sum += w x, over n numbers */
 static void add_scaled(ptrdiff_t n, double w, const double *x, double *sum) {
@@ -35,8 +33,7 @@ static void advance(const pair *p, const flow *f, double t, double h, const doub
 }
 
 /* The error of a step over the tolerance: section II.10, equation 10.17. With the estimates e_i,
- * |h| rms(e_0) / sqrt(|e_0|^2 + 0.01 |e_1|^2) |e_0|, where e_i is relative to tolerance (size + max(|y|, |end|)).
- */
+ * |h| rms(e_0) / sqrt(|e_0|^2 + 0.01 |e_1|^2) |e_0|, where e_i is relative to tolerance (size + max(|y|, |end|)). */
 static double error_of(const pair *p, const flow *f, const control *c, double h, const double *y, const double *end,
                        const double *slopes) {
     const ptrdiff_t s = p->stages, n = f->n;
@@ -69,46 +66,52 @@ static double shrinkage(const pair *p, const control *c, double error) {
     return error < c->huge ? fmax(c->slowest, c->safety * pow(error, -1.0 / (double)p->order)) : c->lost;
 }
 
-static double ulp(double x) {
-    return nextafter(x, INFINITY) - x;
-}
+static double ulp(double x) { return nextafter(x, INFINITY) - x; }
 
-static void write_step(const flow *f, course *m, double taken, double until) {
+/* Write an accepted step and move to its end. */
+static void accept(const flow *f, course *m, double taken, int last, int floored, const double *end, double *slopes) {
     const ptrdiff_t k = m->written++;
-    m->starts[k] = m->t, m->lengths[k] = taken, m->ends[k] = until, m->rejections[k] = m->rejected;
+    m->starts[k] = m->t, m->lengths[k] = taken, m->ends[k] = last ? m->end : m->t + taken;
+    m->rejections[k] = m->rejected, m->floored[k] = floored, m->marks[k] = 0;
     copy(f->n, m->y, m->states + k * f->n);
+    copy(f->n, end, m->y);
+    m->t = m->ends[k];
+    if (f->settle) {
+        m->marks[k] = f->settle(f->system, m->t, m->y, slopes);
+        m->handed = m->marks[k] < 0;
+    }
 }
 
 void pair_steps(const pair *p, const flow *f, const control *c, course *m) {
     const ptrdiff_t n = f->n, block = (p->stages + 1) * n;
     double *at = m->scratch, *end = m->scratch + n;
-    while (m->t < m->end && m->written < m->room && m->tries > 0 &&
+    while (m->t < m->end && !m->handed && m->written < m->room && m->tries > 0 &&
            m->h >= c->shortest * ulp(fmax(fabs(m->t), m->end - m->start))) {
         const int last = m->t + 1.01 * m->h >= m->end;
         const double taken = last ? m->end - m->t : m->h;
         double *slopes = m->slopes + m->written * block;
         advance(p, f, m->t, taken, m->y, slopes, at, end);
         const double error = error_of(p, f, c, taken, m->y, end, slopes);
+        const double floor = error < c->noise / c->tolerance ? *f->floor : 0.0;
+        const int floored = error > 1.0 && taken <= 1.001 * floor;
         m->tries--;
-        if (error <= 1.0) {
-            const double following = taken * growth(p, c, error, m->ceiling);
-            write_step(f, m, taken, last ? m->end : m->t + taken);
-            copy(n, end, m->y);
+        if (error <= 1.0 || floored) {
+            const double following = taken * growth(p, c, fmin(error, 1.0), m->ceiling);
             copy(n, slopes + block - n, slopes + block); /* k_s is k_0 of the next step */
-            m->h = last ? fmax(m->h, following) : following;
-            m->t = m->ends[m->written - 1];
+            accept(f, m, taken, last, floored, end, slopes + block);
+            const double next = floored ? fmax(following, *f->floor) : following;
+            m->h = last ? fmax(m->h, next) : next;
             m->ceiling = c->fastest;
         } else { /* NaN included */
             m->rejected++;
-            m->h = taken * shrinkage(p, c, error);
+            m->h = fmax(taken * shrinkage(p, c, error), floor);
             m->ceiling = 1.0;
         }
     }
 }
 
 /* The terms of one step, from its slopes and those of the further stages: section II.6;
- * r_0 = y_new - y, r_1 = h k_0 - r_0, r_2 = 2 r_0 - h (k_0 + k_s), and h dense_d k.
- */
+ * r_0 = y_new - y, r_1 = h k_0 - r_0, r_2 = 2 r_0 - h (k_0 + k_s), and h dense_d k. */
 static void terms_of(const pair *p, const flow *f, double h, const double *slopes, double *terms) {
     const ptrdiff_t s = p->stages, n = f->n, all = s + 1 + p->dense_stages;
     double *change = terms, *second = terms + n, *third = terms + 2 * n;

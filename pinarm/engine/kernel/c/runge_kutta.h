@@ -1,9 +1,7 @@
 /* Embedded explicit Runge-Kutta pairs with variable steps and dense output, for one motion.
  *
- * Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd edition, chapter II.
- */
-#ifndef PINARM_RUNGE_KUTTA_H
-#define PINARM_RUNGE_KUTTA_H
+ * Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd edition, chapter II. */
+#pragma once
 
 #include <stddef.h>
 
@@ -22,11 +20,15 @@ typedef struct {
     const double *dense_d;           /* d rows of s + 1 + e */
 } pair;
 
-/* What is integrated: y of n numbers. `rates` writes its slope, and projects y onto the space it belongs to. */
+/* What is integrated: y of n numbers. `rates` writes its slope, and projects y onto the space it belongs to. `settle`,
+ * if there is one, brings an accepted state back onto constraints and writes its slope; it returns a mark of the state,
+ * or less than 0, and leaves the state, where the steps have to end there. */
 typedef struct {
     ptrdiff_t n;
-    void (*rates)(const void *system, double time, double *y, double *slope);
-    const void *system;
+    void (*rates)(void *system, double time, double *y, double *slope);
+    int (*settle)(void *system, double time, double *y, double *slope);
+    const double *floor; /* the smallest useful step: 0, unless rounding is amplified */
+    void *system;
 } flow;
 
 /* Step control. Its numbers stand in pinarm/engine/integration: step_control.py and driver.py. */
@@ -35,6 +37,7 @@ typedef struct {
     double safety, gain, slowest, fastest; /* of the next step */
     double lost, huge, tiny;               /* of errors that are infinite, or 0 */
     double shortest;                       /* least step, in units in the last place of the time */
+    double noise;                          /* errors, relative to size + |y|, that amplified rounding explains */
 } control;
 
 /* A motion on an interval without jumps: where it is, and where its steps are written. */
@@ -45,12 +48,14 @@ typedef struct {
     ptrdiff_t room;          /* steps that may be written */
     ptrdiff_t written;       /* steps that have been */
     ptrdiff_t rejected;      /* steps rejected */
+    ptrdiff_t handed;        /* 1 where the steps ended because the last state is not settled */
     double *y;               /* present state, n */
     double *scratch;         /* 2 n */
     double *starts;          /* t, h and t + h of the written steps, room each */
     double *lengths;
     double *ends;
     ptrdiff_t *rejections;   /* steps rejected before each, since the beginning of the call, room */
+    int *floored, *marks;    /* whether each was accepted as rounding, and the mark of its end, room each */
     double *states;          /* y at the start of each, room rows of n */
     double *slopes;          /* k_0 .. k_s of each, room + 1 blocks of s + 1 rows of n; the first k_0 is given */
 } course;
@@ -61,5 +66,3 @@ void pair_steps(const pair *p, const flow *f, const control *c, course *m);
 /* Write the terms of the dense output of m steps, 3 + d rows of n for each; `scratch` has (s + 2 + e) n numbers. */
 void pair_terms(const pair *p, const flow *f, ptrdiff_t m, const double *starts, const double *lengths,
                 const double *states, const double *slopes, double *scratch, double *terms);
-
-#endif

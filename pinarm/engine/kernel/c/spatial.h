@@ -1,31 +1,15 @@
 /* Spatial algebra: motions, forces, placements and inertias of links, in components about the origin of a link frame.
  *
- * Source: Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 2 and appendix A. As in Pinocchio the linear part
+ * Source: Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 2, appendix A. As in Pinocchio the linear part
  * stands first. With a placement (R, r) of a child frame in its parent's, a vector x of the child is R x in the parent.
  */
-#ifndef PINARM_SPATIAL_H
-#define PINARM_SPATIAL_H
+#pragma once
 
-typedef struct {
-    double x, y, z;
-} vector;
-
-typedef struct {
-    vector x, y, z; /* rows */
-} matrix;
-
-typedef struct {
-    double xx, xy, xz, yy, yz, zz;
-} symmetric;
-
-typedef struct {
-    vector linear, angular; /* velocity or acceleration of the frame's origin, and angular */
-} motion;
-
-typedef struct {
-    vector linear, angular; /* force, and moment about the frame's origin */
-} force;
-
+typedef struct { double x, y, z; } vector;
+typedef struct { vector x, y, z; } matrix; /* rows */
+typedef struct { double xx, xy, xz, yy, yz, zz; } symmetric;
+typedef struct { vector linear, angular; } motion; /* velocity or acceleration of the frame's origin, and angular */
+typedef struct { vector linear, angular; } force; /* force, and moment about the frame's origin */
 typedef struct {
     matrix rotation;
     vector translation;
@@ -45,30 +29,22 @@ typedef struct {
     symmetric inertia; /* I */
 } articulated;
 
-static inline vector add(vector a, vector b) {
-    return (vector){a.x + b.x, a.y + b.y, a.z + b.z};
-}
-
-static inline vector subtract(vector a, vector b) {
-    return (vector){a.x - b.x, a.y - b.y, a.z - b.z};
-}
-
-static inline vector scale(double s, vector a) {
-    return (vector){s * a.x, s * a.y, s * a.z};
-}
-
-static inline double dot(vector a, vector b) {
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-
+static inline vector add(vector a, vector b) { return (vector){a.x + b.x, a.y + b.y, a.z + b.z}; }
+static inline vector subtract(vector a, vector b) { return (vector){a.x - b.x, a.y - b.y, a.z - b.z}; }
+static inline vector scale(double s, vector a) { return (vector){s * a.x, s * a.y, s * a.z}; }
+static inline double dot(vector a, vector b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 static inline vector cross(vector a, vector b) {
     return (vector){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
+static inline void accumulate_motion(motion *sum, motion m) {
+    sum->linear = add(sum->linear, m.linear), sum->angular = add(sum->angular, m.angular);
+}
+static inline void accumulate_force(force *sum, force f) {
+    sum->linear = add(sum->linear, f.linear), sum->angular = add(sum->angular, f.angular);
+}
 
 /* A x */
-static inline vector times(const matrix *a, vector x) {
-    return (vector){dot(a->x, x), dot(a->y, x), dot(a->z, x)};
-}
+static inline vector times(const matrix *a, vector x) { return (vector){dot(a->x, x), dot(a->y, x), dot(a->z, x)}; }
 
 /* A' x */
 static inline vector transposed_times(const matrix *a, vector x) {
@@ -87,6 +63,12 @@ static inline vector symmetric_times(const symmetric *s, vector x) {
 /* A B */
 static inline matrix product(const matrix *a, const matrix *b) {
     return (matrix){transposed_times(b, a->x), transposed_times(b, a->y), transposed_times(b, a->z)};
+}
+
+/* A' B */
+static inline matrix transposed_product(const matrix *a, const matrix *b) {
+    const matrix t = {{a->x.x, a->y.x, a->z.x}, {a->x.y, a->y.y, a->z.y}, {a->x.z, a->y.z, a->z.z}};
+    return product(&t, b);
 }
 
 /* R S R' */
@@ -147,8 +129,7 @@ static inline void add_symmetric(symmetric *sum, const symmetric *s) {
 }
 
 /* Add an inertia of the child to that of its parent. With the inertia turned into the parent's axes, M, H and I:
- * H_p = H + [r] M, I_p = I + [r] H_p' + ([r] H')'; equation 2.66 for articulated inertias, section A.4.
- */
+ * H_p = H + [r] M, I_p = I + [r] H_p' + ([r] H')'; equation 2.66 for articulated inertias, section A.4. */
 static inline void add_into_parent(articulated *parent, const placement *x, const articulated *child) {
     const matrix *r = &x->rotation;
     const vector t = x->translation;
@@ -172,20 +153,18 @@ static inline void add_into_parent(articulated *parent, const placement *x, cons
     add_symmetric(&parent->inertia, &ip);
 }
 
-/* I - s U U', where U is a force. */
-static inline void subtract_square(articulated *i, double s, const force *u) {
-    const vector f = scale(s, u->linear), n = scale(s, u->angular);
-    const symmetric ff = {f.x * u->linear.x,  f.x * u->linear.y,  f.x * u->linear.z,
-                          f.y * u->linear.y,  f.y * u->linear.z,  f.z * u->linear.z};
-    const symmetric nn = {n.x * u->angular.x, n.x * u->angular.y, n.x * u->angular.z,
-                          n.y * u->angular.y, n.y * u->angular.z, n.z * u->angular.z};
-    i->mass.xx -= ff.xx, i->mass.xy -= ff.xy, i->mass.xz -= ff.xz;
-    i->mass.yy -= ff.yy, i->mass.yz -= ff.yz, i->mass.zz -= ff.zz;
-    i->inertia.xx -= nn.xx, i->inertia.xy -= nn.xy, i->inertia.xz -= nn.xz;
-    i->inertia.yy -= nn.yy, i->inertia.yz -= nn.yz, i->inertia.zz -= nn.zz;
-    i->coupling.x = subtract(i->coupling.x, scale(n.x, u->linear));
-    i->coupling.y = subtract(i->coupling.y, scale(n.y, u->linear));
-    i->coupling.z = subtract(i->coupling.z, scale(n.z, u->linear));
+/* a b', of which the upper triangle is taken */
+static inline symmetric outer(vector a, vector b) {
+    return (symmetric){a.x * b.x, a.x * b.y, a.x * b.z, a.y * b.y, a.y * b.z, a.z * b.z};
 }
 
-#endif
+/* I - s U U', where U is a force. */
+static inline void subtract_square(articulated *i, double s, const force *u) {
+    const vector f = scale(-s, u->linear), n = scale(-s, u->angular);
+    const symmetric ff = outer(f, u->linear), nn = outer(n, u->angular);
+    add_symmetric(&i->mass, &ff);
+    add_symmetric(&i->inertia, &nn);
+    i->coupling.x = add(i->coupling.x, scale(n.x, u->linear));
+    i->coupling.y = add(i->coupling.y, scale(n.y, u->linear));
+    i->coupling.z = add(i->coupling.z, scale(n.z, u->linear));
+}

@@ -3,60 +3,19 @@
 #include <float.h>
 #include <math.h>
 
-/* S s, of one column of the motion subspace */
-static motion along(const screw *s, double rate) {
-    const double slide = s->slide * rate, turn = s->turn * rate;
-    switch (s->axis) {
-    case 0:
-        return (motion){{slide, 0.0, 0.0}, {turn, 0.0, 0.0}};
-    case 1:
-        return (motion){{0.0, slide, 0.0}, {0.0, turn, 0.0}};
-    default:
-        return (motion){{0.0, 0.0, slide}, {0.0, 0.0, turn}};
-    }
-}
-
-/* S' f */
-static double power(const screw *s, const force *f) {
-    switch (s->axis) {
-    case 0:
-        return s->slide * f->linear.x + s->turn * f->angular.x;
-    case 1:
-        return s->slide * f->linear.y + s->turn * f->angular.y;
-    default:
-        return s->slide * f->linear.z + s->turn * f->angular.z;
-    }
+static vector symmetric_row(const symmetric *s, int axis) {
+    return axis == 0 ? (vector){s->xx, s->xy, s->xz} : axis == 1 ? (vector){s->xy, s->yy, s->yz} :
+                                                                   (vector){s->xz, s->yz, s->zz};
 }
 
 /* I S: a column of M and of H, and a row of H and of I */
 static force column(const articulated *i, const screw *s) {
     const matrix *h = &i->coupling;
-    const symmetric *m = &i->mass, *j = &i->inertia;
-    vector mass, moment, coupled, inertia;
-    switch (s->axis) {
-    case 0:
-        mass = (vector){m->xx, m->xy, m->xz}, moment = h->x;
-        coupled = (vector){h->x.x, h->y.x, h->z.x}, inertia = (vector){j->xx, j->xy, j->xz};
-        break;
-    case 1:
-        mass = (vector){m->xy, m->yy, m->yz}, moment = h->y;
-        coupled = (vector){h->x.y, h->y.y, h->z.y}, inertia = (vector){j->xy, j->yy, j->yz};
-        break;
-    default:
-        mass = (vector){m->xz, m->yz, m->zz}, moment = h->z;
-        coupled = (vector){h->x.z, h->y.z, h->z.z}, inertia = (vector){j->xz, j->yz, j->zz};
-        break;
-    }
-    return (force){add(scale(s->slide, mass), scale(s->turn, moment)),
-                   add(scale(s->slide, coupled), scale(s->turn, inertia))};
-}
-
-static void accumulate_motion(motion *sum, motion m) {
-    sum->linear = add(sum->linear, m.linear), sum->angular = add(sum->angular, m.angular);
-}
-
-static void accumulate_force(force *sum, force f) {
-    sum->linear = add(sum->linear, f.linear), sum->angular = add(sum->angular, f.angular);
+    const int k = s->axis;
+    const vector coupled = {component(k, h->x), component(k, h->y), component(k, h->z)};
+    const vector moment = k == 0 ? h->x : k == 1 ? h->y : h->z;
+    return (force){add(scale(s->slide, symmetric_row(&i->mass, k)), scale(s->turn, moment)),
+                   add(scale(s->slide, coupled), scale(s->turn, symmetric_row(&i->inertia, k)))};
 }
 
 /* The loads of the joints' springs, dampers and efforts. */
@@ -72,6 +31,56 @@ static void add_loads(const tree *t, const double *q, const double *v) {
         const double factor = n > 0.0 ? 2.0 * atan2(c < 0.0 ? -n : n, fabs(c)) / fmax(n, DBL_MIN) : 0.0;
         for (int i = 0; i < 3; i++)
             t->tau[s->v + i] -= s->stiffness * factor * x[i];
+    }
+}
+
+void tree_place(const tree *t) {
+    for (int i = 0; i < t->links; i++) {
+        const int parent = t->link[i].parent;
+        link_state *s = &t->link_state[i];
+        s->in_world = parent < 0 ? s->in_parent : composed(&t->link_state[parent].in_world, &s->in_parent);
+    }
+}
+
+static vector point(const tree *t, int i, vector place) {
+    if (i < 0)
+        return place;
+    const placement *x = &t->link_state[i].in_world;
+    return add(times(&x->rotation, place), x->translation);
+}
+
+static vector point_velocity(const tree *t, int i, vector place) {
+    if (i < 0)
+        return (vector){0.0, 0.0, 0.0};
+    const link_state *s = &t->link_state[i];
+    return times(&s->in_world.rotation, add(s->velocity.linear, cross(s->velocity.angular, place)));
+}
+
+/* Add a force in the world's axes at a point of a link to what acts on the link: p^A -= f. */
+static void pull(const tree *t, int i, vector place, vector world) {
+    if (i < 0)
+        return;
+    link_state *s = &t->link_state[i];
+    const vector f = transposed_times(&s->in_world.rotation, world);
+    s->bias.linear = subtract(s->bias.linear, f), s->bias.angular = subtract(s->bias.angular, cross(place, f));
+}
+
+/* The loads of springs between points; where these meet, that of a spring of length 0 without a pull is 0. */
+static void add_point_springs(const tree *t) {
+    for (int k = 0; k < t->point_springs; k++) {
+        const point_spring *s = &t->point_spring[k];
+        vector end[2], rate[2];
+        for (int i = 0; i < 2; i++) {
+            end[i] = point(t, s->link[i], s->place[i]);
+            rate[i] = point_velocity(t, s->link[i], s->place[i]);
+        }
+        const vector apart = subtract(end[1], end[0]), change = subtract(rate[1], rate[0]);
+        const double l = sqrt(dot(apart, apart)), beyond = s->pull - s->stiffness * s->rest;
+        const int linear = beyond == 0.0 && s->damping == 0.0;
+        const double held = linear ? 0.0 : (beyond + s->damping * dot(apart, change) / l) / l;
+        const vector tension = scale(s->stiffness + held, apart);
+        pull(t, s->link[0], s->place[0], tension);
+        pull(t, s->link[1], s->place[1], scale(-1.0, tension));
     }
 }
 
@@ -94,8 +103,7 @@ static void velocities(const tree *t, const double *q, const double *v) {
 }
 
 /* Pass 2, from the tips: for each column S of the joint U = I^A S, D = S' U + armature, u = tau - S' p^A;
- * I^a = I^A - U U' / D, p^a = p^A + I^a c + U u / D, and both are added to those of the parent.
- */
+ * I^a = I^A - U U' / D, p^a = p^A + I^a c + U u / D, and both are added to those of the parent. */
 static void inertias(const tree *t) {
     for (int i = t->links - 1; i >= 0; i--) {
         const link *l = &t->link[i];
@@ -105,8 +113,8 @@ static void inertias(const tree *t) {
             degree_state *e = &t->degree_state[k];
             e->u = column(&s->inertia, &d->s);
             e->inverse = 1.0 / (power(&d->s, &e->u) + d->armature);
-            e->unbalanced = t->tau[k] - power(&d->s, &s->bias);
-            const double gain = e->unbalanced * e->inverse;
+            t->tau[k] -= power(&d->s, &s->bias);
+            const double gain = t->tau[k] * e->inverse;
             subtract_square(&s->inertia, e->inverse, &e->u);
             accumulate_force(&s->bias, (force){scale(gain, e->u.linear), scale(gain, e->u.angular)});
         }
@@ -119,84 +127,63 @@ static void inertias(const tree *t) {
     }
 }
 
-/* Pass 3, from the root: a' = X a_p + c; q'' = (u - U' a') / D and a' + S q'', for the columns in reverse order. */
-static void accelerations(const tree *t, double *a) {
-    const motion base = {scale(-1.0, t->gravity), {0.0, 0.0, 0.0}}; /* gravity, as if the world accelerated */
-    for (int i = 0; i < t->links; i++) {
-        const link *l = &t->link[i];
-        link_state *s = &t->link_state[i];
-        const motion *parent = l->parent < 0 ? &base : &t->link_state[l->parent].acceleration;
-        s->acceleration = into_child(&s->in_parent, parent);
-        accumulate_motion(&s->acceleration, s->product);
-        for (int k = l->v + joint_velocities(l->kind) - 1; k >= l->v; k--) {
-            const degree_state *e = &t->degree_state[k];
-            const motion *m = &s->acceleration;
-            a[k] = (e->unbalanced - dot(e->u.linear, m->linear) - dot(e->u.angular, m->angular)) * e->inverse;
-            accumulate_motion(&s->acceleration, along(&t->degree[k].s, a[k]));
-        }
-    }
-}
-
 /* Featherstone, section 7.3 and table 7.1, in the frames of the links. The columns of a joint with several velocities
- * are eliminated one after the other, as if massless links were between them: this is Gauss's elimination of D.
- */
-void tree_accelerations(const tree *t, const double *q, const double *v, double *a) {
+ * are eliminated one after the other, as if massless links were between them: this is Gauss's elimination of D. */
+void tree_articulate(const tree *t, const double *q, const double *v) {
     add_loads(t, q, v);
     velocities(t, q, v);
+    if (t->point_springs > 0) {
+        tree_place(t);
+        add_point_springs(t);
+    }
     inertias(t);
-    accelerations(t, a);
 }
 
-void tree_rates(const void *system, double time, double *y, double *slope) {
-    const tree *t = system;
-    (void)time;
+/* The joint's part of pass 3: q'' = (u - U' a') / D and a' + S q'', for its columns in reverse order. */
+static void joint_accelerations(const tree *t, int i, const double *u, double *a) {
+    const link *l = &t->link[i];
+    motion *m = &t->link_state[i].acceleration;
+    for (int k = l->v + joint_velocities(l->kind) - 1; k >= l->v; k--) {
+        const degree_state *e = &t->degree_state[k];
+        a[k] = (u[k] - dot(e->u.linear, m->linear) - dot(e->u.angular, m->angular)) * e->inverse;
+        accumulate_motion(m, along(&t->degree[k].s, a[k]));
+    }
+}
+
+/* Pass 3, from the root: a' = X a_p + c. Gravity is as if the world accelerated. */
+void tree_accelerate(const tree *t, double *a) {
+    const motion base = {scale(-1.0, t->gravity), {0.0, 0.0, 0.0}};
+    for (int i = 0; i < t->links; i++) {
+        link_state *s = &t->link_state[i];
+        const int parent = t->link[i].parent;
+        s->acceleration = into_child(&s->in_parent, parent < 0 ? &base : &t->link_state[parent].acceleration);
+        accumulate_motion(&s->acceleration, s->product);
+        joint_accelerations(t, i, t->tau, a);
+    }
+}
+
+void tree_response(const tree *t, const double *u, double *x) {
+    const motion base = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+    for (int i = 0; i < t->links; i++) {
+        link_state *s = &t->link_state[i];
+        const int parent = t->link[i].parent;
+        s->acceleration = into_child(&s->in_parent, parent < 0 ? &base : &t->link_state[parent].acceleration);
+        joint_accelerations(t, i, u, x);
+    }
+}
+
+void tree_coordinate_rates(const tree *t, double *q, const double *v, double *rates) {
     for (int i = 0; i < t->links; i++) {
         const link *l = &t->link[i];
-        joint_normalise(l->kind, y + l->q);
-        joint_rates(l->kind, y + l->q, y + t->nq + l->v, slope + l->q);
+        joint_normalise(l->kind, q + l->q);
+        joint_rates(l->kind, q + l->q, v + l->v, rates + l->q);
     }
-    tree_accelerations(t, y, y + t->nq, slope + t->nq);
 }
 
-static int within(int first, int count, int size) {
-    return 0 <= first && first <= size - count;
-}
-
-static int all_finite(const double *x, int n) {
-    for (int k = 0; k < n; k++)
-        if (!isfinite(x[k]))
-            return 0;
-    return 1;
-}
-
-static int link_is_sound(const tree *t, int i) {
-    enum { IN_PLACEMENT = sizeof(placement) / sizeof(double), IN_BODY = sizeof(body) / sizeof(double) };
-    const link *l = &t->link[i];
-    return within(l->kind, 1, JOINT_KINDS) && -1 <= l->parent && l->parent < i &&
-           within(l->q, joint_coordinates(l->kind), t->nq) && within(l->v, joint_velocities(l->kind), t->nv) &&
-           all_finite((const double *)&l->fixed, IN_PLACEMENT) && all_finite((const double *)&l->carried, IN_BODY);
-}
-
-static int degree_is_sound(const tree *t, int k) {
-    const degree *d = &t->degree[k];
-    const double numbers[] = {d->s.slide, d->s.turn, d->armature, d->effort, d->stiffness, d->damping, d->rest};
-    return within(d->s.axis, 1, 3) && within(d->sprung, 1, t->nq) && all_finite(numbers, 7);
-}
-
-static int rotation_spring_is_sound(const tree *t, int k) {
-    const rotation_spring *s = &t->rotation_spring[k];
-    return within(s->q, 4, t->nq) && within(s->v, 3, t->nv) && isfinite(s->stiffness);
-}
-
-int tree_check(const tree *t) {
-    int sound = t->links > 0 && t->nq > 0 && t->nv > 0 && t->rotation_springs >= 0, nq = 0, nv = 0;
-    for (int i = 0; sound && i < t->links; i++) {
-        sound = link_is_sound(t, i);
-        nq += sound ? joint_coordinates(t->link[i].kind) : 0, nv += sound ? joint_velocities(t->link[i].kind) : 0;
-    }
-    for (int k = 0; sound && k < t->nv; k++)
-        sound = degree_is_sound(t, k);
-    for (int k = 0; sound && k < t->rotation_springs; k++)
-        sound = rotation_spring_is_sound(t, k);
-    return !(sound && nq == t->nq && nv == t->nv);
+void tree_rates(void *system, double time, double *y, double *slope) {
+    const tree *t = system;
+    (void)time;
+    tree_coordinate_rates(t, y, y + t->nq, slope);
+    tree_articulate(t, y, y + t->nq);
+    tree_accelerate(t, slope + t->nq);
 }

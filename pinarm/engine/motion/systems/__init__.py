@@ -39,7 +39,7 @@ def system_of(closure: Closure, dynamics: Dynamics, prescribed: PrescribedCoordi
     linear = [coordinate for coordinate in prescribed.coordinates if isinstance(coordinate, LinearCoordinate)]
     bent = len(linear) < len(prescribed.coordinates) or len(couplings) < len(closure.constraints)
     if bent or not independent(couplings):
-        general = ConstrainedSystem.of(closure, dynamics, prescribed)
+        general = ConstrainedSystem.of(closure, dynamics, prescribed, initial.q)
         driven = [coordinate.joint for coordinate in linear if coordinate.joint is not None]
         points = PointConstraints.of(closure, initial.q, driven) if len(driven) == len(prescribed.names) else None
         return PointSystem(general, points) if points else general

@@ -7,8 +7,9 @@ change, measured by the masses: positions by Newton's method, velocities in one 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -34,9 +35,16 @@ from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import Grid
 
+if TYPE_CHECKING:
+    from pinarm.engine.kernel.library import Flow
+
 LASTING, ROUNDING = 1e-6, 1e-10
 """Part of the centripetal terms that redundant loops may leave: closed to rounding, they leave 1e-12; and what rounding
 leaves where these terms vanish, relative to the square of the velocity [m]."""
+
+REGULAR = 1e-6
+"""Least singular value of G, over the largest, at which velocities may be given. At 6e-7 those of a four-bar were wrong
+by 1e-4, at 1e-7 altogether."""
 
 FEW = 64
 """Number of rows whose G is taken apart at once."""
@@ -52,6 +60,7 @@ class ConstrainedSystem:
         own: Constraints of the mechanism.
         rows: The same, then one row for each prescribed coordinate.
         closure: The same without joint coordinates that follow laws, whose multipliers are efforts at joints.
+        near: A configuration near closed ones, shape (nq,).
     """
 
     prescribed: PrescribedCoordinates
@@ -59,14 +68,15 @@ class ConstrainedSystem:
     own: Closure
     rows: Closure
     closure: Closure
+    near: Array = field(repr=False)
 
     @classmethod
-    def of(cls, own: Closure, dynamics: Dynamics, prescribed: PrescribedCoordinates) -> ConstrainedSystem:
+    def of(cls, own: Closure, dynamics: Dynamics, prescribed: PrescribedCoordinates, near: Array) -> ConstrainedSystem:
         """Return the system of a mechanism with its own constraints, some of whose coordinates follow laws."""
         prescribed, others = prescribed.linear_last()
         return cls(
             prescribed, dynamics.manifold, own, own.with_guides(prescribed.names, prescribed.coordinates),
-            own.with_guides(prescribed.names[:others], prescribed.coordinates[:others]),
+            own.with_guides(prescribed.names[:others], prescribed.coordinates[:others]), near,
         )  # fmt: skip
 
     def begin(self, initial: Initial, start: float, end: float) -> tuple[Array, Array]:
@@ -91,7 +101,25 @@ class ConstrainedSystem:
         require_masses(self.rows, q[None], start)
         v = self._velocity(q, initial, dw)
         self._check_lasting(q, v, ddw)
+        self._check_regular(q, v, start)
         return q, v
+
+    def _check_regular(self, q: Array, v: Array, t: float) -> None:
+        """Raise where a motion begins so near a singular position that digits of the position choose its velocities.
+
+        Rounding of the rows, 1e-16, leaves an angle of 1e-16 over their least singular value s, and velocities that are
+        wrong by 1e-16 over ``s^2``. Exactly there the rows count as dependent, and velocities tell the motions apart.
+        """
+        values = self.rows.singular_values(q)
+        open_to = values[(values > VANISHED * self.rows.coarseness) & (values <= REGULAR * values[:1])]
+        if not v.any() or not len(open_to):
+            return
+        raise InputError(
+            f"at t = {t:.9g} s the motion begins at {open_to[0] / values[0]:.1g} of a regular position, next to one "
+            "where several motions meet: the last digits of the start would choose its velocities",
+            expected=f"a start at more than {REGULAR:g}, farther from the singular position, such as 0.01 deg",
+            hint="the singular position itself, with velocities of all joints along one of the motions",
+        )
 
     def _check_lasting(self, q: Array, v: Array, ddw: Array) -> None:
         """Raise where the loops allow velocities for an instant only, as of two bars in one line between fixed ends."""
@@ -142,8 +170,21 @@ class ConstrainedSystem:
 
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion on an interval without jumps."""
-        motion = RowMotion(self.rows, self.settled, dynamics.on(start, end), self.prescribed.on(start, end))
-        return Interval(start, end, motion.acceleration, motion.settle, energy=self.energy(dynamics))
+        here = dynamics.on(start, end)
+        motion = RowMotion(self.rows, self.settled, here, self.prescribed.on(start, end))
+        compiled, remark = self._compiled(here, motion)
+        return Interval(
+            start, end, motion.acceleration, motion.settle, energy=self.energy(dynamics), compiled=compiled,
+            remark=remark,
+        )  # fmt: skip
+
+    def _compiled(self, dynamics: Dynamics, motion: RowMotion) -> tuple[Flow | None, str]:
+        """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not."""
+        if self.prescribed.names:
+            return None, ""
+        from pinarm.engine.motion.systems.compiled_rows import compiled_rows
+
+        return compiled_rows(motion, dynamics, self.near)
 
     def energy(self, dynamics: Dynamics) -> Energy | None:
         """Return the energy of a state, as far as it is conserved."""

@@ -21,7 +21,6 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError, PinarmError, within
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import InputStruct
-from pinarm.use.assessments.sensitivity.accuracy import global_error, noise
 from pinarm.use.assessments.sensitivity.derivative import Derivative, derivatives
 from pinarm.use.assessments.sensitivity.sampling import DistributionName, monte_carlo, sobol_indices
 from pinarm.use.assessments.sensitivity.tables import (
@@ -31,14 +30,14 @@ from pinarm.use.assessments.sensitivity.tables import (
     distribution_remarks,
     distribution_table,
     effect_table,
-    slug,
     sobol_table,
 )
 from pinarm.use.assessments.sensitivity.tolerance import Tolerance
 from pinarm.use.assessments.sensitivity.variation import Variation, inputs_of
+from pinarm.use.result.number_accuracy import global_error, noise
 from pinarm.use.result.run_number import RunNumber
 from pinarm.use.result.section import Graph, Section, SectionTable
-from pinarm.use.result.section_number import AnyNumber, measured, read_number
+from pinarm.use.result.section_number import AnyNumber, measured, read_number, slug
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -15,21 +14,13 @@ from pinarm.use.assessments.sensitivity.derivative import Derivative
 from pinarm.use.assessments.sensitivity.sampling import DEVIATION, DistributionName, Samples, SobolIndices
 from pinarm.use.assessments.sensitivity.variation import Input
 from pinarm.use.result.section import Cell, Curve, Graph, SectionTable
-from pinarm.use.result.section_number import AnyNumber
-
-MOST = 60
-"""Characters of a number's name in names of files."""
+from pinarm.use.result.section_number import AnyNumber, slug
 
 NOT_LINEAR = 0.1
 """Difference between a corner and the linear band, relative to the band, that is worth a word."""
 
 CERTAIN = 4.0
 """Standard errors of a drawn deviation beyond which it is another than that of root-sum-square."""
-
-
-def slug(number: AnyNumber) -> str:
-    """Return the name of a number as names of numbers and files have it: ``C_B @ max`` as ``C_B_max``."""
-    return re.sub(r"\W+", "_", number.label).strip("_")[:MOST]
 
 
 def unit_over(unit: Unit | None, by: Unit) -> Unit | None:

@@ -117,21 +117,22 @@ def _recursion(factors: Array, terms: Array) -> Array:
     return np.array(values)
 
 
-def duty_of(run: Lookup, joint: str, armature: float, efficiency: float, rest: float) -> Duty:
-    """Return the cycle of a joint in a run.
+def duty_of(run: Lookup, coordinate: str, armature: float, efficiency: float, rest: float) -> Duty:
+    """Return the cycle of what a motor drives in a run.
 
     Args:
         run: The run; its rows are states of one motion in time.
-        joint: The joint.
-        armature: What the joint's effort in the run counts of the rotor of its own drive [kg*m^2 or kg].
+        coordinate: Name of the driven coordinate.
+        armature: What its effort in the run counts of the rotor of its own drive [kg*m^2 or kg].
         efficiency: Of the gear.
         rest: How long the joint is held by a brake after the motion [s].
     """
-    rates = [run.quantities[f"joint.{joint}.{part}"].values for part in ("velocity", "acceleration")]
+    names = [f"coordinate.{coordinate}.{part}" for part in ("velocity", "acceleration", "effort")]
+    rates = [run.quantities[name].values for name in names[:2]]
     pace = np.array([[np.abs(rate).max()] for rate in rates])  # of the whole run, whichever states are looked at
 
     def columns(rows: Quantities) -> tuple[Array, Array, Array]:
-        v, a, effort = (rows[f"joint.{joint}.{part}"].values for part in ("velocity", "acceleration", "effort"))
+        v, a, effort = (rows[name].values for name in names)
         tau, sides = effort - armature * a, rows.trajectory.grid.sides()
         direction = directions(v[:, None], a[:, None], pace, sides, np.zeros((len(v), 1)))[:, 0]
         return v, a, tau * np.where(tau * direction < 0.0, efficiency, 1.0 / efficiency)

@@ -154,7 +154,7 @@ class Sizing(InputStruct, frozen=True):
         self._check_drive(result.quantities)
         drive = run.mechanism.drives[self.drive]
         efficiency = drive.efficiency if self.efficiency is None else self.efficiency
-        duty = duty_of(result.lookup, drive.joint, drive.armature, efficiency, float(self.rest))
+        duty = duty_of(result.lookup, drive.coordinate, drive.armature, efficiency, float(self.rest))
         candidates = [self._candidate(duty, motor, ratio) for motor in read_catalogue(Path(self.catalogue))
                       for ratio in self.ratios_tried]  # fmt: skip
         ranked = sorted(candidates, key=lambda each: each.order)

@@ -22,6 +22,7 @@ SCENARIOS = {
     "forward, with a loop": "crank_rocker_free",
     "kinematics": "magic_arms_kinematics",
     "equilibria": "gen411_arm_equilibria",
+    "recorded": "gen411_arm_recorded",
 }
 """Kind of problem -> a scenario of it whose answer key was derived without this program; all take a few seconds."""
 

@@ -32,7 +32,7 @@ KEPT = 4
 """Blocks of a batch that is kept once it is solved; one of more is solved again whenever something is asked of it."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Batch:
     """Motions of one scenario from b initial states, at its n instants.
 
@@ -48,14 +48,18 @@ class Batch:
         workers: Number of processes that solve them; 1 for this one.
     """
 
-    question: Question = field(repr=False)
-    starts: Starts = field(repr=False)
-    q: Array = field(repr=False)
-    v: Array = field(repr=False)
+    question: Question
+    starts: Starts
+    q: Array
+    v: Array
     workers: int = 1
-    _blocks: dict[int, Block] = field(default_factory=dict, repr=False)
-    _failures: dict[int, str] = field(default_factory=dict, repr=False)
-    _looked: set[int] = field(default_factory=set, repr=False)
+    _blocks: dict[int, Block] = field(default_factory=dict)
+    _failures: dict[int, str] = field(default_factory=dict)
+    _looked: set[int] = field(default_factory=set)
+
+    def __repr__(self) -> str:
+        """Return of which scenario it is, and how many motions and instants it has."""
+        return f"<Batch of '{self.question.scenario.name}': {len(self)} motions, {len(self.t)} instants>"
 
     def __len__(self) -> int:
         return len(self.q)

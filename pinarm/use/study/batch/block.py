@@ -208,7 +208,7 @@ class Block:
             except Interrupted:
                 raise
             except NumericsError as error:
-                self._followed[number] = error
+                self._followed[number] = error.with_traceback(None)  # whose frames hold this block
         return self._followed[number]
 
 

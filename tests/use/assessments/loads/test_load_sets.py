@@ -30,9 +30,9 @@ def balance(lines):
     ("slider_crank_gas", "loop.B", ISOSTATIC),
     ("machine_on_mounts_equilibria", "left", {}),
     ("planetary_gear_reducer", "sun", {}),
-    ("crank_rocker_turning", "loop.B", {
+    pytest.param("crank_rocker_turning", "loop.B", {
         "undetermined": "minimum_norm", "changes": {"friction": {"B": {"mu": 0.1, "radius": "10 mm"}}},
-    }),
+    }, marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_every_body_is_in_balance(scenario, joint, values) -> None:
     lines, section = rows(scenario, values | {"loads": {"joints": {joint: {}}, "sets": ["force"]}})

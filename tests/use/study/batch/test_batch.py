@@ -1,7 +1,9 @@
 """Many motions at once are the motions one by one, each with its own steps, events, impacts and failures."""
 
+import gc
 import json
 import tracemalloc
+import weakref
 from functools import partial
 from pathlib import Path
 from shutil import copytree
@@ -237,15 +239,14 @@ def save(batch, folder):
     batch.save(folder)
 
 
-@pytest.mark.parametrize("ask", [reduce, pytest.param(save, marks=pytest.mark.slow)])
-def test_memory_is_that_of_a_block(scenario, monkeypatch, tmp_path, ask):
+def test_memory_is_that_of_a_block(scenario, monkeypatch, tmp_path):
     """Eight blocks take less than half more than two; kept, they would take nearly four times as much."""
     one = scenario().varied({"problem.time.end": "0.2 s", "accuracy.tolerance": 1e-11})
     monkeypatch.setattr(motions, "TOGETHER", 30)
     monkeypatch.setattr(motions, "KEPT", 1)
 
     def asked(size):
-        ask(pinarm.batch(one, {"O": np.linspace(-1.0, 1.0, size)}), tmp_path / "out")
+        reduce(pinarm.batch(one, {"O": np.linspace(-1.0, 1.0, size)}), tmp_path)
 
     def peak(size):
         tracemalloc.start()
@@ -256,6 +257,34 @@ def test_memory_is_that_of_a_block(scenario, monkeypatch, tmp_path, ask):
 
     asked(240)  # what is imported or kept at the first use, of all motions
     assert peak(240) < 1.5 * peak(60)
+
+
+@pytest.mark.parametrize("ask", [reduce, save])
+@pytest.mark.parametrize("fastest", [pytest.param(0.0, id="all succeed"), pytest.param(1e200, id="some fail")])
+def test_a_block_is_gone_when_the_next_is_solved(scenario, monkeypatch, tmp_path, ask, fastest):
+    """By its references alone: the collector of cycles, which may come late, does not run."""
+    alive, most = weakref.WeakSet(), []
+    begun = Block.__init__
+
+    def counted(block, *arguments):
+        begun(block, *arguments)
+        alive.add(block)
+        most.append(len(alive))
+
+    monkeypatch.setattr(Block, "__init__", counted)
+    monkeypatch.setattr(motions, "TOGETHER", 4)
+    monkeypatch.setattr(motions, "KEPT", 1)
+    one = scenario().varied({"problem.time.end": "0.1 s"})
+    batch = pinarm.batch(one, {"O": np.linspace(-1.0, 1.0, 20)}, {"B": np.where(np.arange(20) % 4, 0.0, fastest)})
+    gc.collect()
+    gc.disable()
+    try:
+        ask(batch, tmp_path / "out")
+    finally:
+        gc.enable()
+    assert len(most) == 5
+    assert max(most) <= 2
+    assert len(batch.failures) == (5 if fastest else 0)
 
 
 def test_an_instant_next_to_a_jump_of_a_law_is_told_of_what_comes_after(scenario):

@@ -1,0 +1,169 @@
+#include "closing.h"
+
+#include <math.h>
+#include <string.h>
+
+static void copy(int n, const double *from, double *to) { memcpy(to, from, (size_t)n * sizeof *to); }
+
+/* q moves along s x. */
+static void move(const tree *t, double s, const double *x, double *q) {
+    double part[6];
+    for (int i = 0; i < t->links; i++) {
+        const link *l = &t->link[i];
+        for (int k = 0; k < joint_velocities(l->kind); k++)
+            part[k] = s * x[l->v + k];
+        joint_move(l->kind, q + l->q, part);
+    }
+}
+
+/* Write the least x, measured by the masses, with G x = `right`: x = M^-1 G' S^-1 right. S is factorised. */
+static void least_change(const closing *c) {
+    const constraints *r = &c->rows;
+    skyline_solve(&r->delassus, r->right);
+    memset(c->generalised, 0, (size_t)r->tree->nv * sizeof *c->generalised);
+    constraints_load(r, r->right, c->generalised);
+    tree_response(r->tree, c->generalised, c->change);
+}
+
+/* Write what is open to `right`, and G v to `before`; return the length of what is open. */
+static double gap(const constraints *c) {
+    double square = 0.0;
+    for (int i = 0; i < c->loops; i++) {
+        const loop *l = &c->loop[i];
+        loop_gap(c->tree, l, &c->loop_state[i], c->right + l->first, c->before + l->first);
+    }
+    for (ptrdiff_t k = 0; k < c->delassus.rows; k++)
+        square += c->right[k] * c->right[k];
+    return sqrt(square);
+}
+
+/* Close positions by Newton's method and velocities in one step, by the least changes. */
+static void close_state(const closing *c, double *q, double *v) {
+    const constraints *r = &c->rows;
+    double before = INFINITY;
+    for (int n = 0;; n++) {
+        constraints_place(r, q, v);
+        constraints_delassus(r);
+        skyline_factorise(&r->delassus, c->projection);
+        const double size = gap(r);
+        if (n == c->corrections || size <= c->closed || (size < c->stalled && size > 0.5 * before))
+            break;
+        before = size;
+        least_change(c);
+        move(r->tree, 1.0, c->change, q);
+    }
+    copy((int)r->delassus.rows, r->before, r->right);
+    least_change(c);
+    for (int k = 0; k < r->tree->nv; k++)
+        v[k] -= c->change[k];
+}
+
+/* Return the square of the largest singular value of G where the state is placed; 0 where there is none. */
+static double largest_square(const closing *c) {
+    const skyline *s = &c->rows.delassus;
+    double trace = 0.0, diagonal = 0.0;
+    constraints_squares(&c->rows);
+    for (ptrdiff_t i = 0; i < s->rows; i++) {
+        const double x = s->entry[s->origin[i] + i];
+        trace += x, diagonal = fmax(diagonal, x);
+    }
+    return trace < INFINITY && diagonal > 0.0 ? skyline_eigenvalue(s, 0, diagonal, trace, c->limits.accuracy) : 0.0;
+}
+
+/* The number of singular values of G whose square is at least x. */
+static ptrdiff_t count_from(const closing *c, double x) {
+    return c->rows.delassus.rows - skyline_factorise(&c->rows.delassus, -x);
+}
+
+/* Write the acceleration at a singular position that is passed, from both sides of it. */
+static void across(const closing *c, const double *q, const double *v, double *a) {
+    static const double places[4] = {-2.0, -1.0, 1.0, 2.0};
+    const tree *t = c->rows.tree;
+    double fastest = 0.0;
+    for (int k = 0; k < t->nv; k++)
+        fastest = fmax(fastest, fabs(v[k]) / c->scale[k]), c->sum[k] = 0.0;
+    for (int i = 0; i < 4; i++) {
+        copy(t->nq, q, c->state);
+        copy(t->nv, v, c->state + t->nq);
+        move(t, places[i] * c->limits.aside / fastest, v, c->state);
+        close_state(c, c->state, c->state + t->nq);
+        constraints_place(&c->rows, c->state, c->state + t->nq);
+        constraints_accelerate(&c->rows, &c->exact, c->part);
+        for (int k = 0; k < t->nv; k++)
+            c->sum[k] += c->limits.across[i] * c->part[k];
+    }
+    copy(t->nv, c->sum, a);
+}
+
+/* Write the accelerations of a state, near singular positions those of the closed state; return |G a + G' v|^2, or 0 at
+ * a position that is all but singular. */
+static double accelerations(const closing *c, const double *q, const double *v, double *a) {
+    const tree *t = c->rows.tree;
+    const double blind = c->limits.blind * c->limits.usual;
+    constraints_place(&c->rows, q, v);
+    if (!c->near)
+        return constraints_accelerate(&c->rows, &c->tolerant, a);
+    int moving = 0;
+    for (int k = 0; k < t->nv; k++)
+        moving = moving || v[k] != 0.0;
+    if (moving && count_from(c, blind * blind * largest_square(c)) < c->limits.rank) {
+        across(c, q, v, a);
+        return 0.0;
+    }
+    copy(t->nq, q, c->state);
+    copy(t->nv, v, c->state + t->nq);
+    close_state(c, c->state, c->state + t->nq);
+    constraints_place(&c->rows, c->state, c->state + t->nq);
+    return constraints_accelerate(&c->rows, &c->exact, a);
+}
+
+static double rates(const closing *c, double *y, double *slope) {
+    const tree *t = c->rows.tree;
+    tree_coordinate_rates(t, y, y + t->nq, slope);
+    return accelerations(c, y, y + t->nq, slope + t->nq);
+}
+
+void closing_rates(void *system, double time, double *y, double *slope) {
+    (void)time;
+    rates(system, y, slope);
+}
+
+/* Choose how to go on, by how regular the position last closed is; return 0 where the rank has grown. */
+static int look(closing *c) {
+    const limits *l = &c->limits;
+    const double before = c->regular, largest = largest_square(c), least = l->vanished * largest;
+    const ptrdiff_t rank = count_from(c, least);
+    if (rank > l->rank)
+        return 0;
+    const double smallest = rank < l->rank ? 0.0 :
+        skyline_eigenvalue(&c->rows.delassus, l->rank - 1, least, largest, l->accuracy);
+    c->regular = sqrt(smallest / largest) / l->usual;
+    const double fall = before - c->regular;
+    c->near = c->regular < l->near ||
+              (c->regular < l->ahead * fall && (fall > l->coarse || c->regular < l->close));
+    return 1;
+}
+
+int closing_settle(void *system, double time, double *y, double *slope) {
+    closing *c = system;
+    const closing before = *c;
+    const tree *t = c->rows.tree;
+    copy(t->nq + t->nv, y, c->saved);
+    close_state(c, y, y + t->nq);
+    if (look(c)) {
+        const int singular = c->regular < c->limits.near;
+        c->step = singular || !isfinite(c->t) ? c->step : time - c->t;
+        c->floor = singular ? c->limits.floor * c->step : 0.0;
+        c->t = time;
+        if ((c->near || c->tolerant.repeats > 0) && rates(c, y, slope) <= c->torn * c->torn)
+            return c->near;
+    }
+    copy(t->nq + t->nv, c->saved, y);
+    *c = before;
+    return -1;
+}
+
+int closing_leave(void *system, double time, double *y, double *slope) {
+    (void)system, (void)time, (void)y, (void)slope;
+    return -1;
+}

@@ -1,0 +1,44 @@
+/* Motions along loops: states brought back onto the constraints, and singular positions passed.
+ *
+ * What is decided here, and the numbers, are those of pinarm/engine/motion/systems/point_motion.py. */
+#pragma once
+
+#include "constraints.h"
+
+/* When a position is regular; of squares of singular values relative to the largest, and of the regularity
+ * s_r / s_1 / usual, s being the singular values of G in descending order and r the rank along the motion. */
+typedef struct {
+    double usual;                     /* s_r / s_1 at positions of no special kind */
+    double near, ahead, coarse, close, blind; /* limits of the regularity, and of its fall over a step */
+    double vanished, accuracy;        /* squares that are 0, and how well they are known */
+    double aside, across[4];          /* where positions beside a singular one are, and their weights */
+    double floor;                     /* least step close to singular positions, relative to a regular one */
+    int rank;
+} limits;
+
+typedef struct {
+    constraints rows;
+    proximal exact, tolerant; /* of closed states; of stages in regular steps, 0 repeats where it is not known */
+    double projection;        /* proximal term of projections [1/kg] */
+    double closed, stalled;   /* gaps that are rounding, and at which the iteration may end [m] */
+    double torn;              /* largest length of G a + G' v at accepted states */
+    int corrections;          /* most corrections of a position */
+    limits limits;
+    const double *scale;      /* unit of every velocity, nv */
+    double *generalised, *change, *sum, *part; /* nv */
+    double *state, *saved;    /* nq + nv */
+    int near;                 /* whether the stages of the next step are closed */
+    double regular;           /* regularity of the last closed position */
+    double t, step, floor;    /* its time, the length of the last regular step, and the least one now */
+} closing;
+
+/* The rates of a state y = [q, v], for the integrator: normalise q within y, and write [q', a]. */
+void closing_rates(void *system, double time, double *y, double *slope);
+
+/* Bring an accepted state onto the constraints and write its slope; return whether it is near a singular position.
+ *
+ * Where the rank has grown, or the accelerations leave the constraints, leave all as it was and return -1. */
+int closing_settle(void *system, double time, double *y, double *slope);
+
+/* Leave every accepted state to be settled elsewhere: return -1. */
+int closing_leave(void *system, double time, double *y, double *slope);

@@ -1,0 +1,43 @@
+/* Joints that close loops: their rows of G, and what these ask of accelerations, from the motions of the links.
+ *
+ * The rows are those of pinarm/mechanics/loops: row k holds e_k . p' + w_k . omega = 0, in the axes of frame 1. */
+#pragma once
+
+#include "tree.h"
+
+enum { MOST_ROWS = 6 };
+
+/* POINT      the origins coincide: e . (v_1 - v_2), the difference of their velocities, as Pinocchio's points
+ * LOWER      e and w are constant: lower pairs, points on lines and planes, screws
+ * UNIVERSAL  the last row has w = R v x u, with u of frame 1 and v of frame 2, which stand in its `along` and `about`
+ * ROD        e is the direction of p */
+enum { POINT, LOWER, UNIVERSAL, ROD, LOOP_KINDS };
+
+typedef struct {
+    int kind, rows;
+    int link[2];             /* -1 for the world */
+    int first;               /* of its rows in G */
+    int path, links;         /* first place in `path`, and number, of the links that move either frame */
+    int support, degrees;    /* first place in `dof`, and number, of the velocities of these links */
+    int coupled;             /* first loop that shares one of these velocities with it */
+    placement frame[2];      /* of frames 1 and 2 in their links */
+    vector along[MOST_ROWS]; /* e */
+    vector about[MOST_ROWS]; /* w */
+} loop;
+
+/* A loop joint at present. Its rows of G are the powers of the forces on the frames, in the frames' own axes. */
+typedef struct {
+    vector apart;            /* p, the place of frame 2 in frame 1 */
+    matrix axes;             /* R, the axes of frame 2 in frame 1, as columns */
+    vector along[MOST_ROWS], about[MOST_ROWS];
+    force on[2][MOST_ROWS];  /* force of every row on frame 1 and on frame 2 */
+} loop_state;
+
+/* Place a loop joint, whose links are placed in the world and have velocities. */
+void loop_place(const tree *t, const loop *l, loop_state *s);
+
+/* Write G a + G' v, of the accelerations that the links have. */
+void loop_accelerations(const tree *t, const loop *l, const loop_state *s, double *result);
+
+/* Write what G x has to be for x to close points, and G v. */
+void loop_gap(const tree *t, const loop *l, const loop_state *s, double *open, double *rate);

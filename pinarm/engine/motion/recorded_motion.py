@@ -1,0 +1,282 @@
+"""A motion that was recorded: its rows come from a measurement or from another program, and are not solved for.
+
+What is not given is not known: velocities and accelerations are NaN then, and quantities of them are refused. A spline
+gives them where it is asked for: of degree 5 through the positions, "not a knot" at its ends, so that accelerations are
+smooth. Of a ball joint it runs through the components of the quaternion s, and with ``s*`` its conjugate
+
+    w  = 2 vec(s* s') / |s|^2                          angular velocity in the axes of the link
+    w' = 2 vec(s* s'') / |s|^2 - 2 w (s . s') / |s|^2
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.motion.outcome import Outcome
+from pinarm.engine.motion.standstill import row_paces
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.errors import InputError
+from pinarm.input.units import unit
+from pinarm.mechanics.joints import METRE
+from pinarm.mechanics.laws.motion_law import Grid
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+    from pinarm.engine.statics.actuation import Actuation
+    from pinarm.mechanics.ball_joints import Ball
+
+DEGREE = 5
+"""Degree of the spline: its accelerations err by ``O(h^4)`` for rows h apart."""
+
+FEWEST = 2 * (DEGREE + 1)
+"""Rows that it takes to leave every second one out, for the estimate of its error."""
+
+NO_DRIVES = "the mechanism has loops, and neither efforts nor drives are given that carry the load"
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedRows:
+    """Rows of a motion in pinarm's convention, with what is known of them.
+
+    Attributes:
+        t: Instants [s], not descending, shape (n,).
+        q: Configurations, shape (n, nq).
+        v: Velocities, shape (n, nv); ``None`` where they are not known.
+        a: Accelerations, shape (n, nv); likewise.
+        tau: Efforts of the drives at the joints [N*m or N], shape (n, nv); likewise.
+    """
+
+    t: Array
+    q: Array
+    v: Array | None = None
+    a: Array | None = None
+    tau: Array | None = None
+
+    @property
+    def unknown(self) -> str:
+        """What of the motion is not known, in words; empty where all is."""
+        if self.v is None:
+            return "the velocities of this motion are not given"
+        return "the accelerations of this motion are not given" if self.a is None else ""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What makes a table of recorded rows.
+
+    Attributes:
+        mechanism: What moves.
+        drives: What carries the load where efforts are not given; ``None`` where nothing is known of it.
+        dynamics: The equation of motion with all forces of the run.
+    """
+
+    mechanism: Mechanism
+    drives: Actuation | None
+    dynamics: Dynamics
+
+    def outcome(self, rows: RecordedRows) -> Outcome:
+        """Return the table of rows as they are given, and how well its derivatives belong together."""
+        table = replace(self.table(rows, self._grid(rows.t)), sampled=True)
+        return Outcome(table, figures=consistency(self.mechanism, rows))
+
+    def splined(self, rows: RecordedRows) -> Outcome:
+        """Return the table of rows with the derivatives of their spline, and how well it knows them.
+
+        Raises:
+            InputError: There are too few rows, an instant stands twice, or an angle jumps.
+        """
+        spline = QuinticSpline.through(self.mechanism, rows.t, rows.q)
+        v, a = spline.at(rows.t)[1:]
+        table = self.table(replace(rows, v=v, a=a), self._grid(rows.t))
+        motion = SplinedMotion(self, spline, rows.t) if rows.tau is None else None
+        return Outcome(replace(table, sampled=motion is None), motion, spline.figures())
+
+    def schema_row(self, row: RecordedRows) -> Trajectory:
+        """Return a row at rest that tells which quantities there are."""
+        return self.table(row, Grid(row.t, (0.0, 0.0), (0, 1)))
+
+    def table(self, rows: RecordedRows, grid: Grid) -> Trajectory:
+        """Return rows as a table, with the efforts that belong to them as far as these are known."""
+        mechanism = self.mechanism
+        nothing = np.full((len(rows.t), mechanism.model.nv), np.nan)
+        v, a = (nothing if x is None else x for x in (rows.v, rows.a))
+        closure = mechanism.closure if self.drives is None or rows.tau is not None else self.drives.closure
+        lam, still = Multipliers.zero(len(rows.t), closure.size), np.zeros_like(nothing)
+        run = Trajectory(mechanism, "t", unit("s"), grid, rows.q, v, a, still, lam, closure, self.dynamics,
+                         separate=True, unknown=rows.unknown)  # fmt: skip
+        if rows.unknown:
+            return replace(run, no_efforts=rows.unknown)
+        demand = run.gather(lambda dynamics, part: dynamics.inverse(grid.t[part], run.q[part], v[part], a[part]))
+        if rows.tau is not None:
+            held = Multipliers.least(closure, rows.q, demand - rows.tau, np.zeros((len(rows.t), 0)))
+            return replace(run, tau=rows.tau, lam=held)
+        return replace(run, no_efforts=NO_DRIVES) if self.drives is None else self._driven(run, self.drives, demand)
+
+    def _driven(self, run: Trajectory, drives: Actuation, demand: Array) -> Trajectory:
+        """Return rows with the efforts of drives that carry the load."""
+        names = (*drives.coordinates(self.mechanism),)
+        run = replace(run, driven=drives.driven, drives=names)
+        if self.mechanism.frictions:
+            from pinarm.engine.motion.known_friction import KnownFriction
+
+            return KnownFriction(run, drives, demand, row_paces(self.mechanism, run.v, run.a), 0.0 * run.v).solved()
+        tau, lam = drives.efforts(run.grid.t, run.q, demand)
+        return replace(run, tau=tau, lam=lam)
+
+    def _grid(self, t: Array) -> Grid:
+        """Return the rows between the breakpoints of the forces' laws; a row at one belongs to what follows it."""
+        laws = [law for force in self.dynamics.forces.values() for law in force.laws()]
+        breaks = {*(x for law in laws for x in (*law.breakpoints(), *law.jumps()))}
+        cuts = sorted(x for x in breaks if t[0] < x < t[-1])
+        starts = np.searchsorted(t, cuts).tolist()
+        return Grid(t, (float(t[0]), *cuts, float(t[-1])), (0, *starts, len(t)))
+
+
+@dataclass(frozen=True, eq=False)
+class QuinticSpline:
+    """A spline through the configurations of a mechanism, as the module's docstring tells.
+
+    Attributes:
+        mechanism: The mechanism.
+        t: Instants of the rows [s], shape (n,).
+        q: Configurations there, quaternions without changes of sign, shape (n, nq).
+    """
+
+    mechanism: Mechanism
+    t: Array
+    q: Array
+
+    @classmethod
+    def through(cls, mechanism: Mechanism, t: Array, q: Array) -> QuinticSpline:
+        """Return the spline through rows.
+
+        Raises:
+            InputError: There are too few rows, an instant stands twice, or an angle jumps.
+        """
+        if len(t) < FEWEST:
+            raise InputError(f"{len(t)} rows are too few for a spline of degree {DEGREE} and its error",
+                             expected=f"at least {FEWEST}")  # fmt: skip
+        if (np.diff(t) == 0.0).any():
+            row = int((np.diff(t) == 0.0).argmax())
+            raise InputError(f"the rows {row} and {row + 1} have the same instant, {t[row]:.9g} s",
+                             expected="ascending instants, as a spline has no jumps")  # fmt: skip
+        for joint in mechanism.joints.values():
+            steps = np.abs(np.diff(q[:, joint.q]))
+            if joint.unit != METRE and steps.max() > np.pi:
+                row = int(steps.argmax())
+                raise InputError(f"'{joint.name}' jumps by {steps[row]:.3g} rad from row {row} to row {row + 1}",
+                                 expected="angles whose turns are counted", hint="np.unwrap(q, axis=0)")  # fmt: skip
+        return cls(mechanism, t, _continuous(mechanism, q))
+
+    @cached_property
+    def _spline(self) -> Any:
+        from scipy.interpolate import make_interp_spline
+
+        return make_interp_spline(self.t, self.q, k=DEGREE)
+
+    def at(self, t: Array) -> tuple[Array, Array, Array]:
+        """Return q, shape (n, nq), v and a, shape (n, nv), at instants of shape (n,)."""
+        s, rate, second = (self._spline(t, order) for order in range(3))
+        places = np.concatenate([np.arange(joint.idx_q, joint.idx_q + joint.nv)
+                                 for joint in list(self.mechanism.model.joints)[1:]])  # fmt: skip
+        q, v, a = s.copy(), rate[:, places], second[:, places]
+        for ball in self.mechanism.balls.values():
+            spin, growth = _spin(ball, s, rate, second)
+            ball.vectors(v)[:], ball.vectors(a)[:] = spin, growth
+            ball.quaternion(q)[:] /= np.linalg.norm(ball.quaternion(s), axis=1, keepdims=True)
+        return q, v, a
+
+    def figures(self) -> dict[str, float]:
+        """Return how much velocities and accelerations change where every second row is left out, relative."""
+        coarse = replace(self, t=self.t[::2], q=self.q[::2])
+        inside = self.t <= coarse.t[-1]
+        fine, rough = self.at(self.t[inside])[1:], coarse.at(self.t[inside])[1:]
+        names = ("spline velocity", "spline acceleration")
+        return {name: _relative(self.mechanism, x - y, x) for name, x, y in zip(names, fine, rough, strict=True)}
+
+
+@dataclass(frozen=True, eq=False)
+class SplinedMotion:
+    """A recorded motion between its rows, as the spline has it.
+
+    Attributes:
+        recording: The mechanism and what acts.
+        spline: The spline.
+        t: Instants of the rows [s], shape (n,).
+    """
+
+    recording: Recording
+    spline: QuinticSpline
+    t: Array
+
+    def at(self, grid: Grid) -> Trajectory:
+        """Return the states at other instants."""
+        return self.recording.table(RecordedRows(grid.t, *self.spline.at(grid.t)), grid)
+
+    def positions(self, t: Array) -> Array:
+        """Return the configurations at instants, shape (n,), as an array of shape (n, nq)."""
+        return self.spline.at(t)[0]
+
+
+def consistency(mechanism: Mechanism, rows: RecordedRows) -> dict[str, float]:
+    """Return how well given derivatives belong to the rows, relative to the largest of joints with the same unit.
+
+    From one row to the next, h apart, positions change by ``h (v0 + v1) / 2 - h^2 (a1 - a0) / 12``, without the second
+    term where accelerations are not given, and velocities by ``h (a0 + a1) / 2``. What is left is told per h. Beside
+    errors of the rows it holds those of these rules, ``O(h^4)`` and ``O(h^2)``, and for ball joints ``O(h^2)``.
+    """
+    model, h = mechanism.model, np.diff(rows.t)[:, None]
+    some = np.flatnonzero(h[:, 0] > 0.0)
+    if rows.v is None or not len(some):
+        return {}
+    h, after = h[some], some + 1
+    steps = np.array([pin.difference(model, rows.q[k], rows.q[k + 1]) for k in some]) / h
+    expected = (rows.v[some] + rows.v[after]) / 2
+    if rows.a is None:
+        return {"velocity consistency": _relative(mechanism, steps - expected, rows.v)}
+    expected -= h / 12 * (rows.a[after] - rows.a[some])
+    growth = (rows.v[after] - rows.v[some]) / h - (rows.a[some] + rows.a[after]) / 2
+    return {"velocity consistency": _relative(mechanism, steps - expected, rows.v),
+            "acceleration consistency": _relative(mechanism, growth, rows.a)}  # fmt: skip
+
+
+def _relative(mechanism: Mechanism, errors: Array, values: Array) -> float:
+    """Return the largest error relative to the largest value or error of a joint that has the same unit."""
+    sliding, worst = np.zeros(mechanism.model.nv, dtype=bool), 0.0
+    sliding[[joint.v for joint in mechanism.joints.values() if joint.unit == METRE]] = True
+    for alike in (sliding, ~sliding):
+        error = np.abs(errors[:, alike]).max(initial=0.0)
+        size = max(np.abs(values[:, alike]).max(initial=0.0), error)
+        worst = max(worst, float(error / size) if size else 0.0)
+    return worst
+
+
+def _continuous(mechanism: Mechanism, q: Array) -> Array:
+    """Return configurations whose quaternions do not change their sign from row to row: both signs are one turn."""
+    q = q.copy()
+    for ball in mechanism.balls.values():
+        quaternion = ball.quaternion(q)
+        turned = (quaternion[1:] * quaternion[:-1]).sum(axis=1) < 0.0
+        quaternion[1:] *= np.where(np.cumsum(turned) % 2, -1.0, 1.0)[:, None]
+    return q
+
+
+def _spin(ball: Ball, s: Array, rate: Array, second: Array) -> tuple[Array, Array]:
+    """Return w and w' of a ball joint, axes of its link, from components that are not of unit length, each (n, 3)."""
+    s, rate, second = (ball.quaternion(x) for x in (s, rate, second))
+    square = (s * s).sum(axis=1, keepdims=True)
+    w = 2.0 * _vector(s, rate) / square
+    return w, 2.0 * (_vector(s, second) - w * (s * rate).sum(axis=1, keepdims=True)) / square
+
+
+def _vector(s: Array, x: Array) -> Array:
+    """Return ``vec(s* x)`` of quaternions (x, y, z, w), shape (n, 3): ``s_w x_v - x_w s_v - s_v x x_v``."""
+    return np.asarray(s[:, 3:] * x[:, :3] - x[:, 3:] * s[:, :3] - np.cross(s[:, :3], x[:, :3]))

@@ -1,0 +1,145 @@
+"""Matrices of configurations, as Pinocchio's users ask for them: Jacobians, mass matrices, placements."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.batch_jacobians import rows_of
+from pinarm.engine.dynamics import mass_matrix
+from pinarm.engine.quantities.broadcasting import LeadingAxes
+from pinarm.engine.quantities.states import check_quaternions
+from pinarm.errors import InputError, choices
+from pinarm.mechanics.geometry.kinematics import Kinematics
+from pinarm.mechanics.joints import UNIVERSE, frame_of
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+
+TWISTS = {"point": slice(0, 3), "body": slice(3, 6)}
+"""First word of a quantity of links -> the rows of a frame's Jacobian that it asks for."""
+
+COORDINATES = ("coordinate", "joint")
+"""First words of quantities that are coordinates."""
+
+ALONG = ".along."
+
+
+def jacobian(mechanism: Mechanism, name: str, q: ArrayLike) -> Array:
+    """Return the matrix J of ``x' = J v``; see ``Mechanism.jacobian``."""
+    leading, rows = _configurations(mechanism, q)
+    of, _, axes = name.partition(ALONG)
+    word, _, rest = of.partition(".")
+    if _is_coordinate(mechanism, of):
+        if axes:
+            raise InputError(f"'{name}': a coordinate has no axes", expected=of)
+        element = rest if word in COORDINATES and of not in mechanism.coordinates else of
+        return leading.unfold(_of_coordinate(mechanism, element, rows))
+    link, part = (rest, TWISTS[word]) if word in TWISTS and rest else (of, slice(0, 6))
+    frame = _frame(mechanism, link)
+    turn = _frame(mechanism, axes) if axes else UNIVERSE
+    matrices = np.empty((len(rows), 6, mechanism.model.nv))
+    for matrix, row in zip(matrices, rows, strict=True):
+        matrix[:] = _of_frame(Kinematics.at(mechanism.model, row), frame, turn)
+    return leading.unfold(matrices[:, part])
+
+
+def mass_matrices(mechanism: Mechanism, q: ArrayLike) -> Array:
+    """Return M(q); see ``Mechanism.mass_matrix``."""
+    leading, rows = _configurations(mechanism, q)
+    return leading.unfold(mass_matrix.mass_matrices(mechanism.model, rows))
+
+
+def placements(mechanism: Mechanism, name: str, q: ArrayLike) -> Array:
+    """Return the placement of a link or a joint in the world; see ``Mechanism.frame``."""
+    leading, rows = _configurations(mechanism, q)
+    frame = _frame(mechanism, name)
+    matrices = [Kinematics.at(mechanism.model, row).data.oMf[frame].homogeneous for row in rows]
+    return leading.unfold(np.array(matrices).reshape(-1, 4, 4))
+
+
+def pinocchio_data(mechanism: Mechanism, q: ArrayLike, v: ArrayLike | None, a: ArrayLike | None) -> pin.Data:
+    """Return Pinocchio's data of one state; see ``Mechanism.pin_data``.
+
+    Raises:
+        InputError: Several states are given.
+    """
+    model = mechanism.model
+    if np.ndim(q) != 1:
+        raise InputError(f"q has the shape {np.shape(q)}", expected=f"one state, shape ({model.nq},)")
+    still = np.zeros(model.nv)
+    given = {"q": (q, model.nq), "v": (still if v is None else v, model.nv), "a": (still if a is None else a, model.nv)}
+    leading, states = LeadingAxes.fold(**given)
+    check_quaternions(mechanism, leading, states[0])
+    configuration, velocity, acceleration = (rows[0] for rows in states)
+    data = model.createData()
+    pin.computeAllTerms(model, data, configuration, velocity)
+    pin.rnea(model, data, configuration, velocity, acceleration)
+    pin.forwardKinematics(model, data, configuration, velocity, acceleration)
+    pin.updateFramePlacements(model, data)
+    data.M = mass_matrix.mass_matrix(model, configuration)
+    return data
+
+
+def _configurations(mechanism: Mechanism, q: ArrayLike) -> tuple[LeadingAxes, Array]:
+    leading, (rows,) = LeadingAxes.fold(q=(q, mechanism.model.nq))
+    check_quaternions(mechanism, leading, rows)
+    return leading, rows
+
+
+def _is_coordinate(mechanism: Mechanism, name: str) -> bool:
+    """Tell whether a name is that of a coordinate or of a ball joint.
+
+    Raises:
+        InputError: It is that of a link as well.
+    """
+    word, _, rest = name.partition(".")
+    coordinates = {*mechanism.coordinates, *mechanism.balls}
+    if name in coordinates and any(_is_link(frame) and frame.name == name for frame in mechanism.model.frames):
+        raise InputError(f"'{name}' is a link and a coordinate",
+                         expected=f"point.{name}, body.{name} or coordinate.{name}")  # fmt: skip
+    return name in coordinates or (word in COORDINATES and rest in coordinates)
+
+
+def _of_coordinate(mechanism: Mechanism, name: str, rows: Array) -> Array:
+    """Return the row of a coordinate, shape (n, nv); of a ball joint its three rows, shape (n, 3, nv)."""
+    model = mechanism.model
+    if name in mechanism.balls:
+        joint = model.joints[mechanism.balls[name].index]
+        return np.tile(np.eye(model.nv)[joint.idx_v : joint.idx_v + 3], (len(rows), 1, 1))
+    return np.asarray(rows_of(model, [mechanism.coordinates[name]], rows)[:, 0])
+
+
+def _of_frame(state: Kinematics, frame: int, turn: int) -> Array:
+    """Return the Jacobian of a frame, [linear; angular], in the axes of the frame ``turn``, shape (6, nv)."""
+    jacobian = pin.getFrameJacobian(state.model, state.data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(2, 3, -1)
+    return np.asarray(state.data.oMf[turn].rotation.T @ jacobian).reshape(6, -1)
+
+
+def _is_link(frame: pin.Frame) -> bool:
+    return bool(frame.type == pin.FrameType.BODY)
+
+
+def _frame(mechanism: Mechanism, name: str) -> int:
+    """Return the index of the frame of a link, or of a joint where it begins with ``joint.``.
+
+    Raises:
+        InputError: There is none of that name.
+    """
+    model = mechanism.model
+    word, _, joint = name.partition(".")
+    frames = {
+        frame.name: index
+        for index, frame in enumerate(model.frames)
+        if frame.type in (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT) and index
+    }
+    if word != "joint" or not joint:
+        return frame_of(model, name)
+    if joint not in frames:
+        expected, hint = choices(joint, frames)
+        raise InputError(f"the model has no joint '{joint}'", expected=expected, hint=hint)
+    return frames[joint]

@@ -1,0 +1,235 @@
+"""A ``pin.Model`` as URDF text, which the reader of URDF loads like any other.
+
+The numbers have all their digits. A joint keeps its name; those with several angles or ways become chains of simple
+ones, which have the same coordinates:
+
+=======================  =============================================================================
+Pinocchio's joint        URDF
+=======================  =============================================================================
+R*, P*, RUB*             ``revolute``, ``prismatic``, ``continuous``
+FreeFlyer, Planar        ``floating``, ``planar``
+Spherical                ``spherical``, a type that pinarm's reader knows beside those of URDF
+SphericalZYX J           ``continuous`` J.z, J.y, J.x
+Translation J            ``prismatic`` J.x, J.y, J.z
+Universal J              ``continuous`` J.1, J.2
+=======================  =============================================================================
+
+What a joint carries is one link, with all the mass of it. Frames are links without mass, fixed to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.errors import ModelError
+from pinarm.mechanics.ball_joints import roll_pitch_yaw
+
+Element = ElementTree.Element
+
+CHAINS = {"SphericalZYX": ("z", "y", "x"), "Translation": ("x", "y", "z"), "Universal": ("1", "2")}
+"""Kind of joint -> endings of the names of the simple joints that it is a chain of."""
+
+WHOLE = {"FreeFlyer": "floating", "Planar": "planar", "Spherical": "spherical"}
+"""Kind of joint -> type in URDF."""
+
+REFUSED = {
+    "Composite": "its joints have no names of their own: add them one by one",
+    "Mimic": "add it as a joint of its own, and say 'couplings' with kind: gear",
+    "Helical": "add a revolute and a prismatic joint, and say 'couplings' with kind: screw",
+    "Ellipsoid": "there is no such joint here",
+}
+"""Kind of joint -> what to do in its place."""
+
+HELICAL = ("HX", "HY", "HZ")
+
+UNLIMITED = 1e100
+"""Limits beyond it are those of models that have none: the largest double, or infinity."""
+
+
+@dataclass(frozen=True)
+class WrittenModel:
+    """A model as text.
+
+    Attributes:
+        urdf: URDF text.
+        notes: What of the model is not in it, in words.
+    """
+
+    urdf: str
+    notes: tuple[str, ...]
+
+
+def written(model: pin.Model) -> WrittenModel:
+    """Return a model as URDF text.
+
+    Raises:
+        ModelError: The model has no joint or one of a kind that pinarm does not have, or a name stands twice.
+    """
+    if model.njoints < 2:
+        raise ModelError("the model has no joint", expected="a pin.Model with one joint at least")
+    links = _links(model)
+    robot = ElementTree.Element("robot", name=model.name or "model")
+    for joint in range(model.njoints):
+        _add_link(robot, links[joint], model.inertias[joint] if joint else None)
+    for joint in range(1, model.njoints):
+        _add_joint(robot, model, joint, links)
+    taken = {*links}
+    for name, joint, place in _frames(model, links):
+        _add_frame(robot, name, links[joint], place, taken)
+    ElementTree.indent(robot)
+    return WrittenModel(ElementTree.tostring(robot, encoding="unicode") + "\n", tuple(_notes(model)))
+
+
+def _links(model: pin.Model) -> list[str]:
+    """Return the name of the link of every joint: that of a body's frame at the joint, or the joint's with _link."""
+    links: list[str] = []
+    for joint in range(model.njoints):
+        bodies = [frame.name for frame in model.frames
+                  if frame.type == pin.FrameType.BODY and frame.parentJoint == joint
+                  and frame.placement.isIdentity(0.0)]  # fmt: skip
+        base = "universe" if joint == 0 else f"{model.names[joint]}_link"
+        links.append(next((name for name in bodies if name not in links), base))
+    return links
+
+
+def _frames(model: pin.Model, links: list[str]) -> Iterator[tuple[str, int, pin.SE3]]:
+    """Yield the frames that are no joint's and no link of a joint: name, joint, placement."""
+    for frame in list(model.frames)[1:]:
+        if frame.type in (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT):
+            continue
+        if frame.name != links[frame.parentJoint]:
+            yield frame.name, frame.parentJoint, frame.placement
+
+
+def _add_frame(robot: Element, name: str, link: str, place: pin.SE3, taken: set[str]) -> None:
+    if name in taken:
+        raise ModelError(f"two frames have the name '{name}'", expected="a name of its own for each")
+    taken.add(name)
+    _add_link(robot, name, None)
+    _placed(_joint(robot, f"{name}_fixed", "fixed", link, name), place)
+
+
+def _add_link(robot: Element, name: str, body: pin.Inertia | None) -> None:
+    link = ElementTree.SubElement(robot, "link", name=name)
+    if body is None or not (body.mass or np.any(body.inertia)):
+        return
+    inertial, moments = ElementTree.SubElement(link, "inertial"), body.inertia
+    ElementTree.SubElement(inertial, "origin", xyz=_text(body.lever))
+    ElementTree.SubElement(inertial, "mass", value=repr(float(body.mass)))
+    entries = {f"i{'xyz'[i]}{'xyz'[j]}": repr(float(moments[i, j])) for i in range(3) for j in range(i, 3)}
+    ElementTree.SubElement(inertial, "inertia", entries)
+
+
+def _add_joint(robot: Element, model: pin.Model, index: int, links: list[str]) -> None:
+    """Add a joint, or the chain of simple joints that it is, between its links."""
+    joint, name, place = model.joints[index], model.names[index], model.jointPlacements[index]
+    kind, parent = joint.shortname().removeprefix("JointModel"), links[model.parents[index]]
+    if advice := REFUSED.get("Helical" if kind in HELICAL else kind.removesuffix("Unaligned")):
+        raise ModelError(f"the joint '{name}' is a {joint.shortname()}, which is not taken over", hint=advice)
+    if kind in WHOLE:
+        whole = _joint(robot, name, WHOLE[kind], parent, links[index])
+        _placed(whole, place)
+        ElementTree.SubElement(whole, "axis", xyz="0 0 1")
+        _add_dynamics(whole, model, range(joint.idx_v, joint.idx_v + joint.nv), name)
+        return
+    axes = _axes(model, joint)
+    names = [f"{name}.{ending}" for ending in CHAINS[kind]] if kind in CHAINS else [name]
+    ends = [*(f"{each}/link" for each in names[:-1]), links[index]]
+    for k, (each, (turns, axis), child) in enumerate(zip(names, axes, ends, strict=True)):
+        if child != links[index]:
+            _add_link(robot, child, None)
+        own = _joint(robot, each, _type(model, joint, kind, k, turns=turns), parent, child)
+        _placed(own, place)
+        ElementTree.SubElement(own, "axis", xyz=_text(axis))
+        _add_limits(own, model, joint, k, counted=kind in CHAINS or joint.nq == joint.nv)
+        _add_dynamics(own, model, range(joint.idx_v + k, joint.idx_v + k + 1), each)
+        parent, place = child, pin.SE3.Identity()
+
+
+def _axes(model: pin.Model, joint: pin.JointModel) -> list[tuple[bool, Array]]:
+    """Return of every coordinate of a joint whether it turns, and its axis: the columns of S at the zero position."""
+    data = joint.createData()
+    joint.calc(data, pin.neutral(model))
+    columns = np.asarray(data.S).reshape(6, -1).T
+    return [(bool(column[3:].any()), column[3:] if column[3:].any() else column[:3]) for column in columns]
+
+
+def _type(model: pin.Model, joint: pin.JointModel, kind: str, k: int, *, turns: bool) -> str:
+    if not turns:
+        return "prismatic"
+    if joint.nq != joint.nv:  # cosine and sine
+        return "continuous"
+    return "revolute" if any(abs(x) < UNLIMITED for x in _range(model, joint.idx_q + k)) else "continuous"
+
+
+def _range(model: pin.Model, place: int) -> tuple[float, float]:
+    return float(model.lowerPositionLimit[place]), float(model.upperPositionLimit[place])
+
+
+def _add_limits(element: Element, model: pin.Model, joint: pin.JointModel, k: int, *, counted: bool) -> None:
+    """Add the limits of a coordinate, as far as the model has some."""
+    limits: dict[str, float] = {}
+    if counted:
+        low, high = _range(model, joint.idx_q + k)
+        if min(abs(low), abs(high)) < UNLIMITED:
+            limits |= {"lower": max(low, -np.finfo(float).max), "upper": min(high, np.finfo(float).max)}
+    for key, values in (("effort", model.upperEffortLimit), ("velocity", model.upperVelocityLimit)):
+        if 0.0 < values[joint.idx_v + k] < UNLIMITED:
+            limits[key] = float(values[joint.idx_v + k])
+    if limits:
+        ElementTree.SubElement(element, "limit", {key: repr(float(value)) for key, value in limits.items()})
+
+
+def _add_dynamics(element: Element, model: pin.Model, places: range, name: str) -> None:
+    """Add damping, dry friction and armature, which are the same in all directions of a joint.
+
+    Raises:
+        ModelError: They are not.
+    """
+    values: dict[str, float] = {}
+    for key, given in (("damping", model.damping), ("friction", model.upperDryFrictionLimit),
+                       ("armature", model.armature)):  # fmt: skip
+        some = {float(given[k]) for k in places}
+        if len(some) > 1:
+            raise ModelError(f"the joint '{name}' has another {key} in each direction",
+                             expected="the same in all, or joints with one coordinate")  # fmt: skip
+        if (value := some.pop()) and value < UNLIMITED:
+            values[key] = value
+    if values:
+        ElementTree.SubElement(element, "dynamics", {key: repr(value) for key, value in values.items()})
+
+
+def _notes(model: pin.Model) -> Iterator[str]:
+    """Yield what of a model has no meaning here, in words."""
+    if np.any(model.rotorInertia):
+        yield "rotor inertias and gear ratios of the pin.Model, which Pinocchio's dynamics leaves out, are not taken"
+    if len(model.referenceConfigurations):
+        yield "reference configurations of the pin.Model are not taken"
+    if np.any(model.lowerDryFrictionLimit + model.upperDryFrictionLimit):
+        yield "dry friction of the pin.Model is taken in both directions as its upper limit says"
+
+
+def _joint(robot: Element, name: str, kind: str, parent: str, child: str) -> Element:
+    joint = ElementTree.SubElement(robot, "joint", name=name, type=kind)
+    ElementTree.SubElement(joint, "parent", link=parent)
+    ElementTree.SubElement(joint, "child", link=child)
+    return joint
+
+
+def _placed(joint: Element, place: pin.SE3) -> None:
+    ElementTree.SubElement(joint, "origin", xyz=_text(place.translation), rpy=_text(_angles(place.rotation)))
+
+
+def _angles(rotation: Array) -> Array:
+    """Return roll, pitch and yaw of a rotation by way of its quaternion, which keeps all digits at any pitch."""
+    return roll_pitch_yaw(pin.Quaternion(rotation).normalized().coeffs())
+
+
+def _text(vector: Array) -> str:
+    return " ".join(repr(float(part) + 0.0) for part in vector)

@@ -1,0 +1,147 @@
+"""A recorded motion: measured, or of another program. Nothing is solved for but the efforts that belong to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+import msgspec
+import numpy as np
+
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.friction.columns import with_friction_columns
+from pinarm.engine.kinematics.closed_configurations import generic_near
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.recorded_motion import RecordedRows, Recording
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.statics.actuation import Actuation, along, everywhere
+from pinarm.errors import InputError, Place, within
+from pinarm.input.roots import contained_file, root_of
+from pinarm.input.yaml.deferred import Deferred
+from pinarm.input.yaml.schema import InputStruct, current_folder
+from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.loads import LOADS, bind_loads
+from pinarm.problems.recorded_columns import check_rows, recorded_rows
+
+if TYPE_CHECKING:
+    from pinarm.engine.motion.outcome import Outcome
+    from pinarm.mechanics.forces.kinds import Force
+else:  # imported where a file has loads, see LOADS
+    Force = Any
+
+
+class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
+    """A motion that is given row by row, with all that can be said of it.
+
+    What is not given is not invented. Without velocities and accelerations quantities that depend on them are refused,
+    unless ``derivatives: spline`` takes both from the spline of degree 5 through the positions, which tells its error.
+    Given efforts are taken as they are, 0 at joints without a column, and how far they are from the equation of motion
+    is told as a residual; without any, they are those of inverse dynamics.
+
+    Attributes:
+        file: CSV table with a heading such as ``t [s],joint.knee.position [deg],joint.knee.velocity [deg/s]``: one
+            column for every joint, by the names of quantities; other columns are not read.
+        columns: The same in place of a file: heading -> numbers, in a list or as text.
+        derivatives: ``given``, as far as there are columns of them, or those of a ``spline``.
+        drives: Coordinates that the drives act along, where no efforts are given; every joint of an open chain where
+            none is named. Without any a mechanism with loops tells no forces.
+        loads: Applied forces, springs and dampers of this run.
+    """
+
+    kind: ClassVar[str] = "recorded"
+    deferred: ClassVar[Deferred] = LOADS
+    file: str = ""
+    columns: dict[str, list[float] | str] = {}
+    derivatives: Literal["given", "spline"] = "given"
+    drives: list[str] = []
+    loads: dict[str, Force] = {}
+
+    def check(self) -> None:
+        """Refuse a motion without rows, or with two sources of them; keep the file by its whole path."""
+        if bool(self.file) == bool(self.columns):
+            raise InputError("the motion has two sources, 'file' and 'columns'" if self.file else "there is no motion",
+                             expected="file: a CSV table, or columns: heading -> numbers")  # fmt: skip
+        if self.file:
+            folder = current_folder() or Path()
+            with within("file"):
+                path = contained_file((folder / self.file).absolute(), root_of(folder))
+            msgspec.structs.force_setattr(self, "file", str(path))
+
+    def schema_row(self, mechanism: Mechanism) -> Trajectory:
+        """Return one row near the start, with what is known of the motion."""
+        rows, _ = self.rows(mechanism)
+        drives = None if rows.tau is not None else self._drives(mechanism)
+        start = {name: float(rows.q[0, joint.q]) for name, joint in mechanism.joints.items()}
+        dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, _nowhere))
+        still = np.zeros((1, mechanism.model.nv))
+        known = self.derivatives == "spline"
+        v, a = (still if known or x is not None else None for x in (rows.v, rows.a))
+        tau = None if rows.tau is None else still
+        first = RecordedRows(np.zeros(1), generic_near(mechanism, start)[None], v, a, tau)
+        recording = Recording(mechanism, drives, dynamics)
+        row = recording.schema_row(first)
+        if drives is not None:
+            row = with_friction_columns(row, drives)
+        return replace(row, sampled=not known or rows.tau is not None)
+
+    def declaration(self) -> None:
+        """Return nothing: the whole mechanism is given."""
+
+    def prepare(self, mechanism: Mechanism, place: Place) -> tuple[Recording, RecordedRows, tuple[str, ...]]:
+        """Check all names and units; return what makes the table, the rows, and the headings that are not read."""
+        with place("file" if self.file else "columns"):
+            rows, unread = self.rows(mechanism)
+        with place("drives"):
+            if rows.tau is not None and self.drives:
+                raise InputError("efforts are given, and drives whose efforts are to be found", expected="one of them")
+            drives = None if rows.tau is not None else self._drives(mechanism)
+        forces = bind_loads(mechanism, self.loads, place)
+        return Recording(mechanism, drives, Dynamics.of(mechanism.model, forces)), rows, unread
+
+    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Outcome:
+        """Return the rows with all that is known of them."""
+        recording, rows, unread = self.prepare(mechanism, place)
+        with place("file" if self.file else "columns"):
+            outcome = recording.splined(rows) if self.derivatives == "spline" else recording.outcome(rows)
+        notes = (f"columns that are not read: {', '.join(unread)}",) if unread else ()
+        return replace(outcome, notes=notes)
+
+    def rows(self, mechanism: Mechanism) -> tuple[RecordedRows, tuple[str, ...]]:
+        """Return the rows that are given, and the headings of columns that are not read.
+
+        Raises:
+            InputError: They are no motion of this mechanism.
+        """
+        rows, unread = recorded_rows(mechanism, self._columns())
+        check_rows(mechanism, rows)
+        if self.derivatives == "spline" and (rows.v is not None or rows.a is not None):
+            raise InputError("velocities or accelerations are given, and those of a spline are asked for",
+                             expected="derivatives: given, or positions only")  # fmt: skip
+        if self.derivatives == "given" and rows.tau is not None and rows.unknown:
+            raise InputError(f"efforts are given, but {rows.unknown}", hint="derivatives: spline")
+        if rows.tau is not None and mechanism.frictions:
+            sticking = ", ".join(dict.fromkeys(contact.name for contact in mechanism.frictions))
+            raise InputError(f"efforts are given, and {sticking} has friction of its own: the two are not told apart",
+                             expected="no efforts: they follow from the motion and the friction")  # fmt: skip
+        if rows.v is None and rows.a is not None:
+            raise InputError("accelerations are given without velocities", expected="both, or none")
+        return rows, unread
+
+    def _columns(self) -> Mapping[str, Sequence[float] | str]:
+        if not self.file:
+            return self.columns
+        from pinarm.input.motion_tables import read_columns
+
+        state = Path(self.file).stat()
+        return read_columns(self.file, (state.st_mtime_ns, state.st_size))
+
+    def _drives(self, mechanism: Mechanism) -> Actuation | None:
+        return along(mechanism, self.drives) if self.drives else everywhere(mechanism)
+
+
+def _nowhere(*path: str | int) -> Any:
+    from contextlib import nullcontext
+
+    return nullcontext()

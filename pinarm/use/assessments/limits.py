@@ -1,0 +1,159 @@
+"""Limits that numbers of a run must keep to, with the margins that are left.
+
+The relative margin is that of the bound, ``(b - x) / |b|`` for ``x < b``. A number that is nearer to its bound than its
+own error is neither within the limit nor beyond it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
+import numpy as np
+
+from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
+from pinarm.errors import InputError, within
+from pinarm.input.units import DIMENSIONLESS, Unit
+from pinarm.input.yaml.schema import InputStruct, check_unit
+from pinarm.use.result.condition import Condition, read_conditions
+from pinarm.use.result.number_accuracy import global_error
+from pinarm.use.result.run_number import RunNumber
+from pinarm.use.result.section import Cell, Section, SectionTable
+from pinarm.use.result.section_number import measured, slug
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+    from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario
+
+KEPT, BEYOND, OPEN = "kept", "beyond", "within its error"
+
+
+class Limits(InputStruct, frozen=True):
+    """Limits of numbers of the run.
+
+    Attributes:
+        keep: Number of the run, such as ``C_B @ rms`` or ``loads.B.life.time`` -> ``< 30 N*m`` or ``'> 20000 h'``.
+    """
+
+    keep: Annotated[dict[str, str], msgspec.Meta(min_length=1, max_length=100)]
+
+    def check(self) -> None:
+        """Read the conditions, so that their mistakes are located in the file."""
+        names = [slug(condition.number) for condition in self.conditions]
+        for text, condition in zip(self.keep, self.conditions, strict=True):
+            with within("keep", text):
+                if condition.relation == "=":
+                    raise InputError("'=' is no limit", expected="'<' or '>', or the value under expect")
+                if names.count(slug(condition.number)) > 1:
+                    raise InputError(f"'{text}' has the name of another number, '{slug(condition.number)}'")
+
+    @property
+    def conditions(self) -> list[Condition]:
+        """What numbers of the run must keep to."""
+        with within("keep"):
+            return read_conditions(self.keep)
+
+    def requested(self, mechanism: Mechanism) -> list[str]:
+        """Return the numbers: see ``Assessment``."""
+        return list(self.keep)
+
+    def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
+        """Return the margins, each in the unit of its number, and the least relative one: see ``Assessment``."""
+        margins = {f"{slug(each.number)}.margin": _unit(each, quantities) for each in self.conditions}
+        return {**margins, "least_margin": DIMENSIONLESS, "beyond": DIMENSIONLESS}
+
+    def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
+        """Check numbers and units: see ``Assessment``."""
+        others = {key: each for key, each in scenario.numbered.items() if each is not self}
+        for condition in self.conditions:
+            with within("keep", condition.number.label):
+                unit = condition.number.described(quantities, others).unit
+                check_unit(condition.bound, unit or DIMENSIONLESS)
+
+    def evaluate(self, result: Result) -> Section:
+        """Return every number beside its bound: see ``Assessment``.
+
+        Raises:
+            InputError: A name does not exist, or a bound has another dimension.
+        """
+        self.check_names(result.quantities, result.scenario)
+        compared = [_compared(condition, result) for condition in self.conditions]
+        beyond = sum(each.verdict == BEYOND for each in compared)
+        numbers = {each.name: each.margin for each in compared} | {
+            "least_margin": Series("least margin", DIMENSIONLESS, np.array([min(each.relative for each in compared)])),
+            "beyond": Series("limits not kept", DIMENSIONLESS, np.array([float(beyond)])),
+        }
+        remarks = [f"beyond its limit: {each.condition} is {each.text}" for each in compared if each.verdict == BEYOND]
+        remarks += [
+            f"neither kept nor beyond: {each.condition} is {each.text}, with an error of {each.error:.1e} in SI"
+            for each in compared if each.verdict == OPEN and each.error is not None
+        ]  # fmt: skip
+        columns = ("", "value", "limit", "margin [%]", "error", "")
+        table = SectionTable("limits", "Numbers and their limits", columns, (None,) * len(columns),
+                             [each.row() for each in compared])  # fmt: skip
+        return Section("limits", "Limits", [table], numbers, remarks)
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """A number beside its bound.
+
+    Attributes:
+        condition: What it must keep to.
+        value: The number, with its unit.
+        error: Bound of its error [SI]; ``None`` where it is not estimated.
+    """
+
+    condition: Condition
+    value: Series
+    error: float | None
+
+    @property
+    def name(self) -> str:
+        """Name of its margin."""
+        return f"{slug(self.condition.number)}.margin"
+
+    @property
+    def margin(self) -> Series:
+        """What is left to the bound, negative beyond it."""
+        left = self.condition.margin(float(self.value.values[0]))
+        return Series(f"margin of {self.condition.number.label}", self.value.unit, np.array([left]))
+
+    @property
+    def relative(self) -> float:
+        """The margin as a part of the bound; of a bound of 0, with the sign of the margin and no size."""
+        left, bound = float(self.margin.values[0]), abs(float(self.condition.bound))
+        return left / bound if bound else float(np.copysign(np.inf, left)) if left else 0.0
+
+    @property
+    def verdict(self) -> str:
+        """``kept``, ``beyond``, or that the error does not allow to say which."""
+        left = float(self.margin.values[0])
+        if self.error is not None and abs(left) < self.error:
+            return OPEN
+        return KEPT if left >= 0.0 else BEYOND
+
+    @property
+    def text(self) -> str:
+        """The number in the unit of its bound."""
+        written, value = self.condition.bound.unit, float(self.value.values[0])
+        return f"{value / written.factor:.6g} {written}" if written else f"{value:.6g}"
+
+    def row(self) -> tuple[Cell, ...]:
+        """Return its row of the table."""
+        bound = f"{self.condition.relation} {self.condition.bound_text}"
+        error: Cell = "not estimated" if self.error is None else f"{self.error:.1e}"
+        return self.condition.number.label, self.text, bound, 100.0 * self.relative, error, self.verdict
+
+
+def _compared(condition: Condition, result: Result) -> _Compared:
+    return _Compared(condition, measured(condition.number, result)[0], global_error(result, condition.number))
+
+
+def _unit(condition: Condition, quantities: Quantities) -> Unit | None:
+    number = condition.number
+    return number.described(quantities, {}).unit if isinstance(number, RunNumber) else None

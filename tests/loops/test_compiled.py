@@ -1,0 +1,287 @@
+"""Loops in compiled code against the same in Python, which shares none of it."""
+
+import ctypes
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from catalogue import bennett, bricard, five_bar, four_bar, rssr, screw_jack, slider_crank
+from motions import freely
+from test_accelerations import random_linkage
+
+import pinarm
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.equation import solve
+from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.integration.compiled_steps import CompiledSteps
+from pinarm.engine.kernel import tree as kernel_tree
+from pinarm.engine.kernel.library import absence, library, pointer
+from pinarm.engine.kernel.links import links_of
+from pinarm.engine.kernel.loops import CompiledLoops
+from pinarm.engine.kernel.structures import SkylineStructure
+from pinarm.engine.kernel.tree import CompiledTree, rates
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.motion.systems import Initial, compiled_points, compiled_rows, system_of
+from pinarm.engine.motion.systems.constrained import ConstrainedSystem
+from pinarm.engine.motion.systems.point_constrained import PointSystem
+
+pytestmark = pytest.mark.skipif(bool(absence()), reason=f"compiled kernel: {absence()}")
+
+FREE = PrescribedCoordinates((), (), ())
+KINDS = ("spherical", "rod", "point_on_line", "point_on_plane", "universal", "cylindrical", "revolute", "planar",
+         "prismatic", "fixed")  # fmt: skip
+SEEDS = range(4)
+SHARP = 1e-10
+"""Relative to the largest acceleration. The Python route takes the rows apart by singular values: what it loses by
+rounding grows with their condition, 1e4 in these linkages of no special kind."""
+
+
+@pytest.fixture(autouse=True)
+def _forgetting():
+    """Let no loops of one test serve another."""
+    compiled_points._loops.cache_clear()
+    compiled_rows._loops.cache_clear()
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """The calls of the library for steps."""
+    made, take = [], CompiledSteps.take
+    monkeypatch.setattr(CompiledSteps, "take", lambda self, *given: made.append(given) or take(self, *given))
+    return made
+
+
+@pytest.fixture
+def without(monkeypatch):
+    """Return a function that calls another as where the library was not built."""
+
+    def call(function):
+        _forget()
+        with monkeypatch.context() as context:
+            context.setattr(kernel_tree, "library", lambda: None)
+            found = function()
+        _forget()
+        return found
+
+    return call
+
+
+def _forget():
+    compiled_points._loops.cache_clear()
+    compiled_rows._loops.cache_clear()
+
+
+def closed_states(system, count=5):
+    """Return random closed states of a mechanism that is closed at its neutral configuration."""
+    model, random, found = system.rows.model, np.random.default_rng(3), []
+    nothing = np.zeros((1, 0))
+    while len(found) < count:
+        q = pin.integrate(model, pin.neutral(model), random.uniform(-0.05, 0.05, model.nv))
+        closed, v, _ = system.settled(q[None], random.normal(size=(1, model.nv)), nothing, nothing, np.zeros(1))
+        found.append((closed[0], v[0]))
+    return found
+
+
+def compare(flow, closure, states):
+    """Compare accelerations with those of the equation of motion, by singular values of the rows."""
+    model, data = closure.model, closure.model.createData()
+    for q, v in states:
+        state = closure.state(q, v)
+        force = -np.array(pin.nonLinearEffects(model, data, q, v))
+        a = solve(closure.split(closure.rows(state)), mass_matrix(model, q), force, -closure.drift(state))
+        found = rates(flow, np.concatenate([q, v]))[model.nq :]
+        assert np.abs(found - a).max() <= SHARP * max(1.0, np.abs(a).max())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_accelerations_of_every_kind_are_those_of_the_singular_values(kind, seed, tmp_path):
+    linkage = random_linkage(seed, loops=(kind,))
+    mechanism = linkage.build(tmp_path, [name for name in linkage.joints if name.startswith("loop")])
+    closure, dynamics = mechanism.closure, Dynamics.of(mechanism.model)
+    near = pin.neutral(mechanism.model)
+    general = ConstrainedSystem.of(closure, dynamics, FREE, near)
+    interval = general.interval(dynamics, 0.0, 1.0)
+    assert interval.compiled, interval.remark
+    compare(interval.compiled, closure, closed_states(general))
+    system = system_of(closure, dynamics, FREE, Initial(near, np.zeros(mechanism.model.nv)))
+    if isinstance(system, PointSystem):
+        flow = system.interval(dynamics, 0.0, 1.0).compiled
+        flow.take((False, system.points.tied.rank))
+        compare(flow, closure, closed_states(general))
+
+
+def test_accelerations_of_a_screw_are_those_of_the_singular_values(tmp_path):
+    mechanism = screw_jack().build(tmp_path, ["S"])
+    closure, dynamics = mechanism.closure, Dynamics.of(mechanism.model)
+    general = ConstrainedSystem.of(closure, dynamics, FREE, pin.neutral(mechanism.model))
+    compare(general.interval(dynamics, 0.0, 1.0).compiled, closure, closed_states(general))
+
+
+MOTIONS = [
+    (four_bar(), "A"), (four_bar(), "O"), (five_bar(), "M"), (rssr(), "A"), (rssr(), "B"), (bennett(), "axis_3"),
+    (slider_crank(), "C"), (slider_crank(), "A"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("linkage", "cut"), MOTIONS)
+def test_motions_are_those_of_python(linkage, cut, tmp_path, calls, without):
+    mechanism = linkage.build(tmp_path, [cut])
+    first = next(iter(mechanism.joints))
+    run = lambda: freely(mechanism, 0.5, 6, velocity={first: 4.0}, tolerance=1e-9)  # noqa: E731
+    found = run()
+    assert calls
+    taken, expected = len(calls), without(run)
+    assert len(calls) == taken
+    assert found.figures["evaluations"] == expected.figures["evaluations"]
+    for one, other in zip((found.rows.q, found.rows.v), (expected.rows.q, expected.rows.v), strict=True):
+        assert np.abs(one - other).max() <= 1e-8 * np.abs(other).max()  # ten tolerances; they differ by 1e-11
+
+
+SCENARIOS = ["andrews_squeezing", "bricard_falling", "change_point_four_bar_free", "crank_rocker_free",
+             "four_bar_equal_rods", "rssr_free", "two_four_bars_equal_rods"]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_scenarios_with_loops_are_the_same_with_the_library_and_without(name, calls, without):
+    """As far as the motion amplifies rounding: past singular positions, up to the errors that their keys allow."""
+    run = lambda: pinarm.run(f"scenarios/{name}.yaml")  # noqa: E731
+    found = run()
+    assert calls
+    expected = without(run)
+    assert found.notes() == expected.notes()
+    assert found.figures["evaluations"] == pytest.approx(expected.figures["evaluations"], rel=0.05)
+    assert np.abs(found.trajectory.q - expected.trajectory.q).max() <= 1e-6 * np.abs(expected.trajectory.q).max()
+
+
+EQUAL = "scenarios/four_bar_equal_rods.yaml"
+
+
+class TestSingularPositions:
+    """A four-bar of equal rods passes positions with all rods in line; on its branch the uprights are parallel."""
+
+    @pytest.mark.parametrize("tolerance", np.geomspace(1e-4, 1e-12, 9).tolist())
+    def test_are_passed_on_the_branch(self, tolerance, calls):
+        found = pinarm.run(EQUAL, {"accuracy.tolerance": tolerance})
+        assert calls
+        q = found.trajectory.q
+        assert np.abs(q[:, 0]).max() > 3.0 * np.pi  # it has turned past them
+        assert np.abs(q[:, 0] - q[:, 2]).max() < 1e-2 or np.abs(q[:, 0] + q[:, 1]).max() < 1e-2
+
+    def test_differ_from_python_no_more_than_rounding_does(self, without, monkeypatch):
+        """A change of 1e-15 of the start grows as much in Python alone."""
+        settings = {"accuracy.tolerance": 1e-6}
+        found, expected = pinarm.run(EQUAL, settings), without(lambda: pinarm.run(EQUAL, settings))
+        begin = ConstrainedSystem.begin
+        monkeypatch.setattr(ConstrainedSystem, "begin", lambda *given: _nudged(begin(*given)))
+        moved = without(lambda: pinarm.run(EQUAL, settings))
+        apart, grown = (np.abs(one.trajectory.q - expected.trajectory.q).max(axis=1) for one in (found, moved))
+        late = slice(len(apart) // 2, None)
+        assert grown[late].max() > 1e-10
+        assert apart[late].max() <= 100.0 * grown[late].max()
+
+
+def _nudged(state):
+    q, v = state
+    return q, v * (1.0 + 1e-15)
+
+
+def test_states_that_are_handed_back_are_settled_in_python(tmp_path, monkeypatch, calls, without):
+    """Where the accelerations leave the constraints; here all of them do, beyond an impossible bound."""
+    mechanism = four_bar().build(tmp_path, ["A"])
+    run = lambda: freely(mechanism, 0.5, 6, velocity={"O": 4.0}, tolerance=1e-9)  # noqa: E731
+    expected = without(run)
+    few = len(calls)
+    run()
+    few, before = len(calls) - few, len(calls)
+    _forget()
+    monkeypatch.setattr(compiled_points, "MET", 1e-40)
+    found = run()
+    assert len(calls) - before > 10 * few
+    assert found.figures["evaluations"] == expected.figures["evaluations"]
+    assert np.abs(found.rows.q - expected.rows.q).max() <= 1e-9
+
+
+class TestWrongKernel:
+    @pytest.mark.parametrize("cut", ["A", "B"])
+    def test_is_not_used_and_the_run_says_so(self, cut, tmp_path, monkeypatch, calls):
+        """By points, and by rows."""
+
+        def heavier(model):
+            known = links_of(model)
+            known.links["inertia"] *= 1.0 + 1e-9
+            return known
+
+        monkeypatch.setattr(kernel_tree, "links_of", heavier)
+        mechanism = rssr().build(tmp_path, [cut])
+        found = freely(mechanism, 0.1, 3, velocity={"O": 4.0}, tolerance=1e-9)
+        assert not calls
+        assert any("the compiled kernel is not used" in note for note in found.notes)
+
+    def test_numbers_that_are_none_are_refused(self, tmp_path):
+        mechanism = four_bar().build(tmp_path, ["A"])
+        tree = CompiledTree.of(mechanism.model)
+        tied = [compiled_rows._tied(mechanism.model, one) for one in mechanism.constraints]
+        loaded, nothing = tree.loaded(np.zeros(mechanism.model.nv), ()), np.full(3, np.nan)
+        assert CompiledLoops(tree, tied).loaded(loaded) is not None
+        for broken in (tied[0]._replace(along=tied[0].along * np.nan), tied[0]._replace(about=tied[0].about + np.inf)):
+            assert CompiledLoops(tree, [broken]).loaded(loaded) is None
+        moved = pin.SE3(np.eye(3), nothing)
+        assert CompiledLoops(tree, [tied[0]._replace(places=(moved, moved))]).loaded(loaded) is None
+
+
+class TestLeftToPython:
+    def test_are_loops_whose_rank_is_lower_on_the_constraints(self, tmp_path):
+        """Bricard's linkage by its rows: beside the constraints all of its rows count."""
+        mechanism = bricard().build(tmp_path, [next(reversed(bricard().joints))])
+        dynamics = Dynamics.of(mechanism.model)
+        general = ConstrainedSystem.of(mechanism.closure, dynamics, FREE, pin.neutral(mechanism.model))
+        interval = general.interval(dynamics, 0.0, 1.0)
+        assert interval.compiled is None
+        assert not interval.remark
+
+
+class TestSkyline:
+    """Rows of random lengths, against numpy."""
+
+    @pytest.fixture(params=range(5))
+    def matrix(self, request):
+        random = np.random.default_rng(request.param)
+        n = int(random.integers(1, 30))
+        first = np.array([int(random.integers(0, k + 1)) for k in range(n)], np.intp)
+        rows = np.tril(random.normal(size=(n, n)))
+        rows[np.arange(n)[None] < first[:, None]] = 0.0
+        whole = rows @ rows.T
+        reach = np.array([np.flatnonzero(whole[k])[0] for k in range(n)], np.intp)
+        return whole, reach
+
+    def skyline(self, whole, first):
+        sizes = np.arange(len(whole)) - first + 1
+        origin = np.cumsum(sizes) - np.arange(len(whole)) - 1
+        entry = np.concatenate([whole[k, first[k] : k + 1] for k in range(len(whole))])
+        arrays = first, origin, entry, np.zeros_like(entry)
+        return SkylineStructure(len(whole), *map(pointer, arrays)), arrays
+
+    def test_solves(self, matrix):
+        whole, first = matrix
+        structure, _kept = self.skyline(whole, first)
+        x = b = np.random.default_rng(9).normal(size=len(whole))
+        x = b.copy()
+        assert library().skyline_factorise(ctypes.byref(structure), ctypes.c_double(0.5)) == 0
+        library().skyline_solve(ctypes.byref(structure), ctypes.c_void_p(pointer(x)))
+        assert x == pytest.approx(np.linalg.solve(whole + 0.5 * np.eye(len(whole)), b), rel=1e-9, abs=1e-9)
+
+    def test_counts_eigenvalues_and_finds_them(self, matrix):
+        whole, first = matrix
+        structure, _kept = self.skyline(whole, first)
+        values = np.linalg.eigvalsh(whole)
+        for bound in (0.1, 1.0, 10.0):
+            found = library().skyline_factorise(ctypes.byref(structure), ctypes.c_double(-bound))
+            assert found == (values < bound).sum()
+        library().skyline_eigenvalue.restype = ctypes.c_double
+        for above in range(min(3, len(whole))):
+            wanted = values[::-1][above]
+            if wanted > 1e-6 * values[-1]:
+                bracket = [ctypes.c_double(x) for x in (1e-8 * values[-1], 2.0 * values[-1], 1e-9)]
+                found = library().skyline_eigenvalue(ctypes.byref(structure), ctypes.c_ssize_t(above), *bracket)
+                assert found == pytest.approx(wanted, rel=1e-8)

@@ -1,0 +1,142 @@
+"""Equalities of MJCF: ``ties.json`` is what MuJoCo 4.0.0 computes for ``ties.xml``, as drawn and in another pose."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import pinarm
+from pinarm.engine.mechanism import Mechanism
+from pinarm.errors import InputError, ModelError
+from pinarm.mechanics.loading.pinocchio_model import build_model
+from pinarm.use.store.restore import restore
+
+HERE = Path(__file__).parent / "mujoco"
+MUJOCO = json.loads((HERE / "ties.json").read_text())
+GEOM = '<geom size="0.1"/>'
+
+
+@pytest.fixture(scope="module")
+def ties():
+    return Mechanism.load(HERE / "ties.xml")
+
+
+def frame(mechanism, name, body):
+    """The placement of a tied frame in its body."""
+    frames = mechanism.model.frames
+    own, other = (frames[mechanism.model.getFrameId(each, pin.FrameType.BODY)] for each in (body, name))
+    return own.placement.actInv(other.placement)
+
+
+def test_which_ties_there_are(ties):
+    kinds = {constraint.name: constraint.kind for constraint in ties.constraints}
+    assert kinds == {"pin": "spherical", "ground": "spherical", "as drawn": "fixed", "placed": "fixed",
+                     "points": "spherical"}  # fmt: skip
+    assert {"h", "s"} & {*ties.joints} == set()
+
+
+@pytest.mark.parametrize(("name", "first", "second"), [("pin", "rod", "rocker"), ("ground", "rod", "world")])
+def test_anchors_of_connects_are_mujocos(ties, name, first, second):
+    data = MUJOCO["eq_data"][name]
+    assert frame(ties, f"{name}_1", first).translation == pytest.approx(data[:3], abs=1e-15)
+    assert frame(ties, f"{name}_2", second).translation == pytest.approx(data[3:6], abs=1e-14)
+
+
+@pytest.mark.parametrize(("name", "first"), [("as drawn", "rocker"), ("placed", "crank")])
+def test_poses_of_welds_are_mujocos(ties, name, first):
+    """MuJoCo has the anchor in the second body, then the pose in the first: position, quaternion (w, x, y, z)."""
+    data = MUJOCO["eq_data"][name]
+    one, two = frame(ties, f"{name}_1", first), frame(ties, f"{name}_2", "plate")
+    assert two.translation == pytest.approx(data[:3], abs=1e-15)
+    assert one.translation == pytest.approx(data[3:6], abs=1e-14)
+    assert one.rotation == pytest.approx(pin.Quaternion(*data[6:10]).normalized().matrix(), abs=1e-14)
+    assert two.rotation == pytest.approx(np.eye(3), abs=1e-15)
+
+
+def test_what_is_held_is_where_mujoco_has_it(ties):
+    values = {name: MUJOCO["qpos"][name] for name in "abcd"}
+    placed = ties.frame("held", ties.configurations(values))
+    assert placed[:3, 3] == pytest.approx(MUJOCO["held"]["pos"], abs=1e-14)
+    assert placed[:3, :3] == pytest.approx(np.array(MUJOCO["held"]["mat"]).reshape(3, 3), abs=1e-14)
+
+
+@pytest.mark.parametrize("name", ["pin", "ground", "points"])
+def test_gaps_of_connects_are_mujocos(ties, name):
+    """MuJoCo's residual in the axes of the world, this one's in those of the first frame: lengths agree."""
+    q = ties.configurations({name: MUJOCO["qpos"][name] for name in "abcd"})
+    rows = ties.closure.slices()[name]
+    gap = ties.closure.gap(ties.closure.state(q))[rows]
+    assert np.linalg.norm(gap) == pytest.approx(np.linalg.norm(MUJOCO["efc_pos"][name]), rel=1e-13)
+
+
+def test_a_four_bar_of_mjcf_moves_as_one_closed_in_the_mechanism_file(tmp_path):
+    """The same linkage with its loop in the model's file, and in the mechanism file; saved, and read again."""
+    rod = '<geom size="0.1" pos="0.5 0 0.2"/>'
+    arms = (
+        f'<body name="crank"><joint name="a" axis="0 1 0"/>{rod}<body name="coupler" pos="0 0 1">'
+        f'<joint name="b" axis="0 1 0"/>{rod}<site name="p" pos="2 0 0.5"/></body></body>'
+        f'<body name="rocker" pos="2 0 0"><joint name="c" axis="0 1 0"/>{GEOM}<site name="q" pos="0 0 1.5"/></body>'
+    )
+    closing = '<equality><connect name="closing" body1="coupler" body2="rocker" anchor="2 0 0.5"/></equality>'
+    loops = {"closing": {"kind": "spherical", "between": ["p", "q"]}}
+    (tmp_path / ".pinarm-root").touch()
+    (tmp_path / "closed.xml").write_text(f"<mujoco><worldbody>{arms}</worldbody>{closing}</mujoco>")
+    (tmp_path / "open.xml").write_text(f"<mujoco><worldbody>{arms}</worldbody></mujoco>")
+    problem = {"kind": "forward", "time": {"end": "0.5 s", "samples": 6}}
+    data = {"pinarm": 1, "problem": problem, "outputs": ["a", "energy.total"]}
+    own = pinarm.run({**data, "mechanism": Mechanism.load(tmp_path / "closed.xml")})
+    said = pinarm.run({**data, "mechanism": Mechanism.load(tmp_path / "open.xml", values={"loops": loops})})
+    assert own["a"].values == pytest.approx(said["a"].values, abs=1e-10)
+    assert np.ptp(own["a"].values) > 0.1
+    again = restore(own.save(tmp_path / "out", plots=False))
+    assert again.trajectory.mechanism.constraints[0].kind == "spherical"
+    assert again["energy.total"].values == pytest.approx(own["energy.total"].values, rel=1e-12)
+
+
+def test_frames_that_exporters_leave_where_they_open_a_loop_are_told(tmp_path):
+    """onshape-to-robot and its relatives: links closing_NAME_1 and closing_NAME_2, without the kind of joint."""
+    links = "".join(
+        f'<link name="{name}"/>' for name in ("base", "a", "b", "closing_x_1", "closing_x_2", "closing_y_1")
+    )
+    joints = "".join(
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/></joint>'
+        for name, kind, parent, child in (
+            ("j", "continuous", "base", "a"), ("k", "continuous", "base", "b"), ("f", "fixed", "a", "closing_x_1"),
+            ("g", "fixed", "b", "closing_x_2"), ("h", "fixed", "b", "closing_y_1"),
+        )
+    )  # fmt: skip
+    (tmp_path / "m.urdf").write_text(f'<robot name="m">{links}{joints}</robot>')
+    (tmp_path / ".pinarm-root").touch()
+    [note] = [note for note in Mechanism.load(tmp_path / "m.urdf").notes if "closing" in note]
+    assert note.startswith("an exporter opened a loop at closing_x_1 and closing_x_2")
+    assert "loops: {x: {kind: revolute, axis: z, between: [closing_x_1, closing_x_2]}}" in note
+    loops = {"x": {"kind": "revolute", "axis": "z", "between": ["closing_x_2", "closing_x_1"]}}
+    assert not any("closing" in note for note in Mechanism.load(tmp_path / "m.urdf", values={"loops": loops}).notes)
+
+
+@pytest.mark.parametrize(("equality", "message"), [
+    ('<connect body1="x" body2="b" anchor="0 0 0"/>', "equality 'x': there is no body 'x'"),
+    ('<connect name="e" site1="x" site2="y"/>', "equality 'e': there is no site 'x'"),
+    ('<joint joint1="j" joint2="k" polycoef="0 1 2"/>', "equality 'j': it couples by a curve, which is not read"),
+    ('<joint joint1="x"/>', "equality 'x': there is no joint 'x'"),
+    ('<joint joint1="ball"/>', "equality 'ball': 'ball' is held, and is no hinge or slide"),
+    ('<tendon tendon1="t"/>', "equality 'without name': a <tendon> is not read"),
+    ('<connect name="e" body1="b" anchor="0 0"/>', "equality 'e': anchor='0 0' is not what is read here"),
+    ('<connect name="e" body1="b"/><weld name="e" body1="b"/>', "two equalities have the name 'e'"),
+])  # fmt: skip
+def test_mistakes_are_told(equality, message):
+    bodies = (f'<body name="b"><joint name="j"/>{GEOM}</body><body name="c"><joint name="k"/>{GEOM}</body>'
+              f'<body name="d"><joint name="ball" type="ball"/>{GEOM}</body>')  # fmt: skip
+    with pytest.raises(ModelError) as caught:
+        build_model(f"<mujoco><worldbody>{bodies}</worldbody><equality>{equality}</equality></mujoco>")
+    assert caught.value.message == message
+
+
+def test_a_tie_within_one_rigid_body_closes_no_loop(tmp_path):
+    text = f'<body name="b"><joint name="j"/>{GEOM}<body name="c">{GEOM}</body></body>'
+    (tmp_path / "m.xml").write_text(f'<mujoco><worldbody>{text}</worldbody><equality><weld body1="b" body2="c"/>'
+                                    "</equality></mujoco>")  # fmt: skip
+    with pytest.raises(InputError, match="belong to one rigid body"):
+        Mechanism.load(tmp_path / "m.xml")

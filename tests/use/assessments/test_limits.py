@@ -1,0 +1,106 @@
+"""Limits of an inertia that turns by a cubic, whose torques are known: peak 6 J θ/T², rms √12 J θ/T²."""
+
+from math import pi, sqrt
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import pinarm
+from pinarm.errors import InputError, PinarmError
+
+INERTIA, ANGLE, TIME = 2.0, 0.5 * pi, 0.8
+PEAK, RMS = (factor * INERTIA * ANGLE / TIME**2 for factor in (6.0, sqrt(12.0)))
+ROTOR = (
+    '<robot name="rotor"><link name="base"/><link name="wheel"><inertial><mass value="1"/>'
+    '<inertia ixx="1" iyy="1" izz="2" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    '<joint name="turn" type="continuous"><parent link="base"/><child link="wheel"/><axis xyz="0 0 1"/></joint></robot>'
+)
+
+
+@pytest.fixture
+def turned(tmp_path: Path) -> pinarm.Scenario:
+    (tmp_path / "rotor.urdf").write_text(ROTOR)
+    (tmp_path / "s.yaml").write_text(
+        "pinarm: 1\nmechanism: rotor.urdf\nproblem:\n  kind: inverse\n  time: {end: 0.8 s, samples: 5}\n"
+        "  motion: {turn: {law: polynomial, from: 0 deg, to: 90 deg, duration: 0.8 s, degree: 3}}\n"
+        "  drives: [turn]\noutputs: [joint.turn.effort]\n"
+    )
+    return pinarm.load(tmp_path / "s.yaml")
+
+
+def limited(scenario: pinarm.Scenario, **keep: str) -> Any:
+    named = {"peak": "joint.turn.effort @ peak", "rms": "joint.turn.effort @ rms", "turn": "turn @ end"}
+    return scenario.varied({"limits": {"keep": {named[key]: text for key, text in keep.items()}}})
+
+
+def test_margins_are_those_of_the_closed_form(turned: pinarm.Scenario) -> None:
+    result = limited(turned, peak="< 30 N*m", rms="< 10 N*m", turn="> 80 deg").run()
+    for name, margin in {
+        "joint_turn_effort_peak": 30.0 - PEAK, "joint_turn_effort_rms": 10.0 - RMS,
+        "turn_end": ANGLE - 80.0 * pi / 180.0,
+    }.items():  # fmt: skip
+        assert result.number(f"limits.{name}.margin")[0] == pytest.approx(margin, rel=1e-12)
+    assert result.number("limits.least_margin")[0] == pytest.approx((10.0 - RMS) / 10.0, rel=1e-12)
+    assert result.number("limits.beyond")[0] == 1.0
+    section = result.sections["limits"]
+    assert [row[-1] for row in section.tables[0].rows] == ["kept", "beyond", "kept"]
+    assert section.remarks == [f"beyond its limit: joint.turn.effort @ rms < 10 N*m is {RMS:.6g} N*m"]
+
+
+def test_a_sweep_takes_margins(turned: pinarm.Scenario) -> None:
+    asked = limited(turned, peak="< 30 N*m")
+    end = "problem.motion.turn.duration"
+    table = pinarm.sweep(asked, over={end: ["0.8 s", "0.5 s"]}, results=["limits.least_margin"], workers=1)
+    exact = [1.0 - 6.0 * INERTIA * ANGLE / time**2 / 30.0 for time in (0.8, 0.5)]
+    assert table["limits.least_margin"].values == pytest.approx(exact, rel=1e-12)
+
+
+FALL = """\
+pinarm: 1
+mechanism: rotor.urdf
+problem:
+  kind: forward
+  time: {end: 2 s, samples: 11}
+  initial: {position: {turn: 1 rad}}
+  loads: {spring: {kind: joint_spring, joint: turn, stiffness: 2 N*m/rad, damping: 0 N*m*s/rad}}
+outputs: [turn]
+accuracy: {tolerance: 1e-4}
+"""
+
+
+@pytest.mark.parametrize(("shift", "verdict"), [(0.0, "within its error"), (1e-2, "kept"), (-1e-2, "beyond")])
+def test_a_number_next_to_its_limit_is_not_judged(
+    turned: pinarm.Scenario, tmp_path: Path, shift: float, verdict: str
+) -> None:
+    (tmp_path / "fall.yaml").write_text(FALL)
+    scenario = pinarm.load(tmp_path / "fall.yaml")
+    value = float(scenario.run()["turn"].values[-1])  # cos(2 s * 1/s) but for the error of the integration
+    keep = {"turn @ t=2 s": f"< {value + shift!r} rad"}
+    row = scenario.varied({"limits": {"keep": keep}}).verified().sections["limits"].tables[0].rows[0]
+    assert row[-1] == verdict
+    assert float(row[-2]) < 1e-2
+
+
+@pytest.mark.parametrize(
+    ("keep", "message"),
+    [
+        ({"joint.turn.effort @ rms": "30 N*m"}, "no condition"),
+        ({"joint.turn.effort @ rms": "= 30 N*m"}, "'=' is no limit"),
+        ({"joint.turn.effort @ rms": "< 30 m"}, "not a unit of this quantity"),
+        ({"joint.turns.effort @ rms": "< 30 N*m"}, "turns"),
+        ({"limits.least_margin": "> 0"}, "no section 'limits'"),
+        ({"turn @ end": "< 1 rad", "turn  @ end": "< 2 rad"}, "name of another number"),
+        ({}, "length >= 1"),
+    ],
+)
+def test_mistakes_are_told(turned: pinarm.Scenario, keep: dict[str, str], message: str) -> None:
+    with pytest.raises(PinarmError, match=message):
+        _ = turned.varied({"limits": {"keep": keep}}).run().sections
+
+
+def test_a_mistake_is_located(turned: pinarm.Scenario, tmp_path: Path) -> None:
+    file = tmp_path / "s.yaml"
+    file.write_text(file.read_text() + "limits:\n  keep:\n    joint.turn.effort @ rms: 30 N*m\n")
+    with pytest.raises(InputError, match=r"s\.yaml:11:30"):
+        pinarm.run(file)
