@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache
@@ -61,13 +61,20 @@ _noted: ContextVar[set[Path] | None] = ContextVar("noted", default=None)
 
 @contextmanager
 def noting_files() -> Iterator[set[Path]]:
-    """Collect the files that are referred to in the block, missing ones included."""
+    """Collect the files that are referred to in the block, missing ones included; a block around it has them too."""
     files: set[Path] = set()
     token = _noted.set(files)
     try:
         yield files
     finally:
         _noted.reset(token)
+        note_files(files)
+
+
+def note_files(files: Iterable[Path]) -> None:
+    """Note files as referred to, where files are collected."""
+    if (noted := _noted.get()) is not None:
+        noted.update(files)
 
 
 def root_of(path: Path) -> Path:
