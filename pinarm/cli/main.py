@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -32,6 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     gc.set_threshold(100_000, 20, 20)  # importing makes much that stays: looking through it for garbage costs 10 %
     given = sys.argv[1:] if arguments is None else arguments
+    if "_ARGCOMPLETE" in os.environ:
+        _complete(os.environ.get("COMP_LINE", ""))
     open_streams()
     options = _parser(given).parse_args(given)
     try:
@@ -53,6 +56,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _say("interrupted")
         return INTERRUPTED
     return code
+
+
+def _complete(line: str) -> None:
+    """Answer a shell that asks for completions of a line, where argcomplete is installed, and end the program."""
+    with suppress(ImportError):
+        import argcomplete
+
+        argcomplete.autocomplete(_parser(line.split()))
 
 
 def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:

@@ -292,7 +292,11 @@ class PointCoordinate(InputStruct, frozen=True, tag_field="kind", tag="point"):
 
 
 class Distance(InputStruct, frozen=True, tag_field="kind", tag="distance"):
-    """Distance between the origins of two links."""
+    """Distance between the origins of two links.
+
+    Attributes:
+        between: The links, such as ``[hand, base]``.
+    """
 
     between: tuple[str, str]
 
@@ -306,6 +310,10 @@ class Rotation(InputStruct, frozen=True, tag_field="kind", tag="rotation"):
 
     The rotation vector has the direction of the axis about which the link is turned from the world's axes, and the
     length of the angle. Three of them give an orientation; they are singular at half a turn.
+
+    Attributes:
+        body: The link.
+        about: The axis of the world.
     """
 
     body: str

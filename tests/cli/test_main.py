@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+import pinarm
 from pinarm.cli.main import COMMANDS, _parser, main
 
 URDF = """\
@@ -313,12 +314,40 @@ def test_the_schema_is_a_json_schema(capsys: pytest.CaptureFixture[str], of: str
     assert all(ref.startswith("#/$defs/") and ref[8:] in schema["$defs"] for ref in references(schema))
 
 
+@pytest.mark.parametrize("of", ["scenario", "mechanism"])
+def test_every_key_of_the_schema_has_a_text_for_editors(of: str) -> None:
+    """Of the key, or for want of words about a single number, what kind of quantity it is."""
+    schema = pinarm.schema(of)  # type: ignore[arg-type]
+    for name, definition in [("", schema), *schema["$defs"].items()]:
+        for key, entry in definition.get("properties", {}).items():
+            assert entry.get("description") or {"const", "enum"} & entry.keys(), f"{name}.{key}"
+    if of == "mechanism":
+        inertia = schema["$defs"]["Drive"]["properties"]["rotor_inertia"]
+        assert inertia["description"].startswith("J of everything that turns with the motor")
+        assert inertia["examples"] == ["1 kg*m^2"]
+        assert "Attributes" not in schema["$defs"]["Drive"]["description"]
+
+
 def test_the_schema_knows_the_words_of_files(capsys: pytest.CaptureFixture[str]) -> None:
     """``from``, not ``start``: what an editor offers must be what the reader takes."""
     main(["schema"])
     definitions = strict_json(capsys.readouterr().out)["$defs"]
     assert {"from", "to"} <= set(definitions["Range"]["properties"])
     assert {"from", "to"} <= set(definitions["Trapezoid"]["properties"])
+
+
+@pytest.mark.parametrize(("line", "offered"), [
+    ("pinarm ru", {"run"}), ("pinarm sweep s.yaml --ov", {"--over"}), ("pinarm schema m", {"mechanism"}),
+    ("pinarm re", {"replay", "report"}),
+])  # fmt: skip
+def test_the_shell_is_told_how_a_line_may_go_on(line: str, offered: set[str], tmp_path: Path) -> None:
+    pytest.importorskip("argcomplete")
+    answer = tmp_path / "answer"
+    package = str(Path(pinarm.__file__).parents[1])
+    asked = {"_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)), "_ARGCOMPLETE_IFS": "\n",
+             "_ARGCOMPLETE_STDOUT_FILENAME": str(answer), "PYTHONPATH": package}  # fmt: skip
+    subprocess.run([sys.executable, "-m", "pinarm"], env={**os.environ, **asked}, cwd=tmp_path, check=False)
+    assert {word.strip() for word in answer.read_text().splitlines()} == offered
 
 
 # ------------------------------------------------------------------------------------------------------ streams

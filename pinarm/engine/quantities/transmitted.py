@@ -72,10 +72,26 @@ class WrenchFamily(Family):
         mobility = mobility_of(self.run.mechanism, self.run.q[0])
         shared = f", only what {', '.join(mobility.undetermined)} carry together" if mobility.undetermined else ""
         looser = f": {mobility.loosenings[0]}" if mobility.loosenings else ""
+        flat = self._across_axis(asked)
         return InputError(
             f"'{asked.name}': {doubt}{shared}", expected=f"a component that is determined, or looser joints{looser}",
-            hint="undetermined: minimum_norm, for the least multipliers",
+            hint=f"{flat}, the size of what is across the axis" if flat else
+                 "undetermined: minimum_norm, for the least multipliers",
         )  # fmt: skip
+
+    def _across_axis(self, asked: Asked) -> str:
+        """Return the name of the size across the joint's axis in place of a length, where only that is determined.
+
+        It is the length in the plane of a flat mechanism, which rigid bodies do not hold out of its plane.
+        """
+        if asked.words[-1] != "norm":
+            return ""
+        name = f"{asked.name.removesuffix('norm')}radial"
+        try:
+            self.series(Asked(name, (*asked.words[:-1], "radial")))
+        except InputError:
+            return ""
+        return name
 
 
 def acts(component: Array) -> bool:

@@ -236,7 +236,8 @@ def json_schema(kind: type) -> dict[str, object]:
     if not issubclass(kind, Measured):
         raise NotImplementedError(kind)
     description = f"a quantity in {kind.expected}" if kind.expected else "a number with its unit"
-    return {"anyOf": [dict(form) for form in kind.forms], "description": description}
+    example = {"examples": [f"1 {kind.expected}"]} if kind.expected else {}
+    return {"anyOf": [dict(form) for form in kind.forms], "description": description, **example}
 
 
 def in_si(text: str | float | None, measured: Unit | None) -> float:

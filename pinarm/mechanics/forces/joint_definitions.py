@@ -26,7 +26,14 @@ def effort_unit(joint: Joint) -> Unit:
 
 
 class JointSpring(InputStruct, frozen=True, tag_field="kind", tag="joint_spring"):
-    """Spring and damper between a joint's two links."""
+    """Spring and damper between a joint's two links.
+
+    Attributes:
+        joint: The joint, such as ``knee``.
+        stiffness: Effort per coordinate, such as ``20 N*m/rad``.
+        damping: Effort per velocity, such as ``0.1 N*m*s/rad``.
+        rest: Coordinate at which the spring is free, such as ``30 deg``.
+    """
 
     joint: str
     stiffness: NotNegative = 0.0
@@ -111,7 +118,12 @@ class JointEffort(InputStruct, frozen=True, tag_field="kind", tag="joint_effort"
 
 
 class TorqueSpeed(InputStruct, frozen=True, tag_field="kind", tag="torque_speed"):
-    """A motor's curve at its joint: pairs of velocity and effort."""
+    """A motor's curve at its joint.
+
+    Attributes:
+        joint: The joint that it drives.
+        curve: Pairs of velocity and effort, ascending, such as ``[[0 rpm, 8 N*m], [3000 rpm, 0 N*m]]``.
+    """
 
     joint: str
     curve: list[tuple[AnyQuantity, AnyQuantity]]

@@ -313,7 +313,15 @@ class Wrench(InputStruct, frozen=True, tag_field="kind", tag="wrench"):
 
 
 class PointSpring(InputStruct, frozen=True, tag_field="kind", tag="point_spring"):
-    """Spring, damper and constant pull between the origins of two links."""
+    """Spring, damper and constant pull between the origins of two links.
+
+    Attributes:
+        between: The links, such as ``[frame, lever]``.
+        stiffness: Such as ``2 kN/m``.
+        damping: Such as ``50 N*s/m``.
+        free_length: Length at which the spring is free.
+        force: Constant pull on the two points towards each other.
+    """
 
     between: tuple[str, str]
     stiffness: Stiffness = 0.0

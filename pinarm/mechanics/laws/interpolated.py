@@ -22,6 +22,10 @@ class SpeedPoints(MotionLaw, frozen=True, tag_field="law", tag="speed_points", r
     """Speed linear between points, constant before the first and after the last; the value at the first is ``from``.
 
     The acceleration jumps at every point.
+
+    Attributes:
+        points: Instants and speeds, such as ``[[0 s, 0 rpm], [2 s, 300 rpm]]``.
+        start: Value at the first point, ``from`` in files.
     """
 
     points: list[tuple[Abscissa, Rate]]

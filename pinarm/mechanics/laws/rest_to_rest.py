@@ -23,6 +23,13 @@ class Trapezoid(MotionLaw, frozen=True, tag_field="law", tag="trapezoid", rename
 
     Speeds up at ``acceleration`` to ``speed``, keeps it, slows down alike. The acceleration jumps four times (three for
     a triangle): torques jump with it, and flexible machines ring.
+
+    Attributes:
+        start: First value, ``from`` in files.
+        end: Last value, ``to`` in files.
+        acceleration: Of speeding up and slowing down, such as ``2 rad/s^2``.
+        speed: Limit of the speed; none where it is left out.
+        begin: When it begins to move.
     """
 
     start: Level
@@ -116,6 +123,14 @@ class SCurve(MotionLaw, frozen=True, tag_field="law", tag="s_curve", rename=FILE
     """From rest to rest with a bounded jerk: seven intervals of constant jerk, fewer where a limit is not reached.
 
     The acceleration is continuous. Limits of acceleration and speed that are left out do not bind.
+
+    Attributes:
+        start: First value, ``from`` in files.
+        end: Last value, ``to`` in files.
+        jerk: Rate of the acceleration, such as ``20 rad/s^3``.
+        acceleration: Limit of the acceleration.
+        speed: Limit of the speed.
+        begin: When it begins to move.
     """
 
     start: Level

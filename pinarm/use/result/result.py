@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from pinarm.engine.motion.outcome import Outcome
+    from pinarm.use.result.presentation import Presentation
     from pinarm.use.result.section import Section
     from pinarm.use.result.section_number import Numbered
     from pinarm.use.scenario.scenario import Scenario
@@ -81,6 +82,11 @@ class Result:
     def content(self) -> ScenarioFile:
         """The scenario, validated."""
         return self.scenario.content
+
+    @cached_property
+    def presentation(self) -> Presentation:
+        """In which units, and by which labels, quantities are shown."""
+        return self.content.presentation
 
     @property
     def data(self) -> Mapping[str, Any]:
@@ -198,10 +204,12 @@ class Result:
         return [own, *(series for series in map(self.quantities.__getitem__, outputs) if series.name != own.name)]
 
     def to_dataframe(self) -> DataFrame:
-        """Return the outputs as a pandas table, one row per instant, units in the headings."""
+        """Return the outputs as a pandas table, one row per instant, units in the headings; see ``units:``."""
         import pandas
 
-        return pandas.DataFrame({series.label: series.values for series in self.columns()})
+        return pandas.DataFrame(
+            {series.label: series.values for series in map(self.presentation.written, self.columns())}
+        )
 
     def plot(self, *names: str, against: str | None = None) -> Picture:
         """Return a figure with one axis per quantity.

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
+import re
+from collections.abc import Mapping
 from typing import Any, Literal, Union
 
 import msgspec
@@ -34,5 +37,55 @@ def schema(of: Literal["scenario", "mechanism"] = "scenario") -> dict[str, Any]:
     )  # fmt: skip
     if kinds:
         definitions["ScenarioFile"]["properties"]["problem"] = roots[1]
+    meanings = _meanings(InputStruct)
+    for name, definition in definitions.items():
+        if name in meanings:
+            _explain(definition, *meanings[name])
     own = definitions.pop(file.__name__)
     return {**own, "$defs": definitions, "$schema": "https://json-schema.org/draft/2020-12/schema"}
+
+
+_KEY = re.compile(r"([A-Za-z]\w*): (.*)")
+
+
+def _meanings(base: type[Any]) -> dict[str, tuple[str, dict[str, str]]]:
+    """Return of every struct below a base what it is, and what each of its keys means, out of their docstrings."""
+    found: dict[str, tuple[str, dict[str, str]]] = {}
+    for struct in base.__subclasses__():
+        found |= _meanings(struct)
+        text, _, attributes = inspect.cleandoc(struct.__doc__ or "").partition("\nAttributes:\n")
+        inherited: dict[str, str] = {}
+        for parent in reversed(struct.__mro__[1:]):
+            inherited |= _keys(inspect.cleandoc(parent.__doc__ or "").partition("\nAttributes:\n")[2])
+        own = {**inherited, **_keys(attributes)}
+        names = {field.name: field.encode_name for field in msgspec.structs.fields(struct)}
+        found[struct.__name__] = text.strip(), {names[key]: own[key] for key in own if key in names}
+    return found
+
+
+def _keys(attributes: str) -> dict[str, str]:
+    """Return the meaning of each key of the section of a docstring, on one line."""
+    meanings: dict[str, str] = {}
+    last = ""
+    for line in attributes.splitlines():
+        if (matched := _KEY.fullmatch(line.strip())) and len(line) - len(line.lstrip()) == INDENT:
+            last, meanings[matched[1]] = matched[1], matched[2]
+        elif last and line.strip():
+            meanings[last] += f" {line.strip()}"
+        elif not line.strip():
+            last = ""
+    return meanings
+
+
+INDENT = 4
+"""Of the keys below ``Attributes:`` in a docstring."""
+
+
+def _explain(definition: dict[str, Any], meaning: str, keys: Mapping[str, str]) -> None:
+    """Put the meanings of a struct and of its keys into its schema, which editors show where the mouse is."""
+    definition["description"] = meaning
+    for key, text in keys.items():
+        if key in definition.get("properties", {}):
+            own = definition["properties"][key]
+            unit = f" ({own['description']})" if "description" in own else ""
+            definition["properties"][key] = {**own, "description": f"{text}{unit}"}

@@ -16,7 +16,7 @@ from pinarm.engine.checks.unclosed import unclosed
 from pinarm.engine.mechanism import Mechanism, mechanism_document, read_mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import InputError, MethodError, NumericsError
+from pinarm.errors import InputError, Key, MethodError, NumericsError
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.yaml.document import Document
@@ -234,6 +234,7 @@ class Scenario:
         Raises:
             PinarmError: See ``run``.
         """
+        self.check_presentation()
         if self.content.find:
             from pinarm.use.scenario.searches import solve_found
 
@@ -319,6 +320,7 @@ class Scenario:
             for index, name in enumerate(self.content.outputs):
                 with self.document.locating("outputs", index):
                     quantities[name]
+            self.check_presentation()
             if self.content.numbers:
                 from pinarm.use.result.section_number import read_number
             for index, text in enumerate(self.content.numbers):
@@ -336,6 +338,24 @@ class Scenario:
         for name in self.content.variants:
             with self.document.locating("variants", name):
                 self.variant(name).validate()
+
+    def check_presentation(self) -> None:
+        """Refuse units and labels of what does not exist, and units of another dimension.
+
+        Raises:
+            InputError: Says which.
+        """
+        if not self.content.units and not self.content.labels:
+            return
+        quantities, presentation = self.quantities(), self.content.presentation
+        for name in self.content.labels:
+            with self.document.locating("labels", Key(name)):
+                quantities[name]
+        for name in self.content.units:
+            with self.document.locating("units", Key(name)):
+                series = quantities[name]
+            with self.document.locating("units", name):
+                presentation.written(series)
 
     @property
     def numbered(self) -> Mapping[str, Numbered]:

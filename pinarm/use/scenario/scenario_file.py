@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
 
-from pinarm.errors import InputError
-from pinarm.input.units import read_quantity
+from pinarm.errors import InputError, within
+from pinarm.input.units import read_quantity, unit
 from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, Measured
 from pinarm.mechanics.description import Gravity
 from pinarm.problems.accuracy import Accuracy
 from pinarm.use.assessments import ASSESSMENTS
 from pinarm.use.result.expectation import Expectation
+from pinarm.use.result.presentation import Presentation
 
 if TYPE_CHECKING:
     from pinarm.mechanics.payloads import Payload
@@ -42,7 +43,7 @@ class Argument(Measured):
 
 
 class ScenarioFile(InputStruct, frozen=True):
-    """Content of a scenario file.
+    r"""Content of a scenario file.
 
     Attributes:
         pinarm: Version of the format.
@@ -56,6 +57,11 @@ class ScenarioFile(InputStruct, frozen=True):
         problem: The question.
         symbols: Names for quantities or formulas, beside those of the mechanism.
         outputs: Quantities of the table and the plots.
+        units: Quantity -> the unit that it is shown in, such as ``{N_m: rpm, F: kN}``: in the terminal, plots, replays,
+            reports, checks, CSV files and tables of pandas. Without it angles are shown to people in degrees, all else
+            in SI.
+        labels: Quantity -> what stands for its name in plots, replays and the terminal: text, or TeX such as
+            ``\dot\psi``.
         numbers: Numbers of the run to tell, such as ``C_B @ rms`` or ``loads.B.life.time``: see ``read_number``.
         shaking: Shaking force and moment on the frame; see ``assessments.shaking``.
         sizing: Motor and gear of a drive, out of a catalogue; see ``assessments.sizing``.
@@ -89,6 +95,8 @@ class ScenarioFile(InputStruct, frozen=True):
     payloads: dict[str, Payload] = {}
     changes: dict[str, Any] = {}
     symbols: dict[str, str] = {}
+    units: dict[str, str] = {}
+    labels: dict[str, str] = {}
     numbers: list[str] = []
     shaking: Assessment | None = None
     sizing: Assessment | None = None
@@ -102,6 +110,17 @@ class ScenarioFile(InputStruct, frozen=True):
     variants: dict[str, dict[str, Any]] = {}
     find: Find | None = None
     expect: list[Expectation] = []
+
+    def check(self) -> None:
+        """Refuse units that there are not."""
+        for name, text in self.units.items():
+            with within("units", name):
+                unit(text)
+
+    @property
+    def presentation(self) -> Presentation:
+        """In which units, and by which labels, quantities are shown."""
+        return Presentation({name: unit(text) for name, text in self.units.items()}, self.labels)
 
     @property
     def assessments(self) -> dict[str, Assessment]:

@@ -19,10 +19,12 @@ from matplotlib.figure import Figure
 from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import ROW
 from pinarm.engine.series import Series
+from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import in_si
 from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.expectation import ERRATA
+from pinarm.use.result.presentation import DEGREE, Presentation
 from pinarm.use.result.row_lookup import NotReached
 
 if TYPE_CHECKING:
@@ -31,6 +33,9 @@ if TYPE_CHECKING:
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's palette."""
+
+PLAIN = Presentation()
+"""Of what is drawn without the choice of a scenario."""
 
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False,
@@ -81,9 +86,9 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
         names: Quantities, symbols or formulas.
         against: The quantity along the horizontal axis; the run's parameter where it is left out.
     """
-    run = result.trajectory
+    run, how = result.trajectory, result.presentation
     along = result[against] if against else result.parameter
-    scale, measured = shown(along)
+    scale, measured = shown(along, how)
     keys = answer_key(result, along.name)
     with matplotlib.rc_context(STYLE):
         figure = Picture(figsize=(WIDTH, HEAD + HEIGHT * len(names)))
@@ -91,9 +96,9 @@ def plot(result: Result, names: tuple[str, ...], *, against: str | None = None) 
         axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
         look = POINTS if run.numbered else {}
         for index, (name, axis) in enumerate(zip(names, axes, strict=True)):
-            _draw(axis, result[name], along.values / scale, {"color": COLOURS[index % len(COLOURS)], **look})
-            _mark(axis, result[name], [entry for entry in keys if entry.quantity == name], scale)
-        axes[-1].set_xlabel(axis_label(along.name, measured))
+            _draw(axis, result[name], along.values / scale, {"color": COLOURS[index % len(COLOURS)], **look}, how)
+            _mark(axis, result[name], [entry for entry in keys if entry.quantity == name], scale, how)
+        axes[-1].set_xlabel(axis_label(along.name, measured, how))
         axes[-1].margins(x=0.05 if look else 0.01)
         if along.name == ROW and len(run) <= FEW:
             axes[-1].set_xticks(run.grid.t)
@@ -123,11 +128,11 @@ def graph(drawn: Graph) -> Picture:
     return figure
 
 
-def _draw(axis: Axes, series: Series, x: Array, look: dict[str, Any]) -> None:
-    scale, measured = shown(series)
+def _draw(axis: Axes, series: Series, x: Array, look: dict[str, Any], how: Presentation) -> None:
+    scale, measured = shown(series, how)
     values = series.values / scale
     axis.plot(x, values, **look)
-    axis.set_title(axis_label(series.name, measured), loc="left", fontsize=9)  # beside it long names collide
+    axis.set_title(axis_label(series.name, measured, how), loc="left", fontsize=9)  # beside it long names collide
     limit(axis, float(values.min()), float(values.max()))
 
 
@@ -181,9 +186,9 @@ def _over_run(at: str | dict[str, str | int | float]) -> bool:
     return isinstance(at, str) and (at == "all" or is_figure(at))
 
 
-def _mark(axis: Axes, series: Series, printed: list[Printed], scale: float) -> None:
+def _mark(axis: Axes, series: Series, printed: list[Printed], scale: float, how: Presentation) -> None:
     """Draw published figures over a curve: circles where they hold, crosses and dashes where they are wrong."""
-    own, _ = shown(series)
+    own, _ = shown(series, how)
     labelled: set[str] = set()
     for one in printed:
         curve, wrong = isinstance(one.y, np.ndarray), one.verdict in ERRATA
@@ -203,18 +208,40 @@ WRONG = "#D00000"
 """Colour of what is wrong in print; the shape of their marks tells them apart too."""
 
 
-def shown(series: Series) -> tuple[float, Unit | None]:
-    """Return the factor and unit to draw in: angles in degrees, all else as it is."""
-    if series.unit is not None and series.unit.text == "rad":
-        return 0.017453292519943295, Unit(0.017453292519943295, (0, 0, 0), "°")
-    return 1.0, series.unit
+def shown(series: Series, how: Presentation = PLAIN) -> tuple[float, Unit | None]:
+    """Return what to divide by, and the unit to draw in, degrees as ``°``."""
+    measured = how.unit(series)
+    if measured is None or series.unit is None:
+        return 1.0, measured
+    scale = measured.factor / series.unit.factor
+    return scale, Unit(measured.factor, measured.dimension, "°") if measured == DEGREE else measured
 
 
-def axis_label(name: str, measured: Unit | None) -> str:
-    """Return the label of an axis: a name and its unit."""
+def axis_label(name: str, measured: Unit | None, how: Presentation = PLAIN) -> str:
+    """Return the label of an axis: a name, or what stands for it, and its unit."""
     text = str(measured or "?").replace("*", "·").replace("^2", "²").replace("^3", "³")
     short = name if len(name) <= LONG else f"{name[: LONG - 3]}..."
-    return symbol(short) if text == "1" else f"{symbol(short)} [{plain(text)}]"
+    label = _formula(how.labels[name]) if name in how.labels else symbol(short)
+    return label if text == "1" else f"{label} [{plain(text)}]"
+
+
+def _formula(label: str) -> str:
+    """Return a label as matplotlib takes it: TeX where it has a backslash.
+
+    Raises:
+        InputError: It is no TeX that matplotlib knows.
+    """
+    if "\\" not in label:
+        return plain(label)
+    from matplotlib.mathtext import MathTextParser
+
+    formula = f"${label.strip('$')}$"
+    try:
+        MathTextParser("path").parse(formula)
+    except ValueError as error:
+        problem = str(error).strip().splitlines()[-1]
+        raise InputError(f"the label '{label}' is no formula: {problem}", expected=r"TeX such as \dot\psi") from None
+    return formula
 
 
 LONG = 70

@@ -180,7 +180,7 @@ def _frame(axis: Axes, drawn: Sticks) -> None:
 def _where(result: Result, row: int) -> str:
     """Return what the legend calls a position."""
     run = result.trajectory
-    scale, measured = shown(result.parameter)
+    scale, measured = shown(result.parameter, result.presentation)
     value = f"{run.grid.t[row] / scale:.4g}".replace("-", "−")
     if run.numbered:
         return f"row {value}"

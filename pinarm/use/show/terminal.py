@@ -12,6 +12,7 @@ from pinarm.problems.simplify.simplification import removal_lines
 from pinarm.use.result.measures import CLOSURES, CONSISTENCIES, COSTS, MEASURES, NOT_ESTIMATED, RESIDUALS
 
 if TYPE_CHECKING:
+    from pinarm.input.units import Unit
     from pinarm.use.result.result import Result
     from pinarm.use.result.section import Section, SectionTable
 
@@ -31,17 +32,22 @@ def report(result: Result) -> str:
 
 def ranges(result: Result) -> list[list[str]]:
     """Return a heading and the range of every output; a few rows that stand for themselves are shown as they are."""
-    run = result.trajectory
+    run, presentation = result.trajectory, result.presentation
+    outputs = [presentation.shown(series) for series in result.columns()[1:]]
+    names = [_heading(presentation.label(series.name), series.unit) for series in outputs]
     if run.numbered and len(run) <= FEW:
         rows = [["", "unit", *(f"row {number:g}" for number in run.grid.t)]]
-        rows += [[*_heading(series), *(f"{number:.7g}" for number in series.values + 0.0)]  # -0 becomes 0
-                 for series in result.columns()[1:]]  # fmt: skip
+        rows += [[*name, *(f"{number:.7g}" for number in series.values + 0.0)]  # -0 becomes 0
+                 for name, series in zip(names, outputs, strict=True)]  # fmt: skip
         return rows
-    rows = [["", "unit", "min", f"at {run.parameter}", "max", f"at {run.parameter}"]]
-    for series in result.columns()[1:]:
+    along = presentation.unit(result.parameter)
+    factor = along.factor if along is not None else 1.0
+    at = f"at {run.parameter}" + (f" [{along}]" if factor != 1.0 else "")
+    rows = [["", "unit", "min", at, "max", at]]
+    for name, series in zip(names, outputs, strict=True):
         entry = result.headline(series)
-        numbers = (entry["min"], entry["at_min"], entry["max"], entry["at_max"])
-        rows.append([*_heading(series), *(f"{number:.7g}" for number in numbers)])
+        numbers = (entry["min"], entry["at_min"] / factor, entry["max"], entry["at_max"] / factor)
+        rows.append([*name, *(f"{number:.7g}" for number in numbers)])
     return rows
 
 
@@ -79,7 +85,8 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 def remarks(result: Result) -> list[str]:
     """Return what is to be said beside the numbers, a line each: accuracy, cost, what was found, limits, notes."""
     run = result.trajectory
-    lines = [_number_line(series, error) for series, error in result.numbers().values()]
+    lines = [_number_line(series, result.presentation.shown(series), error)
+             for series, error in result.numbers().values()]  # fmt: skip
     lines += error_lines(result) + _accuracy_lines(result.figures, run.parameter)
     cost = [f"{int(value)} {name}" for name, value in result.figures.items() if name in COSTS]
     lines.append(f"rows: {len(run)}" + (f"; {', '.join(cost)}" if cost else ""))
@@ -92,10 +99,10 @@ def remarks(result: Result) -> list[str]:
     return [printable(line) for line in lines]
 
 
-def _number_line(series: Series, error: float) -> str:
-    """Return a number of the run, with what its quadrature leaves open."""
-    value, unit = float(series.values[0]), str(series.unit or "?")
-    quadrature = f" (quadrature {error:.1e})" if error else ""
+def _number_line(series: Series, shown: Series, error: float) -> str:
+    """Return a number of the run as it is shown, with what its quadrature leaves open."""
+    own, value, unit = float(series.values[0]), float(shown.values[0]), str(shown.unit or "?")
+    quadrature = f" (quadrature {error * (value / own if own else 1.0):.1e})" if error else ""
     return f"{series.name}: {value:.7g} {'' if unit == '1' else unit}".rstrip() + quadrature
 
 
@@ -131,5 +138,5 @@ def _accuracy_lines(figures: Mapping[str, float], parameter: str) -> list[str]:
     return lines + ([f"condition of the masses: {figures['condition']:.2g}"] if "condition" in figures else [])
 
 
-def _heading(series: Series) -> tuple[str, str]:
-    return printable(series.name)[:48], str(series.unit or "?")
+def _heading(label: str, measured: Unit | None) -> tuple[str, str]:
+    return printable(label)[:48], str(measured or "?")

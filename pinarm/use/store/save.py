@@ -59,7 +59,7 @@ def save(result: Result, folder: Path, *, plots: bool = True, timing: dict[str, 
             write_parts(draft / MOTION, recorded_csv(result))
         write(draft / "mechanism.yaml", mechanism_text(mechanism.source, folder, model))
         write(draft / model, _model(mechanism, folder))
-        write_parts(draft / "trajectory.csv", csv(columns))
+        write_parts(draft / "trajectory.csv", csv([result.presentation.written(series) for series in columns]))
         write_arrays(draft / "trajectory.npz", arrays(result, columns))
         if result.sections:
             write(draft / SECTIONS, sections_text(result.sections))

@@ -1,5 +1,6 @@
 """Reactions are held against Newton's and Euler's equations of every body, and a wrong one is told."""
 
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 import pinarm
 from pinarm.engine.quantities.reactions import Reactions
+from pinarm.errors import InputError
 
 SCENARIOS = Path(__file__).parents[3] / "scenarios"
 TWO_POINT = """\
@@ -57,3 +59,27 @@ def test_a_reaction_that_is_wrong_shows(pulled, monkeypatch, component):
 
     monkeypatch.setattr(Reactions, "_joints", wrong)
     assert pulled.run().figures["bodies"] > 1e-8
+
+
+def test_a_length_that_a_flat_mechanism_leaves_open_has_one_in_its_plane():
+    """Of revolute joints, all parallel: what they carry along z together is open, what is across it is not."""
+    text = "".join(
+        f'<body name="{name}" pos="{place}"><joint name="{name}" axis="0 0 1"/><geom size="0.1" pos="1 0 0"/>{inside}'
+        for name, place, inside in (("a", "0 0 0", ""), ("b", "0 1 0", '<site name="p" pos="2 0.5 0"/></body></body>'),
+                                    ("c", "2 0 0", '<site name="q" pos="0 1.5 0"/></body>'))
+    )  # fmt: skip
+    loop = {"d": {"kind": "revolute", "axis": "z", "between": ["p", "q"]}}
+    mechanism = _of_mjcf(f"<mujoco><worldbody>{text}</worldbody></mujoco>", loop)
+    states = mechanism.at(np.zeros(3), drives=["a"])
+    with pytest.raises(InputError) as caught:
+        states["joint.c.force.norm"]
+    assert caught.value.hint == "joint.c.force.radial, the size of what is across the axis"
+    x, y = (float(states[f"joint.c.force.{axis}"].values) for axis in "xy")
+    assert float(states["joint.c.force.radial"].values) == pytest.approx(np.hypot(x, y), rel=1e-14)
+
+
+def _of_mjcf(text, loops):
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / ".pinarm-root").touch()
+        (Path(folder) / "m.xml").write_text(text)
+        return pinarm.Mechanism.load(Path(folder) / "m.xml", values={"loops": loops})

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pypdf
 import pytest
 
@@ -49,8 +50,8 @@ def test_every_output_is_printed_as_the_summary_has_it(scenario: Callable[..., A
     outputs = result.summary()["outputs"]
     assert set(outputs) == {"M", "alpha"}
     for name, entry in outputs.items():
-        unit = entry["unit"].replace("*", "·")
-        numbers = [entry[key] for key in ("min", "at_min", "max", "at_max")]
+        scale, unit = (np.pi / 180, "deg") if entry["unit"] == "rad" else (1.0, entry["unit"].replace("*", "·"))
+        numbers = [entry["min"] / scale, entry["at_min"], entry["max"] / scale, entry["at_max"]]
         assert row(page, name, unit)[2:] == [printed(value) for value in numbers]
         assert [float(cell) for cell in row(page, name, unit)[2:]] == pytest.approx(numbers, rel=5e-7)
 

@@ -23,8 +23,8 @@ def rows(cell: str) -> list[list[str]]:
 def test_a_result_shows_numbers_plots_and_replay(scenario: Callable[..., Any]) -> None:
     cell = scenario("inverse").run()._repr_html_()
     assert rows(cell)[0] == ["", "unit", "min", "at t", "max", "at t"]
-    assert [row[:2] for row in rows(cell)[1:]] == [["M", "N*m"], ["alpha", "rad"]]
-    assert rows(cell)[2][4:] == ["1", "2"]  # 1 rad, reached in 2 s
+    assert [row[:2] for row in rows(cell)[1:]] == [["M", "N*m"], ["alpha", "deg"]]
+    assert rows(cell)[2][4:] == ["57.29578", "2"]  # 1 rad, reached in 2 s
     assert "accuracy: relative residuals" in cell
     assert all(b64decode(data).startswith(b"\x89PNG") for data in PICTURE.findall(cell))
     assert len(PICTURE.findall(cell)) == 2  # curves, and the two positions

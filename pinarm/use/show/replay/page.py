@@ -28,6 +28,8 @@ from pinarm.use.show.replay.sticks import sticks
 from pinarm.use.show.replay.tracks import Node, nodes_of, placed, rows_shown
 
 if TYPE_CHECKING:
+    from pinarm.input.units import Unit
+    from pinarm.use.result.presentation import Presentation
     from pinarm.use.result.result import Result
 
 FILES = Path(__file__).parent / "page"
@@ -38,8 +40,6 @@ LINKS = 6.0
 
 VIEW = ("up", "eye", "low", "high", "outline")
 """What the page gets of the framing."""
-
-DEGREE = 0.017453292519943295
 
 Plain = dict[str, Any]
 
@@ -93,8 +93,9 @@ def replay_page(
     run = result.trajectory.some(rows) if len(rows) < len(result) else result.trajectory
     packing = Packing()
     scene, notes = _scene(run, traces, arrows, packing)
-    scene["plots"] = [_curve(series, rows, CURVES[k % len(CURVES)], packing) for k, series in enumerate(curves)]
-    scene["parameter"] = _parameter(run)
+    scene["plots"] = [_curve(series, result.presentation, rows, CURVES[k % len(CURVES)], packing)
+                      for k, series in enumerate(curves)]  # fmt: skip
+    scene["parameter"] = _parameter(run, result.presentation.unit(result.parameter))
     skipped = f"{len(rows)} of {len(result)} rows" if len(rows) < len(result) else ""
     more = [f"and {len(notes) - 2} more"] if len(notes) > 2 else []
     scene["notes"] = [text for text in (skipped, *notes[:2], *more) if text]
@@ -195,28 +196,28 @@ def _marks(joined: Sequence[overlays.Connection]) -> list[Plain]:
     return [{"loop": True, "text": "loop joint"}] if any(pair.kind == "loop" for pair in joined) else []
 
 
-def _parameter(run: Trajectory) -> Plain:
-    turning = run.unit.text == "rad"
+def _parameter(run: Trajectory, measured: Unit | None) -> Plain:
+    unit = _pretty(str(measured or "?"))
     return {
-        "name": run.parameter, "unit": "°" if turning else "" if str(run.unit) == "1" else _pretty(str(run.unit)),
-        "scale": DEGREE if turning else 1.0, "time": run.parameter == "t", "discrete": run.numbered,
+        "name": run.parameter, "unit": "" if unit == "1" else unit, "scale": measured.factor if measured else 1.0,
+        "time": run.parameter == "t", "discrete": run.numbered,
     }  # fmt: skip
 
 
-def _curve(series: Series, rows: Indices, colour: str, packing: Packing) -> Plain:
-    """Return a plot: its values at the rows, angles in degrees, all else in SI."""
-    turning = series.unit is not None and series.unit.text == "rad"
-    values: Array = series.values[rows] / (DEGREE if turning else 1.0)
+def _curve(series: Series, how: Presentation, rows: Indices, colour: str, packing: Packing) -> Plain:
+    """Return a plot: its values at the rows, as they are shown."""
+    drawn = how.shown(series)
+    values: Array = drawn.values[rows]
     if not np.isfinite(values).all():
         raise InputError(f"{series.name} is not finite everywhere, and cannot be plotted")
-    unit = "°" if turning else _pretty(str(series.unit or "?"))
-    shown = "" if unit == "1" else unit
-    label = f"{series.name} [{shown}]" if shown else series.name
-    return {"label": label, "unit": shown, "colour": colour, "values": packing.add(values)}
+    unit, name = _pretty(str(drawn.unit or "?")), how.label(series.name)
+    text = "" if unit == "1" else unit
+    label = f"{name} [{text}]" if text else name
+    return {"label": label, "unit": text, "colour": colour, "values": packing.add(values)}
 
 
 def _pretty(unit: str) -> str:
-    return unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
+    return "°" if unit == "deg" else unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
 
 
 def _inline(data: Plain) -> str:

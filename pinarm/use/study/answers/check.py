@@ -56,6 +56,7 @@ class Finding:
         error: Largest difference to the independent value, relative to it.
         verdict: ``agrees``, ``rounding``, ``reading``, ``misprint``, ``model_error`` or ``MISS``.
         reason: Why it is a miss.
+        shown_in: Unit that people are shown the numbers in, unless one is published; ``None`` for ``unit``.
     """
 
     scenario: str
@@ -67,6 +68,7 @@ class Finding:
     error: float | None
     verdict: str
     reason: str = ""
+    shown_in: Unit | None = None
 
     @property
     def ok(self) -> bool:
@@ -135,7 +137,7 @@ def compare(result: Result, expectation: Expectation) -> Finding:
     return Finding(
         result.name, expectation, series.unit, float(series.values[worst]),
         float(np.broadcast_to(wanted, series.values.shape)[worst]) if wanted is not None else None,
-        printed, error, verdict, reason,
+        printed, error, verdict, reason, result.presentation.unit(series),
     )  # fmt: skip
 
 

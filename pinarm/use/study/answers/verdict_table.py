@@ -48,7 +48,7 @@ def rows(findings: Sequence[Finding]) -> list[list[str]]:
     """Return a row for every finding, with the cells that ``HEADING`` names; a scenario is named once."""
     found, previous = [], ""
     for finding in findings:
-        entry, unit = finding.expectation, finding.unit
+        entry, unit = finding.expectation, finding.shown_in or finding.unit
         independent = _shown(finding.independent, unit, entry) if entry.value is not None else entry.formula or ""
         cells = (
             finding.scenario if finding.scenario != previous else "", entry.quantity, _where(entry.at),

@@ -1,0 +1,87 @@
+"""In which units, and by which labels, outputs are shown: as the scenario says, and otherwise angles in degrees.
+
+People get angles in degrees, all else in SI: in the terminal, plots, replays, reports and checks. What programs read,
+CSV files, tables of pandas, npz and JSON, is in SI; CSV files and tables of pandas take the units that a scenario asks
+for, which stand in their headings.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from pinarm.engine.series import Series
+from pinarm.input.units import Unit, unit
+
+DEGREE = unit("deg")
+
+ACCENTS = {"dot": "\u0307", "ddot": "\u0308", "dddot": "\u20db", "hat": "\u0302", "bar": "\u0304", "tilde": "\u0303"}
+"""Commands of TeX for accents, and the marks of Unicode that combine with the letter before them."""
+
+_ACCENT = re.compile(r"\\(dddot|ddot|dot|hat|bar|tilde)\s*(?:\{([^{}]*)\}|(\\[A-Za-z]+|[A-Za-z]))")
+_LETTER = re.compile(r"\\(var)?([A-Za-z]+)")
+_GROUP = re.compile(r"([_^])\{([^{}]*)\}")
+
+
+@dataclass(frozen=True)
+class Presentation:
+    """How the quantities of a scenario are shown.
+
+    Attributes:
+        units: Quantity -> the unit that it is shown in.
+        labels: Quantity -> what stands for its name, as text, or as TeX where it has a backslash.
+    """
+
+    units: Mapping[str, Unit] = field(default_factory=dict)
+    labels: Mapping[str, str] = field(default_factory=dict)
+
+    def unit(self, series: Series) -> Unit | None:
+        """Return the unit that a quantity is shown in to people; ``None`` where it has an unknown one."""
+        chosen = self._chosen(series)
+        angle = series.unit is not None and series.unit.text == "rad"
+        return chosen or (DEGREE if angle else series.unit)
+
+    def shown(self, series: Series) -> Series:
+        """Return a quantity in the unit that it is shown in to people."""
+        measured = self.unit(series)
+        return series.to(str(measured)) if measured is not None and str(measured) != str(series.unit) else series
+
+    def written(self, series: Series) -> Series:
+        """Return a quantity in the unit that a table of it is in: the chosen one, else its own."""
+        chosen = self._chosen(series)
+        return series.to(str(chosen)) if chosen else series
+
+    def label(self, name: str) -> str:
+        """Return what stands for the name of a quantity where there is no TeX."""
+        return unicode_text(self.labels[name]) if name in self.labels else name
+
+    def _chosen(self, series: Series) -> Unit | None:
+        """Return the unit that a scenario asks for; a number such as ``C_B @ max`` has that of its quantity."""
+        if series.name in self.units:
+            return self.units[series.name]
+        chosen = self.units.get(series.name.partition(" @ ")[0])
+        fits = chosen is not None and series.unit is not None and chosen.dimension == series.unit.dimension
+        return chosen if fits else None
+
+
+def unicode_text(label: str) -> str:
+    r"""Return a label without TeX: ``\dot\psi_1`` as ψ̇₁; commands that have no letter keep their names."""
+    text = _ACCENT.sub(lambda m: f"{m[2] or m[3]}{ACCENTS[m[1]]}", label)
+    text = _LETTER.sub(lambda m: _greek(m[2]), text)
+    text = _GROUP.sub(lambda m: m[1] + m[2], text)
+    return re.sub(r"_([0-9]+)", lambda m: m[1].translate(SUBSCRIPTS), text)
+
+
+SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
+
+def _greek(name: str) -> str:
+    """Return a Greek letter by its name in TeX; the name itself where it is none."""
+    kind = "CAPITAL" if name[0].isupper() else "SMALL"
+    spelled = {"lambda": "lamda", "Lambda": "Lamda"}.get(name, name)
+    try:
+        return unicodedata.lookup(f"GREEK {kind} LETTER {spelled.upper()}")
+    except KeyError:
+        return name
