@@ -324,8 +324,11 @@ def _keep_partial(error: PinarmError, options: argparse.Namespace) -> int:
     partial = error.partial if isinstance(error, NumericsError) else None
     folder = getattr(options, "output", None)
     if isinstance(partial, Result) and folder is not None:
+        import numpy as np
+
         try:
-            partial.save(folder / "partial", plots=False)
+            with np.errstate(all="ignore"):  # that it is not finite has been told
+                partial.save(folder / "partial", plots=False)
             _say(f"  kept: {len(partial)} rows in {folder / 'partial'}")
         except PinarmError as second:
             _say(f"  not kept: {second}")

@@ -9,18 +9,19 @@ from pathlib import Path
 from pinarm.errors import InputError, Location
 from pinarm.input.csv_rows import rows, split_heading
 from pinarm.input.numbers import decimal
+from pinarm.input.roots import Stamp
 from pinarm.input.units import Unit, unit
 
 Column = tuple[float, ...]
 
 
 @lru_cache(maxsize=64)
-def read_table(name: str, stamp: tuple[int, int]) -> tuple[Column, Column, Unit, Unit]:
+def read_table(name: str, stamp: Stamp) -> tuple[Column, Column, Unit, Unit]:
     """Read the first two columns of a CSV file, values over instants or over a coordinate.
 
     Args:
         name: The file, as an absolute path that may be read.
-        stamp: Time and size of the file; part of the cache key, so that a changed file is read again.
+        stamp: Of the file; part of the cache key, so that a changed file is read again.
 
     Returns:
         Both columns in SI, and their units.

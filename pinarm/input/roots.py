@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache
@@ -19,6 +19,14 @@ from pinarm.errors import InputError, ModelError, choices
 
 MARKERS = ("pyproject.toml", ".pinarm-root")
 NO_PACKAGES: Mapping[str, Path] = MappingProxyType({})
+
+Stamp = tuple[int, int, int, int]
+"""Times of the last changes of a file's content and of its entry [ns], its size [bytes], and its number."""
+
+
+def stamp_of(state: os.stat_result) -> Stamp:
+    """Return what tells whether a file has changed: programs that copy keep the time of its content."""
+    return state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino
 
 
 _given: ContextVar[Path | None] = ContextVar("given", default=None)
@@ -53,13 +61,20 @@ _noted: ContextVar[set[Path] | None] = ContextVar("noted", default=None)
 
 @contextmanager
 def noting_files() -> Iterator[set[Path]]:
-    """Collect the files that are referred to in the block, missing ones included."""
+    """Collect the files that are referred to in the block, missing ones included; a block around it has them too."""
     files: set[Path] = set()
     token = _noted.set(files)
     try:
         yield files
     finally:
         _noted.reset(token)
+        note_files(files)
+
+
+def note_files(files: Iterable[Path]) -> None:
+    """Note files as referred to, where files are collected."""
+    if (noted := _noted.get()) is not None:
+        noted.update(files)
 
 
 def root_of(path: Path) -> Path:

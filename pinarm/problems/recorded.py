@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 else:  # imported where a file has loads, see LOADS
     Force = Any
 
+Prepared = tuple[Recording, RecordedRows, tuple[str, ...]]
+"""What makes the table, the rows, and the headings that are not read."""
+
 
 class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
     """A motion that is given row by row, with all that can be said of it.
@@ -89,9 +92,7 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
     def declaration(self) -> None:
         """Return nothing: the whole mechanism is given."""
 
-    def prepare(
-        self, mechanism: Mechanism, accuracy: Accuracy, place: Place
-    ) -> tuple[Recording, RecordedRows, tuple[str, ...]]:
+    def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> Prepared:
         """Check all names and units; return what makes the table, the rows, and the headings that are not read."""
         with place("file" if self.file else "columns"):
             rows, unread = self.rows(mechanism)
@@ -102,7 +103,9 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
         forces = bind_loads(mechanism, self.loads, place)
         return Recording(mechanism, drives, Dynamics.of(mechanism.model, forces)), rows, unread
 
-    def solve(self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Any = None) -> Outcome:
+    def solve(
+        self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: Prepared | None = None
+    ) -> Outcome:
         """Return the rows with all that is known of them."""
         recording, rows, unread = prepared or self.prepare(mechanism, accuracy, place)
         with place("file" if self.file else "columns"):

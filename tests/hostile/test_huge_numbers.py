@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 import pinarm
+from pinarm.cli.main import main
 from pinarm.engine.kinematics import newton
 from pinarm.errors import InputError, PinarmError, choices
 
@@ -31,6 +32,17 @@ def test_no_number_ends_in_a_traceback_or_a_warning(scenario: str, path: str, un
             work()
         except PinarmError as error:
             assert str(error)
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_is_kept_of_numbers_that_are_not_finite_is_kept_without_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = ["--set", "arguments.m_A=1e308 kg", "-o", str(tmp_path / "out")]
+    assert main(["run", str(SCENARIOS / "gen411_arm_static.yaml"), *given]) == 3
+    said = capsys.readouterr().err
+    assert "C_B is not finite" in said
+    assert "kept: 241 rows" in said
 
 
 def test_fixed_steps_that_are_too_short_are_named_as_such() -> None:

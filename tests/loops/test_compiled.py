@@ -186,6 +186,78 @@ def _nudged(state):
     return q, v * (1.0 + 1e-15)
 
 
+class TestClosing:
+    """States as the motion in Python closes them, and as it goes on from them, of four equal rods."""
+
+    @pytest.fixture
+    def motion(self):
+        """The motion of a four-bar of equal rods in Python, and in compiled code."""
+        mechanism = pinarm.Mechanism.load("models/four_bar/mechanism.yaml")
+        dynamics, nv = Dynamics.of(mechanism.model), mechanism.model.nv
+        system = system_of(mechanism.closure, dynamics, FREE, Initial(np.zeros(nv), np.zeros(nv)))
+        flow = system.interval(dynamics, 0.0, 10.0).compiled
+        return flow.motion, flow
+
+    def state(self, angle, open_by, speed=2.0):
+        """Uprights at an angle from their flat position, the rods a little open."""
+        crank = np.array([1.0, -1.0, 1.0])
+        return angle * crank + open_by * np.array([1.0, 2.0, -3.0]), speed * crank + open_by * np.array([2.0, 1.0, 5.0])
+
+    @pytest.mark.parametrize("angle", [0.7, 1.4, 0.5 * np.pi, 0.5 * np.pi + 1e-3, 0.5 * np.pi - 0.03, 3.0])
+    @pytest.mark.parametrize("open_by", [1e-3, 1e-6])
+    def test_closes_the_same_states_and_goes_on_from_them_alike(self, motion, angle, open_by):
+        python, flow = motion
+        python.settle(0.5, *self.state(angle - 0.2, 0.0))
+        flow.ready()
+        q, v = self.state(angle, open_by)
+        y, slope = np.concatenate([q, v]), np.zeros(6)
+        mark = settle(flow, 1.0, y, slope)
+        closed, rate = python.settle(1.0, q.copy(), v.copy())
+        structure = flow.system.structure
+        assert y == pytest.approx(np.concatenate([closed, rate]), abs=1e-11)
+        assert mark == python.near
+        assert structure.regular == pytest.approx(python.regular, rel=1e-5, abs=1e-6)
+        assert structure.floor == pytest.approx(python.least, abs=1e-12)
+        assert slope[3:] == pytest.approx(python.acceleration(0.9, closed, rate), rel=1e-6, abs=1e-6)
+
+    def test_chooses_alike_how_to_go_on(self, motion):
+        """By the regularity, by a fall of it over one step, and by both; the least steps follow."""
+        python, flow = motion
+        chosen = set()
+        for begin in np.linspace(0.0, 1.55, 12):
+            for angle in np.linspace(0.05, 1.57, 24):
+                for t, before in ((0.3, begin - 0.01), (0.5, begin)):
+                    python.settle(t, *self.state(before, 0.0))
+                flow.ready()
+                q, v = self.state(angle, 0.0)
+                y = np.concatenate([q, v])
+                mark, earlier = settle(flow, 1.0, y, np.zeros(6)), python.regular
+                python.settle(1.0, q, v)
+                assert mark == python.near
+                assert flow.system.structure.floor == pytest.approx(python.least, abs=1e-12)
+                chosen.add((python.near, python.singular, earlier - python.regular > 0.65, python.least > 0.0))
+        assert {(False, False, False, False), (True, True, False, True), (True, False, True, False)} <= chosen
+
+    @pytest.mark.parametrize("angle", [0.3, 0.5 * np.pi, 0.5 * np.pi + 1e-6, 0.5 * np.pi + 1e-2])
+    def test_closes_stages_and_looks_past_singular_positions(self, motion, angle):
+        """Where the rods are in line the position says nothing; the acceleration comes from both sides."""
+        python, flow = motion
+        q, v = self.state(angle, 1e-6)
+        python.near = python.looked = True
+        python.rank = python.points.tied.rank
+        flow.take((True, python.rank))
+        flow.system.structure.limits.rank = python.rank
+        expected = python.acceleration(0.9, q, v)
+        found = rates(flow, np.concatenate([q, v]))[3:]
+        assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+def settle(flow, t, y, slope):
+    """Let the library settle a state."""
+    function = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
+    return function(flow.structure.settle)(flow.structure.system, t, pointer(y), pointer(slope))
+
+
 def test_states_that_are_handed_back_are_settled_in_python(tmp_path, monkeypatch, calls, without):
     """Where the accelerations leave the constraints; here all of them do, beyond an impossible bound."""
     mechanism = four_bar().build(tmp_path, ["A"])

@@ -12,7 +12,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, UnitError, within
-from pinarm.input.roots import contained_file, root_of
+from pinarm.input.roots import contained_file, root_of, stamp_of
 from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import Abscissa, Level, Rate, check_each, current_folder
 from pinarm.mechanics.laws.motion_law import FILE_KEYS, SECOND, MotionLaw, Piece, Values, polynomial
@@ -147,8 +147,7 @@ def cached_table(path: str) -> tuple[tuple[float, ...], tuple[float, ...], Unit,
     """Return the two columns of a table in SI and their units; cached until the file changes."""
     from pinarm.input.motion_tables import read_table
 
-    state = Path(path).stat()
-    return read_table(path, (state.st_mtime_ns, state.st_size))
+    return read_table(path, stamp_of(Path(path).stat()))
 
 
 def spline_pieces(times: Array, values: Array, speeds: tuple[float, float]) -> list[Piece]:

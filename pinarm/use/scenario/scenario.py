@@ -108,26 +108,31 @@ class Scenario:
         Raises:
             InputError: A path leads nowhere, or a value is wrong there.
         """
-        return self._of(_varied(self.document, self.folder, values)) if values else self
+        return self.with_document(_varied(self.document, self.folder, values)) if values else self
 
     def merged(self, changes: Mapping[str, Any]) -> Scenario:
         """Return the scenario with the values that ``changes`` has at the same paths, as a file would have them."""
-        return self._of(self.document.merged(replace(self.document, data=dict(changes), places={}, keys={})))
+        return self.with_document(self.document.merged(replace(self.document, data=dict(changes), places={}, keys={})))
 
     def restated(self, data: Mapping[str, Any]) -> Scenario:
         """Return the scenario of other plain data in the same place, such as ``Result.data``."""
-        return self._of(replace(self.document, data=dict(data)))
+        return self.with_document(replace(self.document, data=dict(data)))
 
-    def _of(self, document: Document) -> Scenario:
+    def with_document(self, document: Document) -> Scenario:
         """Return the scenario of another document in the same place, with the same last digits.
 
         It has the same mechanism, if that has been loaded and the document says the same of it.
         """
         content = document.validate(ScenarioFile)
         other = replace(self, document=document, content=content, problem=_problem(document, content.problem))
-        if "mechanism" in vars(self) and self._mechanism_data == other._mechanism_data:
+        if self.loaded and self._mechanism_data == other._mechanism_data:
             vars(other)["mechanism"] = self.mechanism
         return other
+
+    @property
+    def loaded(self) -> bool:
+        """Whether its mechanism has been loaded."""
+        return "mechanism" in vars(self)
 
     @property
     def _mechanism_data(self) -> list[Any]:
@@ -366,7 +371,7 @@ class Scenario:
         document = self.document
         for path, value in {**self.content.variants[name], "variants": {}}.items():
             document = document.assigned(path, value, self.document.locate(("variants", name, path)))
-        return self._of(document)
+        return self.with_document(document)
 
     def quantities(self) -> Quantities:
         """Return the quantities of one row, with nothing solved: enough to see which there are, and their units."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,11 +14,20 @@ from pinarm.input.numbers import DECIMAL
 from pinarm.use.store.files import cell
 
 _NUMBER = re.compile(DECIMAL)
+BLOCK = 10_000
+"""Lines whose texts are made at once."""
+TEXTS, SHORTEST = 25_000_000, 20
+"""Characters that an array of texts may have in all, each as long as the longest; and what is left of each at least."""
 QUANTILES = {"5 %": 0.05, "median": 0.5, "95 %": 0.95}
 
 
 def csv(of: str, columns: Sequence[Series], errors: Mapping[int, str]) -> str:
-    """Return a table as CSV: the number of each line, its columns, and why it failed.
+    """Return a table as CSV; see ``csv_lines``."""
+    return "".join(csv_lines(of, columns, errors))
+
+
+def csv_lines(of: str, columns: Sequence[Series], errors: Mapping[int, str]) -> Iterator[str]:
+    """Yield a table as CSV: the number of each line, its columns, and why it failed.
 
     Numbers have the digits that it takes to read them back; those that are none are empty.
 
@@ -27,11 +36,11 @@ def csv(of: str, columns: Sequence[Series], errors: Mapping[int, str]) -> str:
         columns: At least one, all of one length.
         errors: Line -> why it failed.
     """
-    lines = [",".join([of, *(cell(series.label) for series in columns), "error"])]
-    texts = [[_text(value) for value in series.values.tolist()] for series in columns]
-    for number, row in enumerate(zip(*texts, strict=True)):
-        lines.append(",".join([str(number), *row, cell(errors.get(number, ""))]))
-    return "\n".join(lines) + "\n"
+    yield ",".join([of, *(cell(series.label) for series in columns), "error"]) + "\n"
+    for start in range(0, len(columns[0].values), BLOCK):
+        texts = [[_text(value) for value in series.values[start : start + BLOCK].tolist()] for series in columns]
+        for number, row in enumerate(zip(*texts, strict=True), start):
+            yield ",".join([str(number), *row, cell(errors.get(number, ""))]) + "\n"
 
 
 def _text(value: object) -> str:
@@ -41,10 +50,16 @@ def _text(value: object) -> str:
 
 
 def arrays(columns: Sequence[Series], errors: Mapping[int, str]) -> dict[str, Any]:
-    """Return the same as arrays by name, with the units of all."""
-    texts = np.array([errors.get(number, "") for number in range(len(columns[0].values))], dtype=str)
+    """Return the same as arrays by name, with the units of all; of many lines what failed is cut to ``TEXTS``."""
+    n = len(columns[0].values)
+    width = max(SHORTEST, TEXTS // max(n, 1))
+    texts = np.array([_shortened(errors.get(number, ""), width) for number in range(n)], dtype=str)
     units = np.array([[series.name, str(series.unit or "?")] for series in columns])
     return {**{series.name: np.ascontiguousarray(series.values) for series in columns}, "error": texts, "units": units}
+
+
+def _shortened(text: str, width: int) -> str:
+    return text if len(text) <= width else f"{text[: width - 3]}..."
 
 
 def statistics(series: Series) -> dict[str, Any]:

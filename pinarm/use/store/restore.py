@@ -54,6 +54,10 @@ def restore(folder: str | Path) -> Result:
         if not (folder / name).is_file():
             problem = f"{folder} is no result: it has no {name}" if folder.is_dir() else f"there is no folder {folder}"
             raise InputError(problem, expected="a folder that 'pinarm run' wrote", hint=AGAIN)
+        if (folder / name).is_symlink():  # what is read may be shown, in messages too
+            raise InputError(
+                f"{folder / name} is a symbolic link: what it leads to is no part of the result", hint=AGAIN
+            )
     with complete_folder(folder):
         summary, arrays = _summary(folder / "summary.json"), _arrays(folder / "trajectory.npz")
         scenario, known = Scenario.load(folder / "scenario.yaml"), read_sections(folder / SECTIONS)

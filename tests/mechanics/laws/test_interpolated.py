@@ -1,6 +1,8 @@
 """Laws through points and tables: ramps by hand, cubics reproduced, tables refused with their line."""
 
 import math
+import os
+import time
 
 import numpy as np
 import pytest
@@ -122,6 +124,17 @@ class TestTable:
     def test_bad_tables_are_refused_with_their_line(self, tmp_path, text, message):
         with pytest.raises(InputError, match=message):
             table(tmp_path, text)
+
+    def test_a_table_that_is_replaced_by_one_of_the_same_size_and_time_is_read_again(self, tmp_path):
+        """As by a copy that keeps times, or by a clock that was set back."""
+        path = tmp_path / "table.csv"
+        path.write_text("t [s],x [m]\n0,0\n1,2\n")
+        times = path.stat().st_mtime_ns
+        assert cached_table(str(path))[1] == (0.0, 2.0)
+        time.sleep(0.05)  # longer than the tick of a file system's clock
+        path.write_text("t [s],x [m]\n0,0\n1,3\n")
+        os.utime(path, ns=(times, times))
+        assert cached_table(str(path))[1] == (0.0, 3.0)
 
     def test_the_line_of_the_table_is_told_to_who_names_it_in_a_file(self, tmp_path):
         (tmp_path / "table.csv").write_text("t [s],x [m]\n0,0\n1,one\n")

@@ -40,6 +40,23 @@ def test_arrays_have_their_units_beside_them(columns):
     assert found["error"][4] == "another reason"
 
 
+def test_reasons_of_many_cases_take_bounded_memory(series):
+    """An array of texts has the longest one's length for all: 1e6 cases and one reason of 4000 letters took 16 GB."""
+    found = arrays([series("x", np.zeros(200_000))], {0: "x" * 10_000, 1: "short"})["error"]
+    assert found.nbytes < 101e6
+    assert found[0] == "x" * 122 + "..."
+    assert found[1] == "short"
+    assert arrays([series("x", np.zeros(3))], {0: "x" * 10_000})["error"][0] == "x" * 10_000
+
+
+def test_long_tables_are_written_block_by_block(series):
+    values = np.arange(25_001.0)
+    lines = csv("case", [series("x", values)], {20_000: "why"}).splitlines()
+    assert len(lines) == 25_002
+    assert lines[20_001] == "20000,20000.0,why"
+    assert lines[-1] == "25000,25000.0,"
+
+
 def test_statistics_are_over_the_cases_that_have_numbers(series):
     values = [3.0, np.nan, -1.5, 8.25, 0.5]
     known = [x for x in values if not np.isnan(x)]

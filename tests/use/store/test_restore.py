@@ -182,3 +182,15 @@ def test_a_replay_in_the_folder_goes_through_no_link(
     (saved / "replay.html").unlink()
     assert main(["replay", str(saved)]) == main(["replay", str(saved)]) == 0
     assert (folder / "mine").read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["scenario.yaml", "mechanism.yaml", "summary.json", "trajectory.npz"])
+def test_a_link_in_place_of_a_file_is_not_followed(tmp_path: Path, name: str) -> None:
+    """The message about what is wrong in it would show a line of a file elsewhere."""
+    saved = pinarm.run(ROOT / "scenarios" / "gen411_arm_static.yaml").save(tmp_path / "out", plots=False)
+    (tmp_path / "mine").write_text("secret: of another folder\n")
+    (saved / name).unlink()
+    (saved / name).symlink_to(tmp_path / "mine")
+    with pytest.raises(InputError, match="symbolic link") as caught:
+        restore(saved)
+    assert "secret" not in str(caught.value)

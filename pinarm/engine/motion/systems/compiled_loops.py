@@ -30,7 +30,7 @@ AWAY = (0.1, 0.01, 0.0)
 """How far from the initial position the states are begun in which the library is judged, before they are closed, in the
 unit of every velocity: the first that closes is taken."""
 
-STATES = 3
+STATES = 2
 """Number of these states."""
 
 

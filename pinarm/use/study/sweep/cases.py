@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 
@@ -12,7 +13,7 @@ import numpy as np
 from pinarm.engine.quantities.names import Quantities
 from pinarm.engine.series import Series
 from pinarm.errors import DynamicsError, InputError, Location, PinarmError
-from pinarm.input.roots import file_root, noting_files
+from pinarm.input.roots import file_root, note_files, noting_files
 from pinarm.input.units import Unit
 from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.values import varied
@@ -20,6 +21,7 @@ from pinarm.use.result.measures import MEASURES
 from pinarm.use.result.result import Result
 from pinarm.use.result.run_number import EXAMPLES
 from pinarm.use.result.section_number import AnyNumber, Numbered, measured, names_section, read_number
+from pinarm.use.scenario.failures import failures_in_words
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
 from pinarm.use.study.sweep.axes import Value
@@ -146,6 +148,41 @@ class Task:
     wanted: tuple[Wanted, ...]
     root: Path | None = None
 
+    def scenario(self, values: Mapping[str, Value]) -> Scenario:
+        """Return the scenario of a case, with its mechanism loaded: that of the case before if it is the same.
+
+        Raises:
+            PinarmError: It has a mistake.
+        """
+        document = varied(self.document, values)
+        last = self._last[0] if self._last else None
+        scenario = last.scenario.with_document(document) if last else Scenario.of(document, self.folder)
+        if last and scenario.loaded:
+            note_files(last.files)
+            return scenario
+        with noting_files() as files, failures_in_words():
+            assert scenario.mechanism
+        self._last[:] = [LoadedCase(scenario, frozenset(files))]
+        return scenario
+
+    @cached_property
+    def _last(self) -> list[LoadedCase]:
+        """The last case that has loaded a mechanism; none before the first."""
+        return []
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedCase:
+    """A case with its mechanism loaded.
+
+    Attributes:
+        scenario: Its scenario.
+        files: The files that its mechanism refers to.
+    """
+
+    scenario: Scenario
+    files: frozenset[Path]
+
 
 def solve_case(task: Task, values: Mapping[str, Value]) -> Row:
     """Solve one case: a function of plain data, for any process on any machine that sees the files.
@@ -159,7 +196,7 @@ def solve_case(task: Task, values: Mapping[str, Value]) -> Row:
     """
     with file_root(task.root), noting_files() as files:
         try:
-            result = run(Scenario.of(varied(task.document, values), task.folder))
+            result = run(task.scenario(values))
             numbers = [number for entry in task.wanted for number in entry.numbers(result)]
             quadrature = [error / abs(number) for number, error in numbers if error and number]
             if result.contradiction:

@@ -23,6 +23,7 @@ import msgspec
 import numpy as np
 
 from pinarm.errors import InputError
+from pinarm.input.roots import Stamp, stamp_of
 from pinarm.use.study.sweep.axes import Value
 from pinarm.use.study.sweep.cases import Row, Task
 
@@ -68,7 +69,7 @@ class Sources:
     """The files that cases refer to, held to be the same for as long as a sweep runs."""
 
     def __init__(self) -> None:
-        self.stamps: dict[str, tuple[int, int] | None] = {}
+        self.stamps: dict[str, Stamp | None] = {}
 
     def check(self, files: tuple[str, ...]) -> None:
         """Raise where a file has changed since a case first referred to it.
@@ -87,12 +88,11 @@ class Sources:
         return {file: _file_digest(file) for file in files}
 
 
-def _stamp(file: str) -> tuple[int, int] | None:
+def _stamp(file: str) -> Stamp | None:
     try:
-        state = os.stat(file)
+        return stamp_of(os.stat(file))
     except (OSError, ValueError):
         return None
-    return state.st_mtime_ns, state.st_size
 
 
 def _file_digest(file: str) -> str:

@@ -15,7 +15,7 @@ from pinarm.engine.series import Series
 from pinarm.use.output.folder import whole_folder
 from pinarm.use.result.measures import CLOSURES, RESIDUALS
 from pinarm.use.store import case_columns as columns
-from pinarm.use.store.files import json_text, write, write_arrays, yaml_text
+from pinarm.use.store.files import json_text, write, write_arrays, write_parts, yaml_text
 from pinarm.use.study.sweep.journal import JOURNAL
 
 if TYPE_CHECKING:
@@ -40,7 +40,8 @@ def save(sweep: Sweep, folder: Path, *, plots: bool = True) -> Path:
     """
     with whole_folder(folder, "sweep", beside=(JOURNAL,)) as draft:
         write(draft / "sweep.yaml", yaml_text(_definition(sweep, folder)))
-        write(draft / "cases.csv", csv(sweep))
+        lines = columns.csv_lines("case", list(sweep.table.values()), sweep.errors)
+        write_parts(draft / "cases.csv", (line.encode() for line in lines))
         write_arrays(draft / "cases.npz", columns.arrays(list(sweep.table.values()), sweep.errors))
         if find_spec("pyarrow"):
             _write_parquet(sweep, draft / "cases.parquet")

@@ -108,3 +108,24 @@ def test_a_row_names_the_files_that_it_refers_to(scenario: pinarm.Scenario) -> N
 def test_a_result_that_is_of_another_kind_in_one_case_is_refused(scenario: pinarm.Scenario) -> None:
     row = solved(scenario, ["M"], symbols__M="joint.pivot.position")
     assert "M is in" in row.error
+
+
+def test_cases_with_the_same_mechanism_load_it_once(scenario: pinarm.Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+    from pinarm.use.scenario import scenario as scenarios
+
+    loaded, read = [], scenarios.read_mechanism
+    monkeypatch.setattr(scenarios, "read_mechanism", lambda *given, **more: loaded.append(1) or read(*given, **more))
+    wanted = tuple(Wanted.read(text).measured(scenario.quantities())[0] for text in ["M @ end", "alpha @ end"])
+    task = Task(scenario.document, scenario.folder, wanted)
+    cases = [{"problem.over.pivot.to": f"{angle} deg"} for angle in (60, 70, 80)]
+    loaded.clear()
+    rows = [solve_case(task, values) for values in cases]
+    assert len(loaded) == 1
+    for values, row in zip(cases, rows, strict=True):
+        alone = solve_case(Task(scenario.document, scenario.folder, wanted), values)
+        assert row.numbers == alone.numbers
+        assert row.files == alone.files, "a change of the model's file concerns every case"
+        assert any(file.endswith(".urdf") or file.endswith(".xacro") for file in row.files)
+    heavier = solve_case(task, {**cases[0], "arguments.m": "3 kg"})
+    assert heavier.numbers[0] != rows[0].numbers[0] and len(loaded) == 5
+    assert solve_case(task, cases[0]).numbers == rows[0].numbers, "and the next one has its own again"
