@@ -55,4 +55,4 @@ def _phase(frame: FrameType | None) -> str:
         solving = solving or where in SOLVERS
         phase = PHASES.get(where, phase)
         frame = frame.f_back
-    return ACCELERATIONS if solving and phase == PHASES["march.py", "integrate"] else phase
+    return ACCELERATIONS if solving and phase == PHASES["driver.py", "integrate"] else phase
