@@ -120,8 +120,9 @@ ELSEWHERE = {
         "loads in every kind of problem", "problems/accuracy problems/forward problems/inverse problems/loads "
         "problems/states problems/time_grid",
     ),
-    "problems/test_recorded.py": (
-        "rows in files and arrays", "engine/motion/recorded_motion problems/recorded_columns use/scenario/recorded",
+    "problems/recording/test_recorded.py": (
+        "rows in files and arrays",
+        "engine/motion/recorded_motion problems/recording/recorded_columns use/scenario/recorded",
     ),
     "problems/test_profiles.py": ("laws in problems", "mechanics/forces/breakpoints problems/prescribed_laws"),
     "test_messages.py": (

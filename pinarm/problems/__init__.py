@@ -21,7 +21,7 @@ KINDS = {
     "forward": ("forward", "Forward"),
     "kinematics": ("kinematics", "KinematicMotion"),
     "equilibria": ("equilibria", "Equilibria"),
-    "recorded": ("recorded", "Recorded"),
+    "recorded": ("recording.recorded", "Recorded"),
 }
 """Kind, and its module and class. A new kind is one class and one entry."""
 
@@ -62,7 +62,7 @@ if TYPE_CHECKING:  # mypy compares the kinds with the protocol, which are import
     from pinarm.problems.forward import Forward
     from pinarm.problems.inverse import Inverse
     from pinarm.problems.kinematics import KinematicMotion
-    from pinarm.problems.recorded import Recorded
+    from pinarm.problems.recording.recorded import Recorded
     from pinarm.problems.states import State, Statics
 
     _PROBLEMS: tuple[type[Problem], ...] = (Statics, State, Inverse, Forward, KinematicMotion, Equilibria, Recorded)

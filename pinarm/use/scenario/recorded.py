@@ -13,7 +13,7 @@ from pinarm.arrays import as_rows, real, same_rows
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.recorded_motion import RecordedRows
 from pinarm.errors import InputError
-from pinarm.problems.recorded_columns import check_rows, named_columns
+from pinarm.problems.recording.recorded_columns import check_rows, named_columns
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Scenario
 

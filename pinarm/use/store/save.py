@@ -22,7 +22,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import InputError
 from pinarm.input.roots import contained_file, root_of
 from pinarm.mechanics.loading.pinocchio_model import file_suffix
-from pinarm.problems.recorded_columns import named_columns
+from pinarm.problems.recording.recorded_columns import named_columns
 from pinarm.use.assessments import FILES
 from pinarm.use.output.folder import whole_folder
 from pinarm.use.result.stored_rows import states

@@ -23,7 +23,7 @@ from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, current_folder
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.loads import LOADS, bind_loads
-from pinarm.problems.recorded_columns import check_rows, recorded_rows
+from pinarm.problems.recording.recorded_columns import check_rows, recorded_rows
 
 if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import Outcome

@@ -1,0 +1,1 @@
+"""Motions that are given as rows: measured, or computed elsewhere."""
