@@ -222,7 +222,11 @@ def _pretty(unit: str) -> str:
 
 def _inline(data: Plain) -> str:
     """Return JSON that can stand in HTML: nothing in it ends the element or begins another."""
-    text = json.dumps(data, allow_nan=False, separators=(",", ":"))
+    try:
+        text = json.dumps(data, allow_nan=False, separators=(",", ":"))
+    except ValueError:
+        raise InputError("the replay has places or sizes that are not finite",
+                         expected="shapes and origins of links within 1e150 m") from None  # fmt: skip
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
