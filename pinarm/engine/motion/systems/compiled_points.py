@@ -85,15 +85,19 @@ class PointFlow(Flow):
 def compiled_points(dynamics: Dynamics, motion: PointMotion, near: Array) -> tuple[Flow | None, str]:
     """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not.
 
+    There is none where the motion begins next to a singular position, where velocities are known but for rounding over
+    the square of the regularity: Python chooses their branch.
+
     Args:
         dynamics: The forces.
         motion: The motion in Python.
         near: A configuration near closed ones, shape (nq,).
     """
-    flow = PointFlow.of(dynamics, motion)
+    points = motion.points
+    points.factorise(near)
+    flow = None if motion.regularity() < point_motion.NEAR else PointFlow.of(dynamics, motion)
     if flow is None:
         return None, ""
-    points = motion.points
 
     def rows(q: Array, v: Array) -> tuple[Array, Array]:
         motion.free(0.0, q, v)

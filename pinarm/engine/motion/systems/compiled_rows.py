@@ -29,6 +29,10 @@ PROXIMAL, ITERATIONS = 1e-12, 4
 """Proximal term of accelerations, relative to the smallest Delassus diagonal, and iterations: rows that reach
 1e-5 of the others count in full, as in the singular values in Python."""
 
+REPEATED = 1e-14
+"""The same, up to which rows repeat others but for rounding. Rows of files that are rounded stay above it: they would be
+solved for as if they were independent."""
+
 CLEAR = 1e-4
 """Singular value of rows of length 1, relative to the largest, above which they are independent beyond doubt."""
 
@@ -99,9 +103,12 @@ def _delassus_scale(closure: Closure, closed: list[Array]) -> float:
         delassus = rows @ inverse @ rows.T
         size = np.sqrt(np.diag(delassus))
         kept = size > RANK * size.max()
+        if (size[~kept] > REPEATED * size.max()).any():
+            return 0.0
         s = np.linalg.svd(rows[kept] / size[kept, None] @ np.linalg.cholesky(inverse), compute_uv=False)
         rank = int((s > CLEAR * s[0]).sum())
-        if (s[rank:] > NOISE * s[0]).any() or s[0] > UNEVEN**0.5 * s[rank - 1]:
+        turning = np.linalg.norm(rows, axis=1).max() > NOISE  # rows of redundant loops alone are rounding
+        if not turning or (s[rank:] > REPEATED * s[0]).any() or s[0] > UNEVEN**0.5 * s[rank - 1]:
             return 0.0
         ranks.add(rank)
         scale = scale or float((size[kept] ** 2).min())
