@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.pinocchio_constraints import PROJECTION, CoincidentPoints
+from pinarm.engine.dynamics.pinocchio_constraints import PROJECTION, CoincidentPoints, PointConstraints
 from pinarm.engine.kernel.library import Flow, library
 from pinarm.engine.kernel.loops import POINT, CompiledLoops, LoadedLoops, Tied
 from pinarm.engine.kernel.structures import LimitsStructure, ProximalStructure
@@ -28,6 +28,10 @@ NEWTON, CLOSED = 20, 1e-14
 
 PROJECTIONS = 3
 """Projections of its velocities: each leaves ``PROJECTION`` of what is left."""
+
+BEGINS = (1e-9, 0.05)
+"""Regularities of the position where a motion begins between which it is left to Python. Below, the rank is lower on
+the constraints than beside them, as that of Bricard's linkage, or it is the singular position itself."""
 
 ALIKE = 1e-6
 """Relative accuracy of squares of singular values."""
@@ -95,7 +99,8 @@ def compiled_points(dynamics: Dynamics, motion: PointMotion, near: Array) -> tup
     """
     points = motion.points
     points.factorise(near)
-    flow = None if motion.regularity() < point_motion.NEAR else PointFlow.of(dynamics, motion)
+    low, high = BEGINS
+    flow = None if low < _regularity(points) < high else PointFlow.of(dynamics, motion)
     if flow is None:
         return None, ""
 
@@ -109,6 +114,12 @@ def compiled_points(dynamics: Dynamics, motion: PointMotion, near: Array) -> tup
     flow.take((False, points.tied.rank))
     apart = disagreement(flow, points.tied.model, dynamics, rows, states)
     return (flow, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
+
+
+def _regularity(points: PointConstraints) -> float:
+    """Return how regular the rows are at the position last factorised, relative to the usual."""
+    s = np.linalg.svd(points.rows()[points.tied.acting], compute_uv=False)
+    return float(s[points.tied.rank - 1] / s[0] / points.tied.regularity)
 
 
 def _closed(motion: PointMotion) -> Any:

@@ -29,9 +29,9 @@ PROXIMAL, ITERATIONS = 1e-12, 4
 """Proximal term of accelerations, relative to the smallest Delassus diagonal, and iterations: rows that reach
 1e-5 of the others count in full, as in the singular values in Python."""
 
-REPEATED = 1e-14
-"""The same, up to which rows repeat others but for rounding. Rows of files that are rounded stay above it: they would be
-solved for as if they were independent."""
+REPEATED = 1e-12
+"""The same, up to which rows repeat others but for rounding. Rows of files that are rounded stay above it: they would
+be solved for as if they were independent."""
 
 CLEAR = 1e-4
 """Singular value of rows of length 1, relative to the largest, above which they are independent beyond doubt."""
