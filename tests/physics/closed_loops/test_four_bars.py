@@ -8,6 +8,7 @@ from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.systems import system_of
 from pinarm.engine.motion.systems.system import Initial
+from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
 from pinarm.mechanics.laws import Harmonic
 
@@ -119,7 +120,7 @@ def test_a_step_may_end_on_a_change_point(speed):
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("rough", [0.0, 0.02, -0.02])
-def test_a_start_next_to_the_change_point_has_the_velocities_of_its_branch_or_is_refused(solve, side, rough):
+def test_a_start_next_to_the_change_point_has_the_velocities_of_its_branch_or_is_refused(outcome, side, rough):
     """Within 1e-5 rad a start had other velocities than were given, without a word; the energy was not kept."""
     right = 0
     for apart in (1e-2, 1e-3, 1e-4, 3e-6, 1e-6, 3e-7, 1e-7, 1e-8, 1e-10, 0.0):
@@ -127,17 +128,20 @@ def test_a_start_next_to_the_change_point_has_the_velocities_of_its_branch_or_is
         start = {"A": -np.pi + rough, "theta4": np.pi - rough}
         initial = {"position": {"theta2": turned}, "velocity": {"theta2": 12.0}}
         try:
-            found = solve("change_point_four_bar", "forward", end=0.1, samples=3, start=start, initial=initial)
+            solved = outcome("change_point_four_bar", "forward", end=0.1, samples=3, start=start, initial=initial)
         except PinarmError as error:
             assert "choose its velocities" in str(error) or "for an instant only" in str(error)
             assert apart <= 3e-6
             continue
         right += 1
+        found = Quantities(solved.rows)
         branches = [CHANGE_POINT.slopes(np.array(turned + offset))[3] for offset in (0.0, 2.0 * np.pi)]
         rate = found["omega4"].values[0] / found["omega2"].values[0]
         assert found["omega2"].values[0] == pytest.approx(12.0, rel=1e-4)  # rounding over the square of the regularity
         assert min(abs(rate - one) for one in branches) < max(1e-4, apart)
-        assert np.ptp(found["energy.total"].values) < 1e-4 * np.ptp(found["energy.kinetic"].values)
+        kept = np.ptp(found["energy.total"].values) < 1e-4 * np.ptp(found["energy.kinetic"].values)
+        # nearer than 1e-3 rad some processors round to where energy is lost on the way: then the run says so
+        assert kept or (apart < 1e-3 and any("energy" in note for note in solved.notes))
     assert right >= 3
 
 
