@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -42,10 +43,14 @@ from pinarm.problems.prescribed_laws import laws_of
 from pinarm.problems.time_grid import TimeGrid
 
 if TYPE_CHECKING:
+    from pinarm.engine.control.controls import Controls
     from pinarm.engine.motion.outcome import Outcome
+    from pinarm.engine.series import Series
+    from pinarm.mechanics.control.kinds import Control
+    from pinarm.mechanics.laws.motion_law import MotionLaw
     from pinarm.mechanics.forces.kinds import Force
-else:  # imported where a file has loads, see LOADS
-    Force = Any
+else:  # imported where a file has loads or controllers, see Forward.deferred
+    Control = Force = Any
 
 
 class InitialState(InputStruct, frozen=True):
@@ -74,10 +79,11 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         loads: Applied forces, springs and dampers of this run.
         events: What to look for on the way, by name.
         end_stops: Joint -> the limits that it meets with an impact.
+        control: Controllers of drives: see docs/control.md.
     """
 
     kind: ClassVar[str] = "forward"
-    deferred: ClassVar[Deferred] = LOADS
+    deferred: ClassVar[Deferred] = {**LOADS, "control": ("pinarm.mechanics.control.kinds", "Control")}
     time: TimeGrid
     initial: InitialState = msgspec.field(default_factory=InitialState)
     start: dict[str, Level] = {}
@@ -85,6 +91,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
     loads: dict[str, Force] = {}
     events: dict[str, Event] = {}
     end_stops: dict[str, EndStop] = {}
+    control: list[Control] = []
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row near the start: enough to see which quantities there are, and which are determined."""
@@ -92,14 +99,29 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         row = schema_row(mechanism, start, self.loads, "t", unit("s"), along(mechanism, self.motion))
         events = event_columns(self.events, [()], np.zeros(1, dtype=np.intp))
         rest = friction_columns(mechanism.frictions, np.zeros((1, len(mechanism.frictions))))
-        return replace(row, columns={**rest, **events})
+        return replace(row, columns={**rest, **events, **self._control_columns(mechanism, row)})
+
+    def _control_columns(self, mechanism: Mechanism, row: Trajectory) -> dict[str, Series]:
+        """Return the columns that controllers add to a row."""
+        if not self.control:
+            return {}
+        from pinarm.engine.motion.controlled_motion import control_schema
+
+        motion = laws_of(mechanism, self.motion, _nowhere, (self.time.start, self.time.end))
+        controls = self._controls(mechanism, row.dynamics, motion, _nowhere)
+        return control_schema(controls.controllers, row.q, row.v) if controls else {}
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""
         return Declaration(
             self._without, laws=self.motion, span=(self.time.start, self.time.end),
-            watched=[event.when for event in self.events.values()], loads=self.loads, integrated=True,
+            watched=[*(event.when for event in self.events.values()), *self._controlled()], loads=self.loads,
+            integrated=True,
         )  # fmt: skip
+
+    def _controlled(self) -> list[str]:
+        """Return the coordinates and drives that controllers name."""
+        return [name for one in self.control for name in one.names]
 
     def _without(self, names: Collection[str]) -> Forward:
         return replace_fields(self, motion=others(self.motion, names), start=others(self.start, names), loads={})
@@ -108,6 +130,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         """Check all names and units; return what is to be integrated."""
         motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, place))
+        controls = self._controls(mechanism, dynamics, motion, place)
         initial = self._start(mechanism, place)
         bounds = bounds_of(mechanism, self.end_stops, place)
         watches = watches_of(mechanism, self.events, place)
@@ -118,12 +141,21 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         with place("motion"):
             prescribed = PrescribedCoordinates.some(mechanism, motion)
             hybrid = HybridSystem(
-                mechanism.closure, dynamics, prescribed, initial, (self.time.start, self.time.end), bounds, watches,
+                mechanism.closure, controls.dynamics if controls else dynamics, prescribed, initial, (self.time.start, self.time.end), bounds, watches,
                 accuracy.integrator(), accuracy.max_steps, least_size=accuracy.least_size(mechanism),
-                frictions=mechanism.frictions,
+                frictions=mechanism.frictions, controls=controls,
             )  # fmt: skip
             hybrid.system()
         return hybrid
+
+    def _controls(
+        self, mechanism: Mechanism, dynamics: Dynamics, motion: Mapping[str, MotionLaw], place: Place
+    ) -> Controls | None:
+        if not self.control:
+            return None
+        from pinarm.problems.controls import bind_controls
+
+        return bind_controls(mechanism, self.control, dynamics, motion, place)
 
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: HybridSystem | None = None
@@ -200,6 +232,11 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         )
         rates = tuple((mechanism.coordinate(name), float(rate)) for name, rate in others.items())
         return Initial(q, v, positions, velocities, rates)
+
+
+def _nowhere(*path: str | int) -> AbstractContextManager[None]:
+    """Give mistakes no place: for a question that has been checked."""
+    return nullcontext()
 
 
 def _changed(mechanism: Mechanism, hybrid: HybridSystem, v: Array) -> list[str]:

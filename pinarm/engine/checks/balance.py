@@ -159,6 +159,9 @@ class EnergyAccount:
             rows = np.flatnonzero(self._intervals[index] == number)
             if dynamics.steady.any() and q.shape == v.shape:
                 lost[rows] -= np.diff(q, axis=0)[rows] @ dynamics.steady
+            for held in dynamics.held if q.shape == v.shape else ():
+                loads = np.array([held.load_of(held.piece(t)) for t in start[rows].tolist()]).reshape(len(rows), -1)
+                lost[rows] -= np.vecdot(np.diff(q, axis=0)[rows], loads) if len(rows) else 0.0
             if changing and len(rows):  # an event may have ended the motion before this interval
                 lost[rows] += self._losses(changing, index[rows], start[rows], h[rows])
         return kinetic, potential, np.concatenate([[0.0], np.cumsum(lost)])

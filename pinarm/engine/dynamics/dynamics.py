@@ -18,7 +18,7 @@ import pinocchio as pin
 from pinarm.arrays import Array, as_rows, same_rows
 from pinarm.engine.dynamics.mass_matrix import mass_matrices
 from pinarm.engine.dynamics.parallel import Parallel
-from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ class Dynamics:
 
     @cached_property
     def _changes(self) -> bool:
-        return any(force.laws() for force in self.forces.values())
+        return any(force.laws() or force.held is not None for force in self.forces.values())
 
     @cached_property
     def _on(self) -> Callable[[float, float], Dynamics]:
@@ -220,6 +220,11 @@ class Dynamics:
         return tau
 
     @cached_property
+    def held(self) -> tuple[HeldLoad, ...]:
+        """Loads that are the same in all states between changes in time."""
+        return tuple(held for force in self.forces.values() if (held := force.held) is not None)
+
+    @cached_property
     def changing(self) -> tuple[ForceElement, ...]:
         """The other force elements."""
         return tuple(force for force in self._acting if not force.steady)
@@ -265,14 +270,16 @@ class Dynamics:
 
     @cached_property
     def exchanging(self) -> Dynamics | None:
-        """The same with only those force elements that exchange energy and are not steady; ``None`` without any.
+        """The same with only those force elements that exchange energy and are neither steady nor held; or ``None``.
 
-        On mechanisms with quaternions or (cos, sin) pairs steady ones are among them: no difference of their
-        configurations tells the work.
+        On mechanisms with quaternions or (cos, sin) pairs these are among them: no difference of their configurations
+        tells the work.
         """
         simple = self.model.nq == self.model.nv
         found = {
-            name: force for name, force in self.forces.items() if not (force.conservative or (force.steady and simple))
+            name: force
+            for name, force in self.forces.items()
+            if not (force.conservative or ((force.steady or force.held is not None) and simple))
         }
         return replace(self, forces=found) if found else None
 

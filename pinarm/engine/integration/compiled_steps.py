@@ -102,27 +102,27 @@ class CompiledSteps:
     def __post_init__(self) -> None:
         self._coefficients = _Coefficients.of(self.pair.tableau)
 
-    def take(self, index: int, t: float, h: float, tries: int) -> tuple[float, float]:
+    def take(self, index: int, span: Interval, t: float, h: float, tries: int) -> tuple[float, float]:
         """Take as many steps in an interval as there is room for."""
-        interval, stages, y = self.solution.intervals[index], self.pair.tableau.stages, self.stepper.y
-        compiled, flow = library(), interval.compiled
+        stages, y = self.pair.tableau.stages, self.stepper.y
+        compiled, flow = library(), span.compiled
         if compiled is None or flow is None:
             raise ValueError("the compiled library has gone")
         record = _Record.of(self.room, stages, len(y))
         record.slopes[0, 0] = self.stepper.stages.slopes[0]
         course = CourseStructure(
-            t, interval.start, interval.end, h, self.stepper.ceiling, tries, len(record.states), 0, 0, 0,
+            t, span.start, span.end, h, self.stepper.ceiling, tries, len(record.states), 0, 0, 0,
             pointer(y), *record.pointers(),
         )  # fmt: skip
         flow.ready()
-        parts = self._coefficients.structure, flow.structure, self._control(interval), course
+        parts = self._coefficients.structure, flow.structure, self._control(span), course
         compiled.pair_steps(*map(ctypes.byref, parts))
         self._add(index, course, record)
         if course.written == self.room:
             self.room = min(2 * self.room, MOST)
         self.stepper.ceiling = course.ceiling
         if flow.settles and course.written:
-            self._settle(interval, flow, course, record)
+            self._settle(span, flow, course, record)
         return course.t, course.h
 
     def _settle(self, interval: Interval, flow: Flow, course: CourseStructure, record: _Record) -> None:

@@ -61,11 +61,12 @@ def integrate(
 class StepTaker(Protocol):
     """How steps are taken: one at a time, or many by the compiled library."""
 
-    def take(self, index: int, t: float, h: float, tries: int) -> tuple[float, float]:
+    def take(self, index: int, span: Interval, t: float, h: float, tries: int) -> tuple[float, float]:
         """Try to take steps in an interval, and add those that are accepted to the solution.
 
         Args:
             index: Index of the interval.
+            span: The interval, or the part of it up to the next sample: the last step ends at its end.
             t: Present time [s].
             h: Next step [s].
             tries: Largest number of steps to try, rejected ones included; at least 1.
@@ -94,9 +95,9 @@ class SingleSteps:
     stepper: Stepper
     steps_over: StepsOver | None
 
-    def take(self, index: int, t: float, h: float, tries: int) -> tuple[float, float]:
+    def take(self, index: int, span: Interval, t: float, h: float, tries: int) -> tuple[float, float]:
         """Try one step."""
-        stepper, end = self.stepper, self.solution.intervals[index].end
+        stepper, end = self.stepper, span.end
         last = t + 1.01 * h >= end
         taken = end - t if last else h
         error = stepper.attempt(t, taken)
@@ -140,24 +141,32 @@ class _Driver:
     def run(self, y: Array) -> None:
         """Integrate all intervals from the state y."""
         for index, interval in enumerate(self.solution.intervals):
-            self.stepper.begin(interval, y)
-            if not self.stepper.finite:
-                raise _not_finite(self.solution, interval.start, self.stepper.y)
-            self.h = self.stepper.first(self.h)
-            self.run_interval(interval, index)
+            t = interval.start
+            while t < interval.end and not self.stopped:
+                t, y = self.run_span(interval, index, t, y)
             if self.stopped:
                 return
-            y = self.stepper.y.copy()
 
-    def run_interval(self, interval: Interval, index: int) -> None:
-        """Integrate one interval."""
-        t = interval.start
-        while t < interval.end and not self.stopped:
-            self.check_progress(t, interval)
+    def run_span(self, interval: Interval, index: int, t: float, y: Array) -> tuple[float, Array]:
+        """Integrate from t [s] to the next sample of an interval, or to its end; return when it ended, and its state.
+
+        The state y at t is what is sampled there.
+        """
+        if interval.sampling:
+            nq = self.solution.manifold.nq
+            interval.sampling.act(t, y[:nq], y[nq:])
+        span = interval.span(t)
+        self.stepper.begin(span, y)
+        if not self.stepper.finite:
+            raise _not_finite(self.solution, t, self.stepper.y)
+        self.h = self.stepper.first(self.h)
+        while t < span.end and not self.stopped:
+            self.check_progress(t, span)
             known = len(self.solution.steps)
-            t, self.h = self.steps.take(index, t, self.h, self.tries_until_check)
+            t, self.h = self.steps.take(index, span, t, self.h, self.tries_until_check)
             if self.watches:
                 self.stopped = self.locate_crossings(known)
+        return t, self.stepper.y.copy()
 
     def locate_crossings(self, first: int) -> bool:
         """Record the crossings from the step of an index on; return whether one of them stops the integration."""

@@ -6,7 +6,7 @@ No module of this package knows mechanisms.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -39,6 +39,18 @@ t, q and v are states along the step, its ends included, shapes (n,), (n, nq) an
 
 Energy = Callable[[Array, Array], tuple[float, float]]
 """``(q, v) -> T, V``: kinetic and potential energy [J]; T is quadratic in v."""
+
+
+class Sampling(Protocol):
+    """Instants at which loads may change by what is measured there: no step goes past one of them."""
+
+    def act(self, t: float, q: Array, v: Array) -> None:
+        """Change the loads by the integrated state at t [s]; what has been done at an instant is not done again."""
+        ...
+
+    def next(self, t: float) -> float:
+        """Return the first instant after t [s]; infinite where there is none."""
+        ...
 
 
 class Manifold(Protocol):
@@ -98,6 +110,7 @@ class Interval:
         unchecked_batch: ``batch`` without its comparison with ``acceleration``, for callers that compare themselves.
         size: Errors of a step are relative to ``size + |y|``: 1 in SI, or the size of a motion that is much smaller.
         compiled: The same motion in compiled code; ``None`` where there is none.
+        sampling: Instants at which steps have to end, since the acceleration may jump there; ``None`` for none.
         remark: What is to be said to the user of how the motion is computed; mostly empty.
     """
 
@@ -112,7 +125,17 @@ class Interval:
     unchecked_batch: Accelerations | None = None
     size: float = 1.0
     compiled: Flow | None = None
+    sampling: Sampling | None = None
     remark: str = ""
+
+    def span(self, t: float) -> Interval:
+        """Return the part from t [s] on in which the acceleration does not jump: up to the next sample."""
+        end = min(self.sampling.next(t), self.end) if self.sampling else self.end
+        return self if (t, end) == (self.start, self.end) else replace(self, start=t, end=end)
+
+    def of_step(self, start: float) -> Acceleration:
+        """Return the acceleration that an accepted step used, by its start [s]."""
+        return self.acceleration_of_step(start) if self.acceleration_of_step else self.acceleration
 
     def accelerations(self, start: Array, t: Array, q: Array, v: Array) -> Array:
         """Return the accelerations, shape (n, nv), of states at times t in steps from ``start``, both of shape (n,)."""
@@ -120,8 +143,7 @@ class Interval:
             return self.batch(t, q, v)
         a = np.empty_like(v)
         for k, (begin, instant) in enumerate(zip(start.tolist(), t.tolist(), strict=True)):
-            acceleration = self.acceleration_of_step(begin) if self.acceleration_of_step else self.acceleration
-            a[k] = acceleration(instant, q[k], v[k])
+            a[k] = self.of_step(begin)(instant, q[k], v[k])
         return a
 
 

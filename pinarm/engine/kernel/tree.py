@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -27,7 +27,7 @@ from pinarm.engine.kernel.structures import (
     FlowStructure,
     TreeStructure,
 )
-from pinarm.mechanics.forces.force_element import ForceElement
+from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
 
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Acceleration
@@ -44,7 +44,41 @@ STATES = 3
 NO_FLOOR = np.zeros(1)
 """The smallest useful step of trees [s]."""
 
+DEGREES = 1
+"""Place of the velocities, with what acts along each, among the arrays of a loaded tree."""
+
 DISAGREES = "the compiled kernel is not used: its accelerations differ from Pinocchio's by {:.1e}"
+
+
+@dataclass(frozen=True, eq=False)
+class HeldFlow(Flow):
+    """The free motion of a tree under loads that are held between samples: they are written where the library reads.
+
+    Attributes:
+        held: The loads.
+        steady: The sum of the steady loads [N*m or N], shape (nv,).
+    """
+
+    held: tuple[HeldLoad, ...] = ()
+    steady: Array = field(default_factory=lambda: np.zeros(0), repr=False)
+
+    @property
+    def _degrees(self) -> NDArray[Any]:
+        degrees: NDArray[Any] = self.system.arrays[DEGREES]
+        return degrees
+
+    def ready(self) -> None:
+        """Bring in the loads in force."""
+        self._degrees["effort"] = self.steady + sum(held.present for held in self.held)
+
+    def way(self, t: float) -> tuple[int, ...]:
+        """Return the changes of the loads that were in force in the step that begins at t [s]."""
+        return tuple(held.piece(t) for held in self.held)
+
+    def take(self, way: Any) -> None:
+        """Let rates be those under the loads of these changes."""
+        loads = (held.load_of(piece) for held, piece in zip(self.held, way, strict=True))
+        self._degrees["effort"] = self.steady + sum(loads)
 
 
 class LoadedTree(NamedTuple):
@@ -88,12 +122,14 @@ class CompiledTree:
             steady: The sum of the steady loads [N*m or N], shape (nv,).
             changing: The other force elements; springs and dampers at joints as one, see ``forces.summed``.
         """
-        compiled, tree = library(), self.loaded(steady, changing)
+        held = tuple(load for force in changing if (load := force.held) is not None)
+        compiled, tree = library(), self.loaded(steady, [force for force in changing if force.held is None])
         if compiled is None or tree is None:
             return None
         n = self.model.nq + self.model.nv
         places = address(compiled.tree_rates), None, pointer(NO_FLOOR), ctypes.addressof(tree.structure)
-        return Flow(FlowStructure(n, *places), tree)
+        structure = FlowStructure(n, *places)
+        return HeldFlow(structure, tree, held, steady) if held else Flow(structure, tree)
 
     def loaded(self, steady: Array, changing: Sequence[ForceElement]) -> LoadedTree | None:
         """Return the tree with its loads; ``None`` where the library does not know one of them, or a number is none."""
@@ -139,6 +175,7 @@ class CompiledTree:
 def rates(flow: Flow, y: Array) -> Array:
     """Return the slope of a state [q, v], shape (nq + nv,)."""
     state, slope = np.array(y, float), np.empty(len(y))
+    flow.ready()
     function = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
     function(flow.structure.rates)(flow.structure.system, 0.0, pointer(state), pointer(slope))
     return slope

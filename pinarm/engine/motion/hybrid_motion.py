@@ -39,6 +39,7 @@ from pinarm.mechanics.laws import Constant
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid
 
 if TYPE_CHECKING:
+    from pinarm.engine.control.controls import Controls
     from pinarm.engine.integration.batch_solution import Ensemble
     from pinarm.engine.integration.integrator import Crossing
     from pinarm.mechanics.friction.contact import FrictionContact
@@ -79,6 +80,7 @@ class HybridSystem:
         size: What errors of steps are relative to besides the states; see ``Interval.size``.
         least_size: The least that they can be relative to; see ``Accuracy.least_size``.
         frictions: Joints with friction that sticks.
+        controls: Controllers, whose efforts are among the loads of ``dynamics``; ``None`` for none.
     """
 
     closure: Closure
@@ -93,6 +95,7 @@ class HybridSystem:
     size: float = 1.0
     least_size: float = math.inf
     frictions: tuple[FrictionContact, ...] = ()
+    controls: Controls | None = None
     _systems: dict[Held, System] = field(default_factory=dict, repr=False)
 
     def system(self, held: Held = frozenset()) -> System:
@@ -207,12 +210,13 @@ class HybridSystem:
 
     def _smooth(self, system: System, spans: Iterable[tuple[float, float]]) -> list[Interval]:
         """Return what a system integrates in spans of time [s] without jumps."""
-        return [replace(system.interval(self.dynamics, *span), size=self.size) for span in spans]
+        found = [replace(system.interval(self.dynamics, *span), size=self.size) for span in spans]
+        return [self.controls.interval(each, system) for each in found] if self.controls else found
 
     @property
     def batchable(self) -> bool:
         """Whether motions from several initial states can be integrated together."""
-        if self.frictions:
+        if self.frictions or self.controls:
             return False
         free = self.system().manifold.nv > 0  # what laws determine altogether takes no steps
         return free and self.method.pair is not None and all(interval.batch for interval in self._intervals)
@@ -264,7 +268,21 @@ class HybridSystem:
             IntegrationError: It could not be followed to its end; ``partial`` is the motion until then.
             Interrupted: The user interrupted it; likewise.
         """
+        if self.controls is None:
+            return self._integrate(q, v, first)
+        from pinarm.engine.motion.controlled_motion import recorded
+
+        self.controls.begin(self.cuts[0], self.cuts[-1])
+        try:
+            return recorded(self.controls, self._integrate(q, v, first))
+        except (IntegrationError, Interrupted) as error:
+            if error.partial is not None:
+                error.partial = recorded(self.controls, error.partial)
+            raise
+
+    def _integrate(self, q: Array, v: Array, first: FirstSegment | None) -> SegmentedMotion:
         motion, t = SegmentedMotion(self.dynamics), self.cuts[0]
+        self._enter(t, q, v)
         if self.frictions:
             self.friction(frozenset()).sliding(Slip(), self._span(t)).equation.require_determined(q)
         approached = [k for k in self.contacts.near(q) if self.bounds[k].side * v[self.bounds[k].joint] < -RESTING]
@@ -280,8 +298,16 @@ class HybridSystem:
                 q[bound.place] = bound.limit
                 v = self.contacts.impact(t, q, v, [end.hit])
                 motion.events.append(EventRecord(bound.name, t, q, v))
+            if end.control is not None and self.controls:
+                self.controls.switch(end.control)
+            self._enter(t, q, v)
             v, mode = self.following(mode, end._replace(v=v))
         return motion
+
+    def _enter(self, t: float, q: Array, v: Array) -> None:
+        """Let controllers act at the start of a segment."""
+        if self.controls:
+            self.controls.enter(t, q, v)
 
     def following(self, mode: Mode, end: SegmentEnd) -> tuple[Array, Mode]:
         """Return the velocity and the mode after the end of a segment that does not end the run."""
@@ -304,10 +330,11 @@ class HybridSystem:
 
         Where there is friction a segment ends with its interval: a load that jumps may set joints in motion.
         """
-        system = self.stretch(mode, t, q, v)
-        watched = self._watched(mode, system, q, v)
-        spans = [(max(low, t), high) for low, high in pairwise(self.cuts) if high > t]
-        spans = spans[:1] if self.frictions else spans
+        system, spans = self.stretch(mode, t, q, v), self._spans(mode, t)
+        watched, acting = self._watched(mode, system, q, v), self._acting(system)
+        if self.controls:
+            watched += [(("control", index), watch) for index, watch in self.controls.watches(spans[0])]
+            system = self.controls.around(system)
         intervals = self._smooth(system, spans)
         watches = [_of_mechanism(coordinate, system) for _, coordinate in watched]
         steps = self.max_steps - int(sum(motion.cost()[name] for name in ("steps", "rejected steps")))
@@ -317,16 +344,35 @@ class HybridSystem:
             solution = first() if first else integrate(*given, max_steps=steps, watches=watches, steps_over=steps_over)
         except (IntegrationError, Interrupted) as error:
             if error.partial.steps:
-                motion.segments.append(MotionSegment(system, error.partial, self._acting(system)))
+                motion.segments.append(MotionSegment(system, error.partial, acting))
             error.partial = motion if motion.segments else None
             self._locate(error, system)
             raise
-        motion.segments.append(MotionSegment(system, solution, self._acting(system)))
+        motion.segments.append(MotionSegment(system, solution, acting))
         end = self._note_events(motion, solution, system, [key for key, _ in watched])
+        if self.controls:
+            self._remember(system, solution)
         if end is None and solution.end < self.cuts[-1]:
             q, v = (x[0] for x in system.whole(np.array([solution.end]), *solution.states(np.array([solution.end]))))
             return SegmentEnd(solution.end, q, v)
         return end
+
+    def _spans(self, mode: Mode, t: float) -> list[tuple[float, float]]:
+        """Return the intervals of a segment from t [s] on: one where a load that jumps may change what holds joints."""
+        spans = [(max(low, t), high) for low, high in pairwise(self.cuts) if high > t]
+        if self.controls is None:
+            return spans[:1] if self.frictions else spans
+        held = self.frictions or mode.held
+        end = min(spans[0][1], self.controls.memory.next(t)) if held else spans[0][1]
+        return [(t, end)] if held or self.controls.continuous else spans
+
+    def _remember(self, system: System, solution: Solution) -> None:
+        """Keep the integrals of controllers at the end of a segment."""
+        from pinarm.engine.control.controlled_system import ControlledSystem
+
+        if self.controls and isinstance(system, ControlledSystem):
+            _, v = solution.states(np.array([solution.end]))
+            self.controls.remember(system.integrals(v)[0])
 
     def _standing(self, watches: Sequence[Watch], spans: Sequence[tuple[float, float]]) -> FixedStep:
         """Return the method where nothing is left to integrate: as few steps as show all crossings."""
@@ -351,8 +397,7 @@ class HybridSystem:
                 motion.events.append(EventRecord(key, t, q, v))
                 end = SegmentEnd(t, q, v, stops=True) if self.watches[key].stops else None
             else:
-                hit, released, slip = (key[1] if key[0] == cause else None for cause in CAUSES)
-                end = SegmentEnd(t, q, v, hit, released, slip)
+                end = SegmentEnd(t, q, v, **{key[0]: key[1]})
         return end
 
     def _locate(self, error: NumericsError, system: System) -> None:
@@ -415,10 +460,7 @@ class HybridSystem:
 
 
 Key = str | tuple[str, int]
-"""Name of an event of the user, or what ends a segment: one of ``CAUSES``, and which one it is."""
-
-CAUSES = ("hit", "released", "slip")
-"""Fields of ``SegmentEnd`` that tell why a segment ended."""
+"""Name of an event of the user, or what ends a segment: a field of ``SegmentEnd``, and which one it is."""
 
 
 class SegmentEnd(NamedTuple):
@@ -431,6 +473,7 @@ class SegmentEnd(NamedTuple):
         hit: Stop that is hit.
         released: Stop that lets go.
         slip: Joint that comes to rest, or the complement of a group of stuck joints that breaks loose.
+        control: Controller that changes its way; see ``Controls.watches``.
         stops: Whether the run ends.
     """
 
@@ -440,6 +483,7 @@ class SegmentEnd(NamedTuple):
     hit: int | None = None
     released: int | None = None
     slip: int | None = None
+    control: int | None = None
     stops: bool = False
 
 

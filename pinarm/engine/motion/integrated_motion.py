@@ -22,6 +22,7 @@ from pinarm.mechanics.coordinates import driven_along
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
+    from pinarm.engine.control.controls import Controls
     from pinarm.engine.mechanism import Mechanism
 
 
@@ -54,9 +55,24 @@ class IntegratedMotion:
     def at(self, grid: Grid) -> Trajectory:
         """Return the states at the rows of a grid; accelerations are those of the equation of motion there."""
         rows = states(self.mechanism, self.hybrid, grid, self.motion.complete(grid))
+        if self.hybrid.controls:
+            rows = self._controlled(rows, self.hybrid.controls)
         alike = np.zeros(len(grid.t), dtype=np.intp)
         columns = {**rows.columns, **event_columns(self.hybrid.watches, [self.motion.events], alike)}
         return self._directed(replace(rows, columns=columns))
+
+    def _controlled(self, rows: Trajectory, controls: Controls) -> Trajectory:
+        """Return states with the efforts of the controllers as those of drives, and their columns."""
+        from pinarm.engine.motion.controlled_motion import ControlledRows
+
+        done = ControlledRows.of(self.motion, rows.grid, rows.q, rows.v)
+        driven = np.zeros(self.mechanism.model.nv, dtype=bool) if rows.driven is None else rows.driven.copy()
+        driven[list(controls.joints)] = True
+        names = [name for name, joint in self.mechanism.joints.items() if joint.v in controls.joints]
+        return replace(
+            rows, tau=rows.tau + done.efforts, columns={**rows.columns, **done.columns}, dynamics=controls.free,
+            driven=driven, drives=(*rows.drives, *names),
+        )  # fmt: skip
 
     def _directed(self, rows: Trajectory) -> Trajectory:
         """Return states with the directions of the joints, where drives have losses."""

@@ -229,6 +229,10 @@ class FrictionalSystem:
         """Return the equation of motion with the friction of what slips."""
         return Dynamics.of(dynamics.model, {**dynamics.forces, FRICTION: self.sliding_at(*self.cuts[:2])})
 
+    def under(self, dynamics: Dynamics) -> FrictionalSystem:
+        """Return the system under other loads."""
+        return replace(self, friction=replace(self.friction, dynamics=dynamics))
+
     def interval(self, dynamics: Dynamics, start: float, end: float) -> Interval:
         """Return the motion of the integrated state on an interval without jumps."""
         return self.inner.interval(self.slowed(dynamics), start, end)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from pinarm.arrays import Array
+from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.mechanics.laws.motion_law import MotionLaw
@@ -27,6 +28,23 @@ class ElementQuantity:
     unit: Unit
     values: Callable[[Array, Array, Array], Array]
     vector: bool = False
+
+
+class HeldLoad(Protocol):
+    """A load that is the same in all states between the instants at which it changes."""
+
+    @property
+    def present(self) -> Array:
+        """The load in force [N*m or N], shape (nv,)."""
+        ...
+
+    def piece(self, t: float) -> int:
+        """Return the number of the change at t [s], or of the last one before."""
+        ...
+
+    def load_of(self, piece: int) -> Array:
+        """Return the load from a change on [N*m or N], shape (nv,)."""
+        ...
 
 
 class ForceElement(ABC):
@@ -58,6 +76,11 @@ class ForceElement(ABC):
         """Whether the load is the same in all states and at all times."""
         return False
 
+    @property
+    def held(self) -> HeldLoad | None:
+        """The load where it is the same in all states between changes in time that no law tells; ``None`` elsewhere."""
+        return None
+
     def laws(self) -> list[MotionLaw]:
         """Return the laws over time that the load follows; it may jump where they do."""
         return []
@@ -79,6 +102,18 @@ class ForceElement(ABC):
             v: Velocities, shape (n, nv).
         """
         return False
+
+    def within(self, kept_q: Indices, kept_v: Indices) -> ForceElement | None:
+        """Return the element as it acts on a part of the mechanism, whose other joints are at rest.
+
+        Args:
+            kept_q: Places of the part's configuration in that of the whole.
+            kept_v: Places of its velocity.
+
+        Returns:
+            ``None`` where it takes more than indices to tell.
+        """
+        return None
 
     def wrenches(self, t: float, q: Array, v: Array) -> dict[int, Array]:
         """Return what acts on links from outside: joint index -> [f; m] at the world's origin, world axes, shape (6,).

@@ -53,6 +53,13 @@ class SpringDamper(ForceElement):
             load += self.damping * v[..., rates]
         tau[..., rates] -= load
 
+    def within(self, kept_q: Indices, kept_v: Indices) -> SpringDamper:
+        """Return the springs and dampers at the joints of a part; the energy of the others is left out."""
+        mine = np.isin(self.v, kept_v)
+        numbers = (numbers[mine] for numbers in (self.stiffness, self.damping, self.rest))
+        places = np.searchsorted(kept_q, self.q[mine]), np.searchsorted(kept_v, self.v[mine])
+        return SpringDamper(*places, *numbers)
+
     @cached_property
     def _damped(self) -> bool:
         return bool(self.damping.any())

@@ -31,6 +31,10 @@ from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.problems.simplify.removal import Removed
 
 
+CARRIED = "forces of the whole"
+"""Name of the element of those forces that look beyond the joints of a part."""
+
+
 @dataclass(frozen=True, eq=False)
 class ReducedMechanism:
     """A part of a mechanism.
@@ -72,7 +76,7 @@ class ReducedMechanism:
 
     @cached_property
     def mechanism(self) -> Mechanism:
-        """The part as a mechanism; all its forces are one element, which knows the whole."""
+        """The part as a mechanism; forces that look beyond its joints are one element, which knows the whole."""
         whole = self.whole
         model = self._model()
         joints, balls = joints_of(model), balls_of(model)
@@ -81,11 +85,15 @@ class ReducedMechanism:
             self._coupling(model, constraint) if isinstance(constraint, Coupling) else constraint for constraint in left
         )
         drives = {name: drive for name, drive in whole.drives.items() if drive.joint in joints}
+        within = {name: force.within(self.kept_q, self.kept_v) for name, force in self.forces.items()}
+        forces = {name: force for name, force in within.items() if force is not None}
+        others = tuple(force for name, force in self.forces.items() if name not in forces)
         carried = Carried(
-            tuple(self.forces.values()), tuple(self.removed.dropped.values()), self.configuration, self.kept_q,
+            others, tuple(self.removed.dropped.values()), self.configuration, self.kept_q,
             self.kept_v, whole.model.nv, tuple(carrier for carrier, _ in self._places),
         )  # fmt: skip
-        forces: dict[str, ForceElement] = {"forces": carried} if self.forces or self.removed.dropped else {}
+        if others or self.removed.dropped:
+            forces[CARRIED] = carried
         return replace(
             whole, model=model, joints=joints, balls=balls, coordinates=self._coordinates(model),
             constraints=constraints, drives=drives, forces=forces,
@@ -280,7 +288,7 @@ class RestoredMotion:
 
 @dataclass(frozen=True, eq=False)
 class Carried(ForceElement):
-    """All force elements of a whole as they act on a part of it, the removed joints at rest where they begin.
+    """Force elements of a whole as they act on a part of it, the removed joints at rest where they begin.
 
     Attributes:
         forces: The elements.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -189,6 +189,7 @@ class FixedStep:
         For order p it is the error of the step up to a factor ``1 - 2^-p``.
         """
         interval, tableau = solution.intervals[step.interval], self.tableau
+        interval = replace(interval, acceleration=interval.of_step(step.t))
         stages = Stages(tableau, solution.manifold)
         stages.start(step.t, step.y, interval)
         for half in range(2):

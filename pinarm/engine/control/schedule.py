@@ -1,0 +1,79 @@
+"""When sampled controllers measure, and when their efforts change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError
+from pinarm.mechanics.control.controller import Controller
+
+SAME = 1e-9
+"""Difference of instants, over the shortest period, below which they are the same instant."""
+
+MOST = 5_000_000
+"""Samples of a run beyond which nobody waits for it."""
+
+
+class Action(NamedTuple):
+    """Something that a controller does at an instant.
+
+    Attributes:
+        controller: Its number among the sampled ones.
+        sample: Number of the sample.
+        measures: Whether it measures; otherwise it applies what it has commanded at that sample.
+    """
+
+    controller: int
+    sample: int
+    measures: bool
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """The instants of a run at which sampled controllers act.
+
+    Attributes:
+        instants: Ascending [s].
+        actions: What is done at each, in order: commands are applied before others are measured.
+        slack: Difference below which instants are the same [s].
+        samples: Instants of the samples of every controller [s].
+    """
+
+    instants: list[float]
+    actions: list[list[Action]]
+    slack: float
+    samples: list[Array]
+
+    @classmethod
+    def of(cls, controllers: Sequence[Controller], start: float, end: float) -> Schedule:
+        """Return the schedule of sampled controllers from start to end [s].
+
+        Raises:
+            InputError: There are too many samples.
+        """
+        timed = [each.sampling for each in controllers if each.sampling]
+        slack = SAME * min((each.period for each in timed), default=0.0)
+        marks, samples = list[tuple[float, bool, Action]](), list[Array]()
+        for number, sampling in enumerate(timed):
+            count = int((end - start - slack) / sampling.period) + 1
+            if count > MOST:
+                raise InputError(f"a period of {sampling.period:g} s makes {count} samples in {end - start:g} s",
+                                 expected=f"at most {MOST}")  # fmt: skip
+            samples.append(start + sampling.period * np.arange(count))
+            for k, t in enumerate(samples[-1].tolist()):
+                marks.append((t, True, Action(number, k, True)))
+                if sampling.delay:
+                    marks.append((t + sampling.delay, False, Action(number, k, False)))
+        marks.sort()
+        instants, actions = list[float](), list[list[tuple[bool, Action]]]()
+        for t, measures, action in marks:
+            if not instants or t > instants[-1] + slack:
+                instants.append(t)
+                actions.append([])
+            actions[-1].append((measures, action))
+        return cls(instants, [[action for _, action in sorted(here)] for here in actions], slack, samples)

@@ -1,0 +1,73 @@
+"""Computed torque: feed-forward by inverse dynamics, with PD feedback of accelerations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from pinarm.arrays import Array
+from pinarm.errors import within
+from pinarm.input.units import unit
+from pinarm.input.yaml.schema import AnyQuantity, check_unit
+from pinarm.mechanics.control.controller import Controller, Given, Plant
+from pinarm.mechanics.control.definition import ControlDefinition, measured, references
+from pinarm.mechanics.laws import Law
+
+
+class ComputedTorque(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="computed_torque"):
+    """The efforts that inverse dynamics asks for the accelerations ``r'' + kd e' + kp e`` of the drives.
+
+    Inverse dynamics is that of the mechanism with all its forces at the measured state: the errors obey
+    ``e'' + kd e' + kp e = 0`` and vanish. What the drives do not move directly, such as free joints, follows from the
+    equation of motion. Source: Siciliano et al., Robotics (2009), section 8.5.2.
+
+    Good values: ``kp = w^2``, ``kd = 2 w`` with the pulsation w at which errors are to vanish.
+
+    Attributes:
+        follows: Laws of the drives' coordinates, one for each drive.
+        kp: Acceleration per error [1/s^2].
+        kd: Acceleration per rate of the error [1/s].
+    """
+
+    follows: Law | list[Law]
+    kp: AnyQuantity = 0.0
+    kd: AnyQuantity = 0.0
+
+    def bind(self, plant: Plant) -> Controller:
+        """Return the controller of one mechanism.
+
+        Raises:
+            InputError: A drive does not exist, a unit is another, or the drives do not move independently.
+        """
+        joints = self.joints(plant)
+        signals = measured(plant, self.drives)
+        laws = references(self.follows, signals)
+        for key, per in (("kp", "1/s^2"), ("kd", "1/s")):
+            with within(key):
+                check_unit(getattr(self, key), unit(per))
+        with within("drive"):
+            inverse = plant.inverse(joints)
+        bounds, sampling = self.bounds(joints), self.sampling(signals)
+        gains = float(self.kp), float(self.kd)
+        return ComputedTorqueController(tuple(self.drives), joints, signals, laws, *bounds, sampling, *gains, inverse)
+
+
+@dataclass(frozen=True, eq=False)
+class ComputedTorqueController(Controller):
+    """Computed torque of one mechanism.
+
+    Attributes:
+        kp: Acceleration per error [1/s^2].
+        kd: Acceleration per rate of the error [1/s].
+        inverse: ``(t, q, v, a) -> efforts`` of the drives; see ``Plant.inverse``.
+    """
+
+    kp: float
+    kd: float
+    inverse: Callable[[Array | float, Array, Array, Array], Array] = field(repr=False)
+
+    def command(self, given: Given) -> Array:
+        """Return the efforts of the accelerations ``r'' + kd e' + kp e``."""
+        error = given.error
+        wanted = given.reference[..., 2] + self.kd * error[..., 1] + self.kp * error[..., 0]
+        return self.inverse(given.t, given.q, given.v, wanted)

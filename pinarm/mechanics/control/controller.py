@@ -1,0 +1,189 @@
+"""What every controller promises: a command for its drives, from references and measurements.
+
+The effort of a drive is its command within its limits. A continuous controller acts at every instant. A sampled one
+measures at ``t_k = t_0 + k T``; its effort changes at ``t_k + delay`` and is held until the next change (zero-order
+hold). Before the first one it is 0.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.mechanics.control.signals import Signal
+from pinarm.mechanics.joints import Joint
+from pinarm.mechanics.laws.motion_law import MotionLaw
+
+Reader = Callable[[float, Array, Array], float]
+"""``(t, q, v) -> `` a named quantity of one state [SI]."""
+
+
+class Plant(Protocol):
+    """The mechanism as controllers see it."""
+
+    def drive(self, name: str) -> Joint:
+        """Return the joint that a drive moves, by the name of the drive or of the joint.
+
+        Raises:
+            InputError: There is none of that name.
+        """
+        ...
+
+    def signal(self, name: str) -> Signal:
+        """Return a coordinate that can be measured, by the name of the coordinate or of the drive that moves it.
+
+        Raises:
+            InputError: There is none of that name.
+        """
+        ...
+
+    def reader(self, name: str) -> Reader:
+        """Return a quantity of the state by name.
+
+        Raises:
+            InputError: There is none of that name, or the state does not determine it.
+        """
+        ...
+
+    def inverse(self, joints: Sequence[Joint]) -> Callable[[Array | float, Array, Array, Array], Array]:
+        """Return ``(t, q, v, a) -> efforts``: those that give joints the accelerations a, shapes (..., k).
+
+        Raises:
+            InputError: The joints cannot be accelerated independently.
+        """
+        ...
+
+
+class Given(NamedTuple):
+    """What a controller knows, at one instant or at many; k drives, s signals, m integrals.
+
+    Attributes:
+        t: Instants [s], shape (...).
+        q: Configurations, shape (..., nq).
+        v: Velocities, shape (..., nv).
+        measured: Values and rates of the signals, shape (..., s, 2).
+        reference: What they should be, with first and second derivative, shape (..., s, 3).
+        integral: Integrals of the errors, shape (..., m).
+        mode: State of a controller that switches, shape (...).
+    """
+
+    t: Array | float
+    q: Array
+    v: Array
+    measured: Array
+    reference: Array
+    integral: Array
+    mode: Array | int = 0
+
+    @property
+    def error(self) -> Array:
+        """Errors of the signals and their rates, reference less measured, shape (..., s, 2)."""
+        return self.reference[..., :2] - self.measured
+
+
+class Switch(NamedTuple):
+    """A zero crossing at which a continuous controller changes its way.
+
+    Attributes:
+        value: Of what a controller knows at many instants, shape (n,).
+        direction: 1 for rising crossings, -1 for falling ones, 0 for both.
+        mode: State of the controller afterwards; ``None`` for the same.
+    """
+
+    value: Callable[[Given], Array]
+    direction: int
+    mode: int | None = None
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """When a controller acts, and what its sensors see.
+
+    Attributes:
+        period: T [s].
+        delay: From a measurement to the change of the effort [s].
+        resolution: Steps of the measured coordinates, 0 for none, shape (s,).
+        rates: Whether rates are ``measured``, or the ``difference`` of two measured values over the period.
+    """
+
+    period: float
+    delay: float
+    resolution: Array
+    rates: str
+
+
+@dataclass(frozen=True, eq=False)
+class Controller(ABC):
+    """A controller of one mechanism.
+
+    Attributes:
+        drives: Names of the k drives.
+        joints: The joints that they move.
+        signals: What is measured, s coordinates.
+        references: What each signal should be; none where there is no reference.
+        lower: Least efforts [N*m or N], shape (k,).
+        upper: Largest efforts, shape (k,).
+        sampling: When it acts; ``None`` for a continuous one.
+    """
+
+    drives: tuple[str, ...]
+    joints: tuple[Joint, ...]
+    signals: tuple[Signal, ...]
+    references: tuple[MotionLaw, ...]
+    lower: Array = field(repr=False)
+    upper: Array = field(repr=False)
+    sampling: Sampling | None
+
+    @abstractmethod
+    def command(self, given: Given) -> Array:
+        """Return the commanded efforts before their limits [N*m or N], shape (..., k)."""
+
+    @property
+    def integrals(self) -> int:
+        """Number of integrals, which are states of the run beside q and v."""
+        return 0
+
+    def rates(self, given: Given) -> Array:
+        """Return the rates of the integrals, shape (..., m)."""
+        return np.zeros((*np.shape(given.t), 0))
+
+    def clamped(self, integral: Array) -> Array:
+        """Return integrals within their limits, shape (..., m); see ``rates`` for continuous ones."""
+        return integral
+
+    def mode(self, given: Given, before: int | None) -> int:
+        """Return the state of a controller that switches, at an instant; ``before`` is the one until then."""
+        return 0
+
+    def switches(self, mode: int) -> list[Switch]:
+        """Return where a continuous controller changes its way: where a command reaches a limit."""
+        found = []
+        for limits in (self.lower, self.upper):
+            for k in np.flatnonzero(np.isfinite(limits)).tolist():
+                found.append(Switch(lambda given, k=k, at=limits[k]: self.command(given)[..., k] - at, 0))  # type: ignore[misc]
+        return found
+
+    def limited(self, command: Array) -> Array:
+        """Return efforts within the limits, shape (..., k)."""
+        return np.minimum(np.maximum(command, self.lower), self.upper)
+
+    def measure(self, q: Array, v: Array) -> Array:
+        """Return values and rates of the signals, shape (..., s, 2)."""
+        found = np.empty((*q.shape[:-1], len(self.signals), 2))
+        for k, signal in enumerate(self.signals):
+            found[..., k, 0], found[..., k, 1] = signal.measure(q, v)
+        return found
+
+    def followed(self, drive: str) -> int | None:
+        """Return the signal whose error is that of a drive; ``None`` where it follows nothing."""
+        if not self.references:
+            return None
+        if len(self.signals) == len(self.drives):
+            return self.drives.index(drive)
+        names, joint = [signal.name for signal in self.signals], self.joints[self.drives.index(drive)].name
+        return names.index(joint) if joint in names else None

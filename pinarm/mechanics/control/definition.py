@@ -1,0 +1,151 @@
+"""The keys that controllers share in files, and how they are bound to a mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError, choices, within
+from pinarm.input.units import Unit, unit
+from pinarm.input.yaml.schema import AnyQuantity, Duration, InputStruct, NotNegative, Pause, check_unit
+from pinarm.mechanics.control.controller import Plant, Sampling
+from pinarm.mechanics.control.signals import Signal
+from pinarm.mechanics.joints import METRE, Joint
+from pinarm.mechanics.laws import Law
+
+Limits = tuple[AnyQuantity, AnyQuantity]
+"""Least and largest effort."""
+
+
+class ControlDefinition(InputStruct, frozen=True, kw_only=True):
+    """What all controllers have in files.
+
+    Attributes:
+        drive: What it drives: a motor of the mechanism's ``drives``, or a joint; several as a list.
+        period: Of a sampled controller, from one measurement to the next; continuous where it is left out.
+        delay: From a measurement to the change of the effort; of sampled controllers.
+        limits: Least and largest effort at the joint, such as ``[-20 N*m, 20 N*m]``; one pair for all drives, or pairs by
+            the names of the drives.
+        resolution: Smallest step of the measured coordinates, such as ``0.1 deg``; of sampled controllers.
+        rates: ``measured`` by a sensor of their own, or the ``difference`` of two samples over the period.
+    """
+
+    drive: str | list[str]
+    period: Duration | None = None
+    delay: Pause = 0.0
+    limits: Limits | dict[str, Limits] | None = None
+    resolution: NotNegative = 0.0
+    rates: Literal["measured", "difference"] = "measured"
+
+    @property
+    def drives(self) -> list[str]:
+        """Names of the drives."""
+        return [self.drive] if isinstance(self.drive, str) else self.drive
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all coordinates and drives that it needs."""
+        measured = getattr(self, "measures", None) or getattr(self, "states", [])
+        return [*self.drives, *([measured] if isinstance(measured, str) else measured)]
+
+    def check(self) -> None:
+        """Refuse what only sampled controllers have, and drives that are named twice or not at all."""
+        if not self.drives or len(set(self.drives)) < len(self.drives):
+            with within("drive"):
+                raise InputError("no drive is named, or one is named twice", expected="each drive once")
+        for key, given in (("delay", self.delay), ("resolution", self.resolution), ("rates", self.rates != "measured")):
+            if given and self.period is None:
+                with within(key):
+                    raise InputError(f"a continuous controller has no {key}", expected="a sampled one",
+                                     hint="period: 1 ms")  # fmt: skip
+
+    def joints(self, plant: Plant) -> tuple[Joint, ...]:
+        """Return the joints that the drives move.
+
+        Raises:
+            InputError: A drive does not exist.
+        """
+        with within("drive"):
+            return tuple(plant.drive(name) for name in self.drives)
+
+    def bounds(self, joints: Sequence[Joint]) -> tuple[Array, Array]:
+        """Return least and largest efforts, shape (k,) each.
+
+        Raises:
+            InputError: A limit has another unit, or there is no room between two.
+        """
+        if self.limits is None:
+            return np.full(len(joints), -np.inf), np.full(len(joints), np.inf)
+        with within("limits"):
+            given = self.limits if isinstance(self.limits, dict) else dict.fromkeys(self.drives, self.limits)
+            for name in given:
+                if name not in self.drives:
+                    expected, hint = choices(name, self.drives)
+                    raise InputError(f"'{name}' is no drive of this controller", expected=expected, hint=hint)
+            pairs = [given.get(name, (-np.inf, np.inf)) for name in self.drives]
+            for (low, high), joint in zip(pairs, joints, strict=True):
+                check_unit(low, effort_unit(joint.unit))
+                check_unit(high, effort_unit(joint.unit))
+                if not low < high:
+                    raise InputError(f"the upper limit {high:g} is not above the lower one {low:g}")
+            lower, upper = np.array(pairs, float).T
+            return lower, upper
+
+    def sampling(self, signals: Sequence[Signal]) -> Sampling | None:
+        """Return when the controller acts.
+
+        Raises:
+            UnitError: The resolution has another dimension than a coordinate.
+        """
+        if self.period is None:
+            return None
+        with within("resolution"):
+            for signal in signals:
+                check_unit(self.resolution, signal.unit)
+        steps = np.full(len(signals), float(self.resolution))
+        return Sampling(float(self.period), float(self.delay), steps, self.rates)
+
+
+def effort_unit(coordinate: Unit) -> Unit:
+    """Return the unit of efforts along a coordinate: N along lengths, N*m along angles."""
+    return unit("N") if coordinate == METRE else unit("N*m")
+
+
+def require_one(drives: Sequence[str]) -> None:
+    """Raise where a controller of one drive has several.
+
+    Raises:
+        InputError: It has.
+    """
+    if len(drives) > 1:
+        with within("drive"):
+            raise InputError(f"this kind of controller has one drive, not {len(drives)}",
+                             expected="a controller for each drive")  # fmt: skip
+
+
+def measured(plant: Plant, names: list[str]) -> tuple[Signal, ...]:
+    """Return the signals of coordinates.
+
+    Raises:
+        InputError: One does not exist.
+    """
+    with within("measures"):
+        return tuple(plant.signal(name) for name in names)
+
+
+def references(follows: Law | list[Law], signals: tuple[Signal, ...]) -> tuple[Law, ...]:
+    """Return the laws that signals follow, checked.
+
+    Raises:
+        InputError: A unit is another, or the number of laws.
+    """
+    with within("follows"):
+        laws = follows if isinstance(follows, list) else [follows]
+        if len(laws) != len(signals):
+            raise InputError(f"{len(laws)} laws are given", expected=f"{len(signals)}, one for each drive")
+        for law, signal in zip(laws, signals, strict=True):
+            law.check_units(signal.unit)
+        return tuple(laws)

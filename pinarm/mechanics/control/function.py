@@ -1,0 +1,148 @@
+"""Controllers given as functions in Python: ``u(t, state)``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError, within
+from pinarm.input.yaml.schema import Duration, Pause
+from pinarm.mechanics.control.controller import Controller, Given, Plant, Reader, Sampling
+
+
+class MeasuredState:
+    """A state as a function sees it: ``state["knee"]`` is a named quantity [SI].
+
+    Names are those of coordinates (``knee``), of their rates (``joint.knee.velocity``, ``coordinate.C.velocity``), and
+    of all quantities that positions and velocities determine, such as ``point.hand.position.x``.
+
+    Attributes:
+        t: Instant [s].
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,).
+    """
+
+    __slots__ = ("_plant", "_readers", "q", "t", "v")
+
+    def __init__(self, t: float, q: Array, v: Array, plant: Plant, readers: dict[str, Reader]) -> None:
+        self.t, self.q, self.v, self._plant, self._readers = t, q, v, plant, readers
+
+    def __getitem__(self, name: str) -> float:
+        """Return a quantity by name [SI].
+
+        Raises:
+            InputError: There is none of that name, or the state does not determine it.
+        """
+        reader = self._readers.get(name)
+        if reader is None:
+            reader = self._readers[name] = self._plant.reader(name)
+        return reader(self.t, self.q, self.v)
+
+
+ControlFunction = Callable[[float, MeasuredState], Any]
+"""``(t, state) -> effort``; of several drives a sequence of efforts, in their order."""
+
+
+@dataclass(frozen=True)
+class FunctionControl:
+    """A controller given as a function: its effort is what the function returns.
+
+    A continuous one is called at every stage of every step, in no order of time: it must depend on its arguments only,
+    and be smooth. A sampled one is called once for each sample, in order of time, and may remember. The same functions
+    give the same run.
+
+    Attributes:
+        drives: Names of the drives.
+        function: ``(t, state) -> effort``, or efforts in the order of the drives.
+        period: Of a sampled one [s].
+        delay: From a sample to the change of the effort [s].
+    """
+
+    drives: tuple[str, ...]
+    function: ControlFunction
+    period: Duration | None = None
+    delay: Pause = 0.0
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the drives; what the function asks for is not known before."""
+        return list(self.drives)
+
+    def bind(self, plant: Plant) -> Controller:
+        """Return the controller of one mechanism.
+
+        Raises:
+            InputError: A drive does not exist.
+        """
+        with within("drive"):
+            joints = tuple(plant.drive(name) for name in self.drives)
+        endless, readers = np.full(len(joints), np.inf), dict[str, Reader]()
+        sampling = None if self.period is None else Sampling(self.period, self.delay, np.zeros(0), "measured")
+        return FunctionController(
+            self.drives, joints, (), (), -endless, endless, sampling, self.function, plant, readers
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class FunctionController(Controller):
+    """A function as controller of one mechanism.
+
+    Attributes:
+        function: ``(t, state) -> effort``.
+        plant: Gives it named quantities.
+        readers: Those that it has asked for, by name.
+    """
+
+    function: ControlFunction
+    plant: Plant = field(repr=False)
+    readers: dict[str, Reader] = field(repr=False)
+
+    def command(self, given: Given) -> Array:
+        """Return what the function returns, state by state."""
+        if np.ndim(given.t) == 0:
+            return self._call(float(given.t), given.q, given.v)
+        states = zip(np.asarray(given.t).tolist(), given.q, given.v, strict=True)
+        return np.array([self._call(*state) for state in states]).reshape(len(given.q), len(self.drives))
+
+    def _call(self, t: float, q: Array, v: Array) -> Array:
+        effort = self.function(t, MeasuredState(t, q, v, self.plant, self.readers))
+        try:
+            found = np.array(effort, dtype=np.float64).reshape(len(self.drives))
+        except (TypeError, ValueError):
+            raise InputError(
+                f"the control function of {', '.join(self.drives)} has returned {effort!r} at t = {t:.9g} s",
+                expected="an effort" if len(self.drives) == 1 else f"{len(self.drives)} efforts in a sequence",
+            ) from None
+        if not np.isfinite(found).all():
+            raise InputError(f"the control function of {', '.join(self.drives)} has returned {effort!r} at "
+                             f"t = {t:.9g} s", expected="finite efforts")  # fmt: skip
+        return found
+
+
+def function_controls(
+    control: Mapping[str | tuple[str, ...], ControlFunction], period: float | None = None, delay: float = 0.0
+) -> Sequence[FunctionControl]:
+    """Return the controllers of functions by the names of their drives.
+
+    Args:
+        control: Drive, or several in a tuple -> ``u(t, state)``.
+        period: Of sampled ones [s]; continuous where it is left out.
+        delay: From a sample to the change of the effort [s].
+
+    Raises:
+        InputError: A function cannot be called, or the period is not positive.
+    """
+    for name, function in control.items():
+        if not callable(function):
+            raise InputError(f"the control of '{name}' is {function!r}", expected="a function u(t, state)")
+    if (period is not None and not 0.0 < period < np.inf) or not 0.0 <= delay < np.inf or (delay and period is None):
+        raise InputError(f"the period is {period} s, the delay {delay} s",
+                         expected="a positive period, and a delay of sampled functions only")  # fmt: skip
+    return [
+        FunctionControl((name,) if isinstance(name, str) else tuple(name), function, period, delay)
+        for name, function in control.items()
+    ]

@@ -1,0 +1,119 @@
+"""Proportional, integral and derivative control of drives, each on a measured coordinate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.errors import within
+from pinarm.input.units import unit
+from pinarm.input.yaml.schema import AnyQuantity, check_unit
+from pinarm.mechanics.control.controller import Controller, Given, Plant, Switch
+from pinarm.mechanics.control.definition import (
+    ControlDefinition,
+    effort_unit,
+    measured,
+    references,
+    require_one,
+)
+from pinarm.mechanics.laws import Law
+
+
+class Pid(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="pid"):
+    """``u = kp e + ki integral of e + kd e'``, with the error ``e = r - y`` of a coordinate y that follows r(t).
+
+    The derivative is that of the error, so that a moving reference is followed without lag of the damping. The part of
+    the integral, ``ki integral of e``, is kept within the limits of the effort (clamp): it does not wind up. Sampled,
+    the integral is the sum of the errors times the period, the present one included.
+
+    Good values for an inertia J: ``kp = J w^2``, ``kd = 2 d J w``, with the pulsation w of the closed loop and its
+    damping ratio d, 0.7 to 1; ``ki`` at most ``0.1 kp w``; a period below ``0.1 / w``.
+
+    Attributes:
+        follows: The law of the reference r.
+        measures: Coordinate y; that of the drive where it is left out.
+        kp: Effort per error.
+        ki: Effort per error and second.
+        kd: Effort per rate of the error.
+    """
+
+    follows: Law
+    measures: str | None = None
+    kp: AnyQuantity
+    ki: AnyQuantity = 0.0
+    kd: AnyQuantity = 0.0
+
+    def bind(self, plant: Plant) -> Controller:
+        """Return the controller of one mechanism.
+
+        Raises:
+            InputError: The drive or the coordinate does not exist, or a unit is another.
+        """
+        joints = self.joints(plant)
+        signals = measured(plant, [self.measures or self.drives[0]])
+        laws, gains = references(self.follows, signals), []
+        for key, per in (("kp", "1"), ("ki", "s"), ("kd", "1/s")):
+            with within(key):
+                check_unit(getattr(self, key), effort_unit(joints[0].unit) / signals[0].unit / unit(per))
+            gains.append(np.array([float(getattr(self, key))]))
+        bounds, sampling = self.bounds(joints), self.sampling(signals)
+        return PidController(tuple(self.drives), joints, signals, laws, *bounds, sampling, *gains)
+
+    def check(self) -> None:
+        """Refuse several drives: each has a controller of its own."""
+        super().check()
+        require_one(self.drives)
+
+
+@dataclass(frozen=True, eq=False)
+class PidController(Controller):
+    """A PID controller of one mechanism.
+
+    Attributes:
+        kp: Effort per error, shape (k,).
+        ki: Effort per error and second, shape (k,).
+        kd: Effort per rate of the error, shape (k,).
+    """
+
+    kp: Array = field(repr=False)
+    ki: Array = field(repr=False)
+    kd: Array = field(repr=False)
+
+    def command(self, given: Given) -> Array:
+        """Return ``kp e + ki x + kd e'``."""
+        error = given.error
+        u = self.kp * error[..., 0] + self.kd * error[..., 1]
+        return u + self.ki * given.integral if self.integrals else u
+
+    @property
+    def integrals(self) -> int:
+        """One for each drive, where an integral has a gain."""
+        return len(self.joints) if self.ki.any() else 0
+
+    def rates(self, given: Given) -> Array:
+        """Return e, or 0 where the integral's part is at a limit and e would take it further."""
+        if not self.integrals:
+            return super().rates(given)
+        error, part = given.error[..., 0], self.ki * given.integral
+        out = ((part >= self.upper) & (self.ki * error > 0.0)) | ((part <= self.lower) & (self.ki * error < 0.0))
+        return np.where(out, 0.0, error)
+
+    def clamped(self, integral: Array) -> Array:
+        """Return integrals whose parts are within the limits."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = np.array([self.lower, self.upper]) / self.ki
+        low, high = np.where(self.ki == 0.0, [[-np.inf], [np.inf]], np.sort(ends, axis=0))
+        return np.clip(integral, low, high)
+
+    def switches(self, mode: int) -> list[Switch]:
+        """Return where the command reaches a limit, or the integral's part of it."""
+        found = super().switches(mode)
+        if self.integrals:
+            for limits, direction in ((self.lower, -1), (self.upper, 1)):
+                for k in np.flatnonzero(np.isfinite(limits) & (self.ki != 0.0)).tolist():
+                    found.append(Switch(
+                        lambda given, k=k, at=limits[k]: self.ki[k] * given.integral[..., k] - at, direction  # type: ignore[misc]
+                    ))  # fmt: skip
+        return found

@@ -1,0 +1,93 @@
+"""State feedback: efforts from the errors of several coordinates and of their rates, by a matrix of gains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError, Key, choices, within
+from pinarm.input.units import unit
+from pinarm.input.yaml.schema import AnyQuantity, check_unit
+from pinarm.mechanics.control.controller import Controller, Given, Plant
+from pinarm.mechanics.control.definition import ControlDefinition, effort_unit, measured
+from pinarm.mechanics.laws import Constant, Law
+
+
+class StateFeedback(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="state_feedback"):
+    """``u = u_0 + K (x_r - x)``, x being coordinates and their rates, x_r what they should be.
+
+    Gains as of a linear-quadratic regulator, or of placed poles: K is designed elsewhere, for the linearised mechanism.
+
+    Attributes:
+        states: The coordinates in x; their rates follow all of them: ``x = [y_1 .. y_s, y_1' .. y_s']``.
+        gains: K, a row for each drive with 2 s columns: efforts per coordinate, then efforts per rate.
+        follows: Coordinate -> law of its reference, whose derivative is that of the rate; 0 where it is left out.
+        bias: u_0, an effort for each drive, such as the one that holds the mechanism at the reference.
+    """
+
+    states: Annotated[list[str], msgspec.Meta(min_length=1)]
+    gains: list[list[AnyQuantity]]
+    follows: dict[str, Law] = {}
+    bias: list[AnyQuantity] = []
+
+    def bind(self, plant: Plant) -> Controller:
+        """Return the controller of one mechanism.
+
+        Raises:
+            InputError: A drive or a coordinate does not exist, a unit is another, or the matrix has another shape.
+        """
+        joints = self.joints(plant)
+        with within("states"):
+            signals = measured(plant, self.states)
+        for name in self.follows:
+            if name not in self.states:
+                with within("follows", Key(name)):
+                    expected, hint = choices(name, self.states)
+                    raise InputError(f"'{name}' is no state", expected=expected, hint=hint)
+        laws = tuple(self.follows.get(name, Constant(value=0.0)) for name in self.states)
+        for name, law, signal in zip(self.states, laws, signals, strict=True):
+            with within("follows", Key(name)):
+                law.check_units(signal.unit)
+        shape = len(joints), 2 * len(signals)
+        with within("gains"):
+            if len(self.gains) != shape[0] or any(len(row) != shape[1] for row in self.gains):
+                raise InputError(f"the matrix has not {shape[0]} rows of {shape[1]} gains",
+                                 expected="a row for each drive: gains of the states, then of their rates")  # fmt: skip
+            for k, (row, joint) in enumerate(zip(self.gains, joints, strict=True)):
+                for i, gain in enumerate(row):
+                    rated = unit("1/s") if i >= len(signals) else unit("1")
+                    with within(k, i):
+                        check_unit(gain, effort_unit(joint.unit) / signals[i % len(signals)].unit / rated)
+        with within("bias"):
+            if len(self.bias) not in (0, len(joints)):
+                raise InputError(f"there are {len(self.bias)} efforts", expected=f"{len(joints)}, one for each drive")
+            for effort, joint in zip(self.bias, joints, strict=False):
+                check_unit(effort, effort_unit(joint.unit))
+        lower, upper = self.bounds(joints)
+        return StateFeedbackController(
+            tuple(self.drives), joints, signals, laws, lower, upper, self.sampling(signals),
+            np.array(self.gains, float), np.array(self.bias or [0.0] * len(joints), float),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class StateFeedbackController(Controller):
+    """State feedback of one mechanism.
+
+    Attributes:
+        gains: K, shape (k, 2 s).
+        bias: u_0, shape (k,).
+    """
+
+    gains: Array = field(repr=False)
+    bias: Array = field(repr=False)
+
+    def command(self, given: Given) -> Array:
+        """Return ``u_0 + K (x_r - x)``."""
+        error = given.error
+        x = np.concatenate([error[..., 0], error[..., 1]], axis=-1)
+        return np.asarray(self.bias + x @ self.gains.T)

@@ -1,0 +1,102 @@
+"""Switching control: one of two efforts, by the sign of an error, with hysteresis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.errors import InputError, within
+from pinarm.input.yaml.schema import AnyQuantity, Pause, check_unit
+from pinarm.mechanics.control.controller import Controller, Given, Plant, Switch
+from pinarm.mechanics.control.definition import ControlDefinition, effort_unit, measured, references, require_one
+from pinarm.mechanics.laws import Constant, Law
+
+LOW, HIGH = 0, 1
+"""States of the relay: the effort below and above."""
+
+
+class Switching(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="switching"):
+    """A relay: the effort ``above`` from where ``s = e + lead e'`` rises to the hysteresis, ``below`` from where it falls to its negative.
+
+    In between it keeps the effort that it has; at the start it takes the one of the sign of s. ``lead`` makes it switch
+    before the error vanishes (bang-bang control along a line in the phase plane). A continuous relay switches at
+    events and needs a hysteresis: without one it would switch without end.
+
+    Attributes:
+        follows: Law of the reference r of the measured coordinate y, ``e = r - y``; 0 where it is left out.
+        measures: Coordinate y; that of the drive where it is left out.
+        above: Effort while s is above, mostly positive.
+        below: Effort while s is below.
+        hysteresis: Half the width within which the relay keeps its effort, in the unit of y.
+        lead: Time by which rates count [s].
+    """
+
+    follows: Law = Constant(value=0.0)
+    measures: str | None = None
+    above: AnyQuantity
+    below: AnyQuantity
+    hysteresis: AnyQuantity = 0.0
+    lead: Pause = 0.0
+
+    def check(self) -> None:
+        """Refuse several drives, and a continuous relay without hysteresis."""
+        super().check()
+        require_one(self.drives)
+        if self.hysteresis < 0.0 or (self.period is None and not self.hysteresis):
+            with within("hysteresis"):
+                raise InputError(f"the hysteresis is {self.hysteresis:g}: a continuous relay would switch without end",
+                                 expected="a positive one", hint="period: 1 ms for a sampled relay")  # fmt: skip
+
+    def bind(self, plant: Plant) -> Controller:
+        """Return the controller of one mechanism.
+
+        Raises:
+            InputError: The drive or the coordinate does not exist, or a unit is another.
+        """
+        joints = self.joints(plant)
+        signals = measured(plant, [self.measures or self.drives[0]])
+        laws = references(self.follows, signals)
+        for key, measure in (("above", effort_unit(joints[0].unit)), ("below", effort_unit(joints[0].unit)),
+                             ("hysteresis", signals[0].unit)):  # fmt: skip
+            with within(key):
+                check_unit(getattr(self, key), measure)
+        lower, upper = self.bounds(joints)
+        numbers = float(self.above), float(self.below), float(self.hysteresis), float(self.lead)
+        return Relay(tuple(self.drives), joints, signals, laws, lower, upper, self.sampling(signals), *numbers)
+
+
+@dataclass(frozen=True, eq=False)
+class Relay(Controller):
+    """A relay of one mechanism; see ``Switching`` for its numbers, in SI."""
+
+    above: float
+    below: float
+    hysteresis: float
+    lead: float
+
+    def command(self, given: Given) -> Array:
+        """Return the effort of the state that the relay is in."""
+        efforts = np.where(np.equal(given.mode, HIGH), self.above, self.below)
+        return np.broadcast_to(efforts, np.shape(given.t))[..., None]
+
+    def deviation(self, given: Given) -> Array:
+        """Return ``s = e + lead e'``, shape (...)."""
+        error = given.error[..., 0, :]
+        return np.asarray(error[..., 0] + self.lead * error[..., 1])
+
+    def mode(self, given: Given, before: int | None) -> int:
+        """Return the state: the one of s beyond the hysteresis, and the one before within."""
+        s = float(self.deviation(given))
+        if before is None:
+            return HIGH if s >= 0.0 else LOW
+        if s >= self.hysteresis:
+            return HIGH
+        return LOW if s <= -self.hysteresis else before
+
+    def switches(self, mode: int) -> list[Switch]:
+        """Return the crossing at which the relay leaves its state."""
+        if mode == HIGH:
+            return [Switch(lambda given: self.deviation(given) + self.hysteresis, -1, LOW)]
+        return [Switch(lambda given: self.deviation(given) - self.hysteresis, 1, HIGH)]

@@ -1,0 +1,219 @@
+"""The controllers of a run, bound to its mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.control.controlled_system import CONTROL
+from pinarm.engine.control.controls import Controls
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.dynamics.equation import solve
+from pinarm.engine.dynamics.mass_matrix import mass_matrix
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.errors import InputError, Place, choices, within
+from pinarm.input.units import unit
+from pinarm.mechanics.control.controller import Controller, Plant, Reader
+from pinarm.mechanics.control.signals import CoordinateSignal, JointSignal, Signal, SumSignal
+from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.joints import Joint
+from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
+
+if TYPE_CHECKING:
+    from pinarm.engine.quantities.names import Quantities
+
+
+class ControlOfRun(Protocol):
+    """A controller as a file, or Python, gives it."""
+
+    @property
+    def drives(self) -> Sequence[str]:
+        """Names of the drives."""
+        ...
+
+    def bind(self, plant: Plant) -> Controller:
+        """Return the controller of one mechanism."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class MechanismPlant:
+    """A mechanism as controllers see it.
+
+    Attributes:
+        mechanism: The mechanism.
+        dynamics: Its equation of motion with the forces of the run, without controllers.
+        laws: Coordinate -> the law that it follows.
+    """
+
+    mechanism: Mechanism
+    dynamics: Dynamics
+    laws: Mapping[str, MotionLaw] = field(default_factory=dict)
+
+    def drive(self, name: str) -> Joint:
+        """Return the joint that a drive moves; see ``Plant``."""
+        mechanism = self.mechanism
+        if name in mechanism.drives:
+            joint = mechanism.driven_joint(name)
+        elif name in mechanism.joints:
+            joint = mechanism.joints[name]
+        else:
+            expected, hint = choices(name, [*mechanism.drives, *mechanism.joints])
+            along = f"drives: {{D: {{along: {name}}}}} in the mechanism file" if name in mechanism.coordinates else ""
+            raise InputError(f"the mechanism has no drive or joint '{name}'", expected=expected, hint=along or hint)
+        if {name, joint.name} & self.laws.keys():
+            raise InputError(f"'{joint.name}' follows a law", expected="controllers of free joints only")
+        return joint
+
+    def signal(self, name: str) -> Signal:
+        """Return a coordinate that can be measured; see ``Plant``."""
+        mechanism = self.mechanism
+        if name in mechanism.drives:
+            return JointSignal.of(mechanism.driven_joint(name))
+        coordinate = mechanism.coordinate(name)
+        if name in mechanism.joints:
+            return JointSignal.of(mechanism.joints[name])
+        if isinstance(coordinate, LinearCoordinate):
+            return SumSignal(name, coordinate.unit, coordinate.weights, coordinate.places)
+        return CoordinateSignal(name, coordinate, mechanism.closure.state)
+
+    def reader(self, name: str) -> Reader:
+        """Return a quantity of the state by name; see ``Plant``."""
+        words = name.split(".")
+        if name in self.mechanism.coordinates:
+            signal = self.signal(name)
+            return lambda t, q, v: float(signal.measure(q, v)[0])
+        if len(words) == 3 and words[0] in ("joint", "coordinate") and words[1] in self.mechanism.coordinates:
+            measured = self.signal(words[1])
+            if words[2] in ("position", "velocity"):
+                order = ("position", "velocity").index(words[2])
+                return lambda t, q, v: float(measured.measure(q, v)[order])
+        found = self._quantities(0.0, np.asarray(self._start), np.zeros(self.mechanism.model.nv))[name]
+        if not np.isfinite(found.values).all():
+            raise InputError(f"'{name}' is not determined by positions and velocities")
+        return lambda t, q, v: float(self._quantities(t, q, v)[name].values[0])
+
+    @cached_property
+    def _start(self) -> Array:
+        from pinarm.engine.kinematics.closed_configurations import generic_near
+
+        return generic_near(self.mechanism, self.mechanism.start)
+
+    def _quantities(self, t: float, q: Array, v: Array) -> Quantities:
+        from pinarm.engine.quantities.names import Quantities
+
+        grid = Grid(np.array([t]), (t, t), (0, 1))
+        row = Trajectory.schema_row(self.mechanism, q, "t", unit("s"))
+        unknown = "a controller sees positions and velocities; accelerations and efforts depend on what it does"
+        never = np.full((1, len(v)), np.nan)
+        return Quantities(replace(row, grid=grid, v=v[None], a=never, no_efforts=unknown, unknown=unknown))
+
+    def inverse(self, joints: Sequence[Joint]) -> Callable[[Array | float, Array, Array, Array], Array]:
+        """Return the efforts that give joints accelerations; see ``Plant``."""
+        mechanism = self.mechanism
+        names = [joint.name for joint in joints]
+        closure = mechanism.closure
+        if not closure.size and len(joints) == mechanism.model.nv:
+            return _InverseOfTree(self.dynamics, np.array([joint.v for joint in joints]))
+        guided = [*self.laws, *names]
+        rows = closure.with_guides(guided, [mechanism.coordinate(name) for name in guided])
+        here = rows.split(rows.rows(rows.state(self._start)))
+        own = closure.split(closure.rows(closure.state(self._start)))
+        if len(here.values) < len(own.values) + len(guided):
+            raise InputError(f"{', '.join(guided)} do not move independently",
+                             expected="as many drives as move independently")  # fmt: skip
+        return _InverseOfLoops(self.dynamics, rows, tuple(self.laws.values()), len(joints))
+
+
+@dataclass(frozen=True, eq=False)
+class _InverseOfTree:
+    """Inverse dynamics of an open chain whose joints are all driven: ``M a + nle - loads``."""
+
+    dynamics: Dynamics
+    order: Array
+
+    def __call__(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
+        """Return the efforts of the drives, shape (..., k)."""
+        whole = np.empty_like(v)
+        whole[..., self.order] = a
+        if q.ndim > 1:
+            return np.asarray(self.dynamics.inverse(t, q, v, whole)[:, self.order])
+        import pinocchio as pin
+
+        here = self.dynamics
+        efforts = pin.rnea(here.model, here.data, q, v, whole)
+        return np.asarray((efforts - here.loads(t, q, v) if here.forces else efforts)[self.order])
+
+
+@dataclass(frozen=True, eq=False)
+class _InverseOfLoops:
+    """Inverse dynamics where other joints follow: ``M a + nle = loads + G^T lam``, see ``dynamics.equation``.
+
+    Attributes:
+        dynamics: The equation of motion.
+        rows: G: the constraints, coordinates that follow laws, and at the end the drives.
+        laws: Of these coordinates.
+        count: Number of drives.
+    """
+
+    dynamics: Dynamics
+    rows: Closure
+    laws: tuple[MotionLaw, ...]
+    count: int
+
+    def __call__(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
+        """Return the efforts of the drives, shape (..., k)."""
+        if q.ndim == 1:
+            return self._state(float(t), q, v, a)
+        times = np.broadcast_to(np.asarray(t, float), len(q)).tolist()
+        return np.array([self._state(*state) for state in zip(times, q, v, a, strict=True)]).reshape(len(q), self.count)
+
+    def _state(self, t: float, q: Array, v: Array, a: Array) -> Array:
+        state, wanted = self.rows.state(q, v), [law.on(t, t)(np.array([t]))[2][0] for law in self.laws]
+        right = -self.rows.drift(state)
+        right[len(right) - self.count - len(wanted) :] += [*wanted, *a]
+        split, mass = self.rows.split(self.rows.rows(state)), mass_matrix(self.dynamics.model, q)
+        force = -self.dynamics.inverse(t, q[None], v[None], np.zeros((1, len(v))))[0]
+        moved = solve(split, mass, force, right)
+        return split.multipliers(mass @ moved - force)[-self.count :]
+
+
+def bind_controls(
+    mechanism: Mechanism, control: Sequence[ControlOfRun], dynamics: Dynamics, laws: Mapping[str, MotionLaw], place: Place
+) -> Controls | None:
+    """Return the controllers of a run; ``None`` where there are none.
+
+    Args:
+        mechanism: The mechanism.
+        control: The controllers as given.
+        dynamics: The equation of motion with the other forces of the run.
+        laws: Coordinates that follow laws.
+        place: Gives mistakes their place.
+
+    Raises:
+        InputError: A name does not exist, a unit is another, or two controllers have the same drive.
+    """
+    if not control:
+        return None
+    plant, found, driven = MechanismPlant(mechanism, dynamics, laws), list[Controller](), set[str]()
+    if CONTROL in dynamics.forces:
+        raise InputError(f"a force is called '{CONTROL}', which stands for the efforts of controllers",
+                         expected="another name of the force")  # fmt: skip
+    for index, definition in enumerate(control):
+        with place("control", index):
+            controller = definition.bind(plant)
+            for joint in controller.joints:
+                if joint.name in driven:
+                    with within("drive"):
+                        raise InputError(f"the joint '{joint.name}' has a controller already",
+                                         expected="one controller for each joint")  # fmt: skip
+                driven.add(joint.name)
+            found.append(controller)
+    return Controls(tuple(found), dynamics)
