@@ -55,6 +55,8 @@ if TYPE_CHECKING:
     from pinarm.engine.constraints.constraint import Constraint
     from pinarm.engine.quantities.catalogue import QuantityCatalogue
     from pinarm.engine.quantities.states import States
+    from pinarm.mechanics.control.definition import ControlDefinition
+    from pinarm.mechanics.control.function import FunctionControl
     from pinarm.mechanics.drives import Drive
     from pinarm.mechanics.friction.contact import FrictionContact
     from pinarm.mechanics.loading.pinocchio_layout import PinocchioLayout
@@ -83,6 +85,7 @@ class Mechanism:
         payloads: What links carry beside the model's own masses, by name.
         notes: What is not modelled as the files have it.
         frictions: Joints with dry friction that sticks.
+        control: Controllers of its drives, at work in forward runs.
     """
 
     title: str
@@ -102,6 +105,7 @@ class Mechanism:
     payloads: Mapping[str, Payload] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     frictions: tuple[FrictionContact, ...] = ()
+    control: tuple[ControlDefinition | FunctionControl, ...] = ()
 
     @classmethod
     def load(
@@ -558,5 +562,5 @@ def _build(
         description.title or model.name, model, robot.xml, joints, balls, coordinates, tying(constraints, frictions),
         dict(description.drives), forces, symbols, resolved,
         {name: units[name].si for name in resolved if name in units}, description, source, carried,
-        (*robot.notes, *open_closings(model, loops)), frictions,
+        (*robot.notes, *open_closings(model, loops)), frictions, tuple(description.control),
     )  # fmt: skip

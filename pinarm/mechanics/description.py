@@ -15,6 +15,7 @@ from pinarm.mechanics.joints import AXES, Direction, unit_vector
 from pinarm.mechanics.loading.pinocchio_model import Base, Defects
 
 if TYPE_CHECKING:
+    from pinarm.mechanics.control.kinds import Control
     from pinarm.mechanics.coordinates import CoordinateDefinition
     from pinarm.mechanics.couplings.kinds import CouplingDefinition
     from pinarm.mechanics.drives import Drive
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from pinarm.mechanics.planar.drawing import PlanarDrawing
     from pinarm.mechanics.points import PointDefinition
 else:  # imported where a file has the key, see MechanismDescription.deferred
-    CoordinateDefinition = CouplingDefinition = Drive = Force = Friction = Loop = Any
+    Control = CoordinateDefinition = CouplingDefinition = Drive = Force = Friction = Loop = Any
     Payload = PlanarDrawing = PointDefinition = Any
 
 STANDARD_GRAVITY = 9.81
@@ -98,6 +99,7 @@ class MechanismDescription(InputStruct, frozen=True):
             replaces them joint by joint. Ball joints as there.
         couplings: Gears, racks and screws between joints.
         drives: Motors and gears.
+        control: Controllers of the drives, at work in every forward run: see docs/control.md.
         forces: Springs, dampers and loads that belong to the mechanism.
         friction: Joint or loop joint -> its dry friction, which sticks; in place of that of the model.
         payloads: What links carry beside the model's own masses.
@@ -107,6 +109,7 @@ class MechanismDescription(InputStruct, frozen=True):
     deferred: ClassVar[Deferred] = {
         "planar": ("pinarm.mechanics.planar.drawing", "PlanarDrawing"),
         "points": ("pinarm.mechanics.points", "PointDefinition"),
+        "control": ("pinarm.mechanics.control.kinds", "Control"),
         "coordinates": ("pinarm.mechanics.coordinates", "CoordinateDefinition"),
         "loops": ("pinarm.mechanics.loops.kinds", "Loop"),
         "couplings": ("pinarm.mechanics.couplings.kinds", "CouplingDefinition"),
@@ -131,6 +134,7 @@ class MechanismDescription(InputStruct, frozen=True):
     start: dict[str, Level] = {}
     couplings: dict[str, CouplingDefinition] = {}
     drives: dict[str, Drive] = {}
+    control: list[Control] = []
     forces: dict[str, Force] = {}
     friction: dict[str, Friction] = {}
     payloads: dict[str, Payload] = {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
@@ -13,12 +14,13 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.control.controlled_system import CONTROL
 from pinarm.engine.control.controls import Controls
+from pinarm.engine.control.schedule import require_few_samples
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.errors import InputError, Place, choices, within
+from pinarm.errors import InputError, Place, choices
 from pinarm.input.units import unit
 from pinarm.mechanics.control.controller import Controller, Plant, Reader
 from pinarm.mechanics.control.signals import CoordinateSignal, JointSignal, Signal, SumSignal
@@ -186,34 +188,41 @@ class _InverseOfLoops:
 
 
 def bind_controls(
-    mechanism: Mechanism, control: Sequence[ControlOfRun], dynamics: Dynamics, laws: Mapping[str, MotionLaw], place: Place
-) -> Controls | None:
-    """Return the controllers of a run; ``None`` where there are none.
+    mechanism: Mechanism, control: Sequence[ControlOfRun], dynamics: Dynamics, laws: Mapping[str, MotionLaw],
+    duration: float, place: Place,
+) -> Controls:  # fmt: skip
+    """Return the controllers of a run, those of the mechanism first.
 
     Args:
         mechanism: The mechanism.
-        control: The controllers as given.
+        control: The controllers of the problem.
         dynamics: The equation of motion with the other forces of the run.
         laws: Coordinates that follow laws.
+        duration: Of the run [s].
         place: Gives mistakes their place.
 
     Raises:
         InputError: A name does not exist, a unit is another, or two controllers have the same drive.
     """
-    if not control:
-        return None
-    plant, found, driven = MechanismPlant(mechanism, dynamics, laws), list[Controller](), set[str]()
+    plant = MechanismPlant(mechanism, dynamics, laws)
     if CONTROL in dynamics.forces:
         raise InputError(f"a force is called '{CONTROL}', which stands for the efforts of controllers",
                          expected="another name of the force")  # fmt: skip
-    for index, definition in enumerate(control):
-        with place("control", index):
-            controller = definition.bind(plant)
-            for joint in controller.joints:
-                if joint.name in driven:
-                    with within("drive"):
-                        raise InputError(f"the joint '{joint.name}' has a controller already",
-                                         expected="one controller for each joint")  # fmt: skip
-                driven.add(joint.name)
-            found.append(controller)
+    found: list[Controller] = []
+    for index, definition in enumerate([*mechanism.control, *control], -len(mechanism.control)):
+        with place("control", index) if index >= 0 else nullcontext():
+            found.append(definition.bind(plant))
+            require_few_samples(found[-1], duration)
+            _require_own_joints(found)
     return Controls(tuple(found), dynamics)
+
+
+def _require_own_joints(controllers: Sequence[Controller]) -> None:
+    """Raise where a joint has two controllers.
+
+    Raises:
+        InputError: Names it.
+    """
+    names = [joint.name for controller in controllers for joint in controller.joints]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InputError(f"the joint '{twice[0]}' has two controllers", expected="one controller for each joint")

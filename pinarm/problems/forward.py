@@ -47,8 +47,8 @@ if TYPE_CHECKING:
     from pinarm.engine.motion.outcome import Outcome
     from pinarm.engine.series import Series
     from pinarm.mechanics.control.kinds import Control
-    from pinarm.mechanics.laws.motion_law import MotionLaw
     from pinarm.mechanics.forces.kinds import Force
+    from pinarm.mechanics.laws.motion_law import MotionLaw
 else:  # imported where a file has loads or controllers, see Forward.deferred
     Control = Force = Any
 
@@ -103,7 +103,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
 
     def _control_columns(self, mechanism: Mechanism, row: Trajectory) -> dict[str, Series]:
         """Return the columns that controllers add to a row."""
-        if not self.control:
+        if not self.control and not mechanism.control:
             return {}
         from pinarm.engine.motion.controlled_motion import control_schema
 
@@ -140,8 +140,9 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
                     raise InputError(f"'{name}' follows a law", expected="end stops of free joints only")
         with place("motion"):
             prescribed = PrescribedCoordinates.some(mechanism, motion)
+            acting, span = controls.dynamics if controls else dynamics, (self.time.start, self.time.end)
             hybrid = HybridSystem(
-                mechanism.closure, controls.dynamics if controls else dynamics, prescribed, initial, (self.time.start, self.time.end), bounds, watches,
+                mechanism.closure, acting, prescribed, initial, span, bounds, watches,
                 accuracy.integrator(), accuracy.max_steps, least_size=accuracy.least_size(mechanism),
                 frictions=mechanism.frictions, controls=controls,
             )  # fmt: skip
@@ -151,11 +152,12 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
     def _controls(
         self, mechanism: Mechanism, dynamics: Dynamics, motion: Mapping[str, MotionLaw], place: Place
     ) -> Controls | None:
-        if not self.control:
+        if not self.control and not mechanism.control:
             return None
         from pinarm.problems.controls import bind_controls
 
-        return bind_controls(mechanism, self.control, dynamics, motion, place)
+        duration = self.time.end - self.time.start
+        return bind_controls(mechanism, self.control, dynamics, motion, duration, place)
 
     def solve(
         self, mechanism: Mechanism, accuracy: Accuracy, place: Place, prepared: HybridSystem | None = None

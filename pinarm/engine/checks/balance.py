@@ -32,6 +32,9 @@ LOST = 1e-3
 """Energy that nothing accounts for, relative to the energy exchanged, from which on it is noted, and contradicts bounds
 of the error that are far below it."""
 
+MANY = 2000
+"""Steps between samples of controllers from which on each is one part: they are short beside the motion."""
+
 STEPS, GAUSS_NODES = 8, 4
 """Steps within which the energy is looked at, evenly, besides those that have been looked into, as for rows of the
 table: there the dense output errs more than at their ends. Nodes of the quadrature of dissipated power over a part of a
@@ -160,8 +163,8 @@ class EnergyAccount:
             if dynamics.steady.any() and q.shape == v.shape:
                 lost[rows] -= np.diff(q, axis=0)[rows] @ dynamics.steady
             for held in dynamics.held if q.shape == v.shape else ():
-                loads = np.array([held.load_of(held.piece(t)) for t in start[rows].tolist()]).reshape(len(rows), -1)
-                lost[rows] -= np.vecdot(np.diff(q, axis=0)[rows], loads) if len(rows) else 0.0
+                changes = np.array([held.piece(t) for t in start[rows].tolist()], dtype=np.intp)
+                lost[rows] -= np.vecdot(np.diff(q, axis=0)[rows], held.load_of(changes))
             if changing and len(rows):  # an event may have ended the motion before this interval
                 lost[rows] += self._losses(changing, index[rows], start[rows], h[rows])
         return kinetic, potential, np.concatenate([[0.0], np.cumsum(lost)])
@@ -179,7 +182,9 @@ class EnergyAccount:
         """Return the step of every part, its start and its length [s], each of shape (n,)."""
         steps = self.solution.steps
         counts = np.ones(len(steps), dtype=np.intp)
-        counts[divided] = self.solution.method.subdivisions
+        sampled = any(interval.sampling for interval in self.solution.intervals)
+        if not sampled or len(divided) < MANY:
+            counts[divided] = self.solution.method.subdivisions
         index = np.repeat(np.arange(len(steps)), counts)
         part = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
         start, end = np.array([(step.t, step.until) for step in steps]).T

@@ -1,7 +1,7 @@
 """What is integrated with the integrals of continuous controllers: they stand behind the velocities, ``[v, x]``.
 
-The integrator sees ``q' = velocity(q, v)``, ``v' = a(t, q, v, x)`` and ``x' = rates(t, q, v, x)``: integrals have the same
-error control as the motion.
+The integrator sees ``q' = velocity(q, v)``, ``v' = a(t, q, v, x)`` and ``x' = rates(t, q, v, x)``: integrals have the
+same error control as the motion.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,7 +14,7 @@ from pinarm.engine.control.memory import ControlHistory, ControlMemory
 from pinarm.engine.control.sampler import reference_after
 from pinarm.mechanics.control.controller import Controller, Given
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad, power
-from pinarm.mechanics.laws.motion_law import MotionLaw, Values
+from pinarm.mechanics.laws.motion_law import MotionLaw
 
 Span = tuple[float, float]
 """Interval of time in which no law jumps [s]."""
@@ -110,7 +111,8 @@ class RecordedEfforts(ControlLoad):
     span: Span | None = None
 
     def pieces(self, t: Array) -> Indices:
-        """Return the changes in force at instants, shape (n,)."""
+        """Return the changes in force at instants, shape (n,); those that differ by rounding are the same."""
+        t = t + self.history.slack
         if self.span and self.span[0] < self.span[1]:
             t = np.minimum(t, np.nextafter(self.span[1], -np.inf))
         return np.maximum(np.searchsorted(self.history.times, t, side="right") - 1, 0)
@@ -134,14 +136,9 @@ class RecordedEfforts(ControlLoad):
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the efforts."""
-        if not np.ndim(t):
-            t, q, v, tau = (
-                np.full(q.reshape(-1, q.shape[-1]).shape[0], float(t)),
-                np.atleast_2d(q),
-                np.atleast_2d(v),
-                np.atleast_2d(tau),
-            )
-        np.add.at(tau, (slice(None), self.joints), self.values(np.asarray(t), q, v)[1])
+        rows = q.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1])
+        efforts = self.values(np.broadcast_to(np.asarray(t, float), len(rows[0])), *rows)[1]
+        tau[..., self.joints] += efforts.reshape(*q.shape[:-1], -1)
 
     @cached_property
     def _sampled_joints(self) -> Indices:
@@ -168,12 +165,16 @@ class RecordedEfforts(ControlLoad):
     @property
     def present(self) -> Array:
         """The load at the end; see ``HeldLoad``."""
-        return self.history.loads[-1]
+        return np.asarray(self.history.loads[-1])
 
     def piece(self, t: float) -> int:
         """Return the number of the change at t, or the last one before; see ``HeldLoad``."""
-        return int(self.pieces(np.array([t]))[0])
+        return max(bisect_right(self._instants, t) - 1, 0)
 
-    def load_of(self, piece: int) -> Array:
-        """Return the load that a change has brought about; see ``HeldLoad``."""
-        return np.asarray(self.history.loads[piece])
+    @cached_property
+    def _instants(self) -> list[float]:
+        return [float(t) for t in self.history.times]
+
+    def load_of(self, pieces: Indices) -> Array:
+        """Return the loads that changes have brought about; see ``HeldLoad``."""
+        return np.asarray(self.history.loads[pieces])

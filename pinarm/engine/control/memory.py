@@ -8,6 +8,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -109,9 +110,9 @@ class ControlMemory:
         """The load in force; see ``HeldLoad``."""
         return self.load
 
-    def load_of(self, piece: int) -> Array:
-        """Return the load that a change has brought about; see ``HeldLoad``."""
-        return self.loads[piece]
+    def load_of(self, pieces: Indices) -> Array:
+        """Return the loads that changes have brought about; see ``HeldLoad``."""
+        return np.array([self.loads[piece] for piece in pieces.tolist()]).reshape(len(pieces), self.nv)
 
     @contextmanager
     def as_of(self, piece: int) -> Iterator[None]:
@@ -128,18 +129,24 @@ class ControlMemory:
         return ControlHistory(
             np.array(self.times), np.array(self.loads), np.array(self.all_commands),
             np.array(self.all_modes, dtype=np.intp).reshape(len(self.times), len(self.continuous)),
+            self.schedule.slack,
         )  # fmt: skip
 
 
+@dataclass(frozen=True, eq=False)
 class ControlHistory:
     """The changes of a run, one after another, m of them.
 
-    Args:
+    Attributes:
         times: When [s], shape (m,).
         loads: Efforts of sampled controllers from then on, as generalised loads, shape (m, nv).
         commands: Their commands, shape (m, k).
         modes: States of the continuous controllers, shape (m, c).
+        slack: Difference of instants below which they are the same [s].
     """
 
-    def __init__(self, times: Array, loads: Array, commands: Array, modes: Indices) -> None:
-        self.times, self.loads, self.commands, self.modes = times, loads, commands, modes
+    times: Array
+    loads: Array
+    commands: Array
+    modes: Indices
+    slack: float

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError
+from pinarm.errors import InputError, within
 from pinarm.mechanics.control.controller import Controller
 
 SAME = 1e-9
@@ -33,6 +33,19 @@ class Action(NamedTuple):
     measures: bool
 
 
+def require_few_samples(controller: Controller, duration: float) -> None:
+    """Raise where a controller has more samples in a duration [s] than anybody waits for.
+
+    Raises:
+        InputError: Says how many.
+    """
+    if controller.sampling and duration > MOST * controller.sampling.period:
+        period = controller.sampling.period
+        with within("period"):
+            raise InputError(f"a period of {period:g} s makes {duration / period:.3g} samples in {duration:g} s",
+                             expected=f"at most {MOST:.3g}")  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Schedule:
     """The instants of a run at which sampled controllers act.
@@ -51,20 +64,13 @@ class Schedule:
 
     @classmethod
     def of(cls, controllers: Sequence[Controller], start: float, end: float) -> Schedule:
-        """Return the schedule of sampled controllers from start to end [s].
-
-        Raises:
-            InputError: There are too many samples.
-        """
+        """Return the schedule of sampled controllers from start to end [s]."""
         timed = [each.sampling for each in controllers if each.sampling]
         slack = SAME * min((each.period for each in timed), default=0.0)
         marks, samples = list[tuple[float, bool, Action]](), list[Array]()
         for number, sampling in enumerate(timed):
             count = int((end - start - slack) / sampling.period) + 1
-            if count > MOST:
-                raise InputError(f"a period of {sampling.period:g} s makes {count} samples in {end - start:g} s",
-                                 expected=f"at most {MOST}")  # fmt: skip
-            samples.append(start + sampling.period * np.arange(count))
+            samples.append(start + sampling.period * np.arange(float(count)))
             for k, t in enumerate(samples[-1].tolist()):
                 marks.append((t, True, Action(number, k, True)))
                 if sampling.delay:

@@ -98,6 +98,8 @@ class CompiledSteps:
     """Number of steps rejected in all before each step of the solution."""
     _floored: list[int] = field(default_factory=list)
     """Which of its steps were accepted as rounding."""
+    _record: _Record | None = None
+    _addresses: list[int] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._coefficients = _Coefficients.of(self.pair.tableau)
@@ -108,11 +110,11 @@ class CompiledSteps:
         compiled, flow = library(), span.compiled
         if compiled is None or flow is None:
             raise ValueError("the compiled library has gone")
-        record = _Record.of(self.room, stages, len(y))
+        record = self._buffer(stages, len(y))
         record.slopes[0, 0] = self.stepper.stages.slopes[0]
         course = CourseStructure(
             t, span.start, span.end, h, self.stepper.ceiling, tries, len(record.states), 0, 0, 0,
-            pointer(y), *record.pointers(),
+            *self._addresses,
         )  # fmt: skip
         flow.ready()
         parts = self._coefficients.structure, flow.structure, self._control(span), course
@@ -124,6 +126,13 @@ class CompiledSteps:
         if flow.settles and course.written:
             self._settle(span, flow, course, record)
         return course.t, course.h
+
+    def _buffer(self, stages: int, n: int) -> _Record:
+        """Return where the library writes; what it has written is copied from there."""
+        if self._record is None or len(self._record.states) != self.room:
+            self._record = _Record.of(self.room, stages, n)
+            self._addresses = [pointer(self.stepper.y), *self._record.pointers()]
+        return self._record
 
     def _settle(self, interval: Interval, flow: Flow, course: CourseStructure, record: _Record) -> None:
         """Let the motion know which states have been settled, and let it settle the one that is handed back."""
@@ -144,8 +153,8 @@ class CompiledSteps:
     def _add(self, index: int, course: CourseStructure, record: _Record) -> None:
         """Add what the library has written to the solution, and give the last slopes to the stepper."""
         count, written = self.solution.count, course.written
-        times, states, slopes = record.times[:, :written].T.tolist(), record.states, record.slopes
-        added = zip(times, states[:written], slopes[:written], strict=True)
+        times, states, slopes = record.times[:, :written].T.tolist(), record.states[:written].copy(), record.slopes
+        added = zip(times, states, slopes[:written].copy(), strict=True)
         self.solution.steps += [Step(t, h, until, y, k, index) for (t, h, until), y, k in added]
         before = count.rejected
         self._rejected += [before + number for number in record.rejections[:written].tolist()]
@@ -188,6 +197,7 @@ def _terms(tableau: Tableau, flow: Flow, steps: Sequence[Step]) -> Array:
     scratch = np.empty((tableau.stages + 2 + len(tableau.dense_c), states.shape[1]))
     found = np.empty((len(steps), 3 + len(tableau.dense_d), states.shape[1]))
     addresses = (ctypes.c_void_p(pointer(x)) for x in (*times, states, contiguous(slopes), scratch, found))
-    parts = map(ctypes.byref, (coefficients.structure, flow.structure))
+    held = flow.held([step.t for step in steps])
+    parts = map(ctypes.byref, (coefficients.structure, flow.structure, held))
     compiled.pair_terms(*parts, ctypes.c_ssize_t(len(steps)), *addresses)
     return found

@@ -6,7 +6,7 @@ No module of this package knows mechanisms.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -131,7 +131,11 @@ class Interval:
     def span(self, t: float) -> Interval:
         """Return the part from t [s] on in which the acceleration does not jump: up to the next sample."""
         end = min(self.sampling.next(t), self.end) if self.sampling else self.end
-        return self if (t, end) == (self.start, self.end) else replace(self, start=t, end=end)
+        if (t, end) == (self.start, self.end):
+            return self
+        part = object.__new__(Interval)  # there is one for every sample: ``replace`` takes six times as long
+        part.__dict__.update(self.__dict__, start=t, end=end)
+        return part
 
     def of_step(self, start: float) -> Acceleration:
         """Return the acceleration that an accepted step used, by its start [s]."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinarm.arrays import Array
-from pinarm.engine.kernel.structures import SIZES, FlowStructure
+from pinarm.engine.kernel.structures import SIZES, FlowStructure, HeldStructure
 
 SWITCH = "PINARM_KERNEL"
 """Environment variable: ``off`` leaves the library out, when pinarm is built and when it runs."""
@@ -43,6 +43,10 @@ class Flow:
 
     def ready(self) -> None:
         """Bring the system to the present state of the motion."""
+
+    def held(self, starts: Sequence[float]) -> HeldStructure:
+        """Return the numbers that were others in each of some steps, by their starts [s]; mostly none."""
+        return HeldStructure(None, 0, 0, None)
 
     def way(self, t: float) -> Any:
         """Return in which way the accepted step was taken that begins at t [s]."""

@@ -122,6 +122,12 @@ class FlowStructure(ctypes.Structure):
     _fields_ = [("n", SIZE), *((name, POINTER) for name in ("rates", "settle", "floor", "system"))]
 
 
+class HeldStructure(ctypes.Structure):
+    """Numbers of a system that were others in each step."""
+
+    _fields_ = [("place", POINTER), ("stride", SIZE), ("count", SIZE), ("values", POINTER)]
+
+
 class ControlStructure(ctypes.Structure):
     """The numbers of the step control."""
 
@@ -159,7 +165,7 @@ ARRAYS = (
 )  # fmt: skip
 STRUCTURES = (
     TreeStructure, SkylineStructure, ConstraintsStructure, ClosingStructure, PairStructure, FlowStructure,
-    ControlStructure, CourseStructure,
+    HeldStructure, ControlStructure, CourseStructure,
 )  # fmt: skip
 SIZES = (*(one.itemsize for one in ARRAYS), *map(ctypes.sizeof, STRUCTURES))
 """Sizes [bytes], in the order of ``kernel_sizes`` in ``kernel.c``."""

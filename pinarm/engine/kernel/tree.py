@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from pinarm.arrays import Array
 from pinarm.engine.kernel.checks import links_are_sound, loads_are_sound
-from pinarm.engine.kernel.library import Flow, address, library, pointer
+from pinarm.engine.kernel.library import Flow, address, contiguous, library, pointer
 from pinarm.engine.kernel.links import links_of
 from pinarm.engine.kernel.structures import (
     DEGREE,
@@ -25,6 +26,7 @@ from pinarm.engine.kernel.structures import (
     POINT_SPRING,
     ROTATION_SPRING,
     FlowStructure,
+    HeldStructure,
     TreeStructure,
 )
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
@@ -55,30 +57,30 @@ class HeldFlow(Flow):
     """The free motion of a tree under loads that are held between samples: they are written where the library reads.
 
     Attributes:
-        held: The loads.
+        loads: The loads.
         steady: The sum of the steady loads [N*m or N], shape (nv,).
     """
 
-    held: tuple[HeldLoad, ...] = ()
-    steady: Array = field(default_factory=lambda: np.zeros(0), repr=False)
+    loads: HeldLoad
+    steady: Array = field(repr=False)
 
-    @property
-    def _degrees(self) -> NDArray[Any]:
-        degrees: NDArray[Any] = self.system.arrays[DEGREES]
-        return degrees
+    @cached_property
+    def _efforts(self) -> Array:
+        """What acts along each velocity, where the library reads it, shape (nv,)."""
+        efforts: Array = self.system.arrays[DEGREES]["effort"]
+        return efforts
 
     def ready(self) -> None:
         """Bring in the loads in force."""
-        self._degrees["effort"] = self.steady + sum(held.present for held in self.held)
+        np.add(self.steady, self.loads.present, out=self._efforts)
 
-    def way(self, t: float) -> tuple[int, ...]:
-        """Return the changes of the loads that were in force in the step that begins at t [s]."""
-        return tuple(held.piece(t) for held in self.held)
-
-    def take(self, way: Any) -> None:
-        """Let rates be those under the loads of these changes."""
-        loads = (held.load_of(piece) for held, piece in zip(self.held, way, strict=True))
-        self._degrees["effort"] = self.steady + sum(loads)
+    def held(self, starts: Sequence[float]) -> HeldStructure:
+        """Return the efforts of the velocities in each of some steps."""
+        changes = np.array([self.loads.piece(t) for t in starts], dtype=np.intp)
+        values, efforts = contiguous(self.steady + self.loads.load_of(changes)), self._efforts
+        structure = HeldStructure(efforts.ctypes.data, efforts.strides[0] // 8, len(efforts), pointer(values))
+        structure.rows = values  # kept as long as the structure
+        return structure
 
 
 class LoadedTree(NamedTuple):
@@ -122,14 +124,14 @@ class CompiledTree:
             steady: The sum of the steady loads [N*m or N], shape (nv,).
             changing: The other force elements; springs and dampers at joints as one, see ``forces.summed``.
         """
-        held = tuple(load for force in changing if (load := force.held) is not None)
+        held = [load for force in changing if (load := force.held) is not None]
         compiled, tree = library(), self.loaded(steady, [force for force in changing if force.held is None])
-        if compiled is None or tree is None:
+        if compiled is None or tree is None or len(held) > 1:
             return None
         n = self.model.nq + self.model.nv
         places = address(compiled.tree_rates), None, pointer(NO_FLOOR), ctypes.addressof(tree.structure)
         structure = FlowStructure(n, *places)
-        return HeldFlow(structure, tree, held, steady) if held else Flow(structure, tree)
+        return HeldFlow(structure, tree, held[0], steady) if held else Flow(structure, tree)
 
     def loaded(self, steady: Array, changing: Sequence[ForceElement]) -> LoadedTree | None:
         """Return the tree with its loads; ``None`` where the library does not know one of them, or a number is none."""

@@ -79,7 +79,7 @@ class ControlledRows:
                     if one.references:
                         reference[rows] = reference_of(one.references, grid.t[rows], local.span)
         whole = np.zeros_like(v)
-        np.add.at(whole, (slice(None), record.joints), efforts)
+        whole[:, record.joints] = efforts
         return cls(whole, _columns(controllers, commands, efforts, references, q, v))
 
 

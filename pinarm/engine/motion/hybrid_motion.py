@@ -397,7 +397,8 @@ class HybridSystem:
                 motion.events.append(EventRecord(key, t, q, v))
                 end = SegmentEnd(t, q, v, stops=True) if self.watches[key].stops else None
             else:
-                end = SegmentEnd(t, q, v, **{key[0]: key[1]})
+                hit, released, slip, control = (key[1] if key[0] == cause else None for cause in CAUSES)
+                end = SegmentEnd(t, q, v, hit, released, slip, control)
         return end
 
     def _locate(self, error: NumericsError, system: System) -> None:
@@ -460,7 +461,10 @@ class HybridSystem:
 
 
 Key = str | tuple[str, int]
-"""Name of an event of the user, or what ends a segment: a field of ``SegmentEnd``, and which one it is."""
+"""Name of an event of the user, or what ends a segment: one of ``CAUSES``, and which one it is."""
+
+CAUSES = ("hit", "released", "slip", "control")
+"""Fields of ``SegmentEnd`` that tell why a segment ended."""
 
 
 class SegmentEnd(NamedTuple):

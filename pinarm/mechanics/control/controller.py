@@ -10,12 +10,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from pinarm.arrays import Array
-from pinarm.mechanics.control.signals import Signal
+from pinarm.arrays import Array, Indices
+from pinarm.mechanics.control.signals import JointSignal, Signal
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import MotionLaw
 
@@ -170,14 +171,30 @@ class Controller(ABC):
 
     def limited(self, command: Array) -> Array:
         """Return efforts within the limits, shape (..., k)."""
-        return np.minimum(np.maximum(command, self.lower), self.upper)
+        return command if self._endless else np.minimum(np.maximum(command, self.lower), self.upper)
 
     def measure(self, q: Array, v: Array) -> Array:
         """Return values and rates of the signals, shape (..., s, 2)."""
+        if self._places is not None:
+            found = np.empty((*q.shape[:-1], len(self.signals), 2))
+            found[..., 0], found[..., 1] = q[..., self._places[0]], v[..., self._places[1]]
+            return found
         found = np.empty((*q.shape[:-1], len(self.signals), 2))
         for k, signal in enumerate(self.signals):
             found[..., k, 0], found[..., k, 1] = signal.measure(q, v)
         return found
+
+    @cached_property
+    def _places(self) -> tuple[Indices, Indices] | None:
+        """Indices in q and v of the signals where all are coordinates of joints: these are read at once."""
+        own = [signal for signal in self.signals if isinstance(signal, JointSignal)]
+        if len(own) < len(self.signals):
+            return None
+        return np.array([one.q for one in own], dtype=np.intp), np.array([one.v for one in own], dtype=np.intp)
+
+    @cached_property
+    def _endless(self) -> bool:
+        return not np.isfinite([*self.lower, *self.upper]).any()
 
     def followed(self, drive: str) -> int | None:
         """Return the signal whose error is that of a drive; ``None`` where it follows nothing."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Literal
 
@@ -11,7 +12,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, choices, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import AnyQuantity, Duration, InputStruct, NotNegative, Pause, check_unit
-from pinarm.mechanics.control.controller import Plant, Sampling
+from pinarm.mechanics.control.controller import Controller, Plant, Sampling
 from pinarm.mechanics.control.signals import Signal
 from pinarm.mechanics.joints import METRE, Joint
 from pinarm.mechanics.laws import Law
@@ -27,8 +28,8 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
         drive: What it drives: a motor of the mechanism's ``drives``, or a joint; several as a list.
         period: Of a sampled controller, from one measurement to the next; continuous where it is left out.
         delay: From a measurement to the change of the effort; of sampled controllers.
-        limits: Least and largest effort at the joint, such as ``[-20 N*m, 20 N*m]``; one pair for all drives, or pairs by
-            the names of the drives.
+        limits: Least and largest effort at the joint, such as ``[-20 N*m, 20 N*m]``; one pair for all drives, or pairs
+            by the names of the drives.
         resolution: Smallest step of the measured coordinates, such as ``0.1 deg``; of sampled controllers.
         rates: ``measured`` by a sensor of their own, or the ``difference`` of two samples over the period.
     """
@@ -61,6 +62,14 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
                 with within(key):
                     raise InputError(f"a continuous controller has no {key}", expected="a sampled one",
                                      hint="period: 1 ms")  # fmt: skip
+
+    @abstractmethod
+    def bind(self, plant: Plant) -> Controller:
+        """Return the controller of one mechanism.
+
+        Raises:
+            InputError: A drive or a coordinate does not exist, or a unit is another.
+        """
 
     def joints(self, plant: Plant) -> tuple[Joint, ...]:
         """Return the joints that the drives move.

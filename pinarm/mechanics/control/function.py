@@ -136,6 +136,9 @@ def function_controls(
     Raises:
         InputError: A function cannot be called, or the period is not positive.
     """
+    if not isinstance(control, Mapping):
+        raise InputError(f"the control is {control!r}", expected="drives and their functions",
+                         hint="control={'knee': u}, or control={('hip', 'knee'): u}")  # fmt: skip
     for name, function in control.items():
         if not callable(function):
             raise InputError(f"the control of '{name}' is {function!r}", expected="a function u(t, state)")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -85,11 +86,15 @@ class PidController(Controller):
         """Return ``kp e + ki x + kd e'``."""
         error = given.error
         u = self.kp * error[..., 0] + self.kd * error[..., 1]
-        return u + self.ki * given.integral if self.integrals else u
+        return np.asarray(u + self.ki * given.integral if self.integrals else u)
 
     @property
     def integrals(self) -> int:
         """One for each drive, where an integral has a gain."""
+        return self._integrals
+
+    @cached_property
+    def _integrals(self) -> int:
         return len(self.joints) if self.ki.any() else 0
 
     def rates(self, given: Given) -> Array:
@@ -102,10 +107,14 @@ class PidController(Controller):
 
     def clamped(self, integral: Array) -> Array:
         """Return integrals whose parts are within the limits."""
+        return np.minimum(np.maximum(integral, self._ends[0]), self._ends[1])
+
+    @cached_property
+    def _ends(self) -> Array:
+        """Least and largest integrals, shape (2, k)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             ends = np.array([self.lower, self.upper]) / self.ki
-        low, high = np.where(self.ki == 0.0, [[-np.inf], [np.inf]], np.sort(ends, axis=0))
-        return np.clip(integral, low, high)
+        return np.where(self.ki == 0.0, [[-np.inf], [np.inf]], np.sort(ends, axis=0))
 
     def switches(self, mode: int) -> list[Switch]:
         """Return where the command reaches a limit, or the integral's part of it."""

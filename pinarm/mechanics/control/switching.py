@@ -18,7 +18,7 @@ LOW, HIGH = 0, 1
 
 
 class Switching(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="switching"):
-    """A relay: the effort ``above`` from where ``s = e + lead e'`` rises to the hysteresis, ``below`` from where it falls to its negative.
+    """A relay on ``s = e + lead e'``: the effort ``above`` once s reaches the hysteresis, ``below`` once its negative.
 
     In between it keeps the effort that it has; at the start it takes the one of the sign of s. ``lead`` makes it switch
     before the error vanishes (bang-bang control along a line in the phase plane). A continuous relay switches at

@@ -42,8 +42,8 @@ class HeldLoad(Protocol):
         """Return the number of the change at t [s], or of the last one before."""
         ...
 
-    def load_of(self, piece: int) -> Array:
-        """Return the load from a change on [N*m or N], shape (nv,)."""
+    def load_of(self, pieces: Indices) -> Array:
+        """Return the loads from changes on [N*m or N], shape (n, nv), by their numbers."""
         ...
 
 

@@ -30,7 +30,6 @@ from pinarm.mechanics.joints import joints_of
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.problems.simplify.removal import Removed
 
-
 CARRIED = "forces of the whole"
 """Name of the element of those forces that look beyond the joints of a part."""
 

@@ -126,7 +126,11 @@ class KnownMotion:
         """Coordinates that have to be there for another reason."""
         drivers = (law.of for law in self.declared.laws.values() if isinstance(law, Over))
         names = [*self.declared.moved, *drivers, *self.declared.watched]
-        return {name: self.mechanism.coordinates[name] for name in names}
+        if self.declared.integrated:
+            names += [name for control in self.mechanism.control for name in control.names]
+        motors = self.mechanism.drives
+        along = [motors[name].coordinate if name in motors else name for name in names]
+        return {name: self.mechanism.coordinates[name] for name in along}
 
     @cached_property
     def guided(self) -> set[str]:

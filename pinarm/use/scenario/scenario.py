@@ -31,6 +31,7 @@ from pinarm.use.scenario.file_kind import GIVEN, refuse_changes, refuse_mechanis
 from pinarm.use.scenario.scenario_file import ScenarioFile
 
 if TYPE_CHECKING:
+    from pinarm.mechanics.control.function import ControlFunction, FunctionControl
     from pinarm.use.result.section_number import Numbered
 
 
@@ -45,6 +46,7 @@ class Scenario:
         folder: Folder that paths in it are relative to.
         seed: Of changes in the last digits of the mechanism; none for the mechanism as it is.
         given: The mechanism where it was given as such; ``None`` where a file or a name says it.
+        functions: Controllers given as functions in Python.
     """
 
     document: Document
@@ -53,6 +55,7 @@ class Scenario:
     folder: Path
     seed: int | None = None
     given: Mechanism | None = None
+    functions: tuple[FunctionControl, ...] = ()
 
     @classmethod
     def load(cls, path: str | Path, values: Values | None = None) -> Scenario:
@@ -96,7 +99,7 @@ class Scenario:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Say how another process makes the same scenario: from its text, since what is built from it has functions."""
-        return _read_again, (self.document, self.folder.absolute(), self.seed, self.given)
+        return _read_again, (self.document, self.folder.absolute(), self.seed, self.given, self.functions)
 
     def varied(self, values: Values) -> Scenario:
         """Return the scenario with other values.
@@ -147,7 +150,11 @@ class Scenario:
 
     @cached_property
     def mechanism(self) -> Mechanism:
-        """The mechanism, with the scenario's arguments and gravity."""
+        """The mechanism, with the scenario's arguments and gravity, and controllers given in Python."""
+        loaded = self._loaded()
+        return replace(loaded, control=(*loaded.control, *self.functions)) if self.functions else loaded
+
+    def _loaded(self) -> Mechanism:
         if self.given is not None:
             refuse_changes(self.document.data)
             return self.given if self.seed is None else self.given.perturbed(self.seed)
@@ -208,15 +215,41 @@ class Scenario:
         requested = requested_joints(texts, self.symbols, self.mechanism)
         return Simplification.required(self.problem, self.mechanism, self.content.accuracy, self._place, requested)
 
-    def run(self) -> Result:
+    def controlled(
+        self, control: Mapping[str | tuple[str, ...], ControlFunction], period: float | None = None, delay: float = 0.0
+    ) -> Scenario:
+        """Return the scenario with drives whose efforts are functions; see ``run``.
+
+        Raises:
+            InputError: It is no forward problem, a function cannot be called, or the period is not positive.
+        """
+        from pinarm.mechanics.control.function import function_controls
+
+        if self.problem.kind != "forward":
+            raise InputError(f"the problem is of the kind '{self.problem.kind}': its motion is known",
+                             expected="a forward problem, whose drives can react")  # fmt: skip
+        return replace(self, functions=(*self.functions, *function_controls(control, period, delay)))
+
+    def run(
+        self, control: Mapping[str | tuple[str, ...], ControlFunction] | None = None, *, period: float | None = None,
+        delay: float = 0.0,
+    ) -> Result:  # fmt: skip
         """Solve the problem; with ``accuracy.target``, at the cheapest setting whose error is below it.
+
+        Args:
+            control: Drives whose efforts are functions: drive, or several in a tuple, -> ``u(t, state)``, which returns
+                an effort, or a sequence of them [N*m or N]; ``state["knee"]`` is a quantity of the present state [SI].
+                See docs/control.md.
+            period: Of sampled functions [s]: called once each period, their effort is held until the next; continuous
+                where it is left out.
+            delay: From a sample to the change of the effort [s].
 
         Raises:
             PinarmError: The input is impossible, or the numerics failed; then ``partial`` holds the result until there.
         """
         from pinarm.use.study.accuracy.solved import solved
 
-        return solved(self)
+        return solved(self.controlled(control, period, delay) if control is not None else self)
 
     def verified(self) -> Result:
         """Return the result with its global error estimated, and every row of it checked.
@@ -381,8 +414,11 @@ class Scenario:
         return self.document.locating("problem", *path)
 
 
-def _read_again(document: Document, folder: Path, seed: int | None, given: Mechanism | None) -> Scenario:
-    return replace(Scenario.of(document, folder), seed=seed, given=given)
+def _read_again(
+    document: Document, folder: Path, seed: int | None, given: Mechanism | None,
+    functions: tuple[FunctionControl, ...],
+) -> Scenario:  # fmt: skip
+    return replace(Scenario.of(document, folder), seed=seed, given=given, functions=functions)
 
 
 def _varied(document: Document, folder: Path, values: Values) -> Document:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pinarm.errors import InputError
 from pinarm.input.yaml.document import Document
@@ -12,13 +13,23 @@ from pinarm.use.result.result import Result
 from pinarm.use.scenario.file_kind import is_mechanism
 from pinarm.use.scenario.scenario import Given, Scenario, load
 
+if TYPE_CHECKING:
+    from pinarm.mechanics.control.function import ControlFunction
 
-def run(scenario: Given, values: Values | None = None) -> Result:
+
+def run(
+    scenario: Given, values: Values | None = None, *,
+    control: Mapping[str | tuple[str, ...], ControlFunction] | None = None, period: float | None = None,
+    delay: float = 0.0,
+) -> Result:  # fmt: skip
     """Solve a scenario; with ``accuracy.target``, at the cheapest setting whose error is below it.
 
     Args:
         scenario: The scenario, or its file.
         values: Other values than those of the file, such as ``{"problem.time.end": "3 s"}``; see ``pinarm.load``.
+        control: Drives whose efforts are functions ``u(t, state)``; see ``Scenario.run``.
+        period: Of sampled functions [s]; continuous where it is left out.
+        delay: From a sample to the change of the effort [s].
 
     Returns:
         The result: ``result["C_B"]`` is a quantity with its unit, one value per row.
@@ -27,7 +38,7 @@ def run(scenario: Given, values: Values | None = None) -> Result:
         PinarmError: The input has a mistake or is impossible, or the numerics failed; then ``partial`` holds the result
             until there.
     """
-    return load(scenario, values).run()
+    return load(scenario, values).run(control, period=period, delay=delay)
 
 
 def validate(scenario: Given, values: Values | None = None) -> list[Scenario]:

@@ -1,0 +1,224 @@
+"""Controllers on mechanisms: loops, laws, friction, end stops, several freedoms, and functions in Python."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import pinarm
+from pinarm.engine.kernel.library import library
+from pinarm.errors import InputError
+
+CART = """<robot name="cart"><link name="base"/>
+<link name="cart"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="pole"><inertial><origin xyz="0 0 0.5"/><mass value="1"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="x" type="prismatic"><parent link="base"/><child link="cart"/><axis xyz="1 0 0"/>
+<limit lower="-9" upper="9" effort="100" velocity="10"/></joint>
+<joint name="phi" type="continuous"><parent link="cart"/><child link="pole"/><axis xyz="0 1 0"/></joint></robot>"""
+
+
+@pytest.fixture
+def cart(tmp_path):
+    """A pole on a cart: m_c 2, m 1, mass centre at 0.5, I 0.1 about it, g 10."""
+    (tmp_path / "cart.urdf").write_text(CART)
+    return pinarm.Mechanism.load(tmp_path / "cart.urdf", values={"gravity": {"magnitude": "10 m/s^2"}})
+
+
+def forward(mechanism, control, end="1 s", outputs=("x",), **problem):
+    time = {"end": end, "samples": 51}
+    return {"pinarm": 1, "mechanism": mechanism, "outputs": list(outputs),
+            "problem": {"kind": "forward", "time": time, "control": control, **problem}}  # fmt: skip
+
+
+GAINS = [["-3 N/m", "-80 N/rad", "-6 N*s/m", "-20 N*s/rad"]]
+FEEDBACK = {"kind": "state_feedback", "drive": "x", "states": ["x", "phi"], "gains": GAINS}
+
+
+def linear_cart():
+    """``M a = (u, m g l phi)`` with ``M = [[3, 0.5], [0.5, 0.35]]``, as ``x' = A x + B u``."""
+    inverse = np.linalg.inv([[3.0, 0.5], [0.5, 0.35]])
+    a, b = np.zeros((4, 4)), np.zeros((4, 1))
+    a[:2, 2:] = np.eye(2)
+    a[2:, 1], b[2:, 0] = inverse @ [0.0, 5.0], inverse @ [1.0, 0.0]
+    return a, b
+
+
+@pytest.mark.parametrize("period", [None, 0.02])
+def test_state_feedback_is_the_matrix_exponential(cart, period):
+    """From a tilt of 1e-4 rad: what is not linear is smaller by its square."""
+    control = [{**FEEDBACK, **({"period": f"{period} s"} if period else {})}]
+    start = {"position": {"phi": "1e-4 rad"}}
+    result = pinarm.run(
+        {**forward(cart, control, outputs=("x", "phi"), initial=start), "accuracy": {"tolerance": 1e-12}}
+    )
+    a, b = linear_cart()
+    gain = np.array([[-3.0, -80.0, -6.0, -20.0]])
+    if period:
+        whole = expm(np.block([[a, b], [np.zeros((1, 5))]]) * period)
+        end = np.linalg.matrix_power(whole[:4, :4] - whole[:4, 4:] @ gain, 50)
+    else:
+        end = expm(a - b @ gain)
+    exact = end @ [0.0, 1e-4, 0.0, 0.0]
+    assert [result["x"].values[-1], result["phi"].values[-1]] == pytest.approx(exact[:2], abs=1e-10)
+
+
+def test_the_compiled_library_steps_between_samples(cart, monkeypatch):
+    if library() is None:
+        pytest.skip("no compiled library")
+    from pinarm.engine.integration.compiled_steps import CompiledSteps
+
+    taken, take = [], CompiledSteps.take
+    monkeypatch.setattr(CompiledSteps, "take", lambda self, *given: taken.append(given) or take(self, *given))
+    asked = forward(cart, [{**FEEDBACK, "period": "20 ms"}], initial={"position": {"phi": "0.2 rad"}})
+    compiled = pinarm.run(asked)
+    assert len(taken) >= 50
+    monkeypatch.setattr("pinarm.engine.kernel.tree.library", lambda: None)
+    python = pinarm.run(asked)
+    for name in ("x", "phi", "joint.x.effort", "joint.phi.acceleration"):
+        apart = np.abs(compiled[name].values - python[name].values).max()
+        assert apart < 1e-10 * max(1.0, np.abs(python[name].values).max())
+
+
+LAW = {"law": "polynomial", "from": "0 m", "to": "0.5 m", "duration": "1 s"}
+
+
+def test_computed_torque_follows_beside_a_free_joint(cart):
+    """The pole swings as it likes: with exact inverse dynamics the cart follows to the tolerance."""
+    control = [{"kind": "computed_torque", "drive": "x", "follows": LAW, "kp": "100 1/s^2", "kd": "20 1/s"}]
+    start = {"position": {"phi": "170 deg"}}
+    result = pinarm.run(forward(cart, control, outputs=("control.x.error", "joint.x.effort"), initial=start))
+    assert np.abs(result["control.x.error"].values).max() < 1e-8
+    law = pinarm.run(forward(cart, [], outputs=("joint.x.effort",), initial=start, motion={"x": LAW}))
+    assert np.abs(result["joint.x.effort"].values - law["joint.x.effort"].values).max() < 1e-6
+
+
+def test_errors_of_computed_torque_decay_as_their_equation_says(cart):
+    """``e'' + 20 e' + 100 e = 0``: ``e = e_0 (1 + 10 t) exp(-10 t)``."""
+    control = [{"kind": "computed_torque", "drive": "x", "follows": LAW, "kp": "100 1/s^2", "kd": "20 1/s"}]
+    start = {"position": {"x": "-0.1 m", "phi": "170 deg"}}
+    result = pinarm.run(forward(cart, control, outputs=("control.x.error",), initial=start))
+    t = result["t"].values
+    assert np.abs(result["control.x.error"].values - 0.1 * (1 + 10 * t) * np.exp(-10 * t)).max() < 1e-8
+
+
+def test_computed_torque_of_a_loop():
+    """A crank-rocker: its crank follows, and needs the effort that the same law prescribed needs."""
+    law = {"law": "polynomial", "from": "0 deg", "to": "90 deg", "duration": "1 s"}
+    model = "models/crank_rocker/mechanism.yaml"
+    crank = next(iter(pinarm.Mechanism.load(model).joints))
+    control = [{"kind": "computed_torque", "drive": crank, "follows": law, "kp": "400 1/s^2", "kd": "40 1/s"}]
+    effort = f"joint.{crank}.effort"
+    driven = pinarm.run(forward(model, control, outputs=(effort, f"control.{crank}.error")))
+    law_run = pinarm.run(forward(model, [], outputs=(effort,), motion={crank: law}))
+    assert np.abs(driven[f"control.{crank}.error"].values).max() < 1e-7
+    size = np.abs(law_run[effort].values).max()
+    assert np.abs(driven[effort].values - law_run[effort].values).max() < 1e-5 * size
+
+
+def test_a_measured_coordinate_may_be_another_one(cart):
+    """The cart is driven by the angle of the pole, which it holds upright."""
+    control = [{"kind": "pid", "drive": "x", "measures": "phi", "follows": {"law": "constant", "value": "0 rad"},
+                "kp": "-100 N/rad", "kd": "-20 N*s/rad"}]  # fmt: skip
+    result = pinarm.run(
+        forward(cart, control, "3 s", ("phi", "control.x.error"), initial={"position": {"phi": "0.1 rad"}})
+    )
+    assert abs(result["phi"].values[-1]) < 1e-3
+    assert np.array_equal(result["control.x.error"].values, -result["phi"].values)
+
+
+@pytest.mark.parametrize("period", [{}, {"period": "10 ms"}])
+def test_a_controller_pushes_against_an_end_stop(cart, period):
+    """At rest on the stop the stop holds what the controller pushes; a step back of the reference lets it go."""
+    reference = {"law": "steps", "points": [["0 s", "1 m"], ["2 s", "0 m"]]}
+    control = [{"kind": "pid", "drive": "x", "follows": reference, "kp": "50 N/m", "kd": "30 N*s/m", **period}]
+    asked = forward(cart, control, "5 s", ("x", "control.x.effort"), end_stops={"x": {"upper": "0.4 m"}},
+                    motion={"phi": {"law": "constant", "value": "180 deg"}})  # fmt: skip
+    result = pinarm.run(asked)
+    x, t = result["x"].values, result["t"].values
+    assert x.max() <= 0.4 + 1e-9
+    assert x[(t > 1.5) & (t < 2.0)] == pytest.approx(0.4, abs=1e-9)
+    assert abs(x[-1]) < 0.02
+
+
+@pytest.mark.parametrize("period", [{}, {"period": "10 ms"}])
+def test_a_controller_moves_what_friction_holds(period):
+    """A block on a belt at rest: it sticks until the effort exceeds 0.4 m g, then slides towards its reference."""
+    model = "models/mass_on_belt/mechanism.yaml"
+    reference = {"law": "steps", "points": [["0 s", "0 m"], ["1 s", "0.5 m"]]}
+    control = [{"kind": "pid", "drive": "slip", "follows": reference, "kp": "100 N/m", "kd": "30 N*s/m", **period}]
+    belt = {"belt": {"law": "constant", "value": "0 m"}}
+    result = pinarm.run(forward(model, control, "3 s", ("slip", "joint.slip.friction"), motion=belt))
+    slip, t = result["slip"].values, result["t"].values
+    assert np.abs(slip[t < 1.0]).max() < 1e-12
+    assert slip[-1] > 0.1
+    assert abs(result["joint.slip.velocity"].values[-1]) < 1e-9  # it sticks again, short of the reference
+
+
+@pytest.mark.parametrize("period", [None, 0.05])
+def test_a_function_is_the_controller_that_it_spells_out(cart, period):
+    def effort(t, state):
+        return 3 * state["x"] + 80 * state["phi"] + 6 * state["joint.x.velocity"] + 20 * state["joint.phi.velocity"]
+
+    start = {"position": {"phi": "0.1 rad"}}
+    control = [{**FEEDBACK, **({"period": "50 ms"} if period else {})}]
+    same = pinarm.run(forward(cart, control, initial=start))
+    found = pinarm.run(forward(cart, [], initial=start), control={"x": effort}, period=period)
+    assert np.abs(found["x"].values - same["x"].values).max() < 1e-12
+
+
+def test_a_function_sees_quantities_and_may_drive_several_joints(cart):
+    seen = []
+
+    def efforts(t, state):
+        seen.append((t, state["energy.kinetic"], state["point.pole.position.x"], state["x"]))
+        return [1.0, -0.5]
+
+    result = pinarm.run(forward(cart, []), control={("x", "phi"): efforts}, period=0.1)
+    assert [t for t, *_ in seen] == pytest.approx(0.1 * np.arange(10))
+    assert [place for *_, place, _ in seen] == [x for *_, x in seen]
+    assert result["joint.phi.effort"].values[-1] == -0.5
+    assert result.figures["energy"] < 1e-9
+
+
+@pytest.mark.parametrize("function, said", [
+    (lambda t, state: state["nothing"], "no quantity 'nothing'"), (lambda t, state: "much", "returned 'much'"),
+    (lambda t, state: float("nan"), "finite"), (lambda t, state: state["joint.x.acceleration"], "positions and velocities"),
+    ("u", "function"),
+])  # fmt: skip
+def test_mistakes_of_functions_are_told(cart, function, said):
+    with pytest.raises(InputError, match=said):
+        pinarm.run(forward(cart, []), control={"x": function})
+
+
+def test_functions_control_forward_runs_only(cart):
+    statics = {"pinarm": 1, "mechanism": cart, "outputs": ["x"], "problem": {"kind": "statics"}}
+    with pytest.raises(InputError, match="motion is known"):
+        pinarm.run(statics, control={"x": lambda t, state: 0.0})
+
+
+def test_a_mechanism_may_have_its_controllers(tmp_path):
+    (tmp_path / "cart.urdf").write_text(CART)
+    gravity = {"magnitude": "10 m/s^2"}
+    start = {"position": {"phi": "0.1 rad"}}
+    plain = pinarm.Mechanism.load(tmp_path / "cart.urdf", values={"gravity": gravity})
+    own = pinarm.Mechanism.load(tmp_path / "cart.urdf", values={"gravity": gravity, "control": [FEEDBACK]})
+    found = pinarm.run(forward(own, [], initial=start))["x"].values
+    assert np.array_equal(found, pinarm.run(forward(plain, [FEEDBACK], initial=start))["x"].values)
+
+
+def test_a_part_of_a_robot_is_controlled_as_the_whole():
+    """The Panda with its fingers held: joints that the question does not require are left out, and nothing changes."""
+    joints = [f"panda_joint{i}" for i in range(1, 8)]
+    start = dict(zip(joints, ("0 deg", "-45 deg", "0 deg", "-135 deg", "0 deg", "90 deg", "45 deg"), strict=True))
+    laws = [{"law": "harmonic", "mean": at, "amplitude": "0.2 rad", "pulsation": "3 rad/s"} for at in start.values()]
+    speed = dict.fromkeys(joints, "0.6 rad/s")
+    control = [{"kind": "computed_torque", "drive": joints, "follows": laws, "kp": "400 1/s^2", "kd": "40 1/s"}]
+    motion = {"panda_finger_joint1": {"law": "constant", "value": "20 mm"}}
+    asked = forward("panda", control, "0.2 s", ("control.panda_joint2.error", "joint.panda_joint2.effort"),
+                    motion=motion, initial={"position": start, "velocity": speed})  # fmt: skip
+    part, whole = pinarm.run(asked), pinarm.run({**asked, "modelled": "whole"})
+    assert part.removals
+    error = part["control.panda_joint2.error"].values
+    assert np.abs(error).max() < 1e-9  # it begins on its law and stays there, to the tolerance
+    effort = part["joint.panda_joint2.effort"].values
+    assert np.abs(effort - whole["joint.panda_joint2.effort"].values).max() < 1e-7 * np.abs(effort).max()

@@ -1,0 +1,253 @@
+"""Controllers of forward runs against closed forms: matrix exponentials, known limits, and other routes."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import pinarm
+from pinarm.errors import InputError
+
+URDF = """<robot name="inertia"><link name="base"/><link name="rotor"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="x" type="continuous"><parent link="base"/><child link="rotor"/><axis xyz="0 0 1"/></joint></robot>"""
+
+PD = {"kind": "pid", "drive": "x", "follows": {"law": "constant", "value": "0 rad"}, "kp": "25 N*m/rad",
+      "kd": "6 N*m*s/rad"}  # fmt: skip
+"""On J = 1: ``x'' + 6 x' + 25 x = 0``."""
+
+
+@pytest.fixture
+def inertia(tmp_path):
+    """A flywheel of 1 kg m^2 about z."""
+    (tmp_path / "inertia.urdf").write_text(URDF)
+    return pinarm.Mechanism.load(tmp_path / "inertia.urdf")
+
+
+def scenario(mechanism, control, end="1 s", outputs=("x",), start="1 rad", **problem):
+    initial = {"position": {"x": start}} if start else {}
+    return {"pinarm": 1, "mechanism": mechanism, "outputs": list(outputs), "problem": {
+        "kind": "forward", "time": {"end": end, "samples": 101}, "initial": initial, "control": control, **problem,
+    }}  # fmt: skip
+
+
+def last(result, name="x"):
+    return float(result[name].values[-1])
+
+
+def held(a, b, gain, x, period, samples):
+    """States of ``x' = A x + B u`` under ``u = -K x``, held over each period, by the matrix exponential."""
+    n = len(a)
+    whole = expm(np.block([[a, b], [np.zeros((1, n + 1))]]) * period)
+    step = whole[:n, :n] - whole[:n, n:] @ gain[None]
+    return np.linalg.matrix_power(step, samples) @ x
+
+
+INTEGRATORS = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
+
+
+def test_sampled_pd_is_the_published_number(inertia):
+    """The issue's figure, which the matrix exponential of the held effort gives to all digits."""
+    exact = held(*INTEGRATORS, np.array([25.0, 6.0]), np.array([1.0, 0.0]), 0.05, 20)
+    found = last(pinarm.run(scenario(inertia, [{**PD, "period": "50 ms"}])))
+    assert round(found, 8) == -0.04278454
+    assert found == pytest.approx(exact[0], abs=1e-13)  # parabolas: exact but for rounding
+
+
+def test_continuous_pd_is_the_published_number(inertia):
+    exact = np.exp(-3.0) * (np.cos(4.0) + 0.75 * np.sin(4.0))
+    found = last(pinarm.run(scenario(inertia, [PD])))
+    assert round(found, 8) == -0.06080223
+    assert found == pytest.approx(exact, abs=1e-8)  # tolerance 1e-9 a step
+
+
+def test_a_delay_shifts_the_effort(inertia):
+    """Half a period of delay: two held parts a period, stepped by hand."""
+    found = last(pinarm.run(scenario(inertia, [{**PD, "period": "50 ms", "delay": "20 ms"}])))
+    x, v, u = 1.0, 0.0, 0.0
+    for _ in range(20):
+        command = -25.0 * x - 6.0 * v
+        for h, effort in ((0.02, u), (0.03, command)):
+            x, v = x + h * v + 0.5 * h * h * effort, v + h * effort
+        u = command
+    assert found == pytest.approx(x, abs=1e-13)
+
+
+def test_a_delay_may_be_longer_than_the_period(inertia):
+    found = last(pinarm.run(scenario(inertia, [{**PD, "period": "50 ms", "delay": "0.1 s"}])))
+    x, v, commands = 1.0, 0.0, [0.0, 0.0]
+    for _ in range(20):
+        commands.append(-25.0 * x - 6.0 * v)
+        u = commands[-3]
+        x, v = x + 0.05 * v + 0.5 * 0.05**2 * u, v + 0.05 * u
+    assert found == pytest.approx(x, abs=1e-12)
+
+
+def test_the_integral_is_a_state_of_the_run(inertia):
+    """``x'' + 6 x' + 25 x + 3 integral of x = 0`` by the matrix exponential."""
+    found = last(pinarm.run(scenario(inertia, [{**PD, "ki": "3 N*m/rad/s"}])))
+    a = np.array([[0.0, 1.0, 0.0], [-25.0, -6.0, -3.0], [1.0, 0.0, 0.0]])
+    assert found == pytest.approx((expm(a) @ [1.0, 0.0, 0.0])[0], abs=1e-8)
+
+
+def test_a_sampled_integral_is_a_sum(inertia):
+    found = last(pinarm.run(scenario(inertia, [{**PD, "ki": "3 N*m/rad/s", "period": "20 ms"}])))
+    x, v, total, h = 1.0, 0.0, 0.0, 0.02
+    for _ in range(50):
+        total += h * -x
+        u = -25.0 * x - 6.0 * v + 3.0 * total
+        x, v = x + h * v + 0.5 * h * h * u, v + h * u
+    assert found == pytest.approx(x, abs=1e-12)
+
+
+@pytest.mark.parametrize("period", [{}, {"period": "20 ms"}])
+def test_an_integral_takes_a_constant_disturbance_away(inertia, period):
+    """The effort ends at minus the disturbance, and the joint at its reference; roots at -1.2 and farther: e^-24."""
+    load = {"push": {"kind": "joint_effort", "joint": "x", "effort": {"law": "constant", "value": "2 N*m"}}}
+    control = [{**PD, "follows": {"law": "constant", "value": "0.3 rad"}, "ki": "40 N*m/rad/s", **period}]
+    result = pinarm.run(scenario(inertia, control, "20 s", ("x", "control.x.effort"), loads=load))
+    assert last(result) == pytest.approx(0.3, abs=1e-7)
+    assert last(result, "control.x.effort") == pytest.approx(-2.0, abs=1e-6)
+
+
+def test_the_error_falls_with_the_tolerance(inertia):
+    exact = np.exp(-3.0) * (np.cos(4.0) + 0.75 * np.sin(4.0))
+    errors = [
+        abs(last(pinarm.run({**scenario(inertia, [PD]), "accuracy": {"tolerance": float(tolerance)}})) - exact)
+        for tolerance in ("1e-4", "1e-7", "1e-10")
+    ]
+    assert errors[0] > 10 * errors[1] > 100 * errors[2]
+
+
+@pytest.mark.parametrize("method, error", [("dop853", 1e-12), ("dopri5", 1e-12), ("stiff", 1e-9), ("rk4", 1e-12)])
+def test_every_method_ends_its_steps_on_the_samples(inertia, method, error):
+    exact = held(*INTEGRATORS, np.array([25.0, 6.0]), np.array([1.0, 0.0]), 0.05, 20)[0]
+    setting = {"step": "1 s"} if method == "rk4" else {}
+    asked = {**scenario(inertia, [{**PD, "period": "50 ms"}]), "accuracy": {"method": method, **setting}}
+    assert last(pinarm.run(asked)) == pytest.approx(exact, abs=error)
+
+
+def test_without_the_compiled_kernel_it_is_the_same(inertia, monkeypatch):
+    asked = scenario(inertia, [{**PD, "period": "50 ms"}])
+    compiled = pinarm.run(asked)
+    monkeypatch.setattr("pinarm.engine.kernel.tree.library", lambda: None)
+    python = pinarm.run(asked)
+    assert np.abs(compiled["x"].values - python["x"].values).max() < 1e-13  # a parabola, up to rounding
+
+
+def test_between_samples_the_effort_is_held(inertia):
+    result = pinarm.run(scenario(inertia, [{**PD, "period": "50 ms"}], outputs=("x", "control.x.effort")))
+    effort, t = result["control.x.effort"].values, result["t"].values
+    for k in range(20):
+        inside = (t > 0.05 * k - 1e-9) & (t < 0.05 * (k + 1) - 1e-9)
+        assert np.ptp(effort[inside]) == 0.0
+    a = result["joint.x.acceleration"].values
+    assert np.abs(a - effort).max() < 1e-12  # J = 1
+    assert np.array_equal(result["joint.x.effort"].values, effort)
+
+
+def test_limits_clip_the_effort_and_keep_the_integral(inertia):
+    """Double integrator under bang effort until the command is within the limits, found by the closed form."""
+    control = [{**PD, "kd": "10 N*m*s/rad", "limits": ["-1 N*m", "1 N*m"]}]
+    result = pinarm.run(scenario(inertia, control, "3 s", ("x", "control.x.effort", "control.x.command")))
+    t, x = result["t"].values, result["x"].values
+    switch = (-10.0 + np.sqrt(100.0 + 4.0 * 12.5 * 24.0)) / 25.0  # x = 1 - t^2/2, -25 x + 10 t = -1
+    saturated = t < switch - 1e-9
+    assert np.abs(x[saturated] - (1.0 - 0.5 * t[saturated] ** 2)).max() < 1e-10
+    effort, command = result["control.x.effort"].values, result["control.x.command"].values
+    assert np.abs(effort - np.clip(command, -1.0, 1.0)).max() < 1e-12
+    assert effort[saturated].max() == -1.0
+
+
+@pytest.mark.parametrize("period", [{}, {"period": "20 ms"}])
+def test_the_integral_does_not_wind_up(inertia, period):
+    """A step of 3 rad with 1 N m takes 3.5 s; what the integral holds stays within the limits, so it settles soon."""
+    control = [{**PD, "kd": "10 N*m*s/rad", "ki": "25 N*m/rad/s", "limits": ["-1 N*m", "1 N*m"],
+                "follows": {"law": "constant", "value": "3 rad"}, **period}]  # fmt: skip
+    result = pinarm.run(scenario(inertia, control, "20 s", ("x", "control.x.effort"), start=None))
+    assert last(result) == pytest.approx(3.0, abs=1e-3)
+    assert np.abs(result["control.x.effort"].values).max() <= 1.0 + 1e-12
+
+
+def test_coarse_sensors_make_a_limit_cycle_within_their_step(inertia):
+    """With steps of 0.01 rad nothing below half a step is seen; rates from differences of them."""
+    control = [{**PD, "period": "10 ms", "resolution": "0.01 rad"}]
+    result = pinarm.run(scenario(inertia, control, "5 s"))
+    assert 0.0 < abs(last(result)) < 0.005 + 1e-6
+
+
+def test_rates_may_be_differences_of_samples(inertia):
+    found = last(pinarm.run(scenario(inertia, [{**PD, "period": "10 ms", "rates": "difference"}])))
+    x, v, before, h = 1.0, 0.0, 1.0, 0.01
+    for _ in range(100):
+        u, before = -25.0 * x - 6.0 * (x - before) / h, x
+        x, v = x + h * v + 0.5 * h * h * u, v + h * u
+    assert found == pytest.approx(x, abs=1e-12)
+
+
+def test_a_sampled_run_approaches_the_continuous_one_in_first_order(inertia):
+    exact = last(pinarm.run(scenario(inertia, [PD])))
+    errors = [
+        last(pinarm.run(scenario(inertia, [{**PD, "period": f"{period} s"}]))) - exact for period in (0.02, 0.01, 0.005)
+    ]
+    orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+    assert orders == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_relay_cycles_between_its_hysteresis(inertia):
+    """``x'' = -+1`` switched at ``x + x' = -+0.1``: every arc is a parabola, stepped here in closed form."""
+    control = [{"kind": "switching", "drive": "x", "above": "1 N*m", "below": "-1 N*m", "hysteresis": "0.1 rad",
+                "lead": "1 s"}]  # fmt: skip
+    found = last(pinarm.run(scenario(inertia, control, "6 s")))
+    t, x, v, u = 0.0, 1.0, 0.0, -1.0
+    while True:  # s = -(x + v) reaches -0.1 sign(u): x + v + h (v + u) + u h^2 / 2 = 0.1 u
+        b, c = v + u, x + v - 0.1 * u
+        roots = np.roots([0.5 * u, b, c])
+        ahead = [r.real for r in roots if abs(r.imag) < 1e-12 and r.real > 1e-9]
+        h = min([*ahead, 6.0 - t])
+        x, v, t = x + h * v + 0.5 * u * h * h, v + u * h, t + h
+        if t >= 6.0:
+            break
+        u = -u
+    assert found == pytest.approx(x, abs=1e-8)
+
+
+def test_a_relay_needs_a_hysteresis_unless_it_is_sampled(inertia):
+    relay = {"kind": "switching", "drive": "x", "above": "1 N*m", "below": "-1 N*m"}
+    with pytest.raises(InputError, match="switch without end"):
+        pinarm.run(scenario(inertia, [relay]))
+    sampled = pinarm.run(scenario(inertia, [{**relay, "period": "10 ms", "lead": "1 s"}], "6 s"))
+    assert abs(last(sampled)) < 0.05
+
+
+def test_the_energy_balance_counts_the_controllers(inertia):
+    """Work of the controller = change of energy: E falls from 0 to J v^2 / 2 by what the PD does, both ways."""
+    for control in ({**PD}, {**PD, "period": "50 ms"}, {**PD, "ki": "3 N*m/rad/s", "limits": ["-9 N*m", "9 N*m"]}):
+        result = pinarm.run(scenario(inertia, [control], outputs=("x", "energy.kinetic")))
+        assert result.figures["energy"] < 1e-6
+        assert result["energy.kinetic"].values.max() > 0.1
+
+
+def test_two_runs_are_the_same_run(inertia):
+    asked = scenario(inertia, [{**PD, "ki": "3 N*m/rad/s", "period": "7 ms", "delay": "3 ms"}])
+    loaded = pinarm.load(asked)
+    assert np.array_equal(loaded.run()["x"].values, loaded.run()["x"].values)
+
+
+@pytest.mark.parametrize("key, value, said", [
+    ("drive", "y", "no drive or joint 'y'"), ("kp", "25 N/m", "not a unit"), ("delay", "1 ms", "no delay"),
+    ("resolution", "1 deg", "no resolution"), ("limits", ["1 N*m", "-1 N*m"], "not above"),
+    ("drive", ["x", "x"], "twice"),
+    ("follows", {"law": "constant", "value": "1 m"}, "not a unit"), ("measures", "z", "no coordinate 'z'"),
+    ("limits", {"y": ["-1 N*m", "1 N*m"]}, "no drive of this"), ("period", "1e-9 s", "samples"),
+])  # fmt: skip
+def test_mistakes_are_told_at_their_place(inertia, key, value, said):
+    with pytest.raises(InputError, match=said) as caught:
+        pinarm.run(scenario(inertia, [{**PD, key: value}]))
+    assert "control.0" in str(caught.value)
+
+
+def test_a_joint_has_one_controller_and_no_law(inertia):
+    with pytest.raises(InputError, match="two controllers"):
+        pinarm.run(scenario(inertia, [PD, PD]))
+    with pytest.raises(InputError, match="follows a law"):
+        pinarm.run(scenario(inertia, [PD], start=None, motion={"x": {"law": "constant", "value": "1 rad"}}))
