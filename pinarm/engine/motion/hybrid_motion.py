@@ -328,7 +328,7 @@ class HybridSystem:
     ) -> SegmentEnd | None:
         """Add a segment to the motion; return what ended it before the end of the run.
 
-        Where there is friction a segment ends with its interval: a load that jumps may set joints in motion.
+        Where something is held a segment ends with its interval: a load that jumps may set it in motion.
         """
         system, spans = self.stretch(mode, t, q, v), self._spans(mode, t)
         watched, acting = self._watched(mode, system, q, v), self._acting(system)
@@ -360,9 +360,9 @@ class HybridSystem:
     def _spans(self, mode: Mode, t: float) -> list[tuple[float, float]]:
         """Return the intervals of a segment from t [s] on: one where a load that jumps may change what holds joints."""
         spans = [(max(low, t), high) for low, high in pairwise(self.cuts) if high > t]
-        if self.controls is None:
-            return spans[:1] if self.frictions else spans
         held = self.frictions or mode.held
+        if self.controls is None:
+            return spans[:1] if held else spans
         end = min(spans[0][1], self.controls.memory.next(t)) if held else spans[0][1]
         return [(t, end)] if held or self.controls.continuous else spans
 
@@ -438,8 +438,8 @@ class HybridSystem:
         return found
 
     def push(self, system: System, k: int, t: Array, q: Array, v: Array) -> Array:
-        """Return the push of a stop that is rested on, at many states [N*m or N], shape (n,)."""
-        span = (float(t[0]), max(float(t[-1]), float(np.nextafter(t[0], np.inf))))
+        """Return the push of a stop that is rested on, at states of one interval [N*m or N], shape (n,)."""
+        span = (float(t[0]), float(t[-1]) if len(t) > 1 else self._span(float(t[0]))[1])
         motion = system.complete(self.dynamics, Grid(t, span, (0, len(t))), *system.part(q, v))
         return np.asarray(self.bounds[k].side * motion.tau[:, self.bounds[k].joint])
 

@@ -24,6 +24,7 @@ ASSESSMENTS: Deferred = {
     "loads": ("pinarm.use.assessments.loads.loads", "Loads"),
     "path_error": ("pinarm.use.assessments.path_error", "PathError"),
     "limits": ("pinarm.use.assessments.limits", "Limits"),
+    "response": ("pinarm.use.assessments.response", "Response"),
     "sensitivity": ("pinarm.use.assessments.sensitivity.sensitivity", "Sensitivity"),
 }
 """Key of a scenario -> module and class. A new one is a class, an entry here, and the key in ``ScenarioFile``."""
@@ -69,8 +70,9 @@ if TYPE_CHECKING:  # mypy compares the classes with the protocol, which are impo
     from pinarm.use.assessments.limits import Limits
     from pinarm.use.assessments.loads.loads import Loads
     from pinarm.use.assessments.path_error import PathError
+    from pinarm.use.assessments.response import Response
     from pinarm.use.assessments.sensitivity.sensitivity import Sensitivity
     from pinarm.use.assessments.shaking import Shaking
     from pinarm.use.assessments.sizing.sizing import Sizing
 
-    _CLASSES: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads, PathError, Limits, Sensitivity)
+    _CLASSES: tuple[type[Assessment], ...] = (Shaking, Sizing, Loads, PathError, Limits, Response, Sensitivity)

@@ -68,6 +68,7 @@ class ScenarioFile(InputStruct, frozen=True):
         loads: Loads of joints, lives of bearings, balance of rotors, sets of loads for FEM; see ``assessments.loads``.
         path_error: How far a point passes from wanted ones; see ``assessments.path_error``.
         limits: What numbers of the run must keep to; see ``assessments.limits``.
+        response: Overshoot, rise and settling time of a step response; see ``assessments.response``.
         sensitivity: What numbers of the run depend on, and bands from tolerances; see ``assessments.sensitivity``.
         modelled: ``required``, what the question requires: joints that it holds still are locked, and dropped those
             that it moves and nothing depends on; or the ``whole`` mechanism. The answer is the same.
@@ -103,6 +104,7 @@ class ScenarioFile(InputStruct, frozen=True):
     loads: Assessment | None = None
     path_error: Assessment | None = None
     limits: Assessment | None = None
+    response: Assessment | None = None
     sensitivity: Assessment | None = None
     modelled: Literal["required", "whole"] = "required"
     undetermined: Literal["refuse", "minimum_norm"] = "refuse"

@@ -9,7 +9,8 @@ from pinarm.engine.kernel.library import library
 from pinarm.errors import InputError
 
 CART = """<robot name="cart"><link name="base"/>
-<link name="cart"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="cart"><inertial><mass value="2"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <link name="pole"><inertial><origin xyz="0 0 0.5"/><mass value="1"/>
 <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="x" type="prismatic"><parent link="base"/><child link="cart"/><axis xyz="1 0 0"/>
@@ -108,7 +109,8 @@ def test_computed_torque_of_a_loop():
     crank = next(iter(pinarm.Mechanism.load(model).joints))
     control = [{"kind": "computed_torque", "drive": crank, "follows": law, "kp": "400 1/s^2", "kd": "40 1/s"}]
     effort = f"joint.{crank}.effort"
-    driven = pinarm.run(forward(model, control, outputs=(effort, f"control.{crank}.error")))
+    start = {"position": {crank: "0 deg"}}
+    driven = pinarm.run(forward(model, control, outputs=(effort, f"control.{crank}.error"), initial=start))
     law_run = pinarm.run(forward(model, [], outputs=(effort,), motion={crank: law}))
     assert np.abs(driven[f"control.{crank}.error"].values).max() < 1e-7
     size = np.abs(law_run[effort].values).max()
@@ -138,6 +140,16 @@ def test_a_controller_pushes_against_an_end_stop(cart, period):
     assert x.max() <= 0.4 + 1e-9
     assert x[(t > 1.5) & (t < 2.0)] == pytest.approx(0.4, abs=1e-9)
     assert abs(x[-1]) < 0.02
+
+
+def test_a_load_that_turns_lets_a_stop_go(cart):
+    """Pushed onto the stop by 5 N until 2 s, then pulled off it: ``x = 0.4 - (5/3) (t - 2)^2 / 2``."""
+    law = {"law": "steps", "points": [["0 s", "5 N"], ["2 s", "-5 N"]]}
+    push = {"kind": "joint_effort", "joint": "x", "effort": law}
+    held = {"phi": {"law": "constant", "value": "180 deg"}}
+    stops = {"x": {"upper": "0.4 m"}}
+    result = pinarm.run(forward(cart, [], "3 s", loads={"push": push}, motion=held, end_stops=stops))
+    assert result["x"].values[-1] == pytest.approx(0.4 - 5.0 / 6.0, abs=1e-8)
 
 
 @pytest.mark.parametrize("period", [{}, {"period": "10 ms"}])
@@ -182,7 +194,8 @@ def test_a_function_sees_quantities_and_may_drive_several_joints(cart):
 
 @pytest.mark.parametrize("function, said", [
     (lambda t, state: state["nothing"], "no quantity 'nothing'"), (lambda t, state: "much", "returned 'much'"),
-    (lambda t, state: float("nan"), "finite"), (lambda t, state: state["joint.x.acceleration"], "positions and velocities"),
+    (lambda t, state: float("nan"), "finite"),
+    (lambda t, state: state["joint.x.acceleration"], "positions and velocities"),
     ("u", "function"),
 ])  # fmt: skip
 def test_mistakes_of_functions_are_told(cart, function, said):

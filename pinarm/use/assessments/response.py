@@ -1,0 +1,196 @@
+"""Step responses: overshoot, rise and settling time of a quantity on its way from a first to a final value.
+
+With y_0 at the beginning, y_f at the end, and ``z = (y - y_0) / (y_f - y_0)``, which goes from 0 to 1:
+
+- rise time: from where z first reaches 10 % to where it first reaches 90 %;
+- overshoot: the largest z, less 1; 0 where z stays below 1;
+- settling time: from the beginning to where z enters the band ``|z - 1| <= band`` for the last time.
+
+Source: Franklin, Powell, Emami-Naeini, Feedback Control of Dynamic Systems, section 3.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.series import Series
+from pinarm.errors import InputError, within
+from pinarm.input.units import DIMENSIONLESS, Unit, unit
+from pinarm.input.yaml.schema import AnyQuantity, InputStruct, Time, check_unit
+from pinarm.use.result.row_lookup import Lookup
+from pinarm.use.result.section import Curve, Graph, Section, SectionTable
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+    from pinarm.use.result.result import Result
+    from pinarm.use.scenario.scenario import Scenario
+
+SAMPLES = 4096
+"""Instants at which the response is looked at, evenly over the run: an oscillation has to be slower than these show."""
+
+PARTS, REFINEMENTS = 32, 7
+"""Parts into which a bracket of a crossing is divided, and how often: 32^-7 of the distance of samples is 3e-11."""
+
+SECOND = unit("s")
+
+
+class Response(InputStruct, frozen=True):
+    """How a quantity goes from one value to another.
+
+    Attributes:
+        of: The quantity, or a formula of quantities.
+        begin: Instant of the step; the start of the run where it is left out.
+        initial: Value that it starts from; that at the beginning where it is left out.
+        final: Value that it goes to; that at the end of the run where it is left out.
+        band: Half the width of the band in which it has settled, as a part of the step.
+    """
+
+    of: str
+    begin: Time | None = None
+    initial: AnyQuantity | None = None
+    final: AnyQuantity | None = None
+    band: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.02
+
+    def requested(self, mechanism: Mechanism) -> list[str]:
+        """Return what it needs of a run: see ``Assessment``."""
+        return [self.of]
+
+    def units(self, quantities: Quantities) -> Mapping[str, Unit | None]:
+        """Return the numbers of the section: see ``Assessment``."""
+        value = quantities[self.of].unit
+        times = dict.fromkeys(("rise_time", "peak_time", "settling_time"), SECOND)
+        return {"overshoot": DIMENSIONLESS, **times, "initial": value, "final": value, "peak": value, "error": value}
+
+    def check_names(self, quantities: Quantities, scenario: Scenario) -> None:
+        """Check the quantity, the units and the kind of run: see ``Assessment``."""
+        with within("of"):
+            value = quantities[self.of].unit
+        for key in ("initial", "final"):
+            with within(key):
+                check_unit(getattr(self, key) or 0.0, value or DIMENSIONLESS)
+        if quantities.trajectory.parameter != "t":
+            raise InputError("a step response is one over time", expected="a forward, inverse or recorded motion")
+
+    def evaluate(self, result: Result) -> Section:
+        """Return overshoot, rise and settling time: see ``Assessment``.
+
+        Raises:
+            InputError: There is no step, or the run does not come to what is asked.
+        """
+        self.check_names(result.quantities, result.scenario)
+        step = _Step.of(self, result.lookup)
+        values, measured = step.numbers(self.band), result.quantities[self.of].unit
+        names = {"overshoot": "overshoot", "rise_time": "rise time", "peak_time": "time of the peak",
+                 "settling_time": f"settling time to {100.0 * self.band:g} %", "initial": "first value",
+                 "final": "final value", "peak": "peak", "error": "error at the end"}  # fmt: skip
+        units = {**dict.fromkeys(names, measured), **self.units(result.quantities)}
+        numbers = {name: Series(names[name], units[name] or DIMENSIONLESS, np.array([values[name]])) for name in names}
+        rows = [(names[name], f"{values[name]:.6g}", str(units[name] or "")) for name in names]
+        table = SectionTable("response", f"Step response of {self.of}", ("", "value", "unit"), (None,) * 3, rows)
+        graph = Graph("response", f"Step response of {self.of}",
+                      [Curve(result.quantities["t"], result.quantities[self.of])])  # fmt: skip
+        return Section("response", "Step response", [table], numbers, step.remarks(self, values), [graph])
+
+
+class _Step:
+    """A response on its way; ``z`` is its part of the step.
+
+    Args:
+        run: The run.
+        of: The quantity.
+        begin: When the step begins [s].
+        bounds: First and final value.
+    """
+
+    def __init__(self, run: Lookup, of: str, begin: float, bounds: tuple[float, float]) -> None:
+        self.run, self.name, self.begin = run, of, begin
+        self.initial, self.final = bounds
+        self.end = float(run.run.grid.cuts[-1])
+        if self.final == self.initial:
+            raise InputError(f"'{of}' ends where it begins, at {self.final:.6g}: there is no step",
+                             expected="a final value that differs",
+                             hint="final: the value that it should reach")  # fmt: skip
+        parts = [(k, self._instants(*ends)) for k, (*ends, _) in enumerate(run.intervals) if ends[1] > begin]
+        self.owners = np.concatenate([np.full(len(t), k) for k, t in parts])
+        self.t = np.concatenate([t for _, t in parts])
+        self.z = np.concatenate([self.at(k, t) for k, t in parts])
+
+    @classmethod
+    def of(cls, asked: Response, run: Lookup) -> _Step:
+        """Return the response that is asked for."""
+        begin = float(run.run.grid.cuts[0] if asked.begin is None else asked.begin)
+        if not run.run.grid.cuts[0] <= begin < run.run.grid.cuts[-1]:
+            with within("begin"):
+                raise InputError(f"the run does not come to {begin:.6g} s", expected="an instant before its end")
+        ends = run.run.grid.cuts[-1]
+        bounds = [
+            float(given) if given is not None else float(run.at({"t": at}, asked.of)[asked.of].values[0])
+            for given, at in ((asked.initial, begin), (asked.final, ends))
+        ]
+        return cls(run, asked.of, begin, (bounds[0], bounds[1]))
+
+    def _instants(self, start: float, end: float) -> Array:
+        low = max(start, self.begin)
+        count = max(int(np.ceil(SAMPLES * (end - low) / (self.end - self.begin))), 8)
+        return np.linspace(low, end, count + 1)
+
+    def at(self, interval: int, t: Array) -> Array:
+        """Return z at instants of one interval, shape (n,)."""
+        y = self.run.quantities_at(interval, t)[self.name].values
+        return np.asarray((y - self.initial) / (self.final - self.initial))
+
+    def numbers(self, band: float) -> dict[str, float]:
+        """Return the numbers of the section [SI]."""
+        size = self.final - self.initial
+        top = int(self.z.argmax())
+        near = np.linspace(self.t[max(top - 1, 0)], self.t[min(top + 1, len(self.t) - 1)], 257)
+        values = self.at(int(self.owners[top]), np.clip(near, *self._bounds(top)))
+        best = int(values.argmax())
+        fine = np.linspace(near[max(best - 1, 0)], near[min(best + 1, 256)], 257)
+        peaks = self.at(int(self.owners[top]), np.clip(fine, *self._bounds(top)))
+        peak, when = float(peaks.max()), float(fine[int(peaks.argmax())])
+        low, high = (self.crossing(lambda z, part=part: z - part, first=True) for part in (0.1, 0.9))  # type: ignore[misc]
+        settled = self.crossing(lambda z: band - np.abs(z - 1.0), first=False)
+        return {
+            "overshoot": max(peak - 1.0, 0.0), "rise_time": high - low, "peak_time": when - self.begin,
+            "settling_time": settled - self.begin, "initial": self.initial, "final": self.final,
+            "peak": self.initial + peak * size, "error": (1.0 - float(self.z[-1])) * size,
+        }  # fmt: skip
+
+    def _bounds(self, place: int) -> tuple[float, float]:
+        inside = self.t[self.owners == self.owners[place]]
+        return float(inside[0]), float(inside[-1])
+
+    def crossing(self, value: Callable[[Array], Array], *, first: bool) -> float:
+        """Return where a function of z becomes positive, for the first or for the last time [s]; NaN where never."""
+        positive = value(self.z) >= 0.0
+        if positive.all():
+            return self.begin
+        rising = np.flatnonzero(positive[1:] & ~positive[:-1])
+        if not len(rising) or (not first and not positive[-1]):
+            return float("nan")
+        k = int(rising[0 if first else -1])
+        low, high, owner = float(self.t[k]), float(self.t[k + 1]), int(self.owners[k + 1])
+        for _ in range(REFINEMENTS if high > low else 0):
+            t = np.linspace(low, high, PARTS + 1)
+            there = np.flatnonzero(value(self.at(owner, np.clip(t[1:], *self._bounds(k + 1)))) >= 0.0)
+            place = int(there[0]) + 1 if len(there) else PARTS
+            low, high = float(t[place - 1]), float(t[place])
+        return high
+
+    def remarks(self, asked: Response, values: Mapping[str, float]) -> list[str]:
+        """Return what to know of the numbers."""
+        found = []
+        if asked.final is None:
+            found.append(f"the final value is that at the end of the run, {self.final:.6g}")
+        if np.isnan(values["settling_time"]):
+            found.append(f"it has not settled to {100.0 * asked.band:g} % at the end of the run")
+        if np.isnan(values["rise_time"]):
+            found.append("it does not reach 90 % of the step")
+        return found

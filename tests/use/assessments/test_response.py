@@ -1,0 +1,73 @@
+"""Step responses against those of ``x'' + 2 d w x' + w^2 (x - 1) = 0``, whose numbers are known."""
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm.errors import InputError
+
+URDF = """<robot name="inertia"><link name="base"/><link name="rotor"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="x" type="continuous"><parent link="base"/><child link="rotor"/><axis xyz="0 0 1"/></joint></robot>"""
+
+PULSATION, DAMPING = 5.0, 0.3
+DAMPED = PULSATION * np.sqrt(1.0 - DAMPING**2)
+
+
+@pytest.fixture
+def step(tmp_path):
+    """A flywheel of 1 kg m^2 under PD control to 1 rad, the derivative of the error: from rest at 0."""
+    (tmp_path / "inertia.urdf").write_text(URDF)
+    control = {"kind": "pid", "drive": "x", "follows": {"law": "constant", "value": "1 rad"},
+               "kp": f"{PULSATION**2} N*m/rad", "kd": f"{2 * DAMPING * PULSATION} N*m*s/rad"}  # fmt: skip
+    problem = {"kind": "forward", "time": {"end": "4 s", "samples": 11}, "control": [control]}
+    mechanism = pinarm.Mechanism.load(tmp_path / "inertia.urdf")
+    return {"pinarm": 1, "mechanism": mechanism, "outputs": ["x"], "problem": problem,
+            "response": {"of": "x", "final": "1 rad"}}  # fmt: skip
+
+
+def exact(t):
+    """The closed form: ``1 - exp(-d w t) (cos w_d t + d w / w_d sin w_d t)``."""
+    decay = np.exp(-DAMPING * PULSATION * t)
+    return 1.0 - decay * (np.cos(DAMPED * t) + DAMPING * PULSATION / DAMPED * np.sin(DAMPED * t))
+
+
+def first(values, t):
+    return t[np.flatnonzero(values)[0]]
+
+
+def test_numbers_are_those_of_the_closed_form(step):
+    result = pinarm.run(step)
+    t = np.linspace(0.0, 4.0, 4_000_001)
+    y = exact(t)
+    number = {name: result.number(f"response.{name}")[0] for name in
+              ("overshoot", "peak_time", "rise_time", "settling_time", "peak", "error")}  # fmt: skip
+    assert number["overshoot"] == pytest.approx(np.exp(-np.pi * DAMPING / np.sqrt(1.0 - DAMPING**2)), abs=1e-8)
+    assert number["peak_time"] == pytest.approx(np.pi / DAMPED, abs=1e-4)  # a flat top, looked at 1e-6 of the run apart
+    assert number["rise_time"] == pytest.approx(first(y >= 0.9, t) - first(y >= 0.1, t), abs=2e-6)
+    assert number["settling_time"] == pytest.approx(t[np.flatnonzero(np.abs(y - 1.0) > 0.02)[-1]], abs=2e-6)
+    assert number["peak"] == pytest.approx(1.0 + number["overshoot"], abs=1e-12)
+    assert number["error"] == pytest.approx(1.0 - exact(4.0), abs=1e-8)
+
+
+def test_a_later_step_down_counts_from_its_beginning(step):
+    """From 1 s on, seen as a step from where it is: the settling time is that of the same curve, less 1 s."""
+    whole = pinarm.run(step).number("response.settling_time")[0]
+    later = pinarm.run({**step, "response": {"of": "-x", "final": "-1 rad", "initial": "0 rad", "begin": "1 s"}})
+    assert later.number("response.settling_time")[0] == pytest.approx(whole - 1.0, abs=1e-9)
+
+
+def test_what_the_run_does_not_come_to_is_told(step):
+    short = pinarm.run({**step, "problem": {**step["problem"], "time": {"end": "0.2 s", "samples": 5}}})
+    section = short.sections["response"]
+    assert np.isnan(short.number("response.settling_time")[0])
+    assert any("not settled" in remark for remark in section.remarks)
+
+
+@pytest.mark.parametrize("asked, said", [
+    ({"of": "y"}, "y"), ({"of": "x", "final": "1 m"}, "unit"), ({"of": "x", "begin": "9 s"}, "does not come"),
+    ({"of": "x", "final": "0 rad"}, "no step"),
+])  # fmt: skip
+def test_mistakes_are_told(step, asked, said):
+    with pytest.raises(InputError, match=said):
+        pinarm.run({**step, "response": asked}).sections["response"]
