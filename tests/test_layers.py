@@ -17,11 +17,11 @@ FLOOR_PLAN = {
     "errors": "",
     "arrays": "",
     "input": "numbers units roots xml_text xml_names mjcf_includes formulas yaml csv_rows motion_tables xacro robots",
-    "mechanics": "geometry joints laws drives coordinates rotors ball_joints loops forces loading couplings friction "
-    "payloads points perturbation planar description",
-    "engine": "series kernel integration constraints dynamics model_source kinematics statics friction motion checks "
-    "quantities mechanism_parts mechanism",
-    "problems": "time_grid accuracy prescribed_laws joint_values loads declaration events "
+    "mechanics": "geometry joints laws drives coordinates control rotors ball_joints loops forces loading couplings "
+    "friction payloads points perturbation planar description",
+    "engine": "series kernel integration constraints dynamics model_source kinematics statics friction control motion "
+    "checks quantities mechanism_parts mechanism",
+    "problems": "time_grid accuracy prescribed_laws joint_values loads controls declaration events "
     "equilibria inverse kinematics states recording forward batch_table simplify",
     "use": "progress result assessments scenario output show store views study report",
     "cli": "options streams main",

@@ -12,6 +12,15 @@ TESTS = Path(__file__).parent
 ELSEWHERE = {
     "cli/test_main.py": ("what commands print and write", "cli/options use/scenario/file_kind "
         "use/scenario/json_schema use/study/run"),
+    "engine/control/test_controls.py": (
+        "controllers against closed forms", "engine/control/efforts engine/control/memory engine/control/sampler "
+        "engine/control/schedule engine/control/controlled_system mechanics/control/pid mechanics/control/switching "
+        "mechanics/control/definition mechanics/control/controller mechanics/control/kinds mechanics/control/signals",
+    ),
+    "engine/control/test_controlled_mechanisms.py": (
+        "controllers on mechanisms", "engine/motion/controlled_motion mechanics/control/computed_torque "
+        "mechanics/control/function mechanics/control/state_feedback problems/controls",
+    ),
     "engine/dynamics/test_coordinate_partition.py": (
         "reduced coordinates against multipliers", "engine/motion/systems/free engine/motion/systems/partitioned "
         "engine/motion/systems/system",

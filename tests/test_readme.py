@@ -15,7 +15,7 @@ from pinarm.use.study.answers.check import check
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"<!-- (?P<name>\w+) -->\n```\w+\n(?P<text>.*?)```", re.DOTALL)
-CODE_PAGES = ("README.md", "docs/many_cases.md", "docs/pinocchio.md")
+CODE_PAGES = ("README.md", "docs/many_cases.md", "docs/pinocchio.md", "docs/control.md")
 MARKED = "\n".join((ROOT / page).read_text(encoding="utf-8") for page in CODE_PAGES)
 BLOCKS = {match["name"]: match["text"] for match in BLOCK.finditer(MARKED)}
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -46,7 +46,7 @@ def scenario(tmp_path):
 
 def test_every_marked_block_is_known():
     assert set(BLOCKS) == {"run", "test", "installed", "scenario", "output", "python", "sweep", "swept", "batch",
-                           "matrices", "recorded", "model", "meshcat"}  # fmt: skip
+                           "matrices", "recorded", "model", "meshcat", "function"}  # fmt: skip
 
 
 def test_commands_name_what_there_is():
@@ -89,6 +89,15 @@ def test_the_blocks_for_pinocchios_users_run(project, block):
         [sys.executable, "-c", BLOCKS[block]], cwd=project, env=environment, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_the_control_function_gives_what_it_says(project):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", BLOCKS["function"]], cwd=project, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == BLOCKS["function"].strip().rpartition("# ")[2]
 
 
 def test_the_batch_runs(project):

@@ -8,6 +8,8 @@ import pytest
 
 from pinarm.input.yaml.deferred import with_types
 from pinarm.input.yaml.schema import Level, Rate, SecondRate
+from pinarm.mechanics.control.kinds import Control
+from pinarm.mechanics.control.pid import Pid
 from pinarm.mechanics.forces.kinds import Force
 from pinarm.mechanics.laws import Constant, Motion
 from pinarm.problems import KINDS, Problem, problem_class
@@ -36,6 +38,8 @@ def value_of(field: Any, *names: str) -> Any:
         return list(names)
     if field == list[dict[str, Level]]:
         return [dict.fromkeys(names, 0.5)]
+    if field == list[Control]:
+        return [Pid(drive=name, follows=Constant(value=0.5), kp=1.0) for name in names]
     kind = arguments[1]
     if kind in MADE:
         return dict.fromkeys(names, MADE[kind])

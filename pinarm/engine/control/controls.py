@@ -136,7 +136,7 @@ class _SampledStates:
     system: System
 
     def act(self, t: float, q: Array, v: Array) -> None:
-        """Let them act; see ``Sampling`` of integrations."""
+        """Let them act; see ``SampleTimes``."""
         if self.memory.due(t):
             (at,), (moving,) = self.system.whole(np.array([t]), q[None], v[None])
             self.memory.act(t, at, moving)

@@ -19,7 +19,7 @@ MOST = 5_000_000
 """Samples of a run beyond which nobody waits for it."""
 
 
-class Action(NamedTuple):
+class ScheduledAct(NamedTuple):
     """Something that a controller does at an instant.
 
     Attributes:
@@ -58,7 +58,7 @@ class Schedule:
     """
 
     instants: list[float]
-    actions: list[list[Action]]
+    actions: list[list[ScheduledAct]]
     slack: float
     samples: list[Array]
 
@@ -67,16 +67,16 @@ class Schedule:
         """Return the schedule of sampled controllers from start to end [s]."""
         timed = [each.sampling for each in controllers if each.sampling]
         slack = SAME * min((each.period for each in timed), default=0.0)
-        marks, samples = list[tuple[float, bool, Action]](), list[Array]()
+        marks, samples = list[tuple[float, bool, ScheduledAct]](), list[Array]()
         for number, sampling in enumerate(timed):
             count = int((end - start - slack) / sampling.period) + 1
             samples.append(start + sampling.period * np.arange(float(count)))
             for k, t in enumerate(samples[-1].tolist()):
-                marks.append((t, True, Action(number, k, True)))
+                marks.append((t, True, ScheduledAct(number, k, True)))
                 if sampling.delay:
-                    marks.append((t + sampling.delay, False, Action(number, k, False)))
+                    marks.append((t + sampling.delay, False, ScheduledAct(number, k, False)))
         marks.sort()
-        instants, actions = list[float](), list[list[tuple[bool, Action]]]()
+        instants, actions = list[float](), list[list[tuple[bool, ScheduledAct]]]()
         for t, measures, action in marks:
             if not instants or t > instants[-1] + slack:
                 instants.append(t)

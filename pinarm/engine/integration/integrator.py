@@ -41,7 +41,7 @@ Energy = Callable[[Array, Array], tuple[float, float]]
 """``(q, v) -> T, V``: kinetic and potential energy [J]; T is quadratic in v."""
 
 
-class Sampling(Protocol):
+class SampleTimes(Protocol):
     """Instants at which loads may change by what is measured there: no step goes past one of them."""
 
     def act(self, t: float, q: Array, v: Array) -> None:
@@ -125,7 +125,7 @@ class Interval:
     unchecked_batch: Accelerations | None = None
     size: float = 1.0
     compiled: Flow | None = None
-    sampling: Sampling | None = None
+    sampling: SampleTimes | None = None
     remark: str = ""
 
     def span(self, t: float) -> Interval:

@@ -107,14 +107,15 @@ class PidController(Controller):
 
     def clamped(self, integral: Array) -> Array:
         """Return integrals whose parts are within the limits."""
-        return np.minimum(np.maximum(integral, self._ends[0]), self._ends[1])
+        return np.asarray(np.minimum(np.maximum(integral, self._ends[0]), self._ends[1]))
 
     @cached_property
     def _ends(self) -> Array:
         """Least and largest integrals, shape (2, k)."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            ends = np.array([self.lower, self.upper]) / self.ki
-        return np.where(self.ki == 0.0, [[-np.inf], [np.inf]], np.sort(ends, axis=0))
+            ends = np.sort(np.array([self.lower, self.upper]) / self.ki, axis=0)
+        endless = np.array([[-np.inf], [np.inf]])
+        return np.asarray(np.where(self.ki == 0.0, endless, ends), dtype=np.float64)
 
     def switches(self, mode: int) -> list[Switch]:
         """Return where the command reaches a limit, or the integral's part of it."""
