@@ -33,7 +33,7 @@ class Switching(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", 
         lead: Time by which rates count [s].
     """
 
-    follows: Law = Constant(value=0.0)
+    follows: Law | None = None
     measures: str | None = None
     above: AnyQuantity
     below: AnyQuantity
@@ -57,7 +57,7 @@ class Switching(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", 
         """
         joints = self.joints(plant)
         signals = measured(plant, [self.measures or self.drives[0]])
-        laws = references(self.follows, signals)
+        laws = references(self.follows or Constant(value=0.0), signals)
         for key, measure in (("above", effort_unit(joints[0].unit)), ("below", effort_unit(joints[0].unit)),
                              ("hysteresis", signals[0].unit)):  # fmt: skip
             with within(key):
