@@ -15,8 +15,9 @@ from functools import lru_cache
 from pinarm.errors import UnitError, choices
 from pinarm.input.numbers import leading_number
 
-Dimension = tuple[Fraction | int, Fraction | int, Fraction | int]
-"""Exponents of metre, kilogram and second."""
+Exponent = Fraction | int
+Dimension = tuple[Exponent, Exponent, Exponent, Exponent]
+"""Exponents of metre, kilogram, second and ampere."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class Unit:
 
     Attributes:
         factor: SI value of one of it.
-        dimension: Exponents of (m, kg, s).
+        dimension: Exponents of (m, kg, s, A).
         text: As it is written; only for display.
     """
 
@@ -40,8 +41,8 @@ class Unit:
         return Unit(self.factor / other.factor, _combine(self.dimension, other.dimension, -1))
 
     def __pow__(self, exponent: Fraction | int) -> Unit:
-        m, kg, s = self.dimension
-        return Unit(math.pow(self.factor, exponent), (m * exponent, kg * exponent, s * exponent))
+        m, kg, s, ampere = self.dimension
+        return Unit(math.pow(self.factor, exponent), (m * exponent, kg * exponent, s * exponent, ampere * exponent))
 
     @property
     def si(self) -> Unit:
@@ -56,19 +57,21 @@ class Unit:
 
 
 def _combine(a: Dimension, b: Dimension, sign: int) -> Dimension:
-    return (a[0] + sign * b[0], a[1] + sign * b[1], a[2] + sign * b[2])
+    return (a[0] + sign * b[0], a[1] + sign * b[1], a[2] + sign * b[2], a[3] + sign * b[3])
 
 
 def _composed(dimension: Dimension) -> str:
-    powers = [(name, n) for name, n in zip(("kg", "m", "s"), (dimension[1], dimension[0], dimension[2]), strict=True)]
+    m, kg, s, ampere = dimension
+    powers = [("kg", kg), ("m", m), ("s", s), ("A", ampere)]
     above = [name if n == 1 else f"{name}^{n}" for name, n in powers if n > 0]
     below = [name if n == -1 else f"{name}^{-n}" for name, n in powers if n < 0]
     return "/".join(["*".join(above) or "1", *below])
 
 
-DIMENSIONLESS = Unit(1.0, (0, 0, 0), "1")
-_LENGTH, _MASS, _TIME = (1, 0, 0), (0, 1, 0), (0, 0, 1)
-_FORCE, _PRESSURE, _ENERGY, _POWER = (1, 1, -2), (-1, 1, -2), (2, 1, -2), (2, 1, -3)
+DIMENSIONLESS = Unit(1.0, (0, 0, 0, 0), "1")
+_LENGTH, _MASS, _TIME = (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0)
+_VOLTAGE, _RESISTANCE, _INDUCTANCE = (2, 1, -3, -1), (2, 1, -3, -2), (2, 1, -2, -2)
+_FORCE, _PRESSURE, _ENERGY, _POWER = (1, 1, -2, 0), (-1, 1, -2, 0), (2, 1, -2, 0), (2, 1, -3, 0)
 
 _TABLE: dict[str, tuple[float, Dimension]] = {
     "m": (1.0, _LENGTH), "mm": (1e-3, _LENGTH), "cm": (1e-2, _LENGTH), "km": (1e3, _LENGTH), "um": (1e-6, _LENGTH),
@@ -78,17 +81,20 @@ _TABLE: dict[str, tuple[float, Dimension]] = {
     "Pa": (1.0, _PRESSURE), "kPa": (1e3, _PRESSURE), "MPa": (1e6, _PRESSURE), "bar": (1e5, _PRESSURE),
     "J": (1.0, _ENERGY), "mJ": (1e-3, _ENERGY), "kJ": (1e3, _ENERGY), "MJ": (1e6, _ENERGY),
     "W": (1.0, _POWER), "mW": (1e-3, _POWER), "kW": (1e3, _POWER),
-    "rad": (1.0, (0, 0, 0)), "mrad": (1e-3, (0, 0, 0)), "deg": (math.pi / 180, (0, 0, 0)),
-    "°": (math.pi / 180, (0, 0, 0)), "rev": (2 * math.pi, (0, 0, 0)), "rpm": (2 * math.pi / 60, (0, 0, -1)),
-    "1": (1.0, (0, 0, 0)), "%": (1e-2, (0, 0, 0)),
+    "A": (1.0, (0, 0, 0, 1)), "mA": (1e-3, (0, 0, 0, 1)), "V": (1.0, _VOLTAGE), "mV": (1e-3, _VOLTAGE),
+    "ohm": (1.0, _RESISTANCE), "mohm": (1e-3, _RESISTANCE), "H": (1.0, _INDUCTANCE), "mH": (1e-3, _INDUCTANCE),
+    "rad": (1.0, (0, 0, 0, 0)), "mrad": (1e-3, (0, 0, 0, 0)), "deg": (math.pi / 180, (0, 0, 0, 0)),
+    "°": (math.pi / 180, (0, 0, 0, 0)), "rev": (2 * math.pi, (0, 0, 0, 0)), "rpm": (2 * math.pi / 60, (0, 0, -1, 0)),
+    "1": (1.0, (0, 0, 0, 0)), "%": (1e-2, (0, 0, 0, 0)),
 }  # fmt: skip
 
 _SI_NAMES: dict[Dimension, str] = {
-    (0, 0, 0): "1", _FORCE: "N", _ENERGY: "N*m", _PRESSURE: "Pa", _POWER: "W", (0, 1, -2): "N/m", (0, 1, -1): "N*s/m",
-    (2, 1, -1): "kg*m^2/s", (1, 1, -1): "kg*m/s", (1, 0, -1): "m/s", (1, 0, -2): "m/s^2", (2, 1, 0): "kg*m^2",
+    (0, 0, 0, 0): "1", _FORCE: "N", _ENERGY: "N*m", _PRESSURE: "Pa", _POWER: "W",
+    _VOLTAGE: "V", _RESISTANCE: "ohm", _INDUCTANCE: "H", (0, 1, -2, 0): "N/m", (0, 1, -1, 0): "N*s/m",
+    (2, 1, -1, 0): "kg*m^2/s", (1, 1, -1, 0): "kg*m/s", (1, 0, -1, 0): "m/s", (1, 0, -2, 0): "m/s^2", (2, 1, 0, 0): "kg*m^2",
 }  # fmt: skip
 
-_ANGULAR: dict[Dimension, str] = {(0, 0, 0): "rad", (0, 0, -1): "rad/s", (0, 0, -2): "rad/s^2"}
+_ANGULAR: dict[Dimension, str] = {(0, 0, 0, 0): "rad", (0, 0, -1, 0): "rad/s", (0, 0, -2, 0): "rad/s^2"}
 
 MAX_LENGTH = 100
 """Of a unit; nothing in mechanics needs half as much."""

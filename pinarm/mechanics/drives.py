@@ -11,6 +11,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.yaml.schema import Inertia, InputStruct
+from pinarm.mechanics.motors import DcMotor
 
 
 class Drive(InputStruct, frozen=True):
@@ -36,6 +37,7 @@ class Drive(InputStruct, frozen=True):
         ratio: N, motor turns per turn of the joint, or radians per metre; negative where they turn against each other.
         efficiency: eta, between 0 (excluded) and 1.
         rotor_inertia: J of everything that turns with the motor, about its axis [kg*m^2].
+        motor: From voltage to torque, in forward runs: a controller of the drive then commands a voltage.
     """
 
     joint: str = ""
@@ -43,11 +45,17 @@ class Drive(InputStruct, frozen=True):
     ratio: float = 1.0
     efficiency: Annotated[float, msgspec.Meta(gt=0, le=1)] = 1.0
     rotor_inertia: Inertia = 0.0
+    motor: DcMotor | None = None
 
     def check(self) -> None:
         """Refuse a ratio of 0, infinity or NaN, and a drive at nothing, or at two things."""
         if bool(self.joint) == bool(self.along):
             raise InputError("a drive acts at one joint, or along one coordinate", expected="the key joint, or along")
+        if self.motor is not None and self.efficiency < 1.0:
+            with within("efficiency"):
+                raise InputError("the losses of a gear behind a motor with a voltage are not modelled",
+                                 expected="an efficiency of 1",
+                                 hint="losses as damping or friction of the joint")  # fmt: skip
         if self.ratio == 0.0 or not math.isfinite(self.ratio):
             with within("ratio"):
                 raise InputError(

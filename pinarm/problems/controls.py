@@ -21,12 +21,15 @@ from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Place, choices
-from pinarm.input.units import unit
+from pinarm.input.units import Unit, unit
 from pinarm.mechanics.control.controller import Controller, Plant, Reader
+from pinarm.mechanics.control.definition import effort_unit
+from pinarm.mechanics.control.motor_control import MotorController
 from pinarm.mechanics.control.signals import CoordinateSignal, JointSignal, Signal, SumSignal
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
+from pinarm.mechanics.motors import Winding
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities.names import Quantities
@@ -73,6 +76,11 @@ class MechanismPlant:
         if {name, joint.name} & self.laws.keys():
             raise InputError(f"'{joint.name}' follows a law", expected="controllers of free joints only")
         return joint
+
+    def command_unit(self, name: str) -> Unit:
+        """Return the unit of the command of a drive; see ``Plant``."""
+        drive = self.mechanism.drives.get(name)
+        return unit("V") if drive is not None and drive.motor else effort_unit(self.drive(name).unit)
 
     def signal(self, name: str) -> Signal:
         """Return a coordinate that can be measured; see ``Plant``."""
@@ -214,7 +222,27 @@ def bind_controls(
             found.append(definition.bind(plant))
             require_few_samples(found[-1], duration)
             _require_own_joints(found)
+    found = _with_motors(found, mechanism)
     return Controls(tuple(found), dynamics)
+
+
+def _with_motors(controllers: Sequence[Controller], mechanism: Mechanism) -> list[Controller]:
+    """Return controllers with the motors behind those that command voltages."""
+    found, place = list[Controller](), 0
+    for one in controllers:
+        motors = [mechanism.drives[drive].motor for drive in one.drives if drive in mechanism.drives]
+        motor = next((each for each in motors if each is not None), None)
+        if motor is not None and len(one.drives) > 1:
+            raise InputError(f"{', '.join(one.drives)} have one controller, and a motor among them takes a voltage",
+                             expected="a controller of its own for each drive with a motor")  # fmt: skip
+        if motor is None:
+            found.append(one)
+        else:
+            source = replace(one, voltage=True)
+            behind = MotorController.of(source, Winding(motor, mechanism.drives[one.drives[0]].ratio), place)
+            found += [source, behind] if one.sampling else [behind]
+        place += len(one.joints) if one.sampling else 0
+    return found
 
 
 def _require_own_joints(controllers: Sequence[Controller]) -> None:

@@ -109,7 +109,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
 
         motion = laws_of(mechanism, self.motion, _nowhere, (self.time.start, self.time.end))
         controls = self._controls(mechanism, row.dynamics, motion, _nowhere)
-        return control_schema(controls.controllers, row.q, row.v) if controls else {}
+        return control_schema(controls, row.q, row.v) if controls else {}
 
     def declaration(self) -> Declaration:
         """Return what the problem says about coordinates."""

@@ -7,8 +7,9 @@ import pytest
 from pinarm.errors import UnitError
 from pinarm.input.units import _TABLE, half_last_digit, read_quantity, unit
 
-LENGTH, MASS, TIME, NUMBER = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0)
-FORCE, PRESSURE, ENERGY, POWER = (1, 1, -2), (-1, 1, -2), (2, 1, -2), (2, 1, -3)
+LENGTH, MASS, TIME, NUMBER = (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 0)
+VOLTAGE = (2, 1, -3, -1)
+FORCE, PRESSURE, ENERGY, POWER = (1, 1, -2, 0), (-1, 1, -2, 0), (2, 1, -2, 0), (2, 1, -3, 0)
 KNOWN = {
     "m": (1, LENGTH), "mm": (0.001, LENGTH), "cm": (0.01, LENGTH), "km": (1000, LENGTH), "um": (1e-6, LENGTH),
     "kg": (1, MASS), "g": (0.001, MASS), "mg": (1e-6, MASS), "t": (1000, MASS),
@@ -19,7 +20,9 @@ KNOWN = {
     "W": (1, POWER), "mW": (1e-3, POWER), "kW": (1e3, POWER),
     "rad": (1, NUMBER), "mrad": (1e-3, NUMBER), "deg": (0.017453292519943295, NUMBER),
     "°": (0.017453292519943295, NUMBER), "rev": (6.283185307179586, NUMBER),
-    "rpm": (0.10471975511965977, (0, 0, -1)), "1": (1, NUMBER), "%": (0.01, NUMBER),
+    "rpm": (0.10471975511965977, (0, 0, -1, 0)), "1": (1, NUMBER), "%": (0.01, NUMBER),
+    "A": (1, (0, 0, 0, 1)), "mA": (1e-3, (0, 0, 0, 1)), "V": (1, VOLTAGE), "mV": (1e-3, VOLTAGE),
+    "ohm": (1, (2, 1, -3, -2)), "mohm": (1e-3, (2, 1, -3, -2)), "H": (1, (2, 1, -2, -2)), "mH": (1e-3, (2, 1, -2, -2)),
 }  # fmt: skip
 
 
@@ -38,13 +41,14 @@ def test_the_table_above_is_complete() -> None:
     ("text", "factor", "dimension"),
     [
         ("N*m", 1, ENERGY), ("N·m", 1, ENERGY), ("N * m", 1, ENERGY), (" N*m ", 1, ENERGY),
-        ("kg*m^2", 1, (2, 1, 0)), ("kg*m**2", 1, (2, 1, 0)), ("kg*m²", 1, (2, 1, 0)), ("mm³", 1e-9, (3, 0, 0)),
-        ("mm^4", 1e-12, (4, 0, 0)), ("s^-1", 1, (0, 0, -1)), ("1/s", 1, (0, 0, -1)), ("m/s/s", 1, (1, 0, -2)),
-        ("N*m/rad", 1, ENERGY), ("N*mm/deg", 1e-3 / math.radians(1), ENERGY), ("kN/mm", 1e6, (0, 1, -2)),
-        ("rev/min", 2 * math.pi / 60, (0, 0, -1)), ("km/h", 1 / 3.6, (1, 0, -1)), ("m^0", 1, NUMBER),
+        ("kg*m^2", 1, (2, 1, 0, 0)), ("kg*m**2", 1, (2, 1, 0, 0)), ("kg*m²", 1, (2, 1, 0, 0)), ("mm³", 1e-9, (3, 0, 0, 0)),
+        ("mm^4", 1e-12, (4, 0, 0, 0)), ("s^-1", 1, (0, 0, -1, 0)), ("1/s", 1, (0, 0, -1, 0)), ("m/s/s", 1, (1, 0, -2, 0)),
+        ("N*m/rad", 1, ENERGY), ("N*mm/deg", 1e-3 / math.radians(1), ENERGY), ("kN/mm", 1e6, (0, 1, -2, 0)),
+        ("rev/min", 2 * math.pi / 60, (0, 0, -1, 0)), ("km/h", 1 / 3.6, (1, 0, -1, 0)), ("m^0", 1, NUMBER),
+        ("V*A", 1, POWER), ("V/A", 1, (2, 1, -3, -2)), ("H/ohm", 1, TIME), ("N*m/A", 1, (2, 1, -2, -1)),
     ],
 )  # fmt: skip
-def test_products_quotients_and_powers(text: str, factor: float, dimension: tuple[int, int, int]) -> None:
+def test_products_quotients_and_powers(text: str, factor: float, dimension: tuple[int, int, int, int]) -> None:
     read = unit(text)
     assert read.dimension == dimension
     assert read.factor == pytest.approx(factor, rel=1e-14)  # a few roundings

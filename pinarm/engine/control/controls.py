@@ -39,7 +39,9 @@ class Controls:
     def memory(self) -> ControlMemory:
         """What they remember."""
         sampled = [one for one in self.controllers if one.sampling]
-        return ControlMemory(sampled, [one for one in self.controllers if not one.sampling], self.free.model.nv)
+        continuous = [one for one in self.controllers if not one.sampling]
+        supplying = frozenset(number for number, one in enumerate(sampled) if one.voltage)
+        return ControlMemory(sampled, continuous, self.free.model.nv, supplying)
 
     @cached_property
     def dynamics(self) -> Dynamics:

@@ -69,7 +69,8 @@ class PresentEfforts(ControlLoad):
         memory, controller = self.memory, self.memory.continuous[number]
         integral = memory.integral[..., memory.integrals[number]]
         reference = reference_of(controller.references, t, self.span)
-        return Given(t, q, v, controller.measure(q, v), reference, integral, memory.modes[number])
+        measured, mode = controller.measure(q, v), memory.modes[number]
+        return Given(t, q, v, measured, reference, integral, mode, memory.applied)
 
     def integral_rates(self, t: float, q: Array, v: Array) -> Array:
         """Return the rates of all integrals in one state, shape (m,)."""
@@ -117,37 +118,31 @@ class RecordedEfforts(ControlLoad):
             t = np.minimum(t, np.nextafter(self.span[1], -np.inf))
         return np.maximum(np.searchsorted(self.history.times, t, side="right") - 1, 0)
 
-    def values(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return commands and efforts of all drives, the sampled ones first, shape (n, k) each."""
-        pieces = self.pieces(t)
-        commands, efforts = [self.history.commands[pieces]], [self.history.loads[pieces][:, self._sampled_joints]]
-        integral = self.integral(t) if self.places and self.places[-1].stop else np.zeros((len(t), 0))
-        for number, controller in enumerate(self.continuous):
-            given = self.given(
-                controller, t, q, v, integral[:, self.places[number]], self.history.modes[pieces, number]
-            )
-            commands.append(controller.command(given))
-            efforts.append(controller.limited(commands[-1]))
-        return np.concatenate(commands, axis=1), np.concatenate(efforts, axis=1)
+    def parts(self, t: Array, q: Array, v: Array) -> list[dict[str, Array]]:
+        """Return what every controller does at n states, the sampled ones first, shape (n, k) each.
 
-    def given(self, one: Controller, t: Array, q: Array, v: Array, integral: Array, mode: Array | int) -> Given:
-        """Return what a controller knows in states, or would if it measured."""
-        return Given(t, q, v, one.measure(q, v), reference_of(one.references, t, self.span), integral, mode)
+        ``command``, before limits; ``effort`` at the joints; ``voltage`` and ``current`` of motors.
+        """
+        pieces, found, place = self.pieces(t), [], 0
+        for one in self.sampled:
+            mine = slice(place, place + len(one.joints))
+            place = mine.stop
+            in_force = "voltage" if one.voltage else "effort"
+            found.append({"command": self.history.commands[pieces, mine], in_force: self.history.applied[pieces, mine]})
+        integral = self.integral(t) if self.places and self.places[-1].stop else np.zeros((len(t), 0))
+        for number, one in enumerate(self.continuous):
+            reference, mode = reference_of(one.references, t, self.span), self.history.modes[pieces, number]
+            own, applied = integral[:, self.places[number]], self.history.applied[pieces]
+            found.append(one.parts(Given(t, q, v, one.measure(q, v), reference, own, mode, applied)))
+        return found
 
     def add_load(self, t: Array | float, q: Array, v: Array, tau: Array) -> None:
         """Add the efforts."""
         rows = q.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1])
-        efforts = self.values(np.broadcast_to(np.asarray(t, float), len(rows[0])), *rows)[1]
-        tau[..., self.joints] += efforts.reshape(*q.shape[:-1], -1)
-
-    @cached_property
-    def _sampled_joints(self) -> Indices:
-        return np.array([joint.v for one in self.sampled for joint in one.joints], dtype=np.intp)
-
-    @cached_property
-    def joints(self) -> Indices:
-        """Indices in v of all drives, the sampled ones first, shape (k,)."""
-        return np.array([joint.v for one in (*self.sampled, *self.continuous) for joint in one.joints], dtype=np.intp)
+        parts = self.parts(np.broadcast_to(np.asarray(t, float), len(rows[0])), *rows)
+        for one, part in zip((*self.sampled, *self.continuous), parts, strict=True):
+            for k, joint in enumerate(one.joints if "effort" in part else ()):
+                tau[..., joint.v] += part["effort"][:, k].reshape(q.shape[:-1])
 
     def on(self, start: float, end: float) -> RecordedEfforts:
         """Return the efforts as they are on an interval, whose end is before a change there."""

@@ -25,9 +25,14 @@ class ControlMemory:
         sampled: The sampled controllers.
         continuous: The others.
         nv: Number of velocities.
+        supplying: Numbers of the sampled controllers whose commands are not efforts, but voltages of motors.
     """
 
-    def __init__(self, sampled: Sequence[Controller], continuous: Sequence[Controller], nv: int) -> None:
+    def __init__(
+        self, sampled: Sequence[Controller], continuous: Sequence[Controller], nv: int,
+        supplying: frozenset[int] = frozenset(),
+    ) -> None:  # fmt: skip
+        self.supplying = supplying
         self.sampled, self.continuous, self.nv = tuple(sampled), tuple(continuous), nv
         counts = [0, *(len(each.joints) for each in self.sampled)]
         self.places = [slice(*pair) for pair in zip(np.cumsum(counts)[:-1], np.cumsum(counts)[1:], strict=True)]
@@ -41,6 +46,8 @@ class ControlMemory:
         """Forget everything."""
         self.load = np.zeros(self.nv)
         """Efforts of the sampled controllers in force, as generalised loads [N*m or N], shape (nv,)."""
+        self.applied = np.zeros(len(self.joints))
+        """Their commands in force, within the limits, shape (k,)."""
         self.commands = np.zeros(len(self.joints))
         """Their last commands, before the limits, shape (k,)."""
         self.modes = [0 for _ in self.continuous]
@@ -51,6 +58,7 @@ class ControlMemory:
         self.done = 0
         self.times: list[float] = []
         self.loads: list[Array] = []
+        self.all_applied: list[Array] = []
         self.all_commands: list[Array] = []
         self.all_modes: list[tuple[int, ...]] = []
 
@@ -68,6 +76,7 @@ class ControlMemory:
         """Keep what holds from an instant on [s]."""
         self.times.append(t)
         self.loads.append(self.load)
+        self.all_applied.append(self.applied)
         self.all_commands.append(self.commands)
         self.all_modes.append(tuple(self.modes))
 
@@ -85,7 +94,7 @@ class ControlMemory:
 
     def act(self, t: float, q: Array, v: Array) -> None:
         """Let sampled controllers do what is due at t [s], in the state (q, v) of the mechanism."""
-        self.load, self.commands = self.load.copy(), self.commands.copy()
+        self.load, self.commands, self.applied = self.load.copy(), self.commands.copy(), self.applied.copy()
         while self.due(t):
             for number, sample, measures in self.schedule.actions[self.done]:
                 if measures:
@@ -99,7 +108,10 @@ class ControlMemory:
 
     def apply(self, number: int, command: Array) -> None:
         """Put a command of a sampled controller into force, within its limits."""
-        self.load[self.joints[self.places[number]]] = self.sampled[number].limited(command)
+        place = self.places[number]
+        self.applied[place] = self.sampled[number].limited(command)
+        if number not in self.supplying:
+            self.load[self.joints[place]] = self.applied[place]
 
     def piece(self, t: float) -> int:
         """Return the number of the change at t, or the last one before [s]."""
@@ -117,17 +129,18 @@ class ControlMemory:
     @contextmanager
     def as_of(self, piece: int) -> Iterator[None]:
         """Within the block, hold what a change has brought about."""
-        now = self.load, self.modes
-        self.load, self.modes = self.loads[piece], list(self.all_modes[piece])
+        now = self.load, self.applied, self.modes
+        self.load, self.applied = self.loads[piece], self.all_applied[piece]
+        self.modes = list(self.all_modes[piece])
         try:
             yield
         finally:
-            self.load, self.modes = now
+            self.load, self.applied, self.modes = now
 
     def history(self) -> ControlHistory:
         """Return all changes until now."""
         return ControlHistory(
-            np.array(self.times), np.array(self.loads), np.array(self.all_commands),
+            np.array(self.times), np.array(self.loads), np.array(self.all_applied), np.array(self.all_commands),
             np.array(self.all_modes, dtype=np.intp).reshape(len(self.times), len(self.continuous)),
             self.schedule.slack,
         )  # fmt: skip
@@ -140,13 +153,15 @@ class ControlHistory:
     Attributes:
         times: When [s], shape (m,).
         loads: Efforts of sampled controllers from then on, as generalised loads, shape (m, nv).
-        commands: Their commands, shape (m, k).
+        applied: Their commands in force, within the limits, shape (m, k).
+        commands: Their last commands, shape (m, k).
         modes: States of the continuous controllers, shape (m, c).
         slack: Difference of instants below which they are the same [s].
     """
 
     times: Array
     loads: Array
+    applied: Array
     commands: Array
     modes: Indices
     slack: float

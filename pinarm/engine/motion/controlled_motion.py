@@ -15,9 +15,12 @@ from pinarm.engine.motion.segments import MotionSegment, SegmentedMotion
 from pinarm.engine.motion.stick_slip import FrictionalSystem
 from pinarm.engine.motion.systems import System
 from pinarm.engine.series import Series
+from pinarm.input.units import unit
 from pinarm.mechanics.control.controller import Controller
 from pinarm.mechanics.control.definition import effort_unit
 from pinarm.mechanics.laws.motion_law import Grid
+
+VOLT, AMPERE = unit("V"), unit("A")
 
 
 def recorded(controls: Controls, motion: SegmentedMotion) -> SegmentedMotion:
@@ -68,42 +71,52 @@ class ControlledRows:
         """Return the rows of a motion at states of the mechanism, shapes (n, nq) and (n, nv)."""
         record = motion.dynamics.forces[CONTROL]
         assert isinstance(record, RecordedEfforts)
-        commands, efforts = np.empty((2, len(q), len(record.joints)))
-        controllers = (*record.sampled, *record.continuous)
-        references = [np.empty((len(q), len(one.signals), 3)) for one in controllers]
+        controllers, efforts = (*record.sampled, *record.continuous), np.zeros_like(v)
+        parts, references = (
+            list[list[dict[str, Array]]](),
+            [np.zeros((len(q), len(one.signals), 3)) for one in controllers],
+        )
         for start, end, rows in grid.intervals():
+            if rows.start == rows.stop:
+                continue
             local, states = record.on(start, end), (grid.t[rows], q[rows], v[rows])
-            if rows.start < rows.stop:
-                commands[rows], efforts[rows] = local.values(*states)
-                for one, reference in zip(controllers, references, strict=True):
-                    if one.references:
-                        reference[rows] = reference_of(one.references, grid.t[rows], local.span)
-        whole = np.zeros_like(v)
-        whole[:, record.joints] = efforts
-        return cls(whole, _columns(controllers, commands, efforts, references, q, v))
+            local.add_load(*states, efforts[rows])
+            parts.append(local.parts(*states))
+            for one, reference in zip(controllers, references, strict=True):
+                if one.references:
+                    reference[rows] = reference_of(one.references, grid.t[rows], local.span)
+        joined = [
+            {name: np.concatenate([part[name] for part in each]) for name in each[0]}
+            for each in zip(*parts, strict=True)
+        ]  # fmt: skip
+        return cls(efforts, _columns(controllers, joined, references, q, v))
 
 
 def _columns(
-    controllers: tuple[Controller, ...], commands: Array, efforts: Array, references: list[Array], q: Array, v: Array
+    controllers: tuple[Controller, ...], parts: list[dict[str, Array]], references: list[Array], q: Array, v: Array
 ) -> dict[str, Series]:
-    """Return the columns of all drives; commands and efforts have the shape (n, k)."""
-    columns, place = dict[str, Series](), 0
-    for one, reference in zip(controllers, references, strict=True):
+    """Return the columns of all drives."""
+    columns = dict[str, Series]()
+    for one, part, reference in zip(controllers, parts, references, strict=True):
         measured = one.measure(q, v)
-        for drive, joint in zip(one.drives, one.joints, strict=True):
-            rows = {"command": (effort_unit(joint.unit), commands[:, place]),
-                    "effort": (effort_unit(joint.unit), efforts[:, place])}  # fmt: skip
-            place, k = place + 1, one.followed(drive)
+        for i, (drive, joint) in enumerate(zip(one.drives, one.joints, strict=True)):
+            effort = effort_unit(joint.unit)
+            units = {"effort": effort, "command": VOLT if one.voltage or "current" in part else effort,
+                     "voltage": VOLT, "current": AMPERE}  # fmt: skip
+            rows = {name: (units[name], values[:, i]) for name, values in part.items()}
+            k = one.followed(drive)
             if k is not None:
                 rows["reference"] = one.signals[k].unit, reference[:, k, 0]
                 rows["error"] = one.signals[k].unit, reference[:, k, 0] - measured[:, k, 0]
-            names = {part: f"control.{drive}.{part}" for part in rows}
-            columns |= {names[part]: Series(names[part], *values) for part, values in rows.items()}
+            names = {name: f"control.{drive}.{name}" for name in rows}
+            columns |= {names[name]: Series(names[name], *values) for name, values in rows.items()}
     return columns
 
 
-def control_schema(controllers: tuple[Controller, ...], q: Array, v: Array) -> dict[str, Series]:
+def control_schema(controls: Controls, q: Array, v: Array) -> dict[str, Series]:
     """Return the columns with values of no meaning, for states of shapes (n, nq) and (n, nv)."""
-    none = np.zeros((len(q), sum(len(one.joints) for one in controllers)))
+    controls.begin(0.0, 0.0)
+    record, t = controls.recorded(lambda t: np.zeros((len(t), len(controls.memory.integral)))), np.zeros(len(q))
+    controllers = (*record.sampled, *record.continuous)
     references = [np.zeros((len(q), len(one.signals), 3)) for one in controllers]
-    return _columns(controllers, none, none, references, q, v)
+    return _columns(controllers, record.parts(t, q, v), references, q, v)

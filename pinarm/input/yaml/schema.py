@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from pinarm.errors import InputError, PinarmError, UnitError, within
-from pinarm.input.units import Unit, read_quantity, unit
+from pinarm.input.units import DIMENSIONLESS, Unit, read_quantity, unit
 from pinarm.input.yaml.deferred import Deferred, with_types
 
 _folder: ContextVar[Path | None] = ContextVar("folder", default=None)
@@ -140,6 +140,7 @@ Inertia, Mass = quantity("kg*m^2", least=0.0), quantity("kg", least=0.0)
 Span, Lead, Position, Tension = quantity("m", above=0.0), quantity("m"), quantity("m"), quantity("N", least=0.0)
 LoadRating, ServiceSpeed = quantity("N", above=0.0), quantity("rad/s", above=0.0)
 Stiffness, Damping = quantity("N/m", least=0.0), quantity("N*s/m", least=0.0)
+Resistance, Inductance, TorqueConstant = quantity("ohm", above=0.0), quantity("H", least=0.0), quantity("N*m/A")
 RotationStiffness, RotationDamping = quantity("N*m/rad", least=0.0), quantity("N*m*s/rad", least=0.0)
 
 
@@ -255,7 +256,7 @@ def in_si(text: str | float | None, measured: Unit | None) -> float:
     value = Measured(number)
     value.unit = written
     if measured is not None:
-        if written is None and number and measured.dimension != (0, 0, 0):
+        if written is None and number and measured.dimension != DIMENSIONLESS.dimension:
             raise InputError(f"'{text}' has no unit", expected=f"a value such as {text} {measured}")
         value.check(measured)
     return number

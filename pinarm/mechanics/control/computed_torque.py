@@ -6,12 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from pinarm.arrays import Array
-from pinarm.errors import within
+from pinarm.errors import InputError, within
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import AnyQuantity, check_unit
 from pinarm.mechanics.control.controller import Controller, Given, Plant
 from pinarm.mechanics.control.definition import ControlDefinition, measured, references
 from pinarm.mechanics.laws import Law
+
+VOLT = unit("V")
 
 
 class ComputedTorque(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="computed_torque"):
@@ -46,8 +48,11 @@ class ComputedTorque(ControlDefinition, frozen=True, kw_only=True, tag_field="ki
             with within(key):
                 check_unit(getattr(self, key), unit(per))
         with within("drive"):
+            if any(commanded == VOLT for commanded in self.units(plant)):
+                raise InputError("a drive with a motor takes a voltage, not an effort", expected="a drive without one",
+                                 hint="kind: pid, or the joint's name in place of the drive's")  # fmt: skip
             inverse = plant.inverse(joints)
-        bounds, sampling = self.bounds(joints), self.sampling(signals)
+        bounds, sampling = self.bounds(self.units(plant)), self.sampling(signals)
         gains = float(self.kp), float(self.kd)
         return ComputedTorqueController(tuple(self.drives), joints, signals, laws, *bounds, sampling, *gains, inverse)
 

@@ -16,6 +16,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from pinarm.arrays import Array, Indices
+from pinarm.input.units import Unit
 from pinarm.mechanics.control.signals import JointSignal, Signal
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import MotionLaw
@@ -33,6 +34,10 @@ class Plant(Protocol):
         Raises:
             InputError: There is none of that name.
         """
+        ...
+
+    def command_unit(self, name: str) -> Unit:
+        """Return the unit of the command of a drive: volts in front of a motor, else that of efforts at its joint."""
         ...
 
     def signal(self, name: str) -> Signal:
@@ -60,6 +65,9 @@ class Plant(Protocol):
         ...
 
 
+NOTHING = np.zeros(0)
+
+
 class Given(NamedTuple):
     """What a controller knows, at one instant or at many; k drives, s signals, m integrals.
 
@@ -71,6 +79,7 @@ class Given(NamedTuple):
         reference: What they should be, with first and second derivative, shape (..., s, 3).
         integral: Integrals of the errors, shape (..., m).
         mode: State of a controller that switches, shape (...).
+        applied: Commands of all sampled controllers in force, within their limits, shape (..., k of these).
     """
 
     t: Array | float
@@ -80,6 +89,7 @@ class Given(NamedTuple):
     reference: Array
     integral: Array
     mode: Array | int = 0
+    applied: Array = NOTHING
 
     @property
     def error(self) -> Array:
@@ -130,6 +140,7 @@ class Controller(ABC):
         lower: Least efforts [N*m or N], shape (k,).
         upper: Largest efforts, shape (k,).
         sampling: When it acts; ``None`` for a continuous one.
+        voltage: Whether it commands the voltage of a motor, not an effort.
     """
 
     drives: tuple[str, ...]
@@ -139,6 +150,12 @@ class Controller(ABC):
     lower: Array = field(repr=False)
     upper: Array = field(repr=False)
     sampling: Sampling | None
+    voltage: bool = field(default=False, kw_only=True)
+
+    def parts(self, given: Given) -> dict[str, Array]:
+        """Return what a continuous controller does: ``effort`` of its drives, and what else is told, (..., k) each."""
+        command = self.command(given)
+        return {"command": command, "effort": self.limited(command)}
 
     @abstractmethod
     def command(self, given: Given) -> Array:

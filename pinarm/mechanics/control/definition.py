@@ -28,8 +28,8 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
         drive: What it drives: a motor of the mechanism's ``drives``, or a joint; several as a list.
         period: Of a sampled controller, from one measurement to the next; continuous where it is left out.
         delay: From a measurement to the change of the effort; of sampled controllers.
-        limits: Least and largest effort at the joint, such as ``[-20 N*m, 20 N*m]``; one pair for all drives, or pairs
-            by the names of the drives.
+        limits: Least and largest command, such as ``[-20 N*m, 20 N*m]`` at the joint, or ``[-24 V, 24 V]`` of a drive
+            with a motor; one pair for all drives, or pairs by their names.
         resolution: Smallest step of the measured coordinates, such as ``0.1 deg``; of sampled controllers.
         rates: ``measured`` by a sensor of their own, or the ``difference`` of two samples over the period.
     """
@@ -80,14 +80,18 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
         with within("drive"):
             return tuple(plant.drive(name) for name in self.drives)
 
-    def bounds(self, joints: Sequence[Joint]) -> tuple[Array, Array]:
-        """Return least and largest efforts, shape (k,) each.
+    def units(self, plant: Plant) -> list[Unit]:
+        """Return the units of the commands of the drives: of efforts, or volts in front of a motor."""
+        return [plant.command_unit(name) for name in self.drives]
+
+    def bounds(self, units: Sequence[Unit]) -> tuple[Array, Array]:
+        """Return least and largest commands in given units, shape (k,) each.
 
         Raises:
             InputError: A limit has another unit, or there is no room between two.
         """
         if self.limits is None:
-            return np.full(len(joints), -np.inf), np.full(len(joints), np.inf)
+            return np.full(len(units), -np.inf), np.full(len(units), np.inf)
         with within("limits"):
             given = self.limits if isinstance(self.limits, dict) else dict.fromkeys(self.drives, self.limits)
             for name in given:
@@ -95,9 +99,9 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
                     expected, hint = choices(name, self.drives)
                     raise InputError(f"'{name}' is no drive of this controller", expected=expected, hint=hint)
             pairs = [given.get(name, (-np.inf, np.inf)) for name in self.drives]
-            for (low, high), joint in zip(pairs, joints, strict=True):
-                check_unit(low, effort_unit(joint.unit))
-                check_unit(high, effort_unit(joint.unit))
+            for (low, high), measured in zip(pairs, units, strict=True):
+                check_unit(low, measured)
+                check_unit(high, measured)
                 if not low < high:
                     raise InputError(f"the upper limit {high:g} is not above the lower one {low:g}")
             lower, upper = np.array(pairs, float).T

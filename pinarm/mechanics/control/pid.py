@@ -14,7 +14,6 @@ from pinarm.input.yaml.schema import AnyQuantity, check_unit
 from pinarm.mechanics.control.controller import Controller, Given, Plant, Switch
 from pinarm.mechanics.control.definition import (
     ControlDefinition,
-    effort_unit,
     measured,
     references,
     require_one,
@@ -52,14 +51,14 @@ class Pid(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="p
         Raises:
             InputError: The drive or the coordinate does not exist, or a unit is another.
         """
-        joints = self.joints(plant)
+        joints, (commanded,) = self.joints(plant), self.units(plant)
         signals = measured(plant, [self.measures or self.drives[0]])
         laws, gains = references(self.follows, signals), []
         for key, per in (("kp", "1"), ("ki", "s"), ("kd", "1/s")):
             with within(key):
-                check_unit(getattr(self, key), effort_unit(joints[0].unit) / signals[0].unit / unit(per))
+                check_unit(getattr(self, key), commanded / signals[0].unit / unit(per))
             gains.append(np.array([float(getattr(self, key))]))
-        bounds, sampling = self.bounds(joints), self.sampling(signals)
+        bounds, sampling = self.bounds([commanded]), self.sampling(signals)
         return PidController(tuple(self.drives), joints, signals, laws, *bounds, sampling, *gains)
 
     def check(self) -> None:

@@ -13,7 +13,7 @@ from pinarm.errors import InputError, Key, choices, within
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import AnyQuantity, check_unit
 from pinarm.mechanics.control.controller import Controller, Given, Plant
-from pinarm.mechanics.control.definition import ControlDefinition, effort_unit, measured
+from pinarm.mechanics.control.definition import ControlDefinition, measured
 from pinarm.mechanics.laws import Constant, Law
 
 
@@ -40,7 +40,7 @@ class StateFeedback(ControlDefinition, frozen=True, kw_only=True, tag_field="kin
         Raises:
             InputError: A drive or a coordinate does not exist, a unit is another, or the matrix has another shape.
         """
-        joints = self.joints(plant)
+        joints, units = self.joints(plant), self.units(plant)
         with within("states"):
             signals = measured(plant, self.states)
         for name in self.follows:
@@ -57,17 +57,17 @@ class StateFeedback(ControlDefinition, frozen=True, kw_only=True, tag_field="kin
             if len(self.gains) != shape[0] or any(len(row) != shape[1] for row in self.gains):
                 raise InputError(f"the matrix has not {shape[0]} rows of {shape[1]} gains",
                                  expected="a row for each drive: gains of the states, then of their rates")  # fmt: skip
-            for k, (row, joint) in enumerate(zip(self.gains, joints, strict=True)):
+            for k, (row, commanded) in enumerate(zip(self.gains, units, strict=True)):
                 for i, gain in enumerate(row):
                     rated = unit("1/s") if i >= len(signals) else unit("1")
                     with within(k, i):
-                        check_unit(gain, effort_unit(joint.unit) / signals[i % len(signals)].unit / rated)
+                        check_unit(gain, commanded / signals[i % len(signals)].unit / rated)
         with within("bias"):
             if len(self.bias) not in (0, len(joints)):
                 raise InputError(f"there are {len(self.bias)} efforts", expected=f"{len(joints)}, one for each drive")
-            for effort, joint in zip(self.bias, joints, strict=False):
-                check_unit(effort, effort_unit(joint.unit))
-        lower, upper = self.bounds(joints)
+            for command, commanded in zip(self.bias, units, strict=False):
+                check_unit(command, commanded)
+        lower, upper = self.bounds(units)
         return StateFeedbackController(
             tuple(self.drives), joints, signals, laws, lower, upper, self.sampling(signals),
             np.array(self.gains, float), np.array(self.bias or [0.0] * len(joints), float),

@@ -10,7 +10,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.yaml.schema import AnyQuantity, Pause, check_unit
 from pinarm.mechanics.control.controller import Controller, Given, Plant, Switch
-from pinarm.mechanics.control.definition import ControlDefinition, effort_unit, measured, references, require_one
+from pinarm.mechanics.control.definition import ControlDefinition, measured, references, require_one
 from pinarm.mechanics.laws import Constant, Law
 
 LOW, HIGH = 0, 1
@@ -55,14 +55,14 @@ class Switching(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", 
         Raises:
             InputError: The drive or the coordinate does not exist, or a unit is another.
         """
-        joints = self.joints(plant)
+        joints, (commanded,) = self.joints(plant), self.units(plant)
         signals = measured(plant, [self.measures or self.drives[0]])
         laws = references(self.follows or Constant(value=0.0), signals)
-        for key, measure in (("above", effort_unit(joints[0].unit)), ("below", effort_unit(joints[0].unit)),
+        for key, measure in (("above", commanded), ("below", commanded),
                              ("hysteresis", signals[0].unit)):  # fmt: skip
             with within(key):
                 check_unit(getattr(self, key), measure)
-        lower, upper = self.bounds(joints)
+        lower, upper = self.bounds([commanded])
         numbers = float(self.above), float(self.below), float(self.hysteresis), float(self.lead)
         return Relay(tuple(self.drives), joints, signals, laws, lower, upper, self.sampling(signals), *numbers)
 

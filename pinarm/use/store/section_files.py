@@ -134,5 +134,5 @@ def _unit(unit: Unit | None) -> dict[str, Any] | None:
 def _unit_again(data: Any) -> Unit | None:
     if data is None:
         return None
-    metres, kilograms, seconds = map(Fraction, data["dimension"])
-    return Unit(float(data["factor"]), (metres, kilograms, seconds), str(data["text"]))
+    metres, kilograms, seconds, amperes, *_ = (*map(Fraction, data["dimension"]), Fraction(0))  # some have three
+    return Unit(float(data["factor"]), (metres, kilograms, seconds, amperes), str(data["text"]))
