@@ -17,8 +17,8 @@ FLOOR_PLAN = {
     "errors": "",
     "arrays": "",
     "input": "numbers units roots xml_text xml_names mjcf_includes formulas yaml csv_rows motion_tables xacro robots",
-    "mechanics": "geometry joints laws drives coordinates control rotors ball_joints loops forces loading couplings "
-    "friction payloads points perturbation planar description",
+    "mechanics": "geometry joints laws motors drives coordinates control rotors ball_joints loops forces loading "
+    "couplings friction payloads points perturbation planar description",
     "engine": "series kernel integration constraints dynamics model_source kinematics statics friction control motion "
     "checks quantities mechanism_parts mechanism",
     "problems": "time_grid accuracy prescribed_laws joint_values loads controls declaration events "

@@ -91,7 +91,8 @@ _TABLE: dict[str, tuple[float, Dimension]] = {
 _SI_NAMES: dict[Dimension, str] = {
     (0, 0, 0, 0): "1", _FORCE: "N", _ENERGY: "N*m", _PRESSURE: "Pa", _POWER: "W",
     _VOLTAGE: "V", _RESISTANCE: "ohm", _INDUCTANCE: "H", (0, 1, -2, 0): "N/m", (0, 1, -1, 0): "N*s/m",
-    (2, 1, -1, 0): "kg*m^2/s", (1, 1, -1, 0): "kg*m/s", (1, 0, -1, 0): "m/s", (1, 0, -2, 0): "m/s^2", (2, 1, 0, 0): "kg*m^2",
+    (2, 1, -1, 0): "kg*m^2/s", (1, 1, -1, 0): "kg*m/s", (1, 0, -1, 0): "m/s", (1, 0, -2, 0): "m/s^2",
+    (2, 1, 0, 0): "kg*m^2",
 }  # fmt: skip
 
 _ANGULAR: dict[Dimension, str] = {(0, 0, 0, 0): "rad", (0, 0, -1, 0): "rad/s", (0, 0, -2, 0): "rad/s^2"}

@@ -59,7 +59,7 @@ def test_a_voltage_step_has_two_eigenvalues(servo, period):
 
 
 def test_without_inductance_the_speed_rises_with_the_mechanical_time_constant(servo):
-    result = run(servo(), OPEN_LOOP)
+    result = run(servo(), OPEN_LOOP, "1 s")
     tau = R * INERTIA / (K * N) ** 2
     speed = 12.0 / (K * N) * (1.0 - np.exp(-result["t"].values / tau))
     assert np.abs(result["joint.x.velocity"].values - speed).max() < 1e-7

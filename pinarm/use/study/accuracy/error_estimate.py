@@ -156,7 +156,7 @@ def _natural(run: Trajectory) -> Callable[[Unit | None], float]:
     def size(unit: Unit | None) -> float:
         if unit is None:
             return 1.0
-        metres, kilograms, seconds = (float(exponent) for exponent in unit.dimension)
+        metres, kilograms, seconds, _ = (float(exponent) for exponent in unit.dimension)
         return float(length**metres * mass**kilograms * frequency**-seconds)
 
     return size
