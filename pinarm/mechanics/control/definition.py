@@ -49,8 +49,7 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
     @property
     def names(self) -> list[str]:
         """Names of all coordinates and drives that it needs."""
-        measured = getattr(self, "measures", None) or getattr(self, "states", [])
-        return [*self.drives, *([measured] if isinstance(measured, str) else measured)]
+        return self.drives
 
     def check(self) -> None:
         """Refuse what only sampled controllers have, and drives that are named twice or not at all."""

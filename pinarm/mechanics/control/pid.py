@@ -45,6 +45,11 @@ class Pid(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="p
     ki: AnyQuantity = 0.0
     kd: AnyQuantity = 0.0
 
+    @property
+    def names(self) -> list[str]:
+        """Names of the drive and of the measured coordinate."""
+        return [*self.drives, *([self.measures] if self.measures else [])]
+
     def bind(self, plant: Plant) -> Controller:
         """Return the controller of one mechanism.
 

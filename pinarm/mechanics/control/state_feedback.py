@@ -34,6 +34,11 @@ class StateFeedback(ControlDefinition, frozen=True, kw_only=True, tag_field="kin
     follows: dict[str, Law] = {}
     bias: list[AnyQuantity] = []
 
+    @property
+    def names(self) -> list[str]:
+        """Names of the drives and of the states."""
+        return [*self.drives, *self.states]
+
     def bind(self, plant: Plant) -> Controller:
         """Return the controller of one mechanism.
 

@@ -49,6 +49,11 @@ class Switching(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", 
                 raise InputError(f"the hysteresis is {self.hysteresis:g}: a continuous relay would switch without end",
                                  expected="a positive one", hint="period: 1 ms for a sampled relay")  # fmt: skip
 
+    @property
+    def names(self) -> list[str]:
+        """Names of the drive and of the measured coordinate."""
+        return [*self.drives, *([self.measures] if self.measures else [])]
+
     def bind(self, plant: Plant) -> Controller:
         """Return the controller of one mechanism.
 

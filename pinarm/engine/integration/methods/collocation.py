@@ -93,7 +93,7 @@ class Collocation:
         if any(interval.batch is None or interval.settle for interval in intervals):
             raise MethodError(
                 "the method collocation needs the accelerations of many states at once, as open chains have them; here "
-                "loops, or coordinates that follow laws, are solved state by state",
+                "loops, coordinates that follow laws, or controllers are solved state by state",
                 expected=f"one of {', '.join(for_all_motions())}", hint="accuracy.method: dop853",
             )  # fmt: skip
         return intervals
