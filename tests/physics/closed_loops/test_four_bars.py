@@ -113,7 +113,7 @@ def test_a_law_from_exactly_the_change_point_is_refused_and_one_from_beside_it_p
         solve("change_point_four_bar", kind, end=2.0, samples=21, motion=law(np.pi), start={"A": -3.1, "theta4": 3.1})
     assert "at a change point a start and rows beside it, between which the motion passes it" in caught.value.hint
     found = solve("change_point_four_bar", kind, end=2.0, samples=21, motion=law(3.1), start={"A": -3.1, "theta4": 3.1})
-    theta3, theta4, *_ = CHANGE_POINT.slopes(found["theta2"].values)
+    _, theta4, *_ = CHANGE_POINT.slopes(found["theta2"].values)
     assert np.exp(1j * found["theta4"].values) == pytest.approx(np.exp(1j * theta4), abs=1e-9)
 
 
