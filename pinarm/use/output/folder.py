@@ -33,6 +33,9 @@ from pinarm.use.output.manifest import (
     write_manifest,
 )
 
+LINKLESS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS)
+"""What file systems without hard links answer, such as those of memory cards."""
+
 PATIENCE = 60.0
 """Seconds to wait for another process that replaces the files of a folder, which takes it milliseconds."""
 
@@ -96,6 +99,31 @@ def write_file(path: Path, parts: Iterable[bytes]) -> None:
             draft.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+
+
+def write_new_file(path: Path, content: bytes) -> bool:
+    """Write a file that appears whole where nothing stands, not even a link; return whether nothing stood there.
+
+    Raises:
+        OSError: It cannot be written; nothing is left then.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_name(f"{DRAFT}{os.urandom(4).hex()}.part")
+    try:
+        draft.write_bytes(content)
+        try:
+            os.link(draft, path, follow_symlinks=False)
+        except OSError as error:
+            if error.errno not in LINKLESS:
+                raise
+            if os.path.lexists(path):
+                return False
+            draft.rename(path)
+    except FileExistsError:
+        return False
+    finally:
+        draft.unlink(missing_ok=True)
+    return True
 
 
 @contextmanager
