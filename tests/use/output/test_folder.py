@@ -3,6 +3,7 @@
 import errno
 import os
 import resource
+import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -315,3 +316,27 @@ def test_a_new_file_stands_whole_or_not_at_all_where_there_are_no_hard_links_too
         assert (tmp_path / "a" / name).read_bytes() == b"content"
         monkeypatch.setattr(os, "link", linkless)
     assert sorted(os.listdir(tmp_path / "a")) == ["first", "first_link", "second", "second_link"]
+
+
+@pytest.mark.parametrize("single", [False, True])
+def test_a_link_put_in_the_place_of_the_folder_meanwhile_is_not_followed(
+    out: Path, monkeypatch: pytest.MonkeyPatch, single: bool
+) -> None:
+    """The manifest went to where the link led; what stands there stays as it is."""
+    victim = out.parent / "victim"
+    shutil.copytree(out, victim)
+    before = {path: path.read_bytes() for path in victim.rglob("*") if path.is_file()}
+
+    @contextmanager
+    def swapping() -> Iterator[None]:
+        out.rename(out.parent / "aside")
+        out.symlink_to(victim)
+        yield
+
+    monkeypatch.setattr("pinarm.use.output.folder._signals_waiting", swapping)
+    with pytest.raises(InputError, match="cannot be written"):
+        if single:
+            write_file(out / "replay.html", [b"new"])
+        else:
+            put(out, NEW)
+    assert {path: path.read_bytes() for path in victim.rglob("*") if path.is_file()} == before
