@@ -160,3 +160,35 @@ friction: {{inside: {{mu: {mu}, teeth: 20}}, outside: {{mu: {mu}, teeth: 30}}}}
     at_rest *= (1.0 + outside / bases[2]) / (1.0 + outside / bases[1])
     efficiency = result["-power.load/joint.turn.power"].values
     assert efficiency == pytest.approx((1.0 + 4.0 * at_rest) / 5.0, rel=1e-12)
+
+
+def test_teeth_that_stick_carry_the_wheels_round_as_one_body(write):
+    """A sun and a planet on an arm that is driven: with their friction they neither roll nor creep, ``T / I`` of all.
+
+    Each link has 1 kg and 1 kg m^2, the planet's axis is at 0.1 m.
+    """
+    urdf = joint("turn") + joint("out") + joint("planet", "0.1 0 0", parent="out_link")
+    mechanism = f"""gravity: none
+couplings:
+  inside: {{kind: gear, joints: [turn, planet], carrier: out, ratio: {-20 / 30!r}, pressure_angle: 20 deg}}
+forces: {{load: {{kind: joint_effort, joint: out, effort: {{law: constant, value: 5 N*m}}}}}}
+friction: {{inside: {{constant: 1 MN, teeth: 20}}}}
+"""
+    result = pinarm.run(write(urdf, mechanism, "{kind: forward, time: {end: 2 s, samples: 5}}", "turn, out, planet"))
+    turned = 0.5 * 5.0 / 3.01 * result["t"].values ** 2
+    for name, value in (("turn", turned), ("out", turned), ("planet", 0.0 * turned)):
+        assert result[name].values == pytest.approx(value, abs=1e-9)
+
+
+def test_a_rack_sticks_below_its_friction_and_slides_above(write):
+    """The pinion's friction ``constant * G`` holds the rack up to ``constant G / r`` of force on it."""
+    hold = 50.0 * mean_slip(20, np.inf) * 0.004 / 0.04
+    urdf = joint("turn") + joint("out", "0 -0.04 0", "1 0 0", "prismatic")
+    for part, way in ((0.9, 0.0), (1.3, 0.5 * 0.3 * hold / (1.0 + 1.0 / 0.04**2))):
+        mechanism = f"""gravity: none
+couplings: {{teeth: {{kind: rack, joints: [turn, out], radius: 40 mm, pressure_angle: 20 deg}}}}
+forces: {{load: {{kind: joint_effort, joint: out, effort: {{law: constant, value: {part * hold} N}}}}}}
+friction: {{teeth: {{constant: 50 N, teeth: 20}}}}
+"""
+        result = pinarm.run(write(urdf, mechanism, "{kind: forward, time: {end: 1 s, samples: 3}}", "out"))
+        assert result["out"].values[-1] == pytest.approx(way, rel=1e-7, abs=1e-15)
