@@ -46,6 +46,9 @@ from pinarm.mechanics.joints import RADIAN
 ALIGNED = 1e-9
 """Rounding of a number of teeth."""
 
+POINTED = float(np.arctan(np.pi / 4.0))
+"""Pressure angle [rad] at which a rack's teeth, half a pitch thick, end in a point one module above the pitch line."""
+
 
 @dataclass(frozen=True, eq=False)
 class ToothMesh:
@@ -97,7 +100,13 @@ class ToothMesh:
         return self.base_pitch * (more + _integral(begins[:-1] + rest, begins[1:]) / pairs)
 
     def check(self) -> None:
-        """Refuse numbers of teeth that do not fit, and members that are not always in contact or interfere."""
+        """Refuse teeth that are pointed, do not fit, interfere, or are not always in contact."""
+        if self.surfaces.pressure_angle >= POINTED:
+            raise InputError(
+                f"teeth with a pressure angle of {np.rad2deg(self.surfaces.pressure_angle):g} deg are pointed below "
+                "their addendum of one module",
+                expected=f"a pressure_angle below {np.rad2deg(POINTED):.3g} deg",
+            )  # fmt: skip
         other = self.teeth * self.surfaces.radii[1] / self.surfaces.radii[0]
         if np.isfinite(other) and abs(other - round(other)) > ALIGNED * other:
             raise InputError(f"a wheel with {self.teeth} teeth would mesh with one of {other:.6g}",
