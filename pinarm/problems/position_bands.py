@@ -28,6 +28,8 @@ TURN, GROWTH, STEPS = 0.05, 1.25, 150
 FIRST = 0.25
 """First step, relative to the end that the stiffness at the start predicts."""
 
+FULL_TURN = "friction holds every position of a full turn"
+
 
 @dataclass(frozen=True, eq=False)
 class PositionBand:
@@ -89,7 +91,11 @@ class FrictionHold:
                 return PositionBand(np.array([q, q]))
             stiffness = abs(float(modes.stiffnesses[0]))
             predicted = reserve * np.abs(basis).max() / stiffness if stiffness > 0.0 else np.inf
-            ends = [self._end(q, side * basis, FIRST * predicted) for side in (-1.0, 1.0)]
+            down = self._end(q, -basis, FIRST * predicted)
+            ends = [
+                down,
+                down if isinstance(down, str) and down == FULL_TURN else self._end(q, basis, FIRST * predicted),
+            ]
         except (AssemblyError, DynamicsError) as error:
             return PositionBand.unknown(len(q), error.message)
         missing = [end for end in ends if isinstance(end, str)]
@@ -112,7 +118,7 @@ class FrictionHold:
                 return self._crossing(q, basis[:, 0], step, joint)
             turned += float((turns * np.abs(after - q)).max())
             if turned >= 2.0 * np.pi:
-                return "friction holds every position of a full turn"
+                return FULL_TURN
             q, basis, step = after, self.balance.basis(after, basis), GROWTH * step
         return "friction holds every position as far as it was followed"
 
