@@ -81,7 +81,7 @@ class LimitsStructure(ctypes.Structure):
 
     _fields_ = [
         *((name, REAL) for name in ("usual", "near", "ahead", "coarse", "close", "blind", "vanished", "accuracy")),
-        ("aside", REAL), ("across", REAL * 4), ("passed", REAL), ("floor", REAL), ("rank", INT),
+        ("aside", REAL), ("across", REAL * 6), ("passed", REAL), ("floor", REAL), ("rank", INT),
     ]  # fmt: skip
 
 

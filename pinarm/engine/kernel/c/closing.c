@@ -81,12 +81,12 @@ static int turns(const closing *c) { return c->open > c->limits.passed; } /* bes
 
 /* Write the acceleration at a singular position that is passed, from both sides of it; return how open it is. */
 static double across(const closing *c, const double *q, const double *v, double *a) {
-    static const double places[4] = {-2.0, -1.0, 1.0, 2.0};
+    static const double places[6] = {-3.0, -2.0, -1.0, 1.0, 2.0, 3.0};
     const tree *t = c->rows.tree;
     double fastest = 0.0;
     for (int k = 0; k < t->nv; k++)
         fastest = fmax(fastest, fabs(v[k]) / c->scale[k]), c->sum[k] = c->aside[k] = 0.0;
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < 6; i++) {
         copy(t->nq, q, c->state);
         copy(t->nv, v, c->state + t->nq);
         move(t, places[i] * c->limits.aside / fastest, v, c->state);
@@ -160,8 +160,8 @@ int closing_settle(void *system, double time, double *y, double *slope) {
     if (look(c)) {
         const int singular = c->regular < c->limits.near;
         c->open = singular ? c->open : 0.0;
-        if (c->regular < c->limits.blind && !turns(c)) /* G tells too little of the velocities */
-            copy(t->nv, c->saved + t->nq, y + t->nq);
+        if (c->regular < c->limits.blind && !turns(c)) /* the loops tell too little of the state */
+            copy(t->nq + t->nv, c->saved, y);
         c->step = singular || !isfinite(c->t) ? c->step : time - c->t;
         c->floor = singular && !turns(c) ? c->limits.floor * c->step : 0.0;
         c->t = time;

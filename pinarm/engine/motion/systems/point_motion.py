@@ -33,10 +33,11 @@ is less than 0.1. Errors of stages there grow with 1 over the regularity, and th
 show it: at tolerance 1e-3 one motion in a hundred went on on another branch. Finer steps are shortened by their errors
 until they are as near as ``NEAR``."""
 
-BLIND, ASIDE, ACROSS = 5e-4, 1e-3, np.array([-1.0, 4.0, 4.0, -1.0]) / 6.0
-"""The same, s, below which a position says little of the velocity, known to eps / s^2, and of the acceleration there.
-The velocity is then not projected: it would lose energy. The acceleration is interpolated between positions at once and
-twice that distance, before and behind it on the way, with these weights. The motion is smooth."""
+BLIND, ASIDE, ACROSS = 2.5e-3, 5e-3, np.array([1.0, -6.0, 15.0, 15.0, -6.0, 1.0]) / 20.0
+"""The same, s, below which a position says little of the state, whose place is known to eps / s and whose velocity to
+eps / s^2, and of the acceleration there. The state is then not closed: it would lose energy. The acceleration is
+interpolated between positions at once, twice and three times that distance, before and behind it on the way, with these
+weights. The motion is smooth."""
 
 PASSED, TURNED = 1e-11, 1e-9
 """Gap of the loops, relative to the extent, at the position so interpolated. Up to the first a singular position is
@@ -114,7 +115,7 @@ class PointMotion:
         """Return the acceleration at a singular position that is passed, from both sides of it; see if it is one."""
         model, aside = self.points.tied.model, (ASIDE / float(np.abs(v / self.scale).max())) * v
         accelerations, changes = [], []
-        for k in (-2, -1, 1, 2):
+        for k in (-3, -2, -1, 1, 2, 3):
             beside = pin.integrate(model, q, k * aside)
             self.points.factorise(beside)
             closed = self.closed(beside)
@@ -134,10 +135,10 @@ class PointMotion:
         if self.places:
             q[self.places], v[self.points.tied.driven], _ = self.targets(t)
         self.points.factorise(q)
-        q = self.closed(q)
-        self.look(q)
+        closed = self.closed(q)
+        self.look(closed)
         if not self.blind(self.regular):
-            v = self.tangent(v)
+            q, v = closed, self.tangent(v)
         if not self.singular and self.t > -np.inf:
             self.step = t - self.t
         self.least = FLOOR * self.step if self.singular else 0.0
