@@ -134,6 +134,9 @@ def contained_path(path: str | Path, root: Path, packages: Mapping[str, Path] = 
         resolved = os.path.realpath(os.path.join(allowed[0], local))
         with suppress(FileNotFoundError, NotADirectoryError):
             os.stat(resolved)  # raises for loops of links, and for names too long to be asked for
+    except PermissionError:
+        raise InputError(f"{_short(path)} cannot be looked for: a folder on the way is not open to this user",
+                         hint="chmod u+x FOLDER") from None  # fmt: skip
     except (OSError, ValueError) as error:
         raise InputError(f"{_short(path)} is not a path ({error.__class__.__name__})") from None
     if not any(f"{resolved}{os.sep}".startswith(os.path.join(folder, "")) for folder in allowed):

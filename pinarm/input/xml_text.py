@@ -44,7 +44,8 @@ def read(path: Path, source: str, most: int) -> str:
         if len(raw) <= most:
             return raw.decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"the file cannot be read as UTF-8 text ({error})").at(Location(source)) from None
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"the file cannot be read as UTF-8 text ({reason})").at(Location(source)) from None
     raise ModelError("the files of this model are too large", expected=f"at most {MAX_BYTES} bytes").at(
         Location(source)
     )

@@ -19,6 +19,7 @@ from pinarm.engine.motion.trajectory import ROW, Trajectory
 from pinarm.engine.series import Series
 from pinarm.engine.statics.actuation import along
 from pinarm.engine.statics.equilibrium import Equilibrium, ForceBalance
+from pinarm.engine.statics.stiffness import Modes
 from pinarm.errors import AssemblyError, InputError, Key, Place
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.deferred import Deferred
@@ -34,6 +35,7 @@ from pinarm.problems.prescribed_laws import laws_of
 
 if TYPE_CHECKING:
     from pinarm.mechanics.forces.kinds import Force
+    from pinarm.problems.position_bands import FrictionHold, PositionBand
 else:  # imported where a file has loads, see LOADS
     Force = Any
 
@@ -48,6 +50,9 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
     equilibrium are those of ``M x'' + K x = 0``: stable if every ``w^2`` of ``K x = w^2 M x`` is positive, unstable if
     one is negative (or, under loads without a potential, not real), indifferent if one is 0 to rounding. Damping and
     friction have no part in it. In directions without mass there is no ``w^2``: the eigenvalues of K itself decide.
+
+    Dry friction holds other positions as well. Where one motion is free they are a band about each equilibrium, whose
+    ends are told; a start that leads to no equilibrium, but that friction holds, is a row of its own.
 
     Every start leads to the equilibrium that damped Newton steps reach; several may lead to one. It is meant for starts
     within about 0.5 rad of what is looked for, and finds unstable equilibria as well as stable ones.
@@ -101,7 +106,10 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
 
         Each row has beside its quantities ``equilibrium.starts``, how many starts led to it,
         ``equilibrium.stability`` (1 stable, 0 indifferent, -1 unstable), ``equilibrium.frequency2_1`` and so on, its
-        ``w^2`` in ascending order, and ``equilibrium.stiffness_1`` and so on, the eigenvalues of K.
+        ``w^2`` in ascending order, and ``equilibrium.stiffness_1`` and so on, the eigenvalues of K. With friction and
+        one free motion ``equilibrium.end_1.J`` and ``equilibrium.end_2.J`` are the coordinates of a joint J at the two
+        ends of the band of positions that friction holds, in the sense in which the joint that moves most goes down
+        and up.
 
         Raises:
             AssemblyError: A start leads to none; ``partial`` holds what the starts before it led to.
@@ -112,11 +120,36 @@ class Equilibria(InputStruct, frozen=True, tag_field="kind", tag="equilibria"):
             with place("starts", index):
                 try:
                     near = balance.nearest(q)
-                    _merge(found, balance.equilibrium(near, f"starts[{index}]"), balance.turns)
+                    _merge(found, _equilibrium(balance, near, f"starts[{index}]"), balance.turns)
                 except AssemblyError as error:
                     error.partial = outcome(balance, found) if found else None
                     raise
         return outcome(balance, found)
+
+
+def _equilibrium(balance: ForceBalance, q: Array, start: str) -> Equilibrium:
+    """Return the equilibrium that a start leads to, or a position that friction holds, with NaN for its modes.
+
+    Raises:
+        AssemblyError: There is neither.
+    """
+    try:
+        return balance.equilibrium(q, start)
+    except AssemblyError:
+        hold = _friction_hold(balance, q)
+        if hold is None or not hold.holds(q):
+            raise
+        unknown = np.full(1, np.nan)
+        return Equilibrium(q, Modes(unknown, unknown, np.nan))
+
+
+def _friction_hold(balance: ForceBalance, q: Array) -> FrictionHold | None:
+    """Return what tells where friction holds; ``None`` without friction, and where several motions are free."""
+    if not balance.mechanism.frictions or balance.basis(q).shape[1] > 1:
+        return None
+    from pinarm.problems.position_bands import FrictionHold  # with all that known motions with friction need
+
+    return FrictionHold(balance)
 
 
 def _merge(found: list[Equilibrium], new: Equilibrium, turns: Array) -> None:
@@ -130,6 +163,7 @@ def _merge(found: list[Equilibrium], new: Equilibrium, turns: Array) -> None:
 
 def _units(mechanism: Mechanism, free: int) -> dict[str, Unit | None]:
     """Return the quantities of an equilibrium and their units, for so many free coordinates."""
+    joints = mechanism.joints.items() if mechanism.frictions and free == 1 else ()
     units = {joint.unit == METRE for joint in mechanism.joints.values()}
     resistance = None if len(units) > 1 else unit("N/m") if units == {True} else unit("N*m/rad")
     numbers = range(1, free + 1)
@@ -137,33 +171,67 @@ def _units(mechanism: Mechanism, free: int) -> dict[str, Unit | None]:
         "equilibrium.starts": unit("1"), "equilibrium.stability": unit("1"),
         **{f"equilibrium.frequency2_{k}": unit("rad^2/s^2") for k in numbers},
         **{f"equilibrium.stiffness_{k}": resistance for k in numbers},
+        **{f"equilibrium.end_{k}.{name}": joint.unit for name, joint in joints for k in (1, 2)},
     }  # fmt: skip
 
 
 def outcome(balance: ForceBalance, found: Sequence[Equilibrium]) -> Outcome:
     """Return the equilibria as rows numbered from 1, and how many there are."""
-    weightless = [row for row, equilibrium in enumerate(found, 1) if np.isnan(equilibrium.modes.squares).any()]
-    notes = tuple(f"row {row}: a direction has no mass, so its stability is that of the stiffness alone"
-                  for row in weightless)  # fmt: skip
-    if balance.mechanism.frictions:
-        names = ", ".join(dict.fromkeys(friction.name for friction in balance.mechanism.frictions))
-        notes += (f"friction of {names} holds positions beside these as well: the table has those that need none",)
-        if balance.held.names:
-            notes += (
-                f"efforts that hold {', '.join(balance.held.names)} are those without friction; kind: statics at "
-                "these positions tells the band that friction leaves",
-            )
+    bands = _bands(balance, found)
+    notes = (*_weightless(found), *_friction_notes(balance, found, bands))
     stable = sum(equilibrium.modes.stability == 1 for equilibrium in found)
     figures = {"equilibria": float(len(found)), "stable": float(stable)}
-    return Outcome(rows_of(balance, found), figures=figures, notes=notes)
+    return Outcome(rows_of(balance, found, bands), figures=figures, notes=notes)
 
 
-def rows_of(balance: ForceBalance, found: Sequence[Equilibrium]) -> Trajectory:
+def _bands(balance: ForceBalance, found: Sequence[Equilibrium]) -> list[PositionBand]:
+    """Return the band of positions that friction holds about every row; none where it is not looked for."""
+    hold = _friction_hold(balance, found[0].q)
+    return [] if hold is None else [hold.band(equilibrium.q, equilibrium.modes) for equilibrium in found]
+
+
+def _weightless(found: Sequence[Equilibrium]) -> list[str]:
+    """Return what is to be said of directions without mass."""
+    return [f"row {row}: a direction has no mass, so its stability is that of the stiffness alone"
+            for row, equilibrium in enumerate(found, 1)
+            if np.isnan(equilibrium.modes.squares).any() and not np.isnan(equilibrium.modes.stability)]  # fmt: skip
+
+
+def _friction_notes(balance: ForceBalance, found: Sequence[Equilibrium], bands: Sequence[PositionBand]) -> list[str]:
+    """Return what is to be said of friction that sticks."""
+    contacts = balance.mechanism.frictions
+    if not contacts:
+        return []
+    names, notes = ", ".join(dict.fromkeys(friction.name for friction in contacts)), []
+    if bands:
+        notes.append(f"friction of {names} holds the positions between equilibrium.end_1 and equilibrium.end_2")
+    else:
+        free = len(found[0].modes.stiffnesses)
+        notes.append(
+            f"friction of {names} holds positions beside these as well: the table has those that need none. With "
+            f"{free} free motions they are no band; kind: statics with a drive at every joint tells of one position "
+            "whether it holds"
+        )
+    for row, (equilibrium, band) in enumerate(zip(found, bands, strict=False), 1):
+        if np.isnan(equilibrium.modes.stability):
+            notes.append(
+                f"row {row}: the start, which friction holds as it is, leads to no position that needs no friction"
+            )
+        if band.reason:
+            notes.append(f"row {row}: the band of positions has no end: {band.reason}")
+    if balance.held.names:
+        notes.append(f"efforts that hold {', '.join(balance.held.names)} are those without friction; kind: statics at "
+                     "these positions tells the band that friction leaves")  # fmt: skip
+    return notes
+
+
+def rows_of(balance: ForceBalance, found: Sequence[Equilibrium], bands: Sequence[PositionBand]) -> Trajectory:
     """Return the equilibria as a table; each row is a state of its own, at rest."""
     q = np.array([equilibrium.q for equilibrium in found])
     tau, lam = (np.array(x) for x in zip(*(balance.efforts(row) for row in q), strict=True))
-    table = np.array([[float(equilibrium.starts), equilibrium.modes.stability, *equilibrium.modes.squares,
-                       *equilibrium.modes.stiffnesses] for equilibrium in found])  # fmt: skip
+    ends = [band.ends.T.ravel() for band in bands] or [np.zeros(0)] * len(found)
+    table = np.array([[float(one.starts), one.modes.stability, *one.modes.squares, *one.modes.stiffnesses, *both]
+                      for one, both in zip(found, ends, strict=True)])  # fmt: skip
     units = _units(balance.mechanism, len(found[0].modes.squares))
     columns = {name: Series(name, units[name], column) for name, column in zip(units, table.T, strict=True)}
     return Trajectory(

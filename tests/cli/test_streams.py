@@ -1,6 +1,7 @@
 """Output that cannot be written ends a command with words where there is room for them, and with an exit code."""
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -36,3 +37,24 @@ def test_a_file_that_the_system_refuses_is_named() -> None:
     assert isinstance(error, InputError)
     assert str(error) == "/there: Permission denied"
     assert str(unwritable(OSError(28, os.strerror(28)))) == "the output: No space left on device"
+
+
+INTERRUPTED_IMPORT = """
+import os, runpy, signal, sys
+
+class Finder:
+    def find_spec(self, name, *rest):
+        if name == "pinarm.cli.main":
+            os.kill(os.getpid(), signal.SIGINT)
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.meta_path.insert(0, Finder())
+runpy.run_module("pinarm", run_name="__main__")
+"""
+
+
+def test_an_interrupt_during_the_imports_leaves_no_traceback() -> None:
+    ended = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED_IMPORT], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (ended.returncode, ended.stderr) == (-signal.SIGINT, "")

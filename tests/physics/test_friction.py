@@ -7,7 +7,6 @@ import pytest
 
 import pinarm
 from pinarm.errors import PinarmError
-from pinarm.mechanics.friction.tooth import SpurMesh
 
 SIZES = '<limit lower="-1e4" upper="1e4" effort="1e6" velocity="1e3"/>'
 BODY = '<inertial><mass value="{mass}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -418,41 +417,3 @@ def test_nothing_is_left_out_where_friction_may_stick(write, friction, left_out)
     assert len(result.removals) == left_out
     if friction:
         assert result["joint.slip.effort.upper"].values == pytest.approx(0.3 * 2.0 * 9.81, rel=1e-12)
-
-
-SPURS = f"""
-<link name="pinion">{BODY.format(mass=1)}</link><link name="wheel">{BODY.format(mass=1)}</link>
-<joint name="turn" type="continuous"><parent link="base"/><child link="pinion"/><axis xyz="0 0 1"/></joint>
-<joint name="out" type="continuous"><parent link="base"/><child link="wheel"/><origin xyz="0.12 0 0"/>
-<axis xyz="0 0 1"/></joint>"""
-
-
-def test_the_efficiency_of_spur_teeth_comes_out(write):
-    """Teeth 18 and 42: ``1 - mu H_V`` to first order in mu; exactly, with G of the mean slip, as below.
-
-    The moments of the flanks are ``N (rb1 + mu G)`` on the pinion that drives and ``N (rb2 - mu G)`` on the wheel.
-    """
-    e1, e2 = SpurMesh(18, (0.036, 0.084), np.radians(20.0)).contact_ratios
-    lost = np.pi * (1 / 18 + 1 / 42) * (1.0 - e1 - e2 + e1**2 + e2**2)  # H_V
-    bases = np.cos(np.radians(20.0)) * np.array([0.036, 0.084])
-    mean = lost / (1.0 / bases).sum()
-    for mu in (0.05, 0.1):
-        mechanism = f"""gravity: none
-couplings: {{teeth: {{kind: gear, joints: [turn, out], ratio: {-18 / 42!r}, pressure_angle: 20 deg}}}}
-forces: {{load: {{kind: joint_effort, joint: out, effort: {{law: constant, value: 50 N*m}}}}}}
-friction: {{teeth: {{mu: {mu}, teeth: 18}}}}
-"""
-        inverse = "{kind: inverse, time: {end: 1 s, samples: 2}, motion: {turn: {law: constant_speed, speed: 3 rad/s}}}"
-        outputs = "-power.load/joint.turn.power, joint.turn.force.y, joint.out.force.y"
-        turning = pinarm.run(write(SPURS, mechanism, inverse, outputs))
-        efficiency = turning["-power.load/joint.turn.power"].values
-        assert efficiency == pytest.approx((1.0 - mu * mean / bases[1]) / (1.0 + mu * mean / bases[0]), rel=1e-12)
-        assert efficiency == pytest.approx(1.0 - mu * lost, abs=2.0 * (mu * lost) ** 2)
-        assert turning["joint.turn.force.y"].values == pytest.approx(-turning["joint.out.force.y"].values, rel=1e-12)
-        assert turning.figures["friction"] < 1e-12
-        assert turning.figures["bodies"] < 1e-12
-        statics = "{kind: statics, hold: {turn: 0 rad}, drives: [turn]}"
-        held = pinarm.run(write(SPURS, mechanism, statics, "joint.turn.effort.lower, joint.turn.effort.upper"))
-        sides = sorted(abs(held[f"joint.turn.effort.{side}"].values[0]) for side in ("lower", "upper"))
-        wanted = [50.0 * (bases[0] - s * mu * mean) / (bases[1] + s * mu * mean) for s in (1.0, -1.0)]
-        assert sides == pytest.approx(wanted, rel=1e-12)

@@ -498,7 +498,7 @@ def test_equilibria_with_friction_are_those_without_and_the_notes_say_so(mechani
     weight = G * 0.5 * math.cos(0.3)
     assert found.rows.tau[0] == pytest.approx([weight, 0.0], rel=1e-12, abs=1e-12)
     assert len(found.notes) == 2
-    assert "friction of joint.a, joint.b holds positions beside these" in found.notes[0]
+    assert "friction of joint.a, joint.b holds the positions between equilibrium.end_1 and" in found.notes[0]
     assert "efforts that hold a are those without friction" in found.notes[1]
     hold = {"a": float(found.rows.q[0, 0]), "b": float(found.rows.q[0, 1])}
     held = Statics(hold=hold).solve(arms, Accuracy(), place).rows

@@ -344,6 +344,7 @@ def check_rank(rows: Array, names: Sequence[str], t: float) -> None:
         raise AssemblyError(
             f"the position is singular at {t:.9g}: the coordinates {', '.join(tied)} do not move independently there",
             expected="prescribed coordinates that determine the velocity of every joint",
-            hint="a motion that keeps clear of the straight or folded position, or other coordinates",
+            hint="a motion that keeps clear of the straight or folded position; at a change point a start and rows "
+            "beside it, between which the motion passes it; or other coordinates",
             t=t,
         )

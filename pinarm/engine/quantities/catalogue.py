@@ -30,6 +30,7 @@ COLUMNS = {
     "equilibrium.stability": "1 stable, 0 indifferent, -1 unstable",
     "equilibrium.frequency2": "squared angular frequency of a small motion, in ascending order",
     "equilibrium.stiffness": "eigenvalue of the stiffness, in ascending order",
+    "equilibrium.end": "coordinate of a joint at one end of the positions that friction holds",
 }  # fmt: skip
 """Part of the names of columns that friction and kinds of problem add -> meaning."""
 

@@ -167,7 +167,7 @@ class ForceBalance:
         Raises:
             AssemblyError: They reach none.
         """
-        reach = np.maximum(np.abs(q), self.turns)
+        reach = np.maximum(np.abs(q), self.closure.scale)
         closest = self._descend(q, reach)
         if not self._balanced(closest, reach):
             closest = self._descend(self._pushed(closest, reach), reach)
@@ -211,7 +211,8 @@ class ForceBalance:
     def _shares(self, q: Array, reach: Array) -> Array:
         """Return the free forces relative to the terms that make them up, shape (nu,).
 
-        Rounding of the coordinates takes part with K times their size, at least ``reach``: that of the start, or 1 rad.
+        Rounding of the coordinates takes part with K times their size, at least ``reach``: that of the start, 1 rad, or
+        the mechanism's unit of length. Of a coordinate that goes to 0 it would otherwise never end.
         """
         basis = self.basis(q)
         _, sizes, size = self.terms(q)

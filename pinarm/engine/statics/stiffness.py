@@ -61,12 +61,13 @@ class Modes:
     Attributes:
         squares: ``w^2`` of ``K x = w^2 M x`` [rad^2/s^2], ascending, shape (n,); NaN where a direction has no mass.
         stiffnesses: Eigenvalues of K, ascending, shape (n,).
-        stability: 1 stable, 0 indifferent, -1 unstable; that of K alone where a direction has no mass.
+        stability: 1 stable, 0 indifferent, -1 unstable; that of K alone where a direction has no mass; NaN where the
+            forces do not balance.
     """
 
     squares: Array
     stiffnesses: Array
-    stability: int
+    stability: float
 
     @classmethod
     def of(cls, stiffness: Array, mass: Array, doubt: Array) -> Modes:
@@ -83,7 +84,7 @@ class Modes:
         squares, modes = modes_of(stiffness, one if massless else mass, doubt)
         unsure = np.einsum("ik,ij,jk->k", np.abs(modes), doubt, np.abs(modes))
         falls = (squares.real < -unsure) | (np.abs(squares.imag) > unsure)
-        stability = -1 if falls.any() else int((squares.real > unsure).all())
+        stability = -1.0 if falls.any() else float((squares.real > unsure).all())
         found = np.full(len(mass), np.nan) if massless else np.sort(squares.real)
         return cls(found, np.sort(springs.real), stability)
 

@@ -20,9 +20,9 @@ import pinocchio as pin
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.mechanics.couplings.members import IN_LINE, Member, MemberPair
-from pinarm.mechanics.couplings.transmissions import ToothContact
+from pinarm.mechanics.couplings.transmissions import PitchSurfaces, ToothContact
 from pinarm.mechanics.geometry.parallel_axes import PARALLEL
-from pinarm.mechanics.joints import frame_of
+from pinarm.mechanics.joints import Joint, frame_of
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,8 @@ class PitchPoint:
         normal: N, from the first member to the second, shape (3,).
         line: l, along the pitch line, shape (3,).
         lever: Way of the second member along e there per angle or way of its own [m or 1].
+        radii: From the axes of the members to the point [m]; infinite of a rack.
+        curvatures: See ``PitchSurfaces``.
     """
 
     at: Array
@@ -66,6 +68,8 @@ class PitchPoint:
     normal: Array
     line: Array
     lever: float
+    radii: tuple[float, float]
+    curvatures: tuple[float, float]
 
     def contact(self, pair: MemberPair, teeth: Teeth, names: tuple[str, str], words: str) -> ToothContact:
         """Return the force of a unit multiplier there; ``names`` are those of its parts along N and l."""
@@ -76,8 +80,18 @@ class PitchPoint:
         if names[1]:
             components[names[1]] = (float(-tangential * np.tan(beta)), False)
         angles = f"pressure angle {np.rad2deg(alpha):.6g} deg, helix angle {np.rad2deg(beta):.6g} deg"
+        surfaces = PitchSurfaces(self.line, self._rates(pair), self.radii, self.curvatures, alpha, beta)
         return ToothContact(pair.carrier, pair.first.body, pair.second.body, self.at, along, separating * self.normal,
-                            components, f"{words}, {angles}")  # fmt: skip
+                            components, f"{words}, {angles}", surfaces)  # fmt: skip
+
+    def _rates(self, pair: MemberPair) -> dict[Joint, float]:
+        """Return the parts of joints in the angular velocity of the first member against the second, along l."""
+        rates: dict[Joint, float] = {}
+        for share, member in ((1.0, pair.first), (-1.0, pair.second)):
+            if _turns(member):
+                for joint, rate in member.rates.items():
+                    rates[joint] = rates.get(joint, 0.0) + share * rate * float(self.line @ member.axis)
+        return rates
 
 
 def wheels_in_mesh(model: pin.Model, pair: MemberPair, inner_ratio: float, teeth: Teeth) -> ToothContact:
@@ -110,9 +124,8 @@ def _cylindrical(model: pin.Model, pair: MemberPair, inner_ratio: float, teeth: 
     axial = first.point + a * (height - a @ first.point)
     at = axial - apart * ratio / (1.0 - ratio)
     found = _pitch_point(pair, at, a)
-    radii = [float(np.linalg.norm(_across(one.axis, at - one.point))) for one in (first, second)]
     kind = "external" if ratio < 0.0 else "internal"
-    words = f"{kind} teeth, pitch radii {1e3 * radii[0]:.6g} mm and {1e3 * radii[1]:.6g} mm"
+    words = f"{kind} teeth, pitch radii {1e3 * found.radii[0]:.6g} mm and {1e3 * found.radii[1]:.6g} mm"
     return found.contact(pair, teeth, ("radial", "axial"), words)
 
 
@@ -151,8 +164,11 @@ def _pitch_point(pair: MemberPair, at: Array, line: Array) -> PitchPoint:
     way /= np.linalg.norm(way)
     normal = np.cross(way, line)
     curved = [float(normal @ r) / float(r @ r) for r in radii]
+    outwards = 1.0 if curved[0] > curved[1] else -1.0
     lever = float(np.cross(pair.second.axis, radii[1]) @ way)
-    return PitchPoint(at, way, normal if curved[0] > curved[1] else -normal, line, lever)
+    lengths = float(np.linalg.norm(radii[0])), float(np.linalg.norm(radii[1]))
+    curvatures = outwards * curved[0], -outwards * curved[1]
+    return PitchPoint(at, way, outwards * normal, line, lever, lengths, curvatures)
 
 
 def pinion_on_rack(model: pin.Model, pair: MemberPair, radius: float, teeth: Teeth) -> ToothContact:
@@ -169,7 +185,8 @@ def pinion_on_rack(model: pin.Model, pair: MemberPair, radius: float, teeth: Tee
     lever = radius * np.cross(slide, a)
     at = pinion.point + a * (height - a @ pinion.point) + lever
     way = np.sign(radius) * slide
-    point = PitchPoint(at, way, lever / np.linalg.norm(lever), a, float(np.sign(radius)))
+    radii, curvatures = (abs(radius), np.inf), (1.0 / abs(radius), 0.0)
+    point = PitchPoint(at, way, lever / np.linalg.norm(lever), a, float(np.sign(radius)), radii, curvatures)
     return point.contact(pair, teeth, ("radial", "axial"), f"rack, pitch radius {1e3 * abs(radius):.6g} mm")
 
 

@@ -7,6 +7,7 @@ constant in the carrier, the body in which both members have fixed axes.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.input.units import Unit, unit
+from pinarm.mechanics.joints import Joint
 
 NEWTON, NEWTON_METRE = unit("N"), unit("N*m")
 
@@ -59,6 +61,28 @@ def _at_origin(point: Array, force: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
+class PitchSurfaces:
+    """How two members with teeth roll on each other at their pitch point.
+
+    Attributes:
+        line: l, unit vector along the pitch line in the carrier, shape (3,).
+        rates: Joint -> its part in ``l . (w1 - w2)``, the angular velocity of the first member against the second.
+        radii: Pitch radii of the members [m]; infinite of a rack.
+        curvatures: Of the pitch surfaces across the pitch line [1/m]: ``1/r`` of a cylinder, ``cos(delta)/r`` of a
+            cone with the angle delta, 0 of a rack, negative of inner teeth.
+        pressure_angle: alpha, in the section normal to the teeth [rad].
+        helix_angle: beta, of the first member [rad].
+    """
+
+    line: Array
+    rates: Mapping[Joint, float]
+    radii: tuple[float, float]
+    curvatures: tuple[float, float]
+    pressure_angle: float
+    helix_angle: float
+
+
+@dataclass(frozen=True, eq=False)
 class ToothContact:
     """Teeth in mesh. The force on the second member at the pitch point is ``lam along + |lam| apart``.
 
@@ -73,6 +97,7 @@ class ToothContact:
         apart: Force of a unit multiplier that always presses the members apart, shape (3,).
         components: Name -> its value for a unit multiplier, and whether it keeps its sign.
         words: Kind of mesh, with its radii and angles.
+        surfaces: On which the members roll on each other.
     """
 
     carrier: int
@@ -83,6 +108,7 @@ class ToothContact:
     apart: Array
     components: dict[str, tuple[float, bool]]
     words: str
+    surfaces: PitchSurfaces
 
     def wrenches(self, lam: Array) -> dict[int, Array]:
         """Return the opposite forces on the two members."""

@@ -31,6 +31,18 @@ Coefficient = Annotated[float, msgspec.Meta(ge=0)]
 SLIPS = {"revolute": RADIAN, "prismatic": METRE}
 """Kinds of loop joints that have friction, and the unit of what they leave free."""
 
+SIZES: dict[str, tuple[str, ...]] = {
+    "a joint that turns": ("radius", "thrust_radius", "span", "preload"),
+    "a joint that slides": ("radius", "span", "preload"),
+    "a cylindrical joint": ("radius", "span", "preload"),
+    "a ball joint": ("radius", "preload"),
+    "a screw": ("radius", "flank"),
+    "a worm": ("radius", "flank", "lead_angle"),
+    "teeth": ("teeth",),
+    "a belt": (),
+}
+"""What has friction, and the sizes and preloads on which its load depends."""
+
 
 class Friction(InputStruct, frozen=True):
     """Dry friction in a joint, which sticks: at rest it is whatever holds the joint, up to a limit.
@@ -62,8 +74,8 @@ class Friction(InputStruct, frozen=True):
         flank: Angle of a thread's flank in the axial section: 0 of a square thread, 30 deg of a metric one; of a worm,
             its pressure angle there.
         lead_angle: Of a worm.
-        teeth: Number of teeth of the first of two spur wheels, a coupling ``gear`` with a ``pressure_angle``; friction
-            is that of the mean slip of the flanks, in N and m/s.
+        teeth: Number of teeth of the first wheel, or of the pinion, of a coupling ``gear`` or ``rack`` with a
+            ``pressure_angle``; friction is that of the mean slip of the flanks, in N and m/s.
         preload: Normal force that is there without any reaction.
         constant: Part that does not depend on the reaction [N*m or N].
         static_constant: The same at rest; ``constant`` where it is left out.
@@ -130,7 +142,7 @@ class Friction(InputStruct, frozen=True):
             raise InputError(f"there is no joint '{name}' with friction", expected=expected, hint=hint)
         constraint = of_loops[name]
         if isinstance(constraint, Coupling):
-            return (self._of_coupling(model, constraint),)
+            return (self._of_coupling(constraint),)
         return self._of_loop(constraint)
 
     def _of_ball(self, ball: Ball) -> tuple[JointContact, ...]:
@@ -143,32 +155,31 @@ class Friction(InputStruct, frozen=True):
 
     def _socket(self, name: str) -> Bearing:
         """Return the bearing of a ball joint."""
-        for key in ("thrust_radius", "span"):
-            if getattr(self, key):
-                with within(key):
-                    raise InputError("a ball joint has no shoulder and no second bearing", expected="radius, preload")
+        self._check_sizes("a ball joint")
         if not (self.mu or self.static_mu):
             return Bearing.none()
         if not self.radius:
             raise InputError(f"mu of the ball joint '{name}' needs the radius of its ball", expected="radius: 12 mm")
         return Bearing.ball(float(self.radius), float(self.preload))
 
-    def _of_coupling(self, model: pin.Model, coupling: Coupling) -> FrictionContact:
-        """Return the friction of a screw between two joints, of a worm and its wheel, of spur wheels, or of a belt."""
+    def _of_coupling(self, coupling: Coupling) -> FrictionContact:
+        """Return the friction of a screw between two joints, of a worm and its wheel, of teeth, or of a belt."""
         if coupling.kind == "belt":
             return self._of_belt(coupling)
         if self.teeth is not None:
             from pinarm.mechanics.friction.tooth import tooth_friction
 
+            self._check_sizes("teeth")
             law = self._law(Joint(coupling.name, 0, 0, 0, METRE))
-            return tooth_friction(model, coupling, self.teeth, law, shared=self._shared)
+            return tooth_friction(coupling, self.teeth, law, shared=self._shared)
+        self._check_sizes("a screw" if coupling.kind == "screw" else "a worm")
         weights = coupling.coordinate.weights
         first, second = _coupled(weights, coupling.name)
         ratio, radius = -float(weights[first]), self._thread_radius(coupling.name)
         wheel = 1.0
         if coupling.kind != "screw":
             if self.lead_angle is None:
-                raise InputError(f"friction of the {coupling.kind} '{coupling.name}' is that of a worm or spur wheels",
+                raise InputError(f"friction of the {coupling.kind} '{coupling.name}' is that of a worm, or of teeth",
                                  expected="lead_angle, the worm being the first joint, or teeth")  # fmt: skip
             wheel = radius * np.tan(self.lead_angle) / abs(ratio)
         thread = ThreadGeometry(radius, wheel * ratio, float(self.flank))
@@ -186,12 +197,16 @@ class Friction(InputStruct, frozen=True):
     def _of_belt(self, coupling: Coupling) -> FrictionContact:
         from pinarm.mechanics.friction.belt import belt_friction
 
-        for key in ("radius", "thrust_radius", "span", "flank", "lead_angle", "teeth", "preload"):
-            if getattr(self, key):
-                with within(key):
-                    raise InputError("the grip of a belt follows from its pretension, radii and mu",
-                                     expected="mu, static_mu, stribeck")  # fmt: skip
+        self._check_sizes("a belt")
         return belt_friction(coupling, self._law(Joint(coupling.name, 0, 0, 0, METRE)))
+
+    def _check_sizes(self, part: str) -> None:
+        """Raise where a size is given that the part does not have."""
+        unused = sorted({key for keys in SIZES.values() for key in keys if getattr(self, key)}.difference(SIZES[part]))
+        if unused:
+            with within(unused[0]):
+                raise InputError(f"friction of {part} has no {unused[0]}",
+                                 expected=", ".join(["mu", "static_mu", *SIZES[part]]))  # fmt: skip
 
     def _thread_radius(self, name: str) -> float:
         if not self.radius:
@@ -218,9 +233,7 @@ class Friction(InputStruct, frozen=True):
 
     def _of_cylinder(self, loop: LoopJoint, axis: Array) -> tuple[LoopContact, ...]:
         """Return the friction on the surface of a cylinder: forces [N] around it, at its radius, and along it."""
-        if self.thrust_radius:
-            with within("thrust_radius"):
-                raise InputError("a joint that slides has no shoulder", expected="radius, span, preload")
+        self._check_sizes("a cylindrical joint")
         if not self.radius:
             raise InputError(f"friction of the cylindrical joint '{loop.name}' needs the radius at which it slips",
                              expected="radius: 12 mm")  # fmt: skip
@@ -250,6 +263,7 @@ class Friction(InputStruct, frozen=True):
         )  # fmt: skip
 
     def _of_screw(self, loop: LoopJoint, axis: Array, pitch: float) -> LoopContact:
+        self._check_sizes("a screw")
         thread = ThreadGeometry(self._thread_radius(loop.name), pitch, float(self.flank))
         turning, sliding = thread.along
         slip = LoopJoint(loop.name, "slip", loop.first, loop.second,
@@ -276,12 +290,10 @@ class Friction(InputStruct, frozen=True):
 
     def _bearing(self, axis: Array, *, turns: bool) -> Bearing:
         radius, thrust_radius, span = (float(x or 0.0) for x in (self.radius, self.thrust_radius, self.span))
+        self._check_sizes("a joint that turns" if turns else "a joint that slides")
         if not (self.mu or self.static_mu):
             return Bearing.none()
         if not turns:
-            if thrust_radius:
-                with within("thrust_radius"):
-                    raise InputError("a joint that slides has no shoulder", expected="span, radius")
             return Bearing.guide(axis, radius, span, float(self.preload))
         if not radius:
             raise InputError("mu of a joint that turns needs the radius of its journal", expected="radius: 12 mm")

@@ -33,6 +33,9 @@ from pinarm.use.output.manifest import (
     write_manifest,
 )
 
+LINKLESS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS)
+"""What file systems without hard links answer, such as those of memory cards."""
+
 PATIENCE = 60.0
 """Seconds to wait for another process that replaces the files of a folder, which takes it milliseconds."""
 
@@ -98,6 +101,31 @@ def write_file(path: Path, parts: Iterable[bytes]) -> None:
         raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
 
 
+def write_new_file(path: Path, content: bytes) -> bool:
+    """Write a file that appears whole where nothing stands, not even a link; return whether nothing stood there.
+
+    Raises:
+        OSError: It cannot be written; nothing is left then.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_name(f"{DRAFT}{os.urandom(4).hex()}.part")
+    try:
+        draft.write_bytes(content)
+        try:
+            os.link(draft, path, follow_symlinks=False)
+        except OSError as error:
+            if error.errno not in LINKLESS:
+                raise
+            if os.path.lexists(path):
+                return False
+            draft.rename(path)
+    except FileExistsError:
+        return False
+    finally:
+        draft.unlink(missing_ok=True)
+    return True
+
+
 @contextmanager
 def complete_folder(folder: Path) -> Iterator[None]:
     """Let the block read a folder while nobody replaces its files.
@@ -125,7 +153,8 @@ def _publish(draft: Path, folder: Path, kind: str, beside: Collection[str]) -> N
     """Put a draft in its place: by renaming it where there is none yet, else file by file under a lock."""
     new = {name: str(digest(draft / name)) for name in file_names(draft)}
     if not os.path.lexists(folder):
-        write_manifest(draft, Manifest(kind, new))
+        with _locked(draft, fcntl.LOCK_EX) as home:
+            write_manifest(home, Manifest(kind, new))
         try:
             draft.rename(folder)
             return
@@ -135,7 +164,7 @@ def _publish(draft: Path, folder: Path, kind: str, beside: Collection[str]) -> N
         (draft / MANIFEST).unlink()
     with _locked(folder, fcntl.LOCK_EX) as home:
         own = own_files(folder, kind, beside)
-        _exchange(draft, home, folder, Manifest(kind, own, new), set(own) - set(new))
+        _exchange(draft, home, Manifest(kind, own, new), set(own) - set(new))
 
 
 def _add(draft: Path, path: Path) -> None:
@@ -155,12 +184,12 @@ def _add(draft: Path, path: Path) -> None:
         try:
             new = {name: str(digest(draft))}
             draft.rename(box / name)
-            _exchange(box, home, folder, msgspec.structs.replace(known, arriving=new), set())
+            _exchange(box, home, msgspec.structs.replace(known, arriving=new), set())
         finally:
             shutil.rmtree(box, ignore_errors=True)
 
 
-def _exchange(draft: Path, home: int, folder: Path, both: Manifest, stale: set[str]) -> None:
+def _exchange(draft: Path, home: int, both: Manifest, stale: set[str]) -> None:
     """Move the files of a draft to a folder and remove what is stale.
 
     The manifest on the way knows the old files and the new: one whose writer is killed here is known for what it is.
@@ -168,12 +197,11 @@ def _exchange(draft: Path, home: int, folder: Path, both: Manifest, stale: set[s
     Args:
         draft: Where the new files are.
         home: Descriptor of the folder.
-        folder: Its path.
         both: The manifest on the way.
         stale: Files of the folder that are not replaced.
     """
     with _signals_waiting():
-        write_manifest(folder, both)
+        write_manifest(home, both)
         for name in both.arriving:
             with _parent(home, name) as (at, last):
                 os.rename(draft / name, last, dst_dir_fd=at)
@@ -184,7 +212,7 @@ def _exchange(draft: Path, home: int, folder: Path, both: Manifest, stale: set[s
             with suppress(OSError):  # it holds other files
                 os.rmdir(inner, dir_fd=home)
         left = {name: known for name, known in both.files.items() if name not in stale}
-        write_manifest(folder, Manifest(both.kind, left | both.arriving))
+        write_manifest(home, Manifest(both.kind, left | both.arriving))
 
 
 @contextmanager

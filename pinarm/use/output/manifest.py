@@ -6,6 +6,8 @@ import hashlib
 import os
 import stat
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -134,16 +136,20 @@ def read_manifest(folder: Path) -> Manifest | None:
             return None
 
 
-def write_manifest(folder: Path, manifest: Manifest) -> None:
-    """Write the manifest of a folder in place of an older one."""
+def write_manifest(home: int, manifest: Manifest) -> None:
+    """Write the manifest of a folder, given by its descriptor, in place of an older one.
+
+    By its path it could by now be another folder, where someone puts a link in its place.
+    """
     raw = msgspec.json.format(msgspec.json.encode(_sorted(manifest)), indent=1) + b"\n"
-    draft = folder / f"{DRAFT}{os.urandom(4).hex()}.part"
+    draft = f"{DRAFT}{os.urandom(4).hex()}.part"
     try:
-        with open(draft, "xb") as stream:
+        with open(draft, "xb", opener=partial(os.open, mode=0o666, dir_fd=home)) as stream:
             stream.write(raw)
-        draft.rename(folder / MANIFEST)
+        os.rename(draft, MANIFEST, src_dir_fd=home, dst_dir_fd=home)
     finally:
-        draft.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):
+            os.unlink(draft, dir_fd=home)
 
 
 def _sorted(manifest: Manifest) -> dict[str, str | Mapping[str, str]]:

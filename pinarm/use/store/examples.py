@@ -5,12 +5,11 @@ In a wheel they lie inside the package, in ``example_files``; in a checkout of t
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 
 from pinarm.errors import InputError
+from pinarm.use.output.folder import write_new_file
 
 FOLDERS = ("models", "scenarios", "examples")
 LEFT_BY_RUNS = ("results", "__pycache__")
@@ -37,7 +36,7 @@ def examples(folder: str | Path = "pinarm-examples") -> Path:
         target.mkdir(parents=True, exist_ok=True)
         (target / ".pinarm-root").touch()
         for file in _files(source):
-            _copy(source / file, target / file)
+            write_new_file(target / file, (source / file).read_bytes())
     except OSError as error:
         raise InputError(
             f"the examples cannot be written to {target}: {error.strerror}",
@@ -69,10 +68,3 @@ def _files(source: Path) -> Iterator[Path]:
             file = path.relative_to(source)
             if path.is_file() and not any(part in LEFT_BY_RUNS or part.startswith(".") for part in file.parts):
                 yield file
-
-
-def _copy(source: Path, target: Path) -> None:
-    """Copy a file where nothing stands, not even a link that leads nowhere."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with suppress(FileExistsError), open(source, "rb") as read, open(target, "xb") as written:
-        shutil.copyfileobj(read, written)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from pinarm.errors import InputError, choices
+from pinarm.use.output.folder import write_new_file
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -113,20 +114,24 @@ def _drawing(file: Path, folder: Path) -> dict[str, str]:
 
 
 def _written(folder: Path, files: Mapping[str, str]) -> Path:
-    """Write files to a folder, which is made where it does not exist.
+    """Write all files to a folder, which is made where it does not exist, or none.
 
     Raises:
         InputError: One exists already, or the folder cannot be written.
     """
-    there = [name for name in files if (folder / name).exists()]
-    if there:
-        raise InputError(f"{folder / there[0]} exists already: nothing is written",
-                         expected="a folder without files of these names", hint="another folder: -o DIR")  # fmt: skip
+    written: list[Path] = []
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, text in files.items():
-            (folder / name).write_text(text, encoding="utf-8")
-    except OSError as error:
+        for path in (folder / name for name in files):
+            if os.path.lexists(path) or not write_new_file(path, files[path.name].encode()):
+                raise InputError(f"{path} exists already: nothing is written",
+                                 expected="a folder without files of these names", hint="another folder: -o DIR",
+                                 )  # fmt: skip
+            written.append(path)
+    except (OSError, InputError) as error:
+        for path in written:
+            path.unlink(missing_ok=True)
+        if isinstance(error, InputError):
+            raise
         raise InputError(
             f"the files cannot be written to {folder}: {error.strerror}",
             expected="a folder, or a path where one can be made", hint="another folder: -o DIR",

@@ -120,7 +120,9 @@ def _summary(path: Path) -> dict[str, Any]:
         removals = tuple(Removal(**one) for one in found["not solved for"])
         return {"scenario": found["scenario"], "notes": notes, "removals": removals, "figures": figures,
                 "errors": errors, "setting": str(accuracy.get("setting", ""))}  # fmt: skip
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}", hint=AGAIN) from None
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise InputError(f"{path} is no summary of a run ({error})", hint=AGAIN) from None
 
 

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 from pinarm.mechanics.couplings.kinds import CouplingDefinition
+from pinarm.mechanics.friction.definition import Friction
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
 
 TEETH = {"pressure_angle": "20 deg", "helix_angle": "15 deg"}
@@ -74,3 +75,38 @@ def test_what_acts_on_the_second_member_acts_where_it_is_said(name, gearbox):
     assert wrench[3:] + np.cross(point, wrench[:3]) == pytest.approx(at_origin[3:], abs=1e-11)
     if coupling.kind in ("gear", "rack"):  # a force alone
         assert wrench[3:] == pytest.approx(np.zeros(3), abs=1e-10)
+
+
+TEETH_OF_FIRST = {
+    "outer teeth": 40, "inner teeth, a pinion first": 24, "inner teeth, a ring first": 90,
+    "axes of opposite senses": 60, "in planes apart": 21, "a sun and a planet": 90, "a planet and a ring": 30,
+    "a ring at rest": 120, "a ring at rest, second": 30, "bevel teeth": 20, "a rack": 20,
+    "a rack on the other side": 20,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TEETH_OF_FIRST)
+def test_friction_of_teeth_is_against_the_rolling_of_the_members(name, gearbox):
+    """Its slip is that of the two bodies, by their angular velocities; its wrenches do ``f u`` in every motion.
+
+    The angular velocities along the pitch line, ``w1 - w2``, are those of Pinocchio, whatever the joints between.
+    """
+    assert {one for one, sample in SAMPLES.items() if "pressure_angle" in sample} == set(TEETH_OF_FIRST)
+    box = gearbox(it=SAMPLES[name])
+    (coupling,), model = box.constraints, box.model
+    (contact,) = Friction(mu=0.1, teeth=TEETH_OF_FIRST[name]).bind("it", model, {}, box.constraints)
+    known, distance = coupling.transmission, np.linalg.norm(contact.couple)
+    data, rng = model.createData(), np.random.default_rng(5)
+    q, v, f = rng.uniform(-2, 2, model.nq), rng.uniform(-2, 2, model.nv), np.array([7.0])
+    pin.forwardKinematics(model, data, q, v)
+    line = data.oMi[known.carrier].rotation @ contact.couple / distance
+    spins = [pin.getVelocity(model, data, body, pin.WORLD).angular for body in (known.first, known.second)]
+    slip = contact.row(None) @ v
+    assert slip == pytest.approx(distance * line @ (spins[0] - spins[1]), rel=1e-12)
+    power = sum(
+        wrench[0] @ pin.getVelocity(model, data, body, pin.WORLD).vector
+        for body, wrench in contact.wrenches(LinkPlacements.at(model, q[None]), f).items()
+    )
+    assert power == pytest.approx(7.0 * slip, rel=1e-11)
+    force = known.wrenches(np.array([-3.0]))[known.second][0, :3]
+    assert contact.bearing.load(np.array([-3.0, 0, 0, 0, 0, 0])) == pytest.approx(np.linalg.norm(force), rel=1e-13)

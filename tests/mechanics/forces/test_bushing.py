@@ -207,6 +207,13 @@ class TestSmallMotions:
         squares = [found.columns[f"equilibrium.frequency2_{k}"].values[0] for k in range(1, 7)]
         assert squares == pytest.approx(self.squares, rel=1e-11)
 
+    def test_last_digits_of_a_start_do_not_decide_whether_rest_is_reached(self, body):
+        """Coordinates that start at 0 and end there had no scale but their own rounding, down to 1e-247 m."""
+        starts = [{"x": 0.2 + 0.01 * k, "yaw": 0.3, "roll": -0.3 - 0.01 * k} for k in range(12)]
+        found = Equilibria(starts=starts, loads=held()).solve(body, Accuracy(), place).rows
+        assert len(found) == 1
+        assert np.abs(found.q).max() < 1e-15
+
     @pytest.mark.parametrize("name, square", [("y", 400.0 / MASS), ("roll", 30.0 / 0.3), ("yaw", 20.0 / 0.7)])
     def test_a_body_let_go(self, body, name, square):
         swing = run(body, 2.0, initial={"position": {name: 0.1}}, loads=held())

@@ -28,7 +28,7 @@ def test_what_a_joint_needs_is_asked_for(chain, mechanism):
     built = mechanism(chain(*CHAIN))
     with pytest.raises(InputError, match="mu of a joint that turns needs the radius"):
         Friction(mu=0.1).bind("turn", built.model, built.joints, ())
-    with pytest.raises(InputError, match="a joint that slides has no shoulder"):
+    with pytest.raises(InputError, match="a joint that slides has no thrust_radius"):
         Friction(mu=0.1, thrust_radius=0.1).bind("slide", built.model, built.joints, ())
     with pytest.raises(InputError, match="there is no joint 'tunr'"):
         Friction(constant=1.0).bind("tunr", built.model, built.joints, ())
@@ -69,7 +69,7 @@ def test_a_ball_and_a_sleeve_say_their_sizes(chain, mechanism):
     loops = {"ball": {"kind": "spherical", "between": ["base", "end_link"]}}
     with pytest.raises(InputError, match="needs the radius of its ball"):
         mechanism(chain(*CHAIN), loops=loops, friction={"ball": {"mu": 0.1}})
-    with pytest.raises(InputError, match="no shoulder"):
+    with pytest.raises(InputError, match="a ball joint has no span"):
         mechanism(chain(*CHAIN), loops=loops, friction={"ball": {"mu": 0.1, "radius": "1 m", "span": "1 m"}})
     loops = {"sleeve": {"kind": "cylindrical", "between": ["base", "end_link"]}}
     with pytest.raises(InputError, match="needs the radius at which it slips"):

@@ -1,17 +1,21 @@
-"""Friction of spur teeth: against the forces of the flanks at every instant of a mesh, and in a gear that runs."""
+"""Friction of teeth: against the forces of the flanks at every instant of a mesh, and in a gear that runs."""
 
 import numpy as np
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.mechanics.friction.tooth import SpurMesh
+from pinarm.mechanics.couplings.transmissions import PitchSurfaces
+from pinarm.mechanics.friction.tooth import ToothMesh
 
 ALPHA = np.radians(20.0)
 MODULE = 0.004
 
 
-def mesh(z1, z2):
-    return SpurMesh(z1, (0.5 * MODULE * z1, 0.5 * MODULE * z2), ALPHA)
+def mesh(z1, z2, beta=0.0):
+    """Return the mesh of wheels with the normal module, inner teeth negative, or of a wheel and a rack."""
+    r1, r2 = 0.5 * MODULE * z1 / np.cos(beta), 0.5 * MODULE * z2 / np.cos(beta)
+    curvatures = 1.0 / r1, 1.0 / r2
+    return ToothMesh(abs(z1), PitchSurfaces(np.zeros(3), {}, (abs(r1), abs(r2)), curvatures, ALPHA, beta))
 
 
 def mean_distance(z1, z2):
@@ -34,6 +38,47 @@ def test_the_mean_slip_is_that_of_the_flanks_in_contact(z1, z2):
     assert mesh(z1, z2).mean_distance == pytest.approx(mean_distance(z1, z2), rel=1e-4)
 
 
+def test_either_wheel_may_be_the_first():
+    for z1, z2 in ((18, 42), (24, -72)):
+        assert mesh(z2, z1).mean_distance == pytest.approx(mesh(z1, z2).mean_distance, rel=1e-14)
+        assert mesh(z2, z1).contact_ratios == pytest.approx(mesh(z1, z2).contact_ratios[::-1], rel=1e-14)
+
+
+def test_a_rack_is_the_limit_of_a_large_wheel():
+    """The tips of a rack lie on a straight line at the distance m: the contact begins at ``m / sin alpha``."""
+    rack, large = mesh(20, np.inf), mesh(20, 2_000_000)
+    assert rack.contact_ratios[1] * rack.base_pitch == pytest.approx(MODULE / np.sin(ALPHA), rel=1e-14)
+    # what is left of the curvature is z1 / z2 = 1e-5 of terms of the order 1
+    assert rack.mean_distance == pytest.approx(large.mean_distance, rel=1e-4)
+    assert rack.mean_distance != large.mean_distance
+    rack.check()
+    mesh(18, np.inf).check()
+    with pytest.raises(InputError, match="wheels with 17 and a rack interfere"):
+        mesh(17, np.inf).check()  # 2 / sin^2 alpha = 17.1
+
+
+def test_helical_teeth_lose_more_by_the_helix_angle_on_the_base_cylinder():
+    """``H_V = pi (u + 1) / (z1 u cos beta_b) (1 - e + e1^2 + e2^2)``, ISO/TR 14179-2, with the transverse section.
+
+    The transverse contact ratio of 20 and 60 teeth, alpha = 20 deg, beta = 15 deg, by the sections of the tip circles;
+    ``sin beta_b = sin beta cos alpha``.
+    """
+    beta, z1, z2 = np.radians(15.0), 20, 60
+    transverse, base = np.arctan(np.tan(ALPHA) / np.cos(beta)), np.arcsin(np.sin(beta) * np.cos(ALPHA))
+    expected, of_tips = mesh(z1, z2, beta), []
+    for z in (z1, z2):
+        tip = np.arccos(z * np.cos(transverse) / (z + 2.0 * np.cos(beta)))
+        of_tips.append(z / (2.0 * np.pi) * (np.tan(tip) - np.tan(transverse)))
+    e1, e2 = of_tips
+    assert expected.contact_ratios == pytest.approx((e1, e2), rel=1e-13)
+    bases = np.cos(transverse) * 0.5 * MODULE / np.cos(beta) * np.array([z1, z2])
+    factor = np.pi * (1 / z1 + 1 / z2) / np.cos(base) * (1.0 - e1 - e2 + e1**2 + e2**2)
+    assert expected.mean_distance * (1.0 / bases).sum() / np.cos(base) == pytest.approx(factor, rel=1e-12)
+    # without a helix it is a spur wheel; the rest is of the order of beta^2
+    assert mesh(z1, z2, 1e-5).mean_distance == pytest.approx(mesh(z1, z2).mean_distance, rel=1e-9)
+    assert mesh(z1, z2, beta).mean_distance < 0.99 * mesh(z1, z2).mean_distance
+
+
 def test_the_loss_is_that_of_the_formula():
     """Ohlendorf's ``H_V = pi (u + 1) / (z1 u) (1 - e + e1^2 + e2^2)``, u = z2/z1, e of 20 and 20 teeth 1.557.
 
@@ -47,9 +92,17 @@ def test_the_loss_is_that_of_the_formula():
     assert found.mean_distance * (1.0 / base + 1.0 / base) == pytest.approx(expected, rel=1e-12)
 
 
+def test_pointed_teeth_are_refused(gear):
+    """``pi m / 2 = 2 m tan alpha``: 38.1 deg. Close to 90 deg the pairs in contact took all memory."""
+    gear(pressure_angle="38.1 deg")
+    for angle in ("38.2 deg", "89.999999999 deg"):
+        with pytest.raises(InputError, match="are pointed below their addendum"):
+            gear(pressure_angle=angle)
+
+
 def test_teeth_that_do_not_fit_are_refused():
     with pytest.raises(InputError, match=r"would mesh with one of 41\.4"):
-        SpurMesh(23, (0.01, 0.018), ALPHA).check()
+        mesh(23, 41.4).check()
     with pytest.raises(InputError, match="interfere"):
         mesh(5, 5).check()
     mesh(18, 42).check()
@@ -69,6 +122,7 @@ def gear(mechanism, chain):
         link = second[second.index('<link name="two_link"') : second.index("</robot>")]
         text = first.replace("</robot>", f"{link}</robot>")
         teeth = {"kind": "gear", "joints": ["one", "two"], "ratio": sense * ratio, "pressure_angle": "20 deg", **more}
+        teeth = {key: value for key, value in teeth.items() if value is not None}
         return mechanism(text, gravity="none", couplings={"teeth": teeth}, friction=friction)
 
     return build
@@ -94,8 +148,10 @@ def test_a_gear_loses_that_part_of_its_power(gear, sense, speed, load):
     assert power == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_gear_without_teeth_or_with_slanted_ones_is_refused(gear):
-    with pytest.raises(InputError, match="not a pair of spur wheels"):
-        gear(helix_angle="20 deg")
+def test_teeth_that_are_not_known_and_sizes_that_teeth_do_not_have_are_refused(gear):
+    with pytest.raises(InputError, match="the teeth of the gear 'teeth' are not known"):
+        gear(pressure_angle=None)
     with pytest.raises(InputError, match="would mesh with one of"):
         gear(friction={"teeth": {"mu": 0.06, "teeth": 19}})
+    with pytest.raises(InputError, match="friction of teeth has no preload"):
+        gear(friction={"teeth": {"mu": 0.06, "teeth": 18, "preload": "3 N"}})

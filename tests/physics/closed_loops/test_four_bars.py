@@ -10,7 +10,7 @@ from pinarm.engine.motion.systems import system_of
 from pinarm.engine.motion.systems.system import Initial
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import NumericsError, PinarmError
-from pinarm.mechanics.laws import Harmonic
+from pinarm.mechanics.laws import ConstantSpeed, Harmonic
 
 from . import equal_four_bars
 from .conftest import MODELS
@@ -100,6 +100,21 @@ def test_last_digits_of_the_start_do_not_decide_how_a_change_point_is_passed(out
         found = outcome("change_point_four_bar", "forward", end=3.0, tolerance=1e-12, start=OPEN, initial=initial)
         steps.append(found.figures["steps"])
     assert max(steps) < 1.1 * min(steps)
+
+
+@pytest.mark.parametrize("kind", ["inverse", "kinematics"])
+def test_a_law_from_exactly_the_change_point_is_refused_and_one_from_beside_it_passes(solve, kind):
+    """At theta2 = 180 deg two motions cross, which obey the same law."""
+
+    def law(start):
+        return {"theta2": ConstantSpeed(start=start, speed=3.0)}
+
+    with pytest.raises(PinarmError, match="the position is singular at 0") as caught:
+        solve("change_point_four_bar", kind, end=2.0, samples=21, motion=law(np.pi), start={"A": -3.1, "theta4": 3.1})
+    assert "at a change point a start and rows beside it, between which the motion passes it" in caught.value.hint
+    found = solve("change_point_four_bar", kind, end=2.0, samples=21, motion=law(3.1), start={"A": -3.1, "theta4": 3.1})
+    _, theta4, *_ = CHANGE_POINT.slopes(found["theta2"].values)
+    assert np.exp(1j * found["theta4"].values) == pytest.approx(np.exp(1j * theta4), abs=1e-9)
 
 
 @pytest.mark.parametrize("speed", [12.0, -6.0])

@@ -1,7 +1,9 @@
 """Folders of results: whole or not at all, whatever ends the writer; nothing else is touched."""
 
+import errno
 import os
 import resource
+import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -11,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from pinarm.errors import InputError
-from pinarm.use.output.folder import check_replaceable, complete_folder, whole_folder, write_file
+from pinarm.use.output.folder import check_replaceable, complete_folder, whole_folder, write_file, write_new_file
 
 
 def contents(folder: Path) -> dict[str, str]:
@@ -298,3 +300,43 @@ class TestFile:
         with pytest.raises(InputError, match="No space left"):
             write_file(tmp_path / "a", parts())
         assert contents(tmp_path) == {"a": "old"}
+
+
+def test_a_new_file_stands_whole_or_not_at_all_where_there_are_no_hard_links_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def linkless(*args: object, **options: object) -> None:
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    for name in ("first", "second"):
+        assert write_new_file(tmp_path / "a" / name, b"content")
+        assert not write_new_file(tmp_path / "a" / name, b"other")
+        (tmp_path / "a" / f"{name}_link").symlink_to(tmp_path / "nowhere")
+        assert not write_new_file(tmp_path / "a" / f"{name}_link", b"other")
+        assert (tmp_path / "a" / name).read_bytes() == b"content"
+        monkeypatch.setattr(os, "link", linkless)
+    assert sorted(os.listdir(tmp_path / "a")) == ["first", "first_link", "second", "second_link"]
+
+
+@pytest.mark.parametrize("single", [False, True])
+def test_a_link_put_in_the_place_of_the_folder_meanwhile_is_not_followed(
+    out: Path, monkeypatch: pytest.MonkeyPatch, single: bool
+) -> None:
+    """The manifest went to where the link led; what stands there stays as it is."""
+    victim = out.parent / "victim"
+    shutil.copytree(out, victim)
+    before = {path: path.read_bytes() for path in victim.rglob("*") if path.is_file()}
+
+    @contextmanager
+    def swapping() -> Iterator[None]:
+        out.rename(out.parent / "aside")
+        out.symlink_to(victim)
+        yield
+
+    monkeypatch.setattr("pinarm.use.output.folder._signals_waiting", swapping)
+    with pytest.raises(InputError, match="cannot be written"):
+        if single:
+            write_file(out / "replay.html", [b"new"])
+        else:
+            put(out, NEW)
+    assert {path: path.read_bytes() for path in victim.rglob("*") if path.is_file()} == before

@@ -1,5 +1,6 @@
 """Models, scenarios and examples are copied whole, and nothing that the user wrote is lost."""
 
+import resource
 from pathlib import Path
 
 import pytest
@@ -72,3 +73,18 @@ def test_an_installation_without_them_says_so(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(module, "FOLDERS", ("nowhere",))
     with pytest.raises(InputError, match="has no example files"):
         pinarm.examples(tmp_path / "mine")
+
+
+def test_a_full_disk_leaves_no_half_a_file_which_the_next_copy_would_keep(shipped: Path, tmp_path: Path) -> None:
+    large = shipped / "models" / "arm" / "arm.urdf"
+    large.write_text("<robot/>" * 1000, encoding="utf-8")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        with pytest.raises(InputError, match="the examples cannot be written"):
+            pinarm.examples(tmp_path / "mine")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert [path for path in (tmp_path / "mine").rglob("*") if path.is_file()] == [tmp_path / "mine" / ".pinarm-root"]
+    copied = pinarm.examples(tmp_path / "mine")
+    assert (copied / "models" / "arm" / "arm.urdf").read_bytes() == large.read_bytes()

@@ -1,5 +1,6 @@
 """What is written to begin with runs as it is, and nothing that the user wrote is lost."""
 
+import resource
 from pathlib import Path
 
 import numpy as np
@@ -130,3 +131,24 @@ def test_the_command_says_where(
     assert main(["new", "cam"]) == 0
     assert capsys.readouterr().out == "written to cam\n"
     assert (tmp_path / "cam" / "scenario.yaml").is_file()
+
+
+def test_a_full_disk_leaves_nothing(tmp_path: Path) -> None:
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    largest = max(file.stat().st_size for file in pinarm.new("four_bar", tmp_path / "whole").iterdir())
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest - 1, limits[1]))
+    try:
+        with pytest.raises(InputError, match="the files cannot be written"):
+            pinarm.new("four_bar", tmp_path / "mine")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert not list((tmp_path / "mine").iterdir())
+
+
+def test_a_link_that_leads_nowhere_is_not_written_through(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "scenario.yaml").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match=r"scenario\.yaml exists already: nothing is written"):
+        pinarm.new("four_bar", tmp_path / "mine")
+    assert not (tmp_path / "elsewhere").exists()
+    assert [file.name for file in (tmp_path / "mine").iterdir()] == ["scenario.yaml"]

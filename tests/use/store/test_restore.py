@@ -1,5 +1,6 @@
 """A result read back from its folder is the result."""
 
+import errno
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -167,6 +168,18 @@ def test_a_summary_meant_to_harm_is_refused(scenario: Callable[..., Any], folder
     saved = scenario("inverse").run().save(folder / "out", plots=False)
     (saved / "summary.json").write_text(summary)
     with pytest.raises(InputError, match="is no summary of a run"):
+        restore(saved)
+
+
+def test_a_summary_that_cannot_be_read_is_not_said_to_be_another_file(
+    scenario: Callable[..., Any], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def closed(path: Path, mode: str) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    saved = scenario("inverse").run().save(folder / "out", plots=False)
+    monkeypatch.setattr("pinarm.use.store.restore.open", closed, raising=False)
+    with pytest.raises(InputError, match=r"summary\.json cannot be read: Permission denied"):
         restore(saved)
 
 

@@ -73,8 +73,8 @@ def _family(axis: Axes, sweep: Sweep, series: Series) -> None:
         axis.plot(
             x, row, color=COLOURS[k % len(COLOURS)], marker=few, markersize=3, label=plain(name) if name else None
         )
-    for lost in x[np.isnan(values).any(axis=0)]:
-        axis.axvline(lost, color="0.85", linewidth=3, zorder=0)
+    lost = x[np.isnan(values).any(axis=0)]
+    axis.vlines(lost, 0.0, 1.0, color="0.85", linewidth=3, zorder=0, transform=axis.get_xaxis_transform())
     axis.set_xlabel(_named(along))
     axis.set_ylabel(axis_label(series.name, measured))
     if np.isfinite(values).any():

@@ -46,7 +46,7 @@ class Sweep:
     definition: Mapping[str, Any] = field(repr=False)
     cases: Cases = field(repr=False)
     columns: Sequence[Series] = field(repr=False)
-    errors: Mapping[int, str]
+    errors: Mapping[int, str] = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.cases)

@@ -49,6 +49,15 @@ def test_a_short_axis_makes_a_family_of_curves(scenario: pinarm.Scenario, first:
     assert axis.get_xlabel() == "arguments.m [kg]"
 
 
+def test_what_failed_is_marked_beside_a_curve(scenario: pinarm.Scenario) -> None:
+    """By one artist: of a line for each of 100,000 failures a picture took minutes."""
+    axis = pinarm.sweep(scenario, {"arguments.m": "-1:3:9 kg"}, results=["M @ end"]).plot().axes[0]
+    (marks,) = axis.collections
+    np.testing.assert_allclose([segment[:, 0] for segment in marks.get_segments()], [[-1.0, -1.0], [-0.5, -0.5]])
+    assert axis.get_xlim()[1] == pytest.approx(3.2, abs=0.05)
+    assert len(axis.get_lines()) == 1
+
+
 @pytest.mark.slow
 def test_words_stand_side_by_side_and_names_are_drawn_as_they_are(scenario: pinarm.Scenario) -> None:
     over = {"problem.over.pivot.to": "30, 90", "symbols.$x_1": "alpha, 2*alpha"}

@@ -1,0 +1,130 @@
+"""Bands of positions that friction holds, of mechanisms with one free motion.
+
+At a position the efforts ``lower`` and ``upper`` begin to move a free joint down and up against the friction at rest;
+friction holds the mechanism there without any effort where ``lower <= 0 <= upper``. From a position that it holds the
+free motion is followed both ways to the first position where one of the two efforts is 0: the ends of the band.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.friction.columns import BANDS
+from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
+from pinarm.engine.motion.prescribed_motion import Prescription
+from pinarm.engine.motion.trajectory import ROW, Trajectory
+from pinarm.engine.statics.actuation import along
+from pinarm.engine.statics.equilibrium import ForceBalance
+from pinarm.engine.statics.stiffness import Modes
+from pinarm.errors import AssemblyError, DynamicsError
+from pinarm.input.units import unit
+
+TURN, GROWTH, STEPS = 0.05, 1.25, 150
+"""Largest turn of a joint between positions that are looked at [rad]; growth of the steps; steps at most."""
+
+FIRST = 0.25
+"""First step, relative to the end that the stiffness at the start predicts."""
+
+FULL_TURN = "friction holds every position of a full turn"
+
+
+@dataclass(frozen=True, eq=False)
+class PositionBand:
+    """The positions that friction holds about a given one.
+
+    Attributes:
+        ends: Configurations where it holds no longer [rad or m], NaN where there is no end, shape (2, nq).
+        reason: Why an end is missing; empty where both are known.
+    """
+
+    ends: Array
+    reason: str = ""
+
+    @classmethod
+    def unknown(cls, size: int, reason: str) -> PositionBand:
+        """Return a band without ends."""
+        return cls(np.full((2, size), np.nan), reason)
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionHold:
+    """Where friction holds a mechanism at rest without any effort.
+
+    Attributes:
+        balance: Its weights and loads; exactly one motion is free.
+    """
+
+    balance: ForceBalance
+
+    def reserve(self, q: Array, joint: str) -> float:
+        """Return the smaller of ``-lower`` and ``upper`` at a position [N*m or N]; at least 0 where friction holds.
+
+        Args:
+            q: Configuration, shape (nq,).
+            joint: A joint that moves in the free motion.
+
+        Raises:
+            DynamicsError: The efforts are not determined, or no effort moves the mechanism.
+        """
+        mechanism = self.balance.mechanism
+        drives = along(mechanism, [*self.balance.held.names, joint])
+        row = Trajectory.schema_row(mechanism, q, ROW, unit("1"), drives.closure)
+        row = replace(row, dynamics=self.balance.dynamics, separate=True)
+        nothing = PrescribedCoordinates((), (), ())
+        solved = Prescription(mechanism, nothing, drives, row.dynamics, ROW, row.unit).solved(row, None)
+        lower, upper = (float(solved.columns[f"joint.{joint}.effort.{part}"].values[0]) for part in BANDS)
+        return min(-lower, upper)
+
+    def holds(self, q: Array) -> bool:
+        """Tell whether friction holds a position."""
+        return self.reserve(q, self._mover(self.balance.basis(q))) >= 0.0
+
+    def band(self, q: Array, modes: Modes) -> PositionBand:
+        """Return the band about a position that friction holds, with the stiffness there."""
+        try:
+            basis = self.balance.basis(q)
+            reserve = self.reserve(q, self._mover(basis))
+            if reserve <= 0.0:
+                return PositionBand(np.array([q, q]))
+            stiffness = abs(float(modes.stiffnesses[0]))
+            predicted = reserve * np.abs(basis).max() / stiffness if stiffness > 0.0 else np.inf
+            down = self._end(q, -basis, FIRST * predicted)
+            ends = [
+                down,
+                down if isinstance(down, str) and down == FULL_TURN else self._end(q, basis, FIRST * predicted),
+            ]
+        except (AssemblyError, DynamicsError) as error:
+            return PositionBand.unknown(len(q), error.message)
+        missing = [end for end in ends if isinstance(end, str)]
+        return PositionBand(
+            np.array([np.full(len(q), np.nan) if isinstance(end, str) else end for end in ends]), "; ".join(missing[:1])
+        )
+
+    def _mover(self, basis: Array) -> str:
+        """Return the joint that moves most."""
+        return list(self.balance.mechanism.joints)[int(np.abs(basis[:, 0]).argmax())]
+
+    def _end(self, q: Array, basis: Array, step: float) -> Array | str:
+        """Return where the band ends in the direction of a free motion, or why it does not."""
+        turned, turns = 0.0, self.balance.turns
+        step = step if np.isfinite(step) else TURN * (1.0 + float(np.abs(q).max()))
+        for _ in range(STEPS):
+            joint, step = self._mover(basis), min(step, TURN / max(float((turns * np.abs(basis[:, 0])).max()), 1e-300))
+            after = self.balance.nearest(q + step * basis[:, 0])
+            if self.reserve(after, joint) < 0.0:
+                return self._crossing(q, basis[:, 0], step, joint)
+            turned += float((turns * np.abs(after - q)).max())
+            if turned >= 2.0 * np.pi:
+                return FULL_TURN
+            q, basis, step = after, self.balance.basis(after, basis), GROWTH * step
+        return "friction holds every position as far as it was followed"
+
+    def _crossing(self, q: Array, way: Array, step: float, joint: str) -> Array:
+        """Return the position between two at which friction ceases to hold."""
+        from scipy.optimize import brentq  # few runs need it
+
+        s = brentq(lambda s: self.reserve(self.balance.nearest(q + s * way), joint), 0.0, step, xtol=1e-15 * step)
+        return self.balance.nearest(q + s * way)
