@@ -44,9 +44,9 @@ def test_importing_the_package_imports_nothing_else() -> None:
 FUNCTIONS = [name for name in pinarm.__all__ if not isinstance(getattr(pinarm, name), type)]
 PLAIN = {
     "str", "int", "float", "bool", "object", "None", "Any", "Path", "Mapping", "Sequence", "Callable", "Iterator",
-    "Literal", "Array", "ArrayLike", "Values", "Given", "pin", "Model",
+    "Literal", "Array", "ArrayLike", "Values", "Given", "pin", "Model", "Executor",
 }  # fmt: skip
-"""What parameters of public functions are made of, beside public types: plain ones, values, scenarios, Pinocchio's
+"""What parameters of public functions are made of, beside public types: plain ones, values, scenarios, executors, Pinocchio's
 models."""
 
 

@@ -98,6 +98,13 @@ class Scenario:
         """Say how another process makes the same scenario: from its text, since what is built from it has functions."""
         return _read_again, (self.document, self.folder.absolute(), self.seed, self.given)
 
+    @property
+    def located(self) -> tuple[Document, Path]:
+        """Its document and its folder, whose paths are the same for a process in another folder."""
+        path = self.document.path
+        document = replace(self.document, path=path.parent.resolve() / path.name) if path else self.document
+        return document, self.folder.resolve()
+
     def varied(self, values: Values) -> Scenario:
         """Return the scenario with other values.
 

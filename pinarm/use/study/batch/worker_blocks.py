@@ -15,8 +15,8 @@ from pinarm.input.roots import file_root, given_root
 from pinarm.input.yaml.document import Document
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.batch.block import Block, Question, answered
+from pinarm.use.study.workers.chunk_order import LostJob
 from pinarm.use.study.workers.distribute import Workers, distribute
-from pinarm.use.study.workers.order import LostJob
 
 AnswerT = TypeVar("AnswerT")
 
@@ -67,7 +67,7 @@ def answers(
         PinarmError: A block has no answer.
         NumericsError: Workers died with a block.
     """
-    remote = Remote(scenario.document, scenario.folder.resolve(), scenario.seed, given_root(), answer)
+    remote = Remote(*scenario.located, scenario.seed, given_root(), answer)
     with closing(distribute(remote, iter(jobs), workers)) as found:
         for job, answered in found:
             if isinstance(answered, LostJob):

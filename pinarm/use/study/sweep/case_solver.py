@@ -17,8 +17,8 @@ from pinarm.use.output.folder import check_replaceable
 from pinarm.use.study.sweep.axes import Cases, Value
 from pinarm.use.study.sweep.cases import WORTH, Row, Task, solve_case
 from pinarm.use.study.sweep.journal import JOURNAL, Journal, Sources, task_digest
+from pinarm.use.study.workers.chunk_order import LostJob
 from pinarm.use.study.workers.distribute import Workers, distribute
-from pinarm.use.study.workers.order import LostJob
 
 UNSOLVED = "not solved"
 

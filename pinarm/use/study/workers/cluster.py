@@ -30,7 +30,11 @@ def cluster(address: str) -> Iterator[Executor]:
         distributed: Any = import_module("distributed")
     except ImportError:
         raise InputError("Dask is not installed", hint="pip install 'pinarm[cluster]'") from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost is told by what it carried
+    _quieten()
+    if address.startswith("tls://") and not distributed.Security().get_connection_args("client").get("ssl_context"):
+        raise InputError(f"{address} wants certificates, and none are configured",
+                         expected="distributed.comm.tls in Dask's configuration: ca-file, client.key and client.cert",
+                         hint="DASK_DISTRIBUTED__COMM__TLS__CA_FILE and the like") from None  # fmt: skip
     try:
         client = distributed.Client(address, timeout=TIMEOUT, set_as_default=False, name="pinarm")
     except (OSError, ValueError, TypeError, RuntimeError) as error:
@@ -43,3 +47,9 @@ def cluster(address: str) -> Iterator[Executor]:
     finally:
         with suppress(Exception):
             client.close(timeout=1.0)
+
+
+def _quieten() -> None:
+    """Let Dask print no messages: that the connection is lost is told by the work that was under way."""
+    for name in [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)

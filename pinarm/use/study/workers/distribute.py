@@ -19,7 +19,7 @@ from itertools import islice
 from typing import Any, Generic, Protocol, TypeVar
 
 from pinarm.errors import InputError, NumericsError
-from pinarm.use.study.workers.order import Answers, FilesLacking, LostJob, Order, packed, read_answer
+from pinarm.use.study.workers.chunk_order import Answers, ChunkOrder, FilesLacking, LostJob, packed, read_answer
 from pinarm.use.study.workers.travelling_files import Parcel
 from pinarm.use.study.workers.versions import differences, versions
 from pinarm.use.study.workers.worker import work
@@ -154,8 +154,8 @@ class _Distribution(Generic[JobT]):
         jobs = tuple(islice(self.jobs, self.pace.size))
         return Chunk(jobs) if jobs else None
 
-    def _order(self, chunk: Chunk[JobT]) -> Order:
-        order = Order(self.session, self.function, packed(chunk.jobs), self.budget)
+    def _order(self, chunk: Chunk[JobT]) -> ChunkOrder:
+        order = ChunkOrder(self.session, self.function, packed(chunk.jobs), self.budget)
         if self.parcel is None:
             return order
         contents = {digest: self.parcel.contents[digest] for digest in chunk.contents}

@@ -8,10 +8,12 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from shutil import rmtree
+from weakref import finalize
 
 from pinarm.errors import InputError
 from pinarm.input.roots import MARKERS
-from pinarm.use.study.workers.order import FileEntry, FilesLacking
+from pinarm.use.study.workers.chunk_order import FileEntry, FilesLacking
 
 MOST_BYTES = 500_000_000
 """Of all files of a work."""
@@ -79,8 +81,8 @@ class Mirror:
     """
 
     def __init__(self) -> None:
-        self._home = tempfile.TemporaryDirectory(prefix="pinarm-files-", ignore_cleanup_errors=True)
-        self.prefix = os.path.realpath(self._home.name)
+        self.prefix = os.path.realpath(tempfile.mkdtemp(prefix="pinarm-files-"))
+        finalize(self, rmtree, self.prefix, ignore_errors=True)
         self._known = dict[str, FileEntry]()
 
     def update(self, entries: Mapping[str, FileEntry], contents: Mapping[str, bytes]) -> FilesLacking:

@@ -9,7 +9,7 @@ from collections import OrderedDict
 from typing import Any
 
 from pinarm.input.roots import noting_files
-from pinarm.use.study.workers.order import Answers, FilesLacking, LostJob, Order, answered, unpacked
+from pinarm.use.study.workers.chunk_order import Answers, ChunkOrder, FilesLacking, LostJob, answered, unpacked
 from pinarm.use.study.workers.travelling_files import Mirror, SharedFiles
 from pinarm.use.study.workers.versions import versions
 
@@ -24,11 +24,11 @@ def work(wanted: dict[str, str], order: bytes) -> bytes | dict[str, str]:
 
     Args:
         wanted: Versions of the process that gives the order, which is unpacked by the same only.
-        order: An ``Order``, pickled.
+        order: An ``ChunkOrder``, pickled.
     """
     if wanted != versions():
         return versions()
-    given: Order = pickle.loads(order)
+    given: ChunkOrder = pickle.loads(order)
     session = _session(given)
     return answered(session.answer(given), session.files.prefix)
 
@@ -40,11 +40,11 @@ class _Session:
         order: The first order of it.
     """
 
-    def __init__(self, order: Order) -> None:
+    def __init__(self, order: ChunkOrder) -> None:
         self.files: Mirror | SharedFiles = SharedFiles() if order.files is None else Mirror()
         self.function = unpacked(order.function, self.files.prefix)
 
-    def answer(self, order: Order) -> Answers | FilesLacking:
+    def answer(self, order: ChunkOrder) -> Answers | FilesLacking:
         """Answer the jobs of an order until the time is up, or a file is wanted."""
         lacking = self.files.update(order.files or {}, order.contents)
         if lacking.digests:
@@ -74,7 +74,7 @@ _kept = threading.local()
 """The sessions of a thread: what is built for a scenario serves one thread at a time."""
 
 
-def _session(order: Order) -> _Session:
+def _session(order: ChunkOrder) -> _Session:
     sessions: OrderedDict[str, _Session] = _kept.__dict__.setdefault("sessions", OrderedDict())
     if order.session not in sessions:
         sessions[order.session] = _Session(order)

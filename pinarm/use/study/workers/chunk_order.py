@@ -19,7 +19,7 @@ FileEntry = tuple[Literal["file", "folder", "link", "absent"], str]
 
 
 @dataclass(frozen=True)
-class Order:
+class ChunkOrder:
     """A chunk of jobs for a worker.
 
     Attributes:
