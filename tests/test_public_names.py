@@ -46,8 +46,8 @@ PLAIN = {
     "str", "int", "float", "bool", "object", "None", "Any", "Path", "Mapping", "Sequence", "Callable", "Iterator",
     "Literal", "Array", "ArrayLike", "Values", "Given", "pin", "Model", "Executor",
 }  # fmt: skip
-"""What parameters of public functions are made of, beside public types: plain ones, values, scenarios, executors, Pinocchio's
-models."""
+"""What parameters of public functions are made of, beside public types: plain ones, values, scenarios, Pinocchio's
+models, executors of the standard library."""
 
 
 def public_calls() -> Iterator[tuple[str, Any]]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.checks.unclosed import unclosed
+from pinarm.engine.dynamics.blas_threads import one_blas_thread
 from pinarm.engine.mechanism import Mechanism, mechanism_document, read_mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
@@ -261,11 +262,12 @@ class Scenario:
 
     def _solve_once(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""
-        try:
-            solved = self.simplification.solve()
-        except MethodError as error:
-            raise error.at(self.document.locate(("accuracy", "method"))) from None
-        return self.measured(*solved)
+        with one_blas_thread(self.mechanism.model.nv):
+            try:
+                solved = self.simplification.solve()
+            except MethodError as error:
+                raise error.at(self.document.locate(("accuracy", "method"))) from None
+            return self.measured(*solved)
 
     def measured(self, solved: Outcome, whole: Outcome) -> Result:
         """Return the result with its accuracy, measured on the mechanism that was solved.

@@ -56,9 +56,9 @@ def test_the_workers_of_an_executor_are_counted_or_said() -> None:
 
 
 def test_an_executor_that_breaks_ends_the_work() -> None:
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as executor:
-        with pytest.raises(NumericsError, match=r"the workers are lost \(BrokenProcessPool: .*") as caught:
-            list(distribute(end, iter(range(9)), ExecutorWorkers(executor)))
+    lost = pytest.raises(NumericsError, match=r"the workers are lost \(BrokenProcessPool: .*")
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as executor, lost as caught:
+        list(distribute(end, iter(range(9)), ExecutorWorkers(executor)))
     assert "the same command" in caught.value.hint
 
 

@@ -93,5 +93,5 @@ def test_the_copies_go_with_the_mirror(folder: Path) -> None:
 
 def test_files_that_are_too_large_stay_here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(travelling_files, "MOST_BYTES", 5)
-    with pytest.raises(InputError, match="8 bytes with .*model.urdf: too many to travel"):
+    with pytest.raises(InputError, match=r"8 bytes with .*model\.urdf: too many to travel"):
         Parcel().add([folder / "inner" / "model.urdf"])

@@ -1,4 +1,4 @@
-"""A worker that does not see the files: it has what it was sent, asks for the rest, and says the same as one that does."""
+"""A worker that does not see the files asks for what it was not sent, and says the same as one that does."""
 
 import os
 import pickle
