@@ -127,6 +127,7 @@ def _sweep(sweep: ArgumentParser) -> None:
                      "tcp://10.0.0.1:8786, in place of processes here")  # fmt: skip
     sweep.add_argument("-o", "--output", type=Path, help="folder of the sweep (default: results/SCENARIO-sweep)")
     sweep.add_argument("--no-plots", action="store_true", help="write numbers only")
+    sweep.add_argument("--parquet", action="store_true", help="write the table as Parquet too, in parts")
     _values(sweep)
 
 

@@ -89,11 +89,17 @@ class Sweep:
 
         return plot(self, self[name] if name else self.columns[0])
 
-    def save(self, folder: str | Path, *, plots: bool = True) -> Path:
-        """Write ``sweep.yaml``, ``cases.csv``, ``cases.npz``, ``summary.json`` and plots; return the folder."""
+    def save(self, folder: str | Path, *, plots: bool = True, parquet: bool = False) -> Path:
+        """Write ``sweep.yaml``, ``cases.csv``, ``cases.npz``, ``summary.json`` and plots; return the folder.
+
+        Args:
+            folder: The folder; see ``sweep_files.save``.
+            plots: Whether pictures are written.
+            parquet: Whether the table is written as Parquet too, in parts of 100,000 cases, by pyarrow.
+        """
         from pinarm.use.study.sweep.sweep_files import save
 
-        return save(self, Path(folder), plots=plots)
+        return save(self, Path(folder), plots=plots, parquet=parquet)
 
     def _repr_html_(self) -> str:
         """Return statistics and a plot, for notebooks."""
