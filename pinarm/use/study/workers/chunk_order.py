@@ -24,6 +24,7 @@ class ChunkOrder:
 
     Attributes:
         session: Name of the work that the chunk is part of; the same for all of its chunks.
+        number: Of the order in the work: Dask takes calls with the same arguments for one call.
         function: The function of a job, packed.
         jobs: The jobs, packed as a list.
         budget: Time after which the worker begins no other job of the chunk [s].
@@ -32,6 +33,7 @@ class ChunkOrder:
     """
 
     session: str
+    number: int
     function: bytes = field(repr=False)
     jobs: bytes = field(repr=False)
     budget: float

@@ -133,6 +133,7 @@ class _Distribution(Generic[JobT]):
     given: dict[Future[Any], Chunk[JobT]] = field(default_factory=dict)
     over: queue.SimpleQueue[Future[Any]] = field(default_factory=queue.SimpleQueue)
     deaths: int = 0
+    orders: int = 0
 
     def __post_init__(self) -> None:
         self.session, self.parcel = os.urandom(16).hex(), self.workers.files
@@ -144,6 +145,7 @@ class _Distribution(Generic[JobT]):
     def hand_out(self) -> None:
         """Give every worker a chunk, and the next, so that none waits."""
         while len(self.given) < 2 * self.workers.count() and (chunk := self._next()):
+            self.orders += 1
             future = self.workers.submit(work, versions(), pickle.dumps(self._order(chunk)))
             self.given[future] = chunk
             future.add_done_callback(self.over.put)
@@ -155,7 +157,7 @@ class _Distribution(Generic[JobT]):
         return Chunk(jobs) if jobs else None
 
     def _order(self, chunk: Chunk[JobT]) -> ChunkOrder:
-        order = ChunkOrder(self.session, self.function, packed(chunk.jobs), self.budget)
+        order = ChunkOrder(self.session, self.orders, self.function, packed(chunk.jobs), self.budget)
         if self.parcel is None:
             return order
         contents = {digest: self.parcel.contents[digest] for digest in chunk.contents}

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from pinarm.errors import InputError, NumericsError
-from pinarm.use.study.workers.chunk_order import ChunkOrder, LostJob, packed
+from pinarm.use.study.workers.chunk_order import ChunkOrder, LostJob
 from pinarm.use.study.workers.distribute import (
     DEATHS,
     HOPELESS,
@@ -162,5 +162,14 @@ def test_other_versions_are_an_error_that_names_both() -> None:
         list(distribute(square, iter(range(9)), Here(1, lambda jobs: other)))
 
 
-def test_the_jobs_are_packed_once_a_chunk() -> None:
-    assert pickle.loads(packed((1, 2))) == (1, 2)
+def test_no_two_orders_are_the_same() -> None:
+    """Dask would take them for one call, and its answer for that of both, also where it is that a worker died."""
+    orders, deaths = list[bytes](), iter([WorkerDeath("SIGKILL"), WorkerDeath("SIGKILL")])
+
+    class Noting(Here):
+        def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+            orders.append(arguments[1])
+            return super().submit(function, *arguments)
+
+    assert len(list(distribute(square, iter([5, 5, 5]), Noting(1, lambda jobs: next(deaths, None))))) == 3
+    assert len(orders) == len(set(orders)) >= 4
