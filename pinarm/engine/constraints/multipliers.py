@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import RowDecompositions
-from pinarm.engine.dynamics.blas_threads import one_blas_thread
 
 BLOCK = 512
 """Number of rows whose G is held at once."""

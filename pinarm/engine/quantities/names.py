@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.dynamics.blas_threads import one_blas_thread
+from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.evaluation import Evaluation
 from pinarm.engine.quantities.families import FAMILIES, family

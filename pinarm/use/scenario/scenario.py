@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.checks.unclosed import unclosed
-from pinarm.engine.dynamics.blas_threads import one_blas_thread
+from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.mechanism import Mechanism, mechanism_document, read_mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities

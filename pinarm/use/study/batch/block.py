@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
-from pinarm.engine.dynamics.blas_threads import one_blas_thread
+from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.integration.batch_solution import Ensemble
 from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.outcome import Outcome

@@ -13,7 +13,7 @@ import pytest
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 import pinarm
-from pinarm.engine.dynamics.blas_threads import SMALL, one_blas_thread
+from pinarm.engine.constraints.blas_threads import SMALL, one_blas_thread
 from pinarm.problems.simplify.simplification import Simplification
 
 ROOT = Path(__file__).parents[3]
