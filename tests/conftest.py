@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -19,7 +19,10 @@ if "PYTEST_XDIST_WORKER" in os.environ:  # a worker a core: threads of linear al
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+from pinarm.engine.integration.compiled_steps import CompiledSteps
+from pinarm.engine.kernel import tree as kernel_tree
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.systems import compiled_points, compiled_rows
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
@@ -146,3 +149,37 @@ def spend() -> Callable[..., Spent]:
         return Spent(*json.loads(done.stdout), done.stderr.decode(errors="replace"))
 
     return run
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> list[tuple]:
+    """The calls of the compiled library for steps."""
+    made, take = [], CompiledSteps.take
+    monkeypatch.setattr(CompiledSteps, "take", lambda self, *given: made.append(given) or take(self, *given))
+    return made
+
+
+@pytest.fixture
+def forget_loops() -> Callable[[], None]:
+    """Return a function that lets no compiled loops of one call serve another."""
+
+    def forget() -> None:
+        compiled_points._loops.cache_clear()
+        compiled_rows._loops.cache_clear()
+
+    return forget
+
+
+@pytest.fixture
+def without(monkeypatch: pytest.MonkeyPatch, forget_loops: Callable[[], None]) -> Callable[[Callable[[], Any]], Any]:
+    """Return a function that calls another as where the compiled library was not built."""
+
+    def call(function: Callable[[], Any]) -> Any:
+        forget_loops()
+        with monkeypatch.context() as context:
+            context.setattr(kernel_tree, "library", lambda: None)
+            found = function()
+        forget_loops()
+        return found
+
+    return call

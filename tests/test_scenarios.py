@@ -1,5 +1,6 @@
 """Every scenario that is shipped runs, meets its answer key, and tells the same of a row among few rows or many."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,7 +24,8 @@ def test_there_are_scenarios() -> None:
     assert FILES
 
 
-CASES = [pytest.param(file, marks=pytest.mark.slow if "forty" in file.stem else ()) for file in FILES]
+LONG = re.compile("forty|machine_on_mounts_shaking")
+CASES = [pytest.param(file, marks=pytest.mark.slow if LONG.match(file.stem) else ()) for file in FILES]
 
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda file: file.stem)

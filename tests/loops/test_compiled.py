@@ -13,7 +13,6 @@ import pinarm
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
-from pinarm.engine.integration.compiled_steps import CompiledSteps
 from pinarm.engine.kernel import tree as kernel_tree
 from pinarm.engine.kernel.library import absence, library, pointer
 from pinarm.engine.kernel.links import links_of
@@ -37,38 +36,8 @@ rounding grows with their condition, 1e4 in these linkages of no special kind.""
 
 
 @pytest.fixture(autouse=True)
-def _forgetting():
-    """Let no loops of one test serve another."""
-    compiled_points._loops.cache_clear()
-    compiled_rows._loops.cache_clear()
-
-
-@pytest.fixture
-def calls(monkeypatch):
-    """The calls of the library for steps."""
-    made, take = [], CompiledSteps.take
-    monkeypatch.setattr(CompiledSteps, "take", lambda self, *given: made.append(given) or take(self, *given))
-    return made
-
-
-@pytest.fixture
-def without(monkeypatch):
-    """Return a function that calls another as where the library was not built."""
-
-    def call(function):
-        _forget()
-        with monkeypatch.context() as context:
-            context.setattr(kernel_tree, "library", lambda: None)
-            found = function()
-        _forget()
-        return found
-
-    return call
-
-
-def _forget():
-    compiled_points._loops.cache_clear()
-    compiled_rows._loops.cache_clear()
+def _forgetting(forget_loops):
+    forget_loops()
 
 
 def closed_states(system, count=5):
@@ -258,7 +227,7 @@ def settle(flow, t, y, slope):
     return function(flow.structure.settle)(flow.structure.system, t, pointer(y), pointer(slope))
 
 
-def test_states_that_are_handed_back_are_settled_in_python(tmp_path, monkeypatch, calls, without):
+def test_states_that_are_handed_back_are_settled_in_python(tmp_path, monkeypatch, calls, without, forget_loops):
     """Where the accelerations leave the constraints; here all of them do, beyond an impossible bound."""
     mechanism = four_bar().build(tmp_path, ["A"])
     run = lambda: freely(mechanism, 0.5, 6, velocity={"O": 4.0}, tolerance=1e-9)  # noqa: E731
@@ -266,7 +235,7 @@ def test_states_that_are_handed_back_are_settled_in_python(tmp_path, monkeypatch
     few = len(calls)
     run()
     few, before = len(calls) - few, len(calls)
-    _forget()
+    forget_loops()
     monkeypatch.setattr(compiled_points, "MET", 1e-40)
     found = run()
     assert len(calls) - before > 10 * few

@@ -36,4 +36,4 @@ def test_loops_move_alike_at_any_size(name, size, tmp_path):
         )
         found.append([run.q / slides for run in runs])
     for usual, other in zip(*found, strict=True):
-        assert other == pytest.approx(usual, abs=3e-9)  # steps at 1e-12, relative to 1 + |v|, and v is 1e-3 at 1e6 m
+        assert other == pytest.approx(usual, abs=3e-9)  # 1e-12 of 1 + |v|, where v is 1e-3 at 1e6 m: 1e-9 of v a step

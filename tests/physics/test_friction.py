@@ -336,6 +336,7 @@ RUBBING = """friction:
 """
 
 
+@pytest.mark.slow
 def test_a_slider_crank_runs_out_and_stands_still(write):
     """Energy and the law of friction, with the reactions of the rows, hold through all reversals until it stops."""
     problem = """{kind: forward, time: {end: 1 s, samples: 11},

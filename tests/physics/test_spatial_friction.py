@@ -112,6 +112,7 @@ LENGTH = np.hypot(RADIUS, RISE)
 """Slip per angle."""
 
 
+@pytest.mark.slow
 def test_a_collar_with_one_motion_sticks_and_slips(write):
     """A push P along the shaft moves it from ``P h = 0.25 m g |c|`` on, ``c = (r, h)``; then ``mu m g |c|`` resists."""
     problem = "{kind: statics, hold: {spin: 0.4 rad}, drives: [way]}"
@@ -184,6 +185,7 @@ def test_a_ball_resists_with_a_moment_against_its_angular_velocity(ball, loop):
     assert found.figures["friction"] < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loop", [False, True])
 def test_a_ball_runs_out_by_eulers_equations(ball, loop):
     """``I w' + w x I w = - M w / |w|`` in the axes of the body; at rest what holds it is refused."""
@@ -201,6 +203,7 @@ def test_a_ball_runs_out_by_eulers_equations(ball, loop):
         pinarm.run(ball(loop, problem.replace("0.2 s", "9 s"), outputs))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["spherical", "cylindrical, axis: z"])
 def test_in_a_plane_mechanism_they_are_as_a_pin(write, kind):
     """A slider-crank that runs out and stands still: the same motion, friction and rest as with a revolute joint."""

@@ -130,7 +130,9 @@ def whole(kind: str, scenario: Callable[..., Any], folder: Path) -> Any:
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of numpy, where numbers overflow
-@pytest.mark.parametrize("kind", AT)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.slow if kind == "forward" else ()) for kind in AT]
+)
 @settings(
     max_examples=40, deadline=None, derandomize=True, database=None,
     phases=[Phase.explicit, Phase.generate],  # shrinking would take longer than the test

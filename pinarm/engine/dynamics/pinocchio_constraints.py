@@ -41,8 +41,9 @@ NOISE = 1e-11
 """Singular value of redundant rows, relative to the largest, that rounding of the file may leave: the proximal term
 lets through 3 ``NOISE**2 / PROXIMAL`` of the acceleration. Loops that are rounded more go by their rows."""
 
-PROJECTION = 1e-8
-"""Proximal term of projections; their Newton iteration removes what it leaves."""
+PROJECTION = 1e-10
+"""Proximal term of projections: little beside the least eigenvalue where loops are still closed, 1e-6 of the largest;
+Newton's iteration removes what it leaves of gaps."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -81,7 +81,7 @@ class LimitsStructure(ctypes.Structure):
 
     _fields_ = [
         *((name, REAL) for name in ("usual", "near", "ahead", "coarse", "close", "blind", "vanished", "accuracy")),
-        ("aside", REAL), ("across", REAL * 4), ("floor", REAL), ("rank", INT),
+        ("aside", REAL), ("across", REAL * 6), ("passed", REAL), ("floor", REAL), ("rank", INT),
     ]  # fmt: skip
 
 
@@ -102,8 +102,8 @@ class ClosingStructure(ctypes.Structure):
         ("rows", ConstraintsStructure), ("exact", ProximalStructure), ("tolerant", ProximalStructure),
         *((name, REAL) for name in ("projection", "closed", "stalled", "torn")), ("corrections", INT),
         ("limits", LimitsStructure),
-        *((name, POINTER) for name in ("scale", "generalised", "change", "sum", "part", "state", "saved")),
-        ("near", INT), *((name, REAL) for name in ("regular", "t", "step", "floor")),
+        *((name, POINTER) for name in ("scale", "generalised", "change", "sum", "part", "aside", "state", "saved")),
+        ("near", INT), *((name, REAL) for name in ("regular", "open", "t", "step", "floor")),
     ]  # fmt: skip
 
 

@@ -35,7 +35,7 @@ def test_each_pair_has_the_rows_that_it_has_by_itself(model, n):
     alone = type(measured)([(start, measure.at(q, cosine, sine)) for start, measure in every.parts])
     for rates in (v, w, v):  # what has been computed of other velocities is not taken for it
         for found, expected in zip(rows_of(measured, n, rates), rows_of(alone, n, rates), strict=True):
-            assert found == pytest.approx(expected, abs=1e-14)
+            np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-14)
     some = [0, every.size - 1]
     assert measured.rows(some).keys() == alone.rows(some).keys()
     assert measured.drift(some, v).keys() == alone.drift(some, v).keys()

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import pinarm
-from pinarm.engine.integration.compiled_steps import CompiledSteps
 from pinarm.engine.kernel import tree as kernel_tree
 from pinarm.engine.kernel.links import links_of
 from pinarm.engine.motion.systems.free import FreeSystem
@@ -16,26 +15,6 @@ FREE = ["brick_thrown", "gen411_arm_swing", "gyroscope_free", "gyroscope_precess
 """Scenarios whose trees move freely."""
 
 
-@pytest.fixture
-def calls(monkeypatch):
-    """The calls of the library for steps."""
-    made, take = [], CompiledSteps.take
-    monkeypatch.setattr(CompiledSteps, "take", lambda self, *given: made.append(given) or take(self, *given))
-    return made
-
-
-@pytest.fixture
-def without(monkeypatch):
-    """Return a function that runs a scenario as where the library was not built."""
-
-    def run(path):
-        with monkeypatch.context() as context:
-            context.setattr(kernel_tree, "library", lambda: None)
-            return pinarm.run(path)
-
-    return run
-
-
 @pytest.mark.parametrize("name", FREE)
 def test_a_run_is_the_same_with_the_library_and_without(name, calls, without):
     """To rounding, as far as the motion amplifies it: less than the tolerances of these runs, 1e-10 and 1e-12."""
@@ -43,7 +22,7 @@ def test_a_run_is_the_same_with_the_library_and_without(name, calls, without):
     found = pinarm.run(path)
     assert calls
     taken = len(calls)
-    expected = without(path)
+    expected = without(lambda: pinarm.run(path))
     assert len(calls) == taken, "the library has taken steps without being there"
     assert found.figures["evaluations"] == expected.figures["evaluations"]
     for one, other in zip((found.trajectory.q, found.trajectory.v), (expected.trajectory.q, expected.trajectory.v),
@@ -71,7 +50,7 @@ class TestWrongKernel:
         assert not calls
         (note,) = [one for one in found.notes() if "kernel" in one]
         assert note.startswith("the compiled kernel is not used: its accelerations differ from Pinocchio's by ")
-        assert np.array_equal(found.trajectory.q, without(SWING).trajectory.q)
+        assert np.array_equal(found.trajectory.q, without(lambda: pinarm.run(SWING)).trajectory.q)
 
     def test_would_be_seen_by_the_energy(self, calls, monkeypatch):
         """The stamp is Pinocchio's: it sees the motion of another mechanism, even where the comparison is left out."""

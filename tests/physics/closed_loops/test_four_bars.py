@@ -9,7 +9,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.systems import system_of
 from pinarm.engine.motion.systems.system import Initial
 from pinarm.engine.quantities.names import Quantities
-from pinarm.errors import PinarmError
+from pinarm.errors import NumericsError, PinarmError
 from pinarm.mechanics.laws import Harmonic
 
 from . import equal_four_bars
@@ -139,10 +139,27 @@ def test_a_start_next_to_the_change_point_has_the_velocities_of_its_branch_or_is
         rate = found["omega4"].values[0] / found["omega2"].values[0]
         assert found["omega2"].values[0] == pytest.approx(12.0, rel=1e-4)  # rounding over the square of the regularity
         assert min(abs(rate - one) for one in branches) < max(1e-4, apart)
-        kept = np.ptp(found["energy.total"].values) < 1e-4 * np.ptp(found["energy.kinetic"].values)
-        # nearer than 1e-3 rad some processors round to where energy is lost on the way: then the run says so
-        assert kept or (apart < 1e-3 and any("energy" in note for note in solved.notes))
+        lost = np.ptp(found["energy.total"].values) / np.ptp(found["energy.kinetic"].values)
+        assert lost < 1e-6 + 1e-14 / apart**2  # velocities at the start: rounding over the square of the regularity
+        assert solved.figures["steps"] < 100  # no less than elsewhere: rounding does not shorten them
     assert right >= 3
+
+
+@pytest.mark.parametrize("shorter", [1e-7, 1e-8, -1e-7, -1e-8])
+def test_beside_a_change_point_the_linkage_turns_and_keeps_its_energy(solve, shorter):
+    """With a frame longer than that of the change point the crank turns back; a third of the energy was lost there."""
+    solved = solve("change_point_four_bar", "forward", arguments={"d": 0.4 * (1.0 - shorter)}, end=0.6, samples=301,
+                   start=OPEN, initial={"position": {"theta2": 1.0}, "velocity": {"theta2": 12.0}})  # fmt: skip
+    energy, crank = solved["energy.total"].values, solved["theta2"].values
+    assert np.ptp(energy) < 3e-5 * np.ptp(solved["energy.kinetic"].values)  # rounding over regularity cubed
+    assert (crank.max() > 2.0 * np.pi) == (shorter > 0.0)
+
+
+@pytest.mark.parametrize("shorter", [1e-9, -1e-9, 1e-10])
+def test_where_rounding_decides_whether_a_change_point_is_passed_the_motion_is_refused(outcome, shorter):
+    with pytest.raises(NumericsError, match="goes through it or turns beside it"):
+        outcome("change_point_four_bar", "forward", arguments={"d": 0.4 * (1.0 - shorter)}, end=0.6, samples=13,
+                start=OPEN, initial={"position": {"theta2": 1.0}, "velocity": {"theta2": 12.0}})  # fmt: skip
 
 
 @pytest.mark.parametrize("turn", [0.0, 2.0 * np.pi])
@@ -211,10 +228,11 @@ def test_equal_four_bars_pass_them_at_other_speeds_too(solve, speed):
 
 
 @pytest.mark.slow
-def test_forty_four_bars_turn_as_published(solve):
+@pytest.mark.parametrize("tolerance", [5e-12, 2e-12, 1e-12])
+def test_forty_four_bars_turn_as_one_pendulum_to_1e_9(solve, tolerance):
     initial = {"position": {"upright_0": 0.0}, "velocity": {"upright_0": 1.0}}
-    found = solve("forty_four_bars", "forward", end=10.0, samples=21, tolerance=1e-9, initial=initial)
-    assert found["upright_40"].values == pytest.approx(equal_four_bars.angle(found["t"].values, 40), abs=1e-5)
+    found = solve("forty_four_bars", "forward", end=10.0, samples=21, tolerance=tolerance, initial=initial)
+    assert found["upright_40"].values == pytest.approx(equal_four_bars.angle(found["t"].values, 40), abs=1e-9)
 
 
 def test_a_motor_at_the_rocker_carries_nothing_at_a_dead_point(solve):

@@ -97,7 +97,11 @@ def held(scenario, joint, other):
         return None
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+@pytest.mark.parametrize(
+    "file",
+    [pytest.param(file, marks=pytest.mark.slow if file.stem == "machine_on_mounts_shaking" else ()) for file in FILES],
+    ids=lambda file: file.stem,
+)
 def test_answers_are_those_of_the_whole_mechanism(file):
     scenario = pinarm.load(file)
     if scenario.simplification.part:

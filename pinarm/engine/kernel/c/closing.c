@@ -37,8 +37,8 @@ static double gap(const constraints *c) {
     return sqrt(square);
 }
 
-/* Close positions by Newton's method and velocities in one step, by the least changes. */
-static void close_state(const closing *c, double *q, double *v) {
+/* Close positions by Newton's method, adding w times the changes to `aside`, and velocities in one step. */
+static void close_state(const closing *c, double w, double *q, double *v) {
     const constraints *r = &c->rows;
     double before = INFINITY;
     for (int n = 0;; n++) {
@@ -51,6 +51,8 @@ static void close_state(const closing *c, double *q, double *v) {
         before = size;
         least_change(c);
         move(r->tree, 1.0, c->change, q);
+        for (int k = 0; k < r->tree->nv; k++)
+            c->aside[k] += w * c->change[k];
     }
     copy((int)r->delassus.rows, r->before, r->right);
     least_change(c);
@@ -75,29 +77,33 @@ static ptrdiff_t count_from(const closing *c, double x) {
     return c->rows.delassus.rows - skyline_factorise(&c->rows.delassus, -x);
 }
 
-/* Write the acceleration at a singular position that is passed, from both sides of it. */
-static void across(const closing *c, const double *q, const double *v, double *a) {
-    static const double places[4] = {-2.0, -1.0, 1.0, 2.0};
+static int turns(const closing *c) { return c->open > c->limits.passed; } /* beside a singular position */
+
+/* Write the acceleration at a singular position that is passed, from both sides of it; return how open it is. */
+static double across(const closing *c, const double *q, const double *v, double *a) {
+    static const double places[6] = {-3.0, -2.0, -1.0, 1.0, 2.0, 3.0};
     const tree *t = c->rows.tree;
     double fastest = 0.0;
     for (int k = 0; k < t->nv; k++)
-        fastest = fmax(fastest, fabs(v[k]) / c->scale[k]), c->sum[k] = 0.0;
-    for (int i = 0; i < 4; i++) {
+        fastest = fmax(fastest, fabs(v[k]) / c->scale[k]), c->sum[k] = c->aside[k] = 0.0;
+    for (int i = 0; i < 6; i++) {
         copy(t->nq, q, c->state);
         copy(t->nv, v, c->state + t->nq);
         move(t, places[i] * c->limits.aside / fastest, v, c->state);
-        close_state(c, c->state, c->state + t->nq);
+        close_state(c, c->limits.across[i], c->state, c->state + t->nq);
         constraints_place(&c->rows, c->state, c->state + t->nq);
         constraints_accelerate(&c->rows, &c->exact, c->part);
         for (int k = 0; k < t->nv; k++)
             c->sum[k] += c->limits.across[i] * c->part[k];
     }
     copy(t->nv, c->sum, a);
+    copy(t->nq, q, c->state), move(t, 1.0, c->aside, c->state);
+    constraints_place(&c->rows, c->state, v);
+    return gap(&c->rows);
 }
 
-/* Write the accelerations of a state, near singular positions those of the closed state; return |G a + G' v|^2, or 0 at
- * a position that is all but singular. */
-static double accelerations(const closing *c, const double *q, const double *v, double *a) {
+/* Write the accelerations, near singular positions of the closed state; return |G a + G' v|^2, 0 where not known. */
+static double accelerations(closing *c, const double *q, const double *v, double *a) {
     const tree *t = c->rows.tree;
     const double blind = c->limits.blind * c->limits.usual;
     constraints_place(&c->rows, q, v);
@@ -106,18 +112,20 @@ static double accelerations(const closing *c, const double *q, const double *v, 
     int moving = 0;
     for (int k = 0; k < t->nv; k++)
         moving = moving || v[k] != 0.0;
-    if (moving && count_from(c, blind * blind * largest_square(c)) < c->limits.rank) {
-        across(c, q, v, a);
-        return 0.0;
+    if (moving && !turns(c) && count_from(c, blind * blind * largest_square(c)) < c->limits.rank) {
+        c->open = across(c, q, v, a);
+        if (!turns(c))
+            return 0.0;
+        c->floor = 0.0;
     }
     copy(t->nq, q, c->state);
     copy(t->nv, v, c->state + t->nq);
-    close_state(c, c->state, c->state + t->nq);
+    close_state(c, 0.0, c->state, c->state + t->nq);
     constraints_place(&c->rows, c->state, c->state + t->nq);
     return constraints_accelerate(&c->rows, &c->exact, a);
 }
 
-static double rates(const closing *c, double *y, double *slope) {
+static double rates(closing *c, double *y, double *slope) {
     const tree *t = c->rows.tree;
     tree_coordinate_rates(t, y, y + t->nq, slope);
     return accelerations(c, y, y + t->nq, slope + t->nq);
@@ -139,8 +147,7 @@ static int look(closing *c) {
         skyline_eigenvalue(&c->rows.delassus, l->rank - 1, least, largest, l->accuracy);
     c->regular = sqrt(smallest / largest) / l->usual;
     const double fall = before - c->regular;
-    c->near = c->regular < l->near ||
-              (c->regular < l->ahead * fall && (fall > l->coarse || c->regular < l->close));
+    c->near = c->regular < l->near || (c->regular < l->ahead * fall && (fall > l->coarse || c->regular < l->close));
     return 1;
 }
 
@@ -149,11 +156,14 @@ int closing_settle(void *system, double time, double *y, double *slope) {
     const closing before = *c;
     const tree *t = c->rows.tree;
     copy(t->nq + t->nv, y, c->saved);
-    close_state(c, y, y + t->nq);
+    close_state(c, 0.0, y, y + t->nq);
     if (look(c)) {
         const int singular = c->regular < c->limits.near;
+        c->open = singular ? c->open : 0.0;
+        if (c->regular < c->limits.blind && !turns(c)) /* the loops tell too little of the state */
+            copy(t->nq + t->nv, c->saved, y);
         c->step = singular || !isfinite(c->t) ? c->step : time - c->t;
-        c->floor = singular ? c->limits.floor * c->step : 0.0;
+        c->floor = singular && !turns(c) ? c->limits.floor * c->step : 0.0;
         c->t = time;
         if ((c->near || c->tolerant.repeats > 0) && rates(c, y, slope) <= c->torn * c->torn)
             return c->near;

@@ -11,7 +11,8 @@ typedef struct {
     double usual;                     /* s_r / s_1 at positions of no special kind */
     double near, ahead, coarse, close, blind; /* limits of the regularity, and of its fall over a step */
     double vanished, accuracy;        /* squares that are 0, and how well they are known */
-    double aside, across[4];          /* how far beside a singular position others are, and their weights */
+    double aside, across[6];          /* how far beside a singular position others are, and their weights */
+    double passed;                    /* gap at the position so interpolated up to which it is passed [m] */
     double floor;                     /* least step close to singular positions, relative to a regular one */
     int rank;
 } limits;
@@ -25,10 +26,10 @@ typedef struct {
     int corrections;          /* most corrections of a position */
     limits limits;
     const double *scale;      /* unit of every velocity, nv */
-    double *generalised, *change, *sum, *part; /* nv */
+    double *generalised, *change, *sum, *part, *aside; /* nv */
     double *state, *saved;    /* nq + nv */
     int near;                 /* whether the stages of the next step are closed */
-    double regular;           /* regularity of the last closed position */
+    double regular, open;     /* regularity of the last closed position; gap at a singular one that is near */
     double t, step, floor;    /* its time, the length of the last regular step, and the least one now */
 } closing;
 

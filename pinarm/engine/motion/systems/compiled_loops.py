@@ -63,11 +63,11 @@ class LoopSystem(NamedTuple):
             limits: When positions are regular; none where nobody looks.
         """
         nv, kind = len(scale), LimitsStructure()
-        kept = scale.copy(), *(np.zeros(nv) for _ in range(4)), *(np.zeros(nq + nv) for _ in range(2))
+        kept = scale.copy(), *(np.zeros(nv) for _ in range(5)), *(np.zeros(nq + nv) for _ in range(2))
         if not np.isfinite([exact.term, exact.accuracy, *closing, *scale]).all():
             return None
         structure = ClosingStructure(
-            loops.structure, exact, exact, *closing, limits or kind, *map(pointer, kept), 0, 0.0, -np.inf, 0.0, 0.0
+            loops.structure, exact, exact, *closing, limits or kind, *map(pointer, kept), 0, 0.0, 0.0, -np.inf, 0.0, 0.0
         )
         return cls(structure, loops, kept)
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from pinarm.arrays import Array
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.pinocchio_constraints import PROJECTION, CoincidentPoints, PointConstraints
+from pinarm.engine.dynamics.pinocchio_constraints import PROJECTION, CoincidentPoints
 from pinarm.engine.kernel.library import Flow, library
 from pinarm.engine.kernel.loops import POINT, CompiledLoops, LoadedLoops, Tied
 from pinarm.engine.kernel.structures import LimitsStructure, ProximalStructure
@@ -28,10 +28,6 @@ NEWTON, CLOSED = 20, 1e-14
 
 PROJECTIONS = 3
 """Projections of its velocities: each leaves ``PROJECTION`` of what is left."""
-
-BEGINS = (1e-9, 0.05)
-"""Regularities of the position where a motion begins between which it is left to Python. Below, the rank is lower on
-the constraints than beside them, as that of Bricard's linkage, or it is the singular position itself."""
 
 ALIKE = 1e-6
 """Relative accuracy of squares of singular values."""
@@ -64,7 +60,7 @@ class PointFlow(Flow):
         """Bring the system to the present state of the motion."""
         structure, motion = self.system.structure, self.motion
         self.take((motion.near, motion.rank))
-        structure.regular, structure.limits.rank = motion.regular, motion.rank
+        structure.regular, structure.limits.rank, structure.open = motion.regular, motion.rank, motion.open
         structure.t, structure.step, structure.floor = motion.t, motion.step, motion.least
 
     def way(self, t: float) -> Any:
@@ -82,25 +78,20 @@ class PointFlow(Flow):
         structure, motion = self.system.structure, self.motion
         motion.choices |= {t: (bool(near), motion.rank) for t, near in zip(ends, marks, strict=True)}
         motion.near, motion.regular = bool(structure.near), structure.regular
-        motion.singular = motion.regular < point_motion.NEAR
+        motion.singular, motion.open = motion.regular < point_motion.NEAR, structure.open
         motion.t, motion.step, motion.least = structure.t, structure.step, structure.floor
+        motion.require_known_way(motion.t)
 
 
 def compiled_points(dynamics: Dynamics, motion: PointMotion, near: Array) -> tuple[Flow | None, str]:
     """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not.
-
-    There is none where the motion begins next to a singular position, where velocities are known but for rounding over
-    the square of the regularity: Python chooses their branch.
 
     Args:
         dynamics: The forces.
         motion: The motion in Python.
         near: A configuration near closed ones, shape (nq,).
     """
-    points = motion.points
-    points.factorise(near)
-    low, high = BEGINS
-    flow = None if low < _regularity(points) < high else PointFlow.of(dynamics, motion)
+    points, flow = motion.points, PointFlow.of(dynamics, motion)
     if flow is None:
         return None, ""
 
@@ -114,12 +105,6 @@ def compiled_points(dynamics: Dynamics, motion: PointMotion, near: Array) -> tup
     flow.take((False, points.tied.rank))
     apart = disagreement(flow, points.tied.model, dynamics, rows, states)
     return (flow, "") if apart <= AGREEMENT else (None, DISAGREES.format(apart))
-
-
-def _regularity(points: PointConstraints) -> float:
-    """Return how regular the rows are at the position last factorised, relative to the usual."""
-    s = np.linalg.svd(points.rows()[points.tied.acting], compute_uv=False)
-    return float(s[points.tied.rank - 1] / s[0] / points.tied.regularity)
 
 
 def _closed(motion: PointMotion) -> Any:
@@ -158,8 +143,8 @@ def _system(loops: LoadedLoops, motion: PointMotion) -> LoopSystem | None:
     points, extent = motion.points, motion.extent
     of_motion = (getattr(point_motion, name) for name in ("NEAR", "AHEAD", "COARSE", "CLOSE", "BLIND", "VANISHED"))
     limits = LimitsStructure(
-        points.tied.regularity, *of_motion, ALIKE, point_motion.ASIDE, tuple(point_motion.ACROSS), point_motion.FLOOR,
-        points.tied.rank,
+        points.tied.regularity, *of_motion, ALIKE, point_motion.ASIDE, tuple(point_motion.ACROSS),
+        point_motion.PASSED * extent, point_motion.FLOOR, points.tied.rank,
     )  # fmt: skip
     closing = PROJECTION * points.scale, ROUNDED * extent, point_motion.STALLED * extent, MET * LEAST, ITERATIONS
     return LoopSystem.of(loops, motion.scale, points.tied.model.nq, _proximal(motion.exact), closing, limits)

@@ -40,9 +40,9 @@ CLEAR = 1e-4
 def compiled_rows(motion: RowMotion, dynamics: Dynamics, near: Array) -> tuple[Flow | None, str]:
     """Return the motion in compiled code where Pinocchio agrees, and what is to be said where it does not.
 
-    There is none where a constraint is no loop joint, and where the library does not
-    know a load or a joint. Nor where the rank of the rows is lower on the constraints than beside them: within steps,
-    where loops are a little open, redundant rows then contradict each other, and only their singular values tell which.
+    There is none where a constraint is no loop joint, or where the library does not know a load or a joint. Nor is
+    there one where the rank of the rows is lower on the constraints than beside them: within steps, where loops are a
+    little open, redundant rows then contradict each other, and only their singular values tell which.
 
     Args:
         motion: The motion in Python.

@@ -13,6 +13,7 @@ from pinarm.engine.dynamics.pinocchio_constraints import PointConstraints
 from pinarm.engine.integration.integrator import Acceleration
 from pinarm.engine.motion.systems.batch_rows import ITERATIONS, ROUNDED
 from pinarm.engine.motion.systems.row_motion import require_closed_accelerations
+from pinarm.errors import NumericsError
 
 FLOOR = 0.3
 """Least step close to singular positions, relative to the last one that was taken far from them."""
@@ -32,9 +33,16 @@ is less than 0.1. Errors of stages there grow with 1 over the regularity, and th
 show it: at tolerance 1e-3 one motion in a hundred went on on another branch. Finer steps are shortened by their errors
 until they are as near as ``NEAR``."""
 
-BLIND, ASIDE, ACROSS = 5e-4, 1e-3, np.array([-1.0, 4.0, 4.0, -1.0]) / 6.0
-"""The same below which a position says little of the acceleration there; it is then interpolated between positions at
-once and twice that distance, before and behind it on the way, with these weights. The motion is smooth."""
+BLIND, ASIDE, ACROSS = 2.5e-3, 5e-3, np.array([1.0, -6.0, 15.0, 15.0, -6.0, 1.0]) / 20.0
+"""The same, s, below which a position says little of the state, whose place is known to eps / s and whose velocity to
+eps / s^2, and of the acceleration there. The state is then not closed: it would lose energy. The acceleration is
+interpolated between positions at once, twice and three times that distance, before and behind it on the way, with these
+weights. The motion is smooth."""
+
+PASSED, TURNED = 1e-11, 1e-9
+"""Gap of the loops, relative to the extent, at the position so interpolated. Up to the first a singular position is
+passed. Above the second the loops do not close there: the motion turns sharply beside it, which takes short steps. A
+gap between them, as where a rod is 1e-9 longer than would give a singular position, leaves the way to rounding."""
 
 VANISHED = 1e-14
 """Square of a singular value, relative to the largest, that is 0 but for rounding."""
@@ -50,7 +58,7 @@ class PointMotion:
         self.free = points.acceleration(dynamics, targets, self.exact)
         self.tolerant: tuple[pin.ProximalSettings, Acceleration] | None = None
         self.near, self.rank, self.looked, self.rows = True, 0, False, np.empty((0, 0))
-        self.regular, self.singular = 0.0, True
+        self.regular, self.singular, self.open = 0.0, True, 0.0
         self.t, self.step, self.least = -np.inf, 0.0, 0.0
         self.choices: dict[float, tuple[bool, int]] = {}
 
@@ -58,11 +66,15 @@ class PointMotion:
         """Return the acceleration, near singular positions that of the closed state."""
         if self.near:
             self.points.factorise(q)
-            if self.looked and v.any() and self.blind():
-                return self.across(t, q, v)
-            q, v = self.closed(q, v)
+            if self.looked and v.any() and self.blind(self.regularity()):
+                a = self.across(t, q, v)
+                if not self.turns:
+                    return a
+                self.points.factorise(q)
+            q = self.closed(q)
             if not self.looked:
-                self.look(q)
+                self.begin(q, v)
+            v = self.tangent(v)
         tolerant = self.tolerant if not self.near and self.rank < self.points.tied.rank else None
         a = (tolerant[1] if tolerant else self.free)(t, q, v)
         if t == self.t:
@@ -75,31 +87,58 @@ class PointMotion:
             return self.exact
         return self.tolerant[0] if self.tolerant else None
 
-    def blind(self) -> bool:
-        """Return whether the position last factorised is too close to a singular one."""
-        return self.regularity() < BLIND
+    def blind(self, regularity: float) -> bool:
+        """Return whether a position is too close to a singular one that is passed."""
+        return regularity < BLIND and not self.turns
+
+    @property
+    def turns(self) -> bool:
+        """Whether the motion turns beside a singular position, where the loops do not close."""
+        return self.open > PASSED * self.extent
+
+    def require_known_way(self, t: float) -> None:
+        """Raise where rounding would decide whether a singular position is passed.
+
+        Raises:
+            NumericsError: If it would.
+        """
+        if PASSED * self.extent < self.open <= TURNED * self.extent:
+            low, high = PASSED * self.extent, TURNED * self.extent
+            raise NumericsError(
+                f"at t = {t:.9g} s the loops almost close in a singular position: they are open by {self.open:.2g} m "
+                "there, too little to tell whether the mechanism goes through it or turns beside it",
+                expected=f"a gap below {low:.1g} m, which counts as a position that is passed, or above {high:.1g} m",
+                hint="give lengths with all their digits, so that the position is exact, or change one by 1e-7 of it",
+            )
 
     def across(self, t: float, q: Array, v: Array) -> Array:
-        """Return the acceleration at a singular position that is passed, from both sides of it."""
+        """Return the acceleration at a singular position that is passed, from both sides of it; see if it is one."""
         model, aside = self.points.tied.model, (ASIDE / float(np.abs(v / self.scale).max())) * v
-        there = []
-        for k in (-2, -1, 1, 2):
+        accelerations, changes = [], []
+        for k in (-3, -2, -1, 1, 2, 3):
             beside = pin.integrate(model, q, k * aside)
             self.points.factorise(beside)
-            there.append(self.free(t, *self.closed(beside, v)).copy())
-        return np.asarray(ACROSS @ np.array(there))
+            closed = self.closed(beside)
+            accelerations.append(self.free(t, closed, self.tangent(v)).copy())
+            changes.append(pin.difference(model, beside, closed))
+        self.points.factorise(pin.integrate(model, q, ACROSS @ np.array(changes)))
+        self.open = float(np.linalg.norm(self.points.gap()))
+        self.require_known_way(t)
+        return np.asarray(ACROSS @ np.array(accelerations))
 
     def floor(self) -> float:
-        """Return the least step here: a fraction of the last one that was taken far from singular positions [s]."""
-        return self.least
+        """Return the least step where a singular position is passed: a fraction of the last one far from them [s]."""
+        return 0.0 if self.turns else self.least
 
     def settle(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the closed state, and choose by it how to go on."""
         if self.places:
             q[self.places], v[self.points.tied.driven], _ = self.targets(t)
         self.points.factorise(q)
-        q, v = self.closed(q, v)
-        self.look(q)
+        closed = self.closed(q)
+        self.look(closed)
+        if not self.blind(self.regular):
+            q, v = closed, self.tangent(v)
         if not self.singular and self.t > -np.inf:
             self.step = t - self.t
         self.least = FLOOR * self.step if self.singular else 0.0
@@ -124,10 +163,19 @@ class PointMotion:
 
         return acceleration
 
+    def begin(self, q: Array, v: Array) -> None:
+        """Choose how to go on from the start; next to a singular position a regular step is the time to get away."""
+        self.look(q)
+        speed = float(np.abs(v / self.scale).max())
+        if self.singular and speed:
+            self.step = NEAR / speed
+            self.least = FLOOR * self.step
+
     def look(self, q: Array) -> None:
         """Choose how to go on, by how regular the position is, which is the one last closed."""
         before, self.regular = self.regular, self.regularity(closed=True)
         self.looked, self.singular = True, self.regular < NEAR
+        self.open = self.open if self.singular else 0.0
         fall = before - self.regular
         self.near = self.singular or (self.regular < AHEAD * fall and (fall > COARSE or self.regular < CLOSE))
         if not self.near and self.rank < self.points.tied.rank and not self.tolerant:
@@ -149,8 +197,8 @@ class PointMotion:
             self.rank = max(self.rank, sum(square > VANISHED * squares[-1] for square in squares))
         return float(max(squares[-self.rank] / squares[-1], 0.0) ** 0.5) / self.points.tied.regularity
 
-    def closed(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the closed state nearest to (q, v), q last factorised, the distance measured by the masses."""
+    def closed(self, q: Array) -> Array:
+        """Return the closed position nearest to q, which was last factorised, the distance measured by the masses."""
         points, before, extent = self.points, np.inf, self.extent
         for _ in range(ITERATIONS):
             gap = points.gap()
@@ -159,4 +207,8 @@ class PointMotion:
                 break
             q, before = pin.integrate(points.tied.model, q, points.step(gap)), size
             points.factorise(q)
-        return q, v - points.step(points.rows() @ v)
+        return q
+
+    def tangent(self, v: Array) -> Array:
+        """Return the velocity nearest to v that keeps the loops closed at the position last factorised."""
+        return v - self.points.step(self.points.rows() @ v)

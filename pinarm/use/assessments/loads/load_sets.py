@@ -213,12 +213,16 @@ def _row(head: tuple[str, float, str, str], values: Array) -> SetRow:
 def _residual(acting: Array) -> tuple[Array, float]:
     """Return the sum of loads about a body's origin as a row, and its size relative to the sum of their sizes.
 
+    The size of a moment is ``|m| + |r| |f|``: where forces act along their levers, nothing but rounding is left of both
+    moments and their residual.
+
     Args:
         acting: Point, force and moment of each load, body axes, shape (k, 9).
     """
     points, forces, moments = np.moveaxis(acting.reshape(-1, 3, 3), 1, 0)
     about = moments + np.cross(points, forces)
-    terms = [(forces, np.abs(forces)), (about, np.abs(moments) + np.abs(np.cross(points, forces)))]
-    sizes = [(np.linalg.norm(part.sum(axis=0)), np.linalg.norm(size.sum(axis=0))) for part, size in terms]
-    relative = max(float(left / size) if size else 0.0 for left, size in sizes)
+    size, levers = np.linalg.norm(forces, axis=1), np.linalg.norm(points, axis=1)
+    sizes = float(size.sum()), float((np.linalg.norm(moments, axis=1) + levers * size).sum())
+    left = (float(np.linalg.norm(part.sum(axis=0))) for part in (forces, about))
+    relative = max(part / whole if whole else 0.0 for part, whole in zip(left, sizes, strict=True))
     return np.concatenate([np.zeros(3), forces.sum(axis=0), about.sum(axis=0)]), relative

@@ -21,7 +21,7 @@ from pinarm.use.scenario.scenario import Given, load
 from pinarm.use.study.batch.block import Block, Question, answered
 from pinarm.use.study.batch.initial_states import Starts
 from pinarm.use.study.batch.reduced_table import ReducedTable
-from pinarm.use.study.batch.reductions import ColumnReduction, reduced
+from pinarm.use.study.batch.reductions import ColumnReduction, numbered, reduced
 from pinarm.use.study.workers.choice import check_number, chosen_workers
 
 AnswerT = TypeVar("AnswerT")
@@ -148,6 +148,28 @@ class Batch:
         for part, found in self._answers(partial(reduced, reductions=wanted)):
             numbers[part] = found
         columns = [Series(one.label, one.unit(known), x) for one, x in zip(wanted, numbers.T, strict=True)]
+        return self._table(columns, self.failures)
+
+    def numbers(self, *texts: str) -> ReducedTable:
+        """Return numbers of every motion as its own run tells them: ``numbers("C_B @ rms", "limits.least_margin")``.
+
+        Figures of a curve are integrated between the rows, and every section of the scenario has its numbers, which
+        takes some ten times as long as ``reduced``. Motions that could not be followed to their end have none.
+
+        Args:
+            texts: Numbers as in ``Result.number``.
+
+        Raises:
+            InputError: A number cannot be read, or the runs have none.
+        """
+        from pinarm.use.result.section_number import read_number
+
+        for text in texts:
+            read_number(text)
+        rows = [row for _, part in self._answers(partial(numbered, texts=texts)) for row in part]
+        units = next((row for row in rows if row), [Series(text, None, np.empty(0)) for text in texts])
+        values = np.array([[float(x.values[0]) for x in row] or [np.nan] * len(texts) for row in rows])
+        columns = [Series(text, x.unit, column) for text, x, column in zip(texts, units, values.T, strict=True)]
         return self._table(columns, self.failures)
 
     def save(self, folder: str | Path) -> Path:

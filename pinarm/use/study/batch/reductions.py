@@ -9,7 +9,7 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, choices
+from pinarm.errors import InputError, NumericsError, choices
 from pinarm.input.units import Unit
 from pinarm.use.study.batch.block import Block
 
@@ -91,4 +91,19 @@ def reduced(block: Block, reductions: Sequence[ColumnReduction]) -> Array:
         if number not in block.failures and reached[number].any():
             here = reached[number]
             found[number] = [one.of(block.t[here], values[one.quantity][number, here]) for one in reductions]
+    return found
+
+
+def numbered(block: Block, texts: Sequence[str]) -> list[list[Series]]:
+    """Return numbers of every motion of a block as its run tells them, a list per motion; none where it failed."""
+    from pinarm.use.result.section_number import measured, read_number
+
+    asked, found = [read_number(text) for text in texts], list[list[Series]]()
+    for number in range(len(block)):
+        try:
+            result = block.run(number)
+        except NumericsError:
+            found.append([])
+        else:
+            found.append([measured(one, result)[0] for one in asked])
     return found

@@ -110,6 +110,7 @@ def test_a_kink_is_told_by_both_derivatives() -> None:
     assert values(found)["max_m_A_0_2_m_B_start.worst_case"] == pytest.approx(1e-3, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_monte_carlo_shows_what_is_not_linear() -> None:
     """(x/s)² has the mean 1 and the deviation 2^(1/2) of a normal x; its derivative at 0 is 0."""
     asked = {"of": ["(m_A - 0.2*m_B)**2 @ start", "C_B @ max"], "to": {"m_A": "30 g"}, "monte_carlo": 150, "seed": 4}

@@ -379,6 +379,26 @@ class TestReduced:
         assert not batch._looked
 
 
+class TestNumbers:
+    def test_they_are_those_of_each_run_sections_included(self, scenario):
+        one = scenario().varied({"limits.keep": {"O @ max": "< 1 rad"}, "accuracy.max_steps": 300})
+        rates = {"B": np.array([0.0, 2.0, 3000.0, 1.0])}
+        table = pinarm.batch(one, velocity=rates).numbers("O @ rms", "limits.least_margin", "t @ max(O)")
+        assert list(table.errors) == [2]
+        assert [str(column.unit) for column in table.columns[1:]] == ["rad", "1", "s"]
+        for k in (0, 1, 3):
+            alone = pinarm.run(one, {"problem.initial.velocity": {"B": f"{rates['B'][k]} rad/s"}})
+            for column in table.columns[1:]:
+                assert column.values[k] == pytest.approx(alone.number(column.name)[0], rel=1e-9)
+        assert np.isnan(table["O @ rms"].values[2])
+
+    def test_what_cannot_be_read_is_refused_before_anything_is_solved(self, scenario):
+        batch = pinarm.batch(scenario(), STARTS, RATES)
+        with pytest.raises(InputError, match="no number of a run"):
+            batch.numbers("O @ rms", "O @ p195")
+        assert not batch._looked
+
+
 class TestSave:
     def test_motions_are_saved_as_runs_are(self, scenario, tmp_path, monkeypatch):
         one = scenario().varied({"accuracy.max_steps": 300})
