@@ -44,10 +44,10 @@ def test_importing_the_package_imports_nothing_else() -> None:
 FUNCTIONS = [name for name in pinarm.__all__ if not isinstance(getattr(pinarm, name), type)]
 PLAIN = {
     "str", "int", "float", "bool", "object", "None", "Any", "Path", "Mapping", "Sequence", "Callable", "Iterator",
-    "Literal", "Array", "ArrayLike", "Values", "Given", "pin", "Model", "ControlFunction",
+    "Literal", "Array", "ArrayLike", "Values", "Given", "pin", "Model", "ControlFunction", "Executor",
 }  # fmt: skip
 """What parameters of public functions are made of, beside public types: plain ones, values, scenarios, Pinocchio's
-models, and functions ``u(t, state)``."""
+models, functions ``u(t, state)``, executors of the standard library."""
 
 
 def public_calls() -> Iterator[tuple[str, Any]]:

@@ -13,7 +13,7 @@ import os
 import sys
 import time
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,6 +24,8 @@ from pinarm.errors import InputError, NumericsError, PinarmError, printable
 from pinarm.input.roots import file_root
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from pinarm.use.study.answers.check import Finding
 
 OK, MISSED, BAD_INPUT, NUMERICS_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
@@ -186,25 +188,37 @@ def _explain(options: argparse.Namespace) -> int:
 
 def _sweep(options: argparse.Namespace) -> int:
     from pinarm.use.scenario.scenario import load
+    from pinarm.use.study.sweep.parquet_parts import require_parquet
     from pinarm.use.study.sweep.sweep import sweep
     from pinarm.use.study.sweep.sweep_files import summary
     from pinarm.use.study.sweep.sweep_text import progress_bar, report
 
     scenario = load(options.scenario, options.values)
     folder = options.output or Path("results") / f"{scenario.name}-sweep"
-    with progress_bar(sys.stderr) as progress:
+    if options.parquet:
+        require_parquet()  # before the work
+    with _executor(options.cluster) as executor, progress_bar(sys.stderr) as progress:
         swept = sweep(
             scenario, _assignments(options.over), cases=options.cases, samples=options.sample, seed=options.seed,
-            sampling=options.sampling, results=options.results, workers=options.workers, folder=folder,
-            progress=progress,
+            sampling=options.sampling, results=options.results, workers=options.workers, executor=executor,
+            folder=folder, progress=progress,
         )  # fmt: skip
-    swept.save(folder, plots=not options.no_plots)
+    swept.save(folder, plots=not options.no_plots, parquet=options.parquet)
     if options.json:
         _print_json({**summary(swept), "folder": str(folder)})
     else:
         print(printable(report(swept)))
         print(f"written to {folder}")
     return NUMERICS_FAILED if swept.errors else OK
+
+
+def _executor(address: str | None) -> AbstractContextManager[Executor | None]:
+    """Return the executor of a cluster; none where no address is given."""
+    if address is None:
+        return nullcontext()
+    from pinarm.use.study.workers.cluster import cluster
+
+    return cluster(address)
 
 
 def _tradeoff(options: argparse.Namespace) -> int:

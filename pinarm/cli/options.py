@@ -22,7 +22,8 @@ EXAMPLES_OF = {
     "explain": ["explain scenario.yaml", "explain mechanism.yaml", "explain arm.urdf", "explain panda"],
     "quantities": ["quantities scenario.yaml --like force", "quantities arm.urdf"],
     "sweep": ["sweep scenario.yaml --over arguments.m_A='0.1:0.5:9 kg' --result 'C_B @ max'",
-              "sweep scenario.yaml --over arguments.m_A='normal(0.25, 0.01) kg' --sample 1000"],
+              "sweep scenario.yaml --over arguments.m_A='normal(0.25, 0.01) kg' --sample 1000",
+              "sweep scenario.yaml --over arguments.m_A='0.1:0.5:100000 kg' --cluster tcp://10.0.0.1:8786"],
     "tradeoff": ["tradeoff scenario.yaml"],
     "replay": ["replay results/scenario --trace P --arrows reactions", "replay results/scenario --png t=0.5"],
     "report": ["report results/scenario -o report.html", "report results/first results/second -o both.pdf"],
@@ -120,9 +121,13 @@ def _sweep(sweep: ArgumentParser) -> None:
     sweep.add_argument("--result", action="append", default=[], metavar="QUANTITY[@PLACE]", dest="results",
                        help="what to take from each case, such as C_B, 'C_B @ max', 't @ max(C_B)', 'C_B @ t=1.5 s' "
                        "(default: least and greatest row of every output)")  # fmt: skip
-    sweep.add_argument("-j", "--workers", type=int, help="processes (default: all cores)")
+    who = sweep.add_mutually_exclusive_group()
+    who.add_argument("-j", "--workers", type=int, help="processes (default: all cores)")
+    who.add_argument("--cluster", metavar="ADDRESS", help="solve on the cluster of this Dask scheduler, such as "
+                     "tcp://10.0.0.1:8786, in place of processes here")  # fmt: skip
     sweep.add_argument("-o", "--output", type=Path, help="folder of the sweep (default: results/SCENARIO-sweep)")
     sweep.add_argument("--no-plots", action="store_true", help="write numbers only")
+    sweep.add_argument("--parquet", action="store_true", help="write the table as Parquet too, in parts")
     _values(sweep)
 
 

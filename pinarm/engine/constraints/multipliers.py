@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pinarm.arrays import Array, Indices
+from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.nullspace import RowDecompositions
 
@@ -54,13 +55,17 @@ class Multipliers:
 
         def own(rows: Indices) -> Array:
             found = np.empty((len(rows), m))
-            for start in range(0, len(rows), BLOCK):
-                some = rows[start : start + BLOCK]
-                g = closure.at(q[some])[1]
-                force = held[some] - np.vecmat(along[some], g[:, m:])
-                splits = RowDecompositions.of(g[:, :m], closure.reach[:m]) if along.size else closure.splits(q[some], g)
-                found[start : start + BLOCK] = splits.multipliers(force)
+            with one_blas_thread(held.shape[1]):
+                for start in range(0, len(rows), BLOCK):
+                    some = rows[start : start + BLOCK]
+                    found[start : start + BLOCK] = block(some)
             return found
+
+        def block(some: Indices) -> Array:
+            g = closure.at(q[some])[1]
+            force = held[some] - np.vecmat(along[some], g[:, m:])
+            splits = RowDecompositions.of(g[:, :m], closure.reach[:m]) if along.size else closure.splits(q[some], g)
+            return splits.multipliers(force)
 
         return cls(own, along)
 

@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from pinarm.arrays import Array
+from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.evaluation import Evaluation
 from pinarm.engine.quantities.families import FAMILIES, family
@@ -91,7 +92,8 @@ class Quantities:
             InputError: There is no such quantity, or a name means several; the message lists what there is.
         """
         if name not in self._known:
-            self._known[name] = self._require_known(self._find(name))
+            with one_blas_thread(self.trajectory.mechanism.model.nv):
+                self._known[name] = self._require_known(self._find(name))
         return self._known[name]
 
     def _require_known(self, series: Series) -> Series:

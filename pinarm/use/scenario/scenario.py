@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.checks.unclosed import unclosed
+from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.mechanism import Mechanism, mechanism_document, read_mechanism
 from pinarm.engine.motion.outcome import Outcome
 from pinarm.engine.quantities.names import Quantities
@@ -100,6 +101,13 @@ class Scenario:
     def __reduce__(self) -> tuple[Any, ...]:
         """Say how another process makes the same scenario: from its text, since what is built from it has functions."""
         return _read_again, (self.document, self.folder.absolute(), self.seed, self.given, self.functions)
+
+    @property
+    def located(self) -> tuple[Document, Path]:
+        """Its document and its folder, whose paths are the same for a process in another folder."""
+        path = self.document.path
+        document = replace(self.document, path=path.parent.resolve() / path.name) if path else self.document
+        return document, self.folder.resolve()
 
     def varied(self, values: Values) -> Scenario:
         """Return the scenario with other values.
@@ -287,11 +295,12 @@ class Scenario:
 
     def _solve_once(self) -> Result:
         """Solve, measure the accuracy, and refuse what is not finite."""
-        try:
-            solved = self.simplification.solve()
-        except MethodError as error:
-            raise error.at(self.document.locate(("accuracy", "method"))) from None
-        return self.measured(*solved)
+        with one_blas_thread(self.mechanism.model.nv):
+            try:
+                solved = self.simplification.solve()
+            except MethodError as error:
+                raise error.at(self.document.locate(("accuracy", "method"))) from None
+            return self.measured(*solved)
 
     def measured(self, solved: Outcome, whole: Outcome) -> Result:
         """Return the result with its accuracy, measured on the mechanism that was solved.

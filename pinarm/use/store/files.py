@@ -9,7 +9,7 @@ import zipfile
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -27,9 +27,9 @@ def write_parts(path: Path, parts: Iterable[bytes]) -> None:
         stream.writelines(parts)
 
 
-def write_arrays(path: Path, arrays: dict[str, Any]) -> None:
-    """Write a new npz file whose bytes depend on the arrays only; any name will do."""
-    with zipfile.ZipFile(path, "x") as archive:
+def write_arrays(target: Path | IO[bytes], arrays: dict[str, Any]) -> None:
+    """Write a new npz file, or one into a stream, whose bytes depend on the arrays only; any name will do."""
+    with zipfile.ZipFile(target, "x") as archive:
         for name, array in arrays.items():
             with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as stream:
                 np.lib.format.write_array(stream, array, allow_pickle=False)

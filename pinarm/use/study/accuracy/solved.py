@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from pinarm.engine.checks.balance import power_balance
 from pinarm.engine.checks.residuals import residual_figures
+from pinarm.engine.constraints.blas_threads import one_blas_thread
 
 if TYPE_CHECKING:
     from pinarm.use.result.result import Result
@@ -41,7 +42,8 @@ def verified(scenario: Scenario) -> Result:
 
     result = solved(scenario)
     run, rows = result.trajectory, len(result)
-    checked = {**power_balance(run, rows), **residual_figures(run, result.outcome.motion, rows)}
+    with one_blas_thread(scenario.mechanism.model.nv):
+        checked = {**power_balance(run, rows), **residual_figures(run, result.outcome.motion, rows)}
     result = replace(result, figures={**result.figures, **checked})
     if result.errors:
         return result

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
 from pinarm.engine.series import Series
-from pinarm.errors import InputError, NumericsError
+from pinarm.errors import NumericsError
 from pinarm.input.yaml.values import Values
 from pinarm.use.result.result import Result
 from pinarm.use.scenario.scenario import Given, load
@@ -21,6 +22,7 @@ from pinarm.use.study.batch.block import Block, Question, answered
 from pinarm.use.study.batch.initial_states import Starts
 from pinarm.use.study.batch.reduced_table import ReducedTable
 from pinarm.use.study.batch.reductions import ColumnReduction, numbered, reduced
+from pinarm.use.study.workers.choice import check_number, chosen_workers
 
 AnswerT = TypeVar("AnswerT")
 
@@ -45,14 +47,16 @@ class Batch:
         starts: The initial values that were given.
         q: Configurations at the start, shape (b, nq).
         v: Velocities there, shape (b, nv).
-        workers: Number of processes that solve them; 1 for this one.
+        workers: Number of processes that solve them, or of the workers of the executor; without it 1 is this process.
+        executor: Who solves them in place of processes of this machine.
     """
 
     question: Question
     starts: Starts
     q: Array
     v: Array
-    workers: int = 1
+    workers: int | None = None
+    executor: Executor | None = None
     _blocks: dict[int, Block] = field(default_factory=dict)
     _failures: dict[int, str] = field(default_factory=dict)
     _looked: set[int] = field(default_factory=set)
@@ -188,9 +192,11 @@ class Batch:
         numbers, errors = np.empty((len(self), len(columns))), dict[int, str]()
         with whole_folder(home, "batch") as draft:
             (draft / "motions").mkdir()
-            for part, lines in self._answers(partial(saved, folder=draft.resolve())):
-                numbers[part] = [line for line, _ in lines]
-                errors |= {part.start + k: why for k, (_, why) in enumerate(lines) if why}
+            for part, motions in self._answers(saved):
+                numbers[part] = [motion.line for motion in motions]
+                errors |= {part.start + k: motion.error for k, motion in enumerate(motions) if motion.error}
+                for k, motion in enumerate(motions):
+                    motion.write(draft / "motions" / f"{part.start + k:06d}")
             filled = [replace(series, values=x) for series, x in zip(columns, numbers.T, strict=True)]
             known_columns = [series for series in filled if not np.isnan(series.values).all()]
             write_table(self._table(known_columns, errors), draft)
@@ -222,13 +228,14 @@ class Batch:
         self, parts: Sequence[slice], answer: Callable[[Block], AnswerT]
     ) -> Iterator[tuple[slice, AnswerT, dict[int, str]]]:
         """Yield the answers of blocks, with the failures in them, of this process or as those of others come."""
-        if self.workers == 1:
+        if self.executor is None and self.workers in (None, 1):
             yield from ((part, *answered(answer, self._block(part.start, part.stop))) for part in parts)
             return
         from pinarm.use.study.batch.worker_blocks import answers
 
+        workers = chosen_workers(self.workers and min(self.workers, len(parts)), self.executor)
         jobs = [(part.start, self.q[part], self.v[part]) for part in parts]
-        for (first, q, _), found, failures in answers(self.question.scenario, jobs, answer, self.workers):
+        for (first, q, _), found, failures in answers(self.question.scenario, jobs, answer, workers):
             yield slice(first, first + len(q)), found, failures
 
     def _block(self, begin: int, end: int) -> Block:
@@ -257,7 +264,8 @@ class Batch:
 
 def batch(
     scenario: Given, position: Mapping[str, ArrayLike] | None = None,
-    velocity: Mapping[str, ArrayLike] | None = None, *, values: Values | None = None, workers: int = 1,
+    velocity: Mapping[str, ArrayLike] | None = None, *, values: Values | None = None, workers: int | None = None,
+    executor: Executor | None = None,
 ) -> Batch:  # fmt: skip
     """Ask a scenario of kind ``forward`` from many initial states.
 
@@ -268,14 +276,15 @@ def batch(
         velocity: Joint -> its initial velocities [rad/s or m/s], likewise.
         values: Other values than those of the file, such as ``{"problem.time.end": "3 s"}``; see ``pinarm.load``.
         workers: Processes that solve the motions, as pays where loops are taken one by one; the numbers are the same.
+            Of an executor, how many workers it has, where it cannot tell.
+        executor: Who solves them in place of processes of this machine; see ``pinarm.sweep``.
 
     Raises:
         InputError: The scenario is of another kind or looks for something, a joint has not one coordinate or follows a
             law, or the numbers of values differ.
         DynamicsError: Masses do not determine the accelerations.
     """
-    if workers < 1:
-        raise InputError(f"{workers} workers solve nothing", expected="at least 1")
+    check_number(workers)
     question = Question.of(load(scenario, values))
     starts = Starts.of(question.scenario.simplification.solved, question.hybrid, position or {}, velocity or {})
-    return Batch(question, starts, *question.begin(starts.initial(question.hybrid)), workers)
+    return Batch(question, starts, *question.begin(starts.initial(question.hybrid)), workers, executor)

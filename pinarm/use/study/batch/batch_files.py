@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -20,30 +22,50 @@ from pinarm.use.study.batch.reduced_table import ReducedTable
 WORTH = (*(name for name in MEASURES if name != "least regular at"), *COSTS)
 """Figures of every motion: what it is worth, and what it cost."""
 
-Line = tuple[list[float], str]
-"""The numbers of a motion, and why it could not be followed to its end."""
+
+@dataclass(frozen=True)
+class SavedMotion:
+    """What is kept of a motion.
+
+    Attributes:
+        line: Its line in the table: least and greatest value of every output, then its ``WORTH``.
+        error: Why it could not be followed to its end; empty where it was.
+        csv: Its table as CSV, in pieces; none where there is no row.
+        npz: The same as npz; empty where there is no row.
+    """
+
+    line: list[float]
+    error: str = ""
+    csv: tuple[bytes, ...] = field(default=(), repr=False)
+    npz: bytes = field(default=b"", repr=False)
+
+    def write(self, path: Path) -> None:
+        """Write the files of the motion, of a path without ending."""
+        if self.npz:
+            write_parts(path.with_suffix(".csv"), self.csv)
+            write_parts(path.with_suffix(".npz"), [self.npz])
 
 
-def saved(block: Block, folder: Path) -> list[Line]:
-    """Write the motions of a block, and return the line of each: its ``extremes``, then its ``WORTH``."""
-    return [_saved(block, number, folder / "motions") for number in range(len(block))]
+def saved(block: Block) -> list[SavedMotion]:
+    """Return what is kept of the motions of a block."""
+    return [_saved(block, number) for number in range(len(block))]
 
 
-def _saved(block: Block, number: int, folder: Path) -> Line:
+def _saved(block: Block, number: int) -> SavedMotion:
     outputs, why = block.question.scenario.content.outputs, ""
     try:
         result = block.run(number)
     except NumericsError as error:
         found, why = error.partial, error.message
         if not isinstance(found, Result):
-            return [np.nan] * (2 * len(dict.fromkeys(outputs)) + len(WORTH)), why
+            return SavedMotion([np.nan] * (2 * len(dict.fromkeys(outputs)) + len(WORTH)), why)
         result = found
     written = result.columns()
-    write_parts(folder / f"{block.first + number:06d}.csv", csv(written))
-    write_arrays(folder / f"{block.first + number:06d}.npz", arrays(result, written))
+    packed = io.BytesIO()
+    write_arrays(packed, arrays(result, written))
     extremes = [x for series in written[1:] for x in (series.values.min(), series.values.max())]
     line = [float(x) for x in (*extremes, *(result.figures.get(name, np.nan) for name in WORTH))]
-    return [np.nan if why else x for x in line], why
+    return SavedMotion([np.nan if why else x for x in line], why, tuple(csv(written)), packed.getvalue())
 
 
 def write_table(table: ReducedTable, folder: Path) -> None:

@@ -11,6 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.constraints.blas_threads import one_blas_thread
 from pinarm.engine.integration.batch_solution import Ensemble
 from pinarm.engine.motion.hybrid_motion import HybridSystem
 from pinarm.engine.motion.outcome import Outcome
@@ -214,7 +215,8 @@ class Block:
 
 def answered(answer: Callable[[Block], AnswerT], block: Block) -> tuple[AnswerT, dict[int, str]]:
     """Return what a block answers, and why motions of it failed."""
-    return answer(block), block.failures
+    with one_blas_thread(block.question.scenario.mechanism.model.nv):
+        return answer(block), block.failures
 
 
 def _rows(table: Array, t: Array) -> tuple[Indices, Indices]:

@@ -1,4 +1,4 @@
-"""Blocks of a batch that other processes solve."""
+"""Blocks of a batch that workers solve."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from pinarm.input.roots import file_root, given_root
 from pinarm.input.yaml.document import Document
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.batch.block import Block, Question, answered
-from pinarm.use.study.sweep.process_pool import WorkerDeath, distribute
+from pinarm.use.study.workers.chunk_order import LostJob
+from pinarm.use.study.workers.distribute import Workers, distribute
 
 AnswerT = TypeVar("AnswerT")
 
@@ -46,7 +47,7 @@ class Remote(Generic[AnswerT]):
         """Return the question of the scenario."""
         return Question.of(replace(Scenario.of(self.document, self.folder), seed=self.seed))
 
-    def __call__(self, job: Job) -> tuple[AnswerT, dict[int, str]] | PinarmError | OSError:
+    def __call__(self, job: Job) -> tuple[AnswerT, dict[int, str]] | PinarmError:
         """Return the answer of a block and why motions of it failed, or why it has none."""
         first, q, v = job
         try:
@@ -55,25 +56,23 @@ class Remote(Generic[AnswerT]):
         except PinarmError as error:
             error.__dict__.pop("partial", None)  # which stays in this process
             return error
-        except OSError as error:
-            return error
 
 
 def answers(
-    scenario: Scenario, jobs: Sequence[Job], answer: Callable[[Block], AnswerT], workers: int
+    scenario: Scenario, jobs: Sequence[Job], answer: Callable[[Block], AnswerT], workers: Workers
 ) -> Iterator[tuple[Job, AnswerT, dict[int, str]]]:
     """Yield the answers of blocks as they come, and why motions of each failed.
 
     Raises:
         PinarmError: A block has no answer.
-        NumericsError: A process died.
+        NumericsError: Workers died with a block.
     """
-    remote = Remote(scenario.document, scenario.folder, scenario.seed, given_root(), answer)
-    with closing(distribute(remote, iter(jobs), min(workers, len(jobs)))) as found:
+    remote = Remote(*scenario.located, scenario.seed, given_root(), answer)
+    with closing(distribute(remote, iter(jobs), workers)) as found:
         for job, answered in found:
-            if isinstance(answered, WorkerDeath):
+            if isinstance(answered, LostJob):
                 last = job[0] + len(job[1]) - 1
-                raise NumericsError(f"the process that solved the motions {job[0]} to {last} died by {answered.how}")
-            if isinstance(answered, PinarmError | OSError):
+                raise NumericsError(f"the motions {job[0]} to {last} have no answer: {answered.reason}")
+            if isinstance(answered, PinarmError):
                 raise answered
             yield job, *answered

@@ -17,7 +17,8 @@ from pinarm.use.output.folder import check_replaceable
 from pinarm.use.study.sweep.axes import Cases, Value
 from pinarm.use.study.sweep.cases import WORTH, Row, Task, solve_case
 from pinarm.use.study.sweep.journal import JOURNAL, Journal, Sources, task_digest
-from pinarm.use.study.sweep.process_pool import WorkerDeath, distribute
+from pinarm.use.study.workers.chunk_order import LostJob
+from pinarm.use.study.workers.distribute import Workers, distribute
 
 UNSOLVED = "not solved"
 
@@ -53,11 +54,11 @@ class Solving:
     def __post_init__(self) -> None:
         self.solved = np.zeros(len(self.cases), bool)
 
-    def run(self, workers: int, folder: Path | None) -> None:
+    def run(self, workers: Workers, folder: Path | None) -> None:
         """Solve all cases.
 
         Args:
-            workers: Number of processes.
+            workers: Who solves them.
             folder: Where to keep the journal; ``None`` for none.
 
         Raises:
@@ -69,11 +70,11 @@ class Solving:
         with closing(open_journal(folder, self.task, self.numbers.shape[1])) as journal:
             self._solve(workers, journal)
 
-    def _solve(self, workers: int, journal: Journal | None) -> None:
+    def _solve(self, workers: Workers, journal: Journal | None) -> None:
         with closing(distribute(partial(_solve_job, self.task), self._unknown(journal), workers)) as answers:
             for (case, key, _), answer in answers:
-                if isinstance(answer, WorkerDeath):
-                    self._take(case, Row((), f"its process died by {answer.how}", final=False))
+                if isinstance(answer, LostJob):
+                    self._take(case, Row((), answer.reason, final=False))
                     continue
                 self.sources.check(answer.files)
                 if journal and answer.final:

@@ -26,6 +26,7 @@ from pinarm.errors import InputError
 from pinarm.input.roots import Stamp, stamp_of
 from pinarm.use.study.sweep.axes import Value
 from pinarm.use.study.sweep.cases import Row, Task
+from pinarm.use.study.workers.versions import versions
 
 JOURNAL = "journal.jsonl"
 """Its name in the folder of a sweep."""
@@ -53,16 +54,9 @@ def task_digest(task: Task) -> str:
 
     The code of this program is part of it.
     """
-    import pinocchio
-
-    import pinarm
-
     relevant = {key: value for key, value in task.document.data.items() if key not in ("expect", "title")}
-    package = Path(pinarm.__file__).parent
-    code = [hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(package.rglob("*.py"))]
     wanted = [(entry.quantity, entry.labels()) for entry in task.wanted]
-    versions = [pinocchio.__version__, np.__version__]
-    return digest([relevant, str(task.folder.resolve()), wanted, code, versions])
+    return digest([relevant, str(task.folder.resolve()), wanted, versions()])
 
 
 class Sources:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -10,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from pinarm.engine.dynamics.parallel import cores
 from pinarm.engine.series import Series
 from pinarm.errors import InputError, Interrupted, PinarmError, choices
 from pinarm.input.roots import given_root, noting_files
@@ -21,6 +21,7 @@ from pinarm.use.study.sweep.axes import MOST, Axis, Cases, Distribution, Samplin
 from pinarm.use.study.sweep.case_solver import Solving
 from pinarm.use.study.sweep.cases import WORTH, Task, Wanted
 from pinarm.use.study.sweep.value_syntax import read_axis, read_cases
+from pinarm.use.study.workers.choice import check_number, chosen_workers
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -88,11 +89,17 @@ class Sweep:
 
         return plot(self, self[name] if name else self.columns[0])
 
-    def save(self, folder: str | Path, *, plots: bool = True) -> Path:
-        """Write ``sweep.yaml``, ``cases.csv``, ``cases.npz``, ``summary.json`` and plots; return the folder."""
+    def save(self, folder: str | Path, *, plots: bool = True, parquet: bool = False) -> Path:
+        """Write ``sweep.yaml``, ``cases.csv``, ``cases.npz``, ``summary.json`` and plots; return the folder.
+
+        Args:
+            folder: The folder; see ``sweep_files.save``.
+            plots: Whether pictures are written.
+            parquet: Whether the table is written as Parquet too, in parts of 100,000 cases, by pyarrow.
+        """
         from pinarm.use.study.sweep.sweep_files import save
 
-        return save(self, Path(folder), plots=plots)
+        return save(self, Path(folder), plots=plots, parquet=parquet)
 
     def _repr_html_(self) -> str:
         """Return statistics and a plot, for notebooks."""
@@ -114,6 +121,7 @@ def sweep(
     sampling: Literal["random", "latin"] = "random",
     results: Sequence[str] = (),
     workers: int | None = None,
+    executor: Executor | None = None,
     folder: str | Path | None = None,
     progress: Callable[[int, int, int], None] = lambda done, failed, total: None,
 ) -> Sweep:
@@ -131,7 +139,10 @@ def sweep(
         sampling: ``random``, or ``latin`` for a Latin hypercube.
         results: What to take from each case, such as ``"C_B"`` (least and greatest row), ``"C_B @ max"``,
             ``"t @ max(C_B)"``, ``"C_B @ t=1.5 s"``; the outputs of the scenario where nothing is named.
-        workers: Processes; all cores where it is left out.
+        workers: Processes; all cores where it is left out. Of an executor, how many workers it has, where it cannot
+            tell.
+        executor: Who solves the cases in place of processes of this machine: any of ``concurrent.futures``, such as
+            ``dask.distributed.Client(...).get_executor()``. Files travel to it; it is not shut down.
         folder: Where to keep what is finished; a sweep that finds its cases there does not solve them again.
         progress: Called after every case: ``progress(done, failed, total)``, numbers of cases.
 
@@ -139,8 +150,7 @@ def sweep(
         InputError: The sweep cannot be done as it stands. A case that fails does not raise: ``Sweep.errors`` has it.
         Interrupted: By the user; ``partial`` holds the sweep so far.
     """
-    if workers is not None and workers < 1:
-        raise InputError(f"{workers} workers solve nothing", expected="at least 1")
+    check_number(workers)
     scenario = load(scenario, values)
     given = {path: x.tolist() if isinstance(x, np.ndarray) else x for path, x in (over or {}).items()}
     with noting_files() as files:
@@ -148,7 +158,7 @@ def sweep(
         quantities, sections = _end(scenario, chosen).quantities(), scenario.numbered
         read = [Wanted.read(text, sections) for text in results or scenario.content.outputs]
         found = [entry.measured(quantities, sections) for entry in read]
-    task = Task(scenario.document, scenario.folder, tuple(entry for entry, _ in found), given_root())
+    task = Task(*scenario.located, tuple(entry for entry, _ in found), given_root())
     named = [column for _, columns in found for column in columns]
     named += [Series(name, DIMENSIONLESS, np.zeros(0)) for name in WORTH]
     solving = Solving(task, chosen, np.full((len(chosen), len(named)), np.nan), progress)
@@ -162,7 +172,7 @@ def sweep(
     }  # fmt: skip
     interrupted = False
     try:
-        solving.run(cores() if workers is None else workers, Path(folder) if folder is not None else None)
+        solving.run(chosen_workers(workers, executor), Path(folder) if folder is not None else None)
     except KeyboardInterrupt:
         interrupted = True
     swept = Sweep(scenario.name, scenario.content.title, definition, chosen, solving.columns(named), solving.failures())

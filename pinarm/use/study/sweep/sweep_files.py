@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,23 +27,26 @@ WORST: dict[str, Callable[[Array], Any]] = {
 """Measures of accuracy, and which of their values is the worst."""
 
 
-def save(sweep: Sweep, folder: Path, *, plots: bool = True) -> Path:
+def save(sweep: Sweep, folder: Path, *, plots: bool = True, parquet: bool = False) -> Path:
     """Write a sweep.
 
-    The folder gets ``sweep.yaml`` (what was asked), ``cases.csv``, ``cases.npz`` and, where pyarrow is installed,
-    ``cases.parquet`` (a line per case), ``summary.json`` (statistics and failures), and with ``plots`` a picture per
-    result.
+    The folder gets ``sweep.yaml`` (what was asked), ``cases.csv`` and ``cases.npz`` (a line per case), ``summary.json``
+    (statistics and failures), with ``plots`` a picture per result, and with ``parquet`` the table in parts below
+    ``cases.parquet``.
 
     Raises:
-        InputError: The folder cannot be written, or holds files that are not an earlier sweep's.
+        InputError: The folder cannot be written, or holds files that are not an earlier sweep's, or pyarrow is not
+            installed.
     """
     with whole_folder(folder, "sweep", beside=(JOURNAL,)) as draft:
         write(draft / "sweep.yaml", yaml_text(_definition(sweep, folder)))
         lines = columns.csv_lines("case", list(sweep.table.values()), sweep.errors)
         write_parts(draft / "cases.csv", (line.encode() for line in lines))
         write_arrays(draft / "cases.npz", columns.arrays(list(sweep.table.values()), sweep.errors))
-        if find_spec("pyarrow"):
-            _write_parquet(sweep, draft / "cases.parquet")
+        if parquet:
+            from pinarm.use.study.sweep import parquet_parts
+
+            parquet_parts.write_parts(sweep, draft / parquet_parts.PARQUET)
         write(draft / "summary.json", json_text(summary(sweep)) + "\n")
         if plots:
             from pinarm.use.study.sweep.plots import save_plots
@@ -68,15 +70,6 @@ def csv(sweep: Sweep) -> str:
     Those of cases that failed are empty.
     """
     return columns.csv("case", list(sweep.table.values()), sweep.errors)
-
-
-def _write_parquet(sweep: Sweep, path: Path) -> None:
-    import pyarrow
-    import pyarrow.parquet
-
-    found: dict[str, Any] = {series.label: series.values for series in sweep.table.values()}
-    found["error"] = [sweep.errors.get(case, "") for case in range(len(sweep))]
-    pyarrow.parquet.write_table(pyarrow.table(found), path)
 
 
 def summary(sweep: Sweep) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from pinarm.problems.forward import Forward
 from pinarm.use.study.batch import batch as motions
 from pinarm.use.study.batch import worker_blocks as remote
 from pinarm.use.study.batch.block import Block
-from pinarm.use.study.sweep.process_pool import WorkerDeath
+from pinarm.use.study.workers.chunk_order import LostJob
 
 ROOT = Path(__file__).parents[4]
 SWING = """\
@@ -221,9 +221,10 @@ class TestWorkers:
             list(batch._answers(partial(Block.values, names=["upright"])))
 
     def test_a_process_that_dies_is_told(self, scenario, monkeypatch):
-        monkeypatch.setattr(remote, "distribute", lambda f, jobs, n: ((job, WorkerDeath("SIGKILL")) for job in jobs))
+        lost = LostJob("its process died")
+        monkeypatch.setattr(remote, "distribute", lambda function, jobs, workers: ((job, lost) for job in jobs))
         batch = pinarm.batch(scenario(text=LOOP), velocity={"upright_0": [1.0, 2.0]}, workers=2)
-        with pytest.raises(NumericsError, match="solved the motions 0 to 1 died by SIGKILL"):
+        with pytest.raises(NumericsError, match="the motions 0 to 1 have no answer: its process died"):
             batch.states()
 
     def test_none_solve_nothing(self, scenario):

@@ -302,7 +302,7 @@ def test_workers_do_not_outlive_a_sweep_that_is_killed(path: Path, tmp_path: Pat
     workers = Path(f"/proc/{sweep.pid}/task/{sweep.pid}/children").read_text().split()
     sweep.kill()
     sweep.communicate()
-    assert len(workers) == 2
+    assert len(workers) >= 2  # and what cleans up after them
     wait_for(lambda: not any(_runs(worker) for worker in workers))
 
 

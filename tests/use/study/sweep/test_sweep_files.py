@@ -31,14 +31,6 @@ def test_the_table_is_read_back_to_the_last_digit(sweep: pinarm.Sweep, tmp_path:
         assert arrays["error"].tolist() == [sweep.errors.get(case, "") for case in range(6)]
 
 
-def test_parquet_is_written_where_it_can_be(sweep: pinarm.Sweep, tmp_path: Path) -> None:
-    parquet = pytest.importorskip("pyarrow.parquet")
-    sweep.save(tmp_path / "out", plots=False)
-    table = parquet.read_table(tmp_path / "out" / "cases.parquet").to_pydict()
-    np.testing.assert_array_equal(table["M @ end [N*m]"], sweep["M @ end"].values)
-    assert table["symbols.s"] == ["alpha", "2*alpha"] * 3
-
-
 def test_the_statistics_are_those_of_the_cases_that_were_solved(sweep: pinarm.Sweep, tmp_path: Path) -> None:
     sweep.save(tmp_path / "out", plots=False)
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())

@@ -1,0 +1,55 @@
+"""Connection to a Dask cluster that runs already, on this machine or on many."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager, suppress
+from importlib import import_module
+from typing import Any
+
+from pinarm.errors import InputError
+
+TIMEOUT = 10.0
+"""Time in which a scheduler has to answer [s]."""
+
+
+@contextmanager
+def cluster(address: str) -> Iterator[Executor]:
+    """Yield the executor of a cluster; nothing listens here.
+
+    Args:
+        address: That of its scheduler, such as ``tcp://10.0.0.1:8786``; of ``tls://...`` the certificates are those of
+            Dask's own configuration, ``distributed.comm.tls``.
+
+    Raises:
+        InputError: Dask is not installed, or no scheduler answers.
+    """
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError:
+        raise InputError("Dask is not installed", hint="pip install 'pinarm[cluster]'") from None
+    _quieten()
+    if address.startswith("tls://") and not distributed.Security().get_connection_args("client").get("ssl_context"):
+        raise InputError(f"{address} wants certificates, and none are configured",
+                         expected="distributed.comm.tls in Dask's configuration: ca-file, client.key and client.cert",
+                         hint="DASK_DISTRIBUTED__COMM__TLS__CA_FILE and the like") from None  # fmt: skip
+    try:
+        client = distributed.Client(address, timeout=TIMEOUT, set_as_default=False, name="pinarm")
+    except (OSError, ValueError, TypeError, RuntimeError) as error:
+        said = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        raise InputError(f"no scheduler of Dask answers at {address}: {said}",
+                         expected="tcp://HOST:PORT, or tls://HOST:PORT with distributed.comm.tls configured",
+                         hint="dask scheduler") from None  # fmt: skip
+    try:
+        yield client.get_executor()
+    finally:
+        with suppress(Exception):
+            client.close(timeout=1.0)
+
+
+def _quieten() -> None:
+    """Let Dask print no messages: that the connection is lost is told by the work that was under way."""
+    for name in [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)

@@ -1,0 +1,47 @@
+"""What determines the numbers that a process computes, beside its input: the versions of the programs."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+Versions = Mapping[str, str]
+"""Program -> its version."""
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Return the versions of the programs that this process computes with."""
+    import numpy
+    import pinocchio
+    import scipy
+
+    import pinarm
+    from pinarm.engine.kernel.library import absence
+
+    return {
+        "python": platform.python_version(), "pinarm": pinarm.__version__, "the code of pinarm": code_digest(),
+        "the compiled kernel of pinarm": "not used" if absence() else "used", "pinocchio": pinocchio.__version__,
+        "numpy": numpy.__version__, "scipy": scipy.__version__,
+    }  # fmt: skip
+
+
+@cache
+def code_digest() -> str:
+    """Return a digest of the package's files of Python and C, which tells states of the code of one version apart."""
+    import pinarm
+
+    package, content = Path(pinarm.__file__).parent, hashlib.sha256()
+    for path in sorted(path for ending in ("py", "c", "h") for path in package.rglob(f"*.{ending}")):
+        content.update(f"{path.relative_to(package)}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
+    return content.hexdigest()[:12]
+
+
+def differences(here: Versions, there: Versions) -> str:
+    """Return which versions differ between this process and another, in words; empty where none does."""
+    names = [name for name in {**here, **there} if here.get(name) != there.get(name)]
+    known = ((name, here.get(name, "absent"), there.get(name, "absent")) for name in names)
+    return ", ".join(f"{name} is {own} here and {other} there" for name, own, other in known)

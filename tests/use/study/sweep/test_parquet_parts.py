@@ -1,0 +1,48 @@
+"""The table as Parquet, in parts."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm import PinarmError
+from pinarm.cli.main import BAD_INPUT, main
+from pinarm.use.study.sweep import parquet_parts
+
+
+@pytest.fixture
+def sweep(scenario: pinarm.Scenario) -> pinarm.Sweep:
+    over = {"arguments.m": "-1:1:5 kg", "problem.over.pivot.to": "60, 90"}
+    return pinarm.sweep(scenario, over, results=["M @ end"], workers=1)
+
+
+def test_the_parts_together_are_the_table(sweep: pinarm.Sweep, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    monkeypatch.setattr(parquet_parts, "PART", 4)
+    for _ in range(2):  # the second replaces the first
+        sweep.save(tmp_path / "out", plots=False, parquet=True)
+    parts = sorted(path.name for path in (tmp_path / "out" / "cases.parquet").iterdir())
+    assert parts == ["part-000000.parquet", "part-000001.parquet", "part-000002.parquet"]
+    table = parquet.read_table(tmp_path / "out" / "cases.parquet").to_pydict()
+    assert table["case"] == list(range(10))
+    np.testing.assert_array_equal(table["M @ end [N*m]"], sweep["M @ end"].values)
+    assert table["problem.over.pivot.to [deg]"] == [60.0, 90.0] * 5
+    assert table["error"] == [sweep.errors.get(case, "") for case in range(10)]
+    assert sweep.errors
+    sweep.save(tmp_path / "out", plots=False)
+    assert not (tmp_path / "out" / "cases.parquet").exists(), "it is no older table's"
+
+
+def test_without_pyarrow_it_is_said_before_the_work(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    monkeypatch.setattr(parquet_parts, "find_spec", lambda name: None)
+    out = tmp_path / "out"
+    assert main(["sweep", str(path), "--over", "arguments.m=1, 2 kg", "--parquet", "-o", str(out)]) == BAD_INPUT
+    assert "pip install 'pinarm[parquet]'" in capsys.readouterr().err
+    assert not out.exists()
+    with pytest.raises(PinarmError, match="written by pyarrow"):
+        parquet_parts.require_parquet()

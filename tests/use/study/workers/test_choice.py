@@ -1,0 +1,27 @@
+"""Who solves many runs."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from pinarm.engine.dynamics.parallel import cores
+from pinarm.errors import InputError
+from pinarm.use.study.workers.choice import check_number, chosen_workers
+from pinarm.use.study.workers.executor_workers import ExecutorWorkers
+from pinarm.use.study.workers.local_processes import LocalProcesses
+
+
+def test_processes_here_unless_there_is_an_executor() -> None:
+    here = chosen_workers(None, None)
+    assert isinstance(here, LocalProcesses)
+    assert (here.count(), chosen_workers(5, None).count()) == (cores(), 5)
+    with ThreadPoolExecutor(3) as executor:
+        there = chosen_workers(None, executor)
+        assert isinstance(there, ExecutorWorkers)
+        assert (there.count(), chosen_workers(7, executor).count()) == (3, 7)
+
+
+@pytest.mark.parametrize("number", [0, -1])
+def test_none_solve_nothing(number: int) -> None:
+    with pytest.raises(InputError, match=f"{number} workers solve nothing"):
+        check_number(number)
