@@ -1,5 +1,4 @@
 /* Motions along loops: states brought back onto the constraints, and singular positions passed.
- *
  * What is decided here, and the numbers, are those of pinarm/engine/motion/systems/point_motion.py. */
 #pragma once
 
@@ -37,7 +36,6 @@ typedef struct {
 void closing_rates(void *system, double time, double *y, double *slope);
 
 /* Bring an accepted state onto the constraints and write its slope; return whether it is near a singular position.
- *
  * Where the rank has grown, or the accelerations leave the constraints, leave all as it was and return -1. */
 int closing_settle(void *system, double time, double *y, double *slope);
 

@@ -1,5 +1,4 @@
 /* Joints: where their coordinates put the child link, and how fast coordinates change with velocities.
- *
  * The motion subspace S of every kind is constant in the frame of the child link, so that its velocity product term is
  * v x S q' alone (Featherstone, section 4.4), and each of its columns is a screw about an axis of that frame.
  * The frame of a link whose joint has one velocity is turned so that the joint's axis is its z axis. */

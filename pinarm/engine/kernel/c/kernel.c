@@ -1,8 +1,7 @@
 #include "closing.h"
 #include "runge_kutta.h"
 
-/* Write the sizes in bytes of the structures that are passed from Python, in the order of STRUCTURES in structures.py;
- * return how many there are. */
+/* Write the sizes in bytes of the structures in structures.py, in the order of STRUCTURES; return their number. */
 int kernel_sizes(int room, int *sizes);
 
 int kernel_sizes(int room, int *sizes) {

@@ -1,5 +1,4 @@
 /* Joints that close loops: their rows of G, and what these ask of accelerations, from the motions of the links.
- *
  * The rows are those of pinarm/mechanics/loops: row k holds e_k . p' + w_k . omega = 0, in the axes of frame 1. */
 #pragma once
 

@@ -1,5 +1,4 @@
 /* Embedded explicit Runge-Kutta pairs with variable steps and dense output, for one motion.
- *
  * Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd edition, chapter II. */
 #pragma once
 

@@ -1,5 +1,4 @@
 /* Symmetric matrices whose rows are stored from their first entry on, such as those of loops along a chain.
- *
  * Source: George, Liu, Computer Solution of Large Sparse Positive Definite Systems (1981), chapter 4. */
 #pragma once
 
@@ -13,8 +12,7 @@ typedef struct {
     double *factor;          /* L and D of the factorisation */
 } skyline;
 
-/* Factorise A + shift 1 = L D L' with a unit lower triangle L; return how many entries of D are negative.
- * As many eigenvalues of A are below -shift: Sylvester's law of inertia. */
+/* Factorise A + shift 1 = L D L'; return how many entries of D are negative, as many eigenvalues of A are < -shift. */
 ptrdiff_t skyline_factorise(const skyline *s, double shift);
 
 /* Solve L D L' x = b in place. */

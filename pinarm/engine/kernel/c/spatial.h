@@ -1,5 +1,4 @@
 /* Spatial algebra: motions, forces, placements and inertias of links, in components about the origin of a link frame.
- *
  * Source: Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 2, appendix A. As in Pinocchio the linear part
  * stands first. With a placement (R, r) of a child frame in its parent's, a vector x of the child is R x in the parent.
  */
