@@ -37,7 +37,13 @@ class Cluster:
 
     def __init__(self, folder: Path, stack: ExitStack, protocol: str = "tcp", **environment: str) -> None:
         self.folder, self.stack, self.protocol = folder, stack, protocol
-        self.environment = {**os.environ, "PYTHONPATH": ROOT, "DASK_LOGGING__DISTRIBUTED": "info", **environment}
+        self.environment = {
+            **os.environ,
+            "TMPDIR": str(folder),
+            "PYTHONPATH": ROOT,
+            "DASK_LOGGING__DISTRIBUTED": "info",
+            **environment,
+        }
         self.scheduler = self.start("scheduler", "--protocol", protocol, "--port", "0")
         self.address = self.said("scheduler", rf"Scheduler at: +({protocol}://127\.0\.0\.1:\d+)")
         self.workers = list[subprocess.Popen[bytes]]()
