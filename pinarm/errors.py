@@ -102,7 +102,7 @@ class UnitError(InputError):
 
 
 class DrivesError(InputError):
-    """More drives than a mechanism has degrees of freedom, or too few to carry its load."""
+    """More drives than a mechanism has degrees of freedom, or drives too few or too weak to carry its load."""
 
 
 class MethodError(InputError):

@@ -25,6 +25,7 @@ from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
+from pinarm.problems.effort_sharing import Share, drives_of
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import LOADS, bind_loads, schema_row
 from pinarm.problems.prescribed_laws import laws_of
@@ -46,8 +47,12 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     Attributes:
         time: Instants of the table.
         motion: Coordinate -> law over time, or over another one of these coordinates.
-        drives: Coordinates that the drives act along, as many as there are degrees of freedom; every joint of an open
-            chain where none is named, and the coordinates of ``motion`` where there are loops.
+        drives: Coordinates that the drives act along, as many as there are degrees of freedom, or more that ``share``;
+            every joint of an open chain where none is named, and the coordinates of ``motion`` where there are loops.
+        share: How drives share the load where there are more of them than degrees of freedom: ``least_squares`` (the
+            least sum of squares of their efforts), ``bounded`` (the same within the effort limits of the model), or
+            ``weights`` and ``limits`` by drive. With as many drives as degrees of freedom it changes nothing, but for
+            limits, which are kept or refused.
         start: Rough joint coordinates at the first instant: they choose the branch where there are several.
         loads: Applied forces, springs and dampers of this run.
     """
@@ -57,6 +62,7 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
     time: TimeGrid
     motion: Annotated[dict[str, Motion], msgspec.Meta(min_length=1)]
     drives: list[str] = []
+    share: Share | None = None
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
@@ -65,8 +71,10 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
         drives = actuation(mechanism, self.drives, [*self.motion])
         return with_friction_columns(schema_row(mechanism, self.start, self.loads, "t", unit("s"), drives), drives)
 
-    def declaration(self) -> Declaration:
-        """Return what the problem says about coordinates."""
+    def declaration(self) -> Declaration | None:
+        """Return what the problem says about coordinates; nothing where drives share: each effort depends on all."""
+        if self.share is not None:
+            return None
         return Declaration(
             self._without, laws=self.motion, span=(self.time.start, self.time.end), drives=self.drives, loads=self.loads
         )
@@ -82,8 +90,7 @@ class Inverse(InputStruct, frozen=True, tag_field="kind", tag="inverse"):
         motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         check_levels(mechanism, self.start, place, "start")
         forces = bind_loads(mechanism, self.loads, place)
-        with place("drives"):
-            drives = actuation(mechanism, self.drives, list(self.motion))
+        drives = drives_of(mechanism, self.drives, list(self.motion), self.share, place)
         with place("motion"):
             return PrescribedCoordinates.of(mechanism, motion), drives, forces
 

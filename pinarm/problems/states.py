@@ -28,6 +28,7 @@ from pinarm.mechanics.laws import Constant, ConstantSpeed
 from pinarm.mechanics.laws.motion_law import FILE_KEYS, Grid, MotionLaw
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
+from pinarm.problems.effort_sharing import Share, drives_of
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import LOADS, bind_constant_loads, schema_row
 from pinarm.problems.prescribed_laws import laws_of
@@ -71,6 +72,7 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
         over: The coordinate that is swept, with its range; none for a single position.
         hold: Coordinate -> value, for all the others.
         drives: Coordinates that the drives act along; see ``kind: inverse``.
+        share: How drives share the load where there are more of them than degrees of freedom; see ``kind: inverse``.
         start: Rough joint coordinates at the first position: they choose the branch where there are several.
         loads: Applied forces and springs of this run.
     """
@@ -80,6 +82,7 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
     over: Annotated[dict[str, Range], msgspec.Meta(max_length=1)] = {}
     hold: dict[str, Level] = {}
     drives: list[str] = []
+    share: Share | None = None
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
@@ -87,8 +90,10 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
         """Return one row near the start: enough to see which quantities there are, and which are determined."""
         return _schema_row(self, mechanism, actuation(mechanism, self.drives, [*self.over, *self.hold]))
 
-    def declaration(self) -> Declaration:
-        """Return what the problem says about coordinates."""
+    def declaration(self) -> Declaration | None:
+        """Return what the problem says about coordinates; nothing where drives share: each effort depends on all."""
+        if self.share is not None:
+            return None
         return Declaration(self._without, held=self.hold, moved=self.over, drives=self.drives, loads=self.loads)
 
     def _without(self, names: Collection[str]) -> Statics:
@@ -100,8 +105,7 @@ class Statics(InputStruct, frozen=True, tag_field="kind", tag="statics"):
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> PreparedStatics:
         """Check all names and units; return the prescribed coordinates, the drives and the forces."""
         prescribed = _prescribed(mechanism, self.over, self.hold, place)
-        with place("drives"):
-            drives = actuation(mechanism, self.drives, prescribed.names)
+        drives = drives_of(mechanism, self.drives, prescribed.names, self.share, place)
         return prescribed, drives, _forces(self.start, self.loads, mechanism, place)
 
     def solve(
@@ -126,6 +130,7 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
         velocity: Coordinate -> velocity, at every row.
         acceleration: Coordinate -> acceleration, at every row.
         drives: Coordinates that the drives act along; see ``kind: inverse``.
+        share: How drives share the load where there are more of them than degrees of freedom; see ``kind: inverse``.
         start: Rough joint coordinates at the first position: they choose the branch where there are several.
         loads: Applied forces, springs and dampers of this run.
     """
@@ -137,6 +142,7 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
     velocity: dict[str, Rate] = {}
     acceleration: dict[str, SecondRate] = {}
     drives: list[str] = []
+    share: Share | None = None
     start: dict[str, Level] = {}
     loads: dict[str, Force] = {}
 
@@ -144,8 +150,10 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
         """Return one row near the start: enough to see which quantities there are, and which are determined."""
         return _schema_row(self, mechanism, actuation(mechanism, self.drives, [*self.over, *self.hold]))
 
-    def declaration(self) -> Declaration:
-        """Return what the problem says about coordinates."""
+    def declaration(self) -> Declaration | None:
+        """Return what the problem says about coordinates; nothing where drives share: each effort depends on all."""
+        if self.share is not None:
+            return None
         rates = (*self.velocity.items(), *self.acceleration.items())
         moving = [name for name in self.hold if any(rate for given, rate in rates if given == name)]
         return Declaration(
@@ -175,8 +183,7 @@ class State(InputStruct, frozen=True, tag_field="kind", tag="state"):
                 with place(key, name):
                     check_unit(value, mechanism.coordinate(name).unit / unit("s") ** order)
                     rates[order - 1, prescribed.names.index(name)] = value
-        with place("drives"):
-            drives = actuation(mechanism, self.drives, prescribed.names)
+        drives = drives_of(mechanism, self.drives, prescribed.names, self.share, place)
         return prescribed, drives, _forces(self.start, self.loads, mechanism, place), (rates[0], rates[1])
 
     def solve(

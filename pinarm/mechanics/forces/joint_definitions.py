@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -16,12 +17,15 @@ from pinarm.mechanics.joints import METRE, Joint, joint_of
 from pinarm.mechanics.laws import Law
 from pinarm.mechanics.laws.over_coordinate import Profile
 
+if TYPE_CHECKING:
+    from pinarm.mechanics.coordinates import Coordinate
+
 CREEP = 1e-3
 """Velocity below which regularised friction gives way [rad/s or m/s], where a file gives none."""
 
 
-def effort_unit(joint: Joint) -> Unit:
-    """Return N for a joint that slides and N*m for one that turns."""
+def effort_unit(joint: Joint | Coordinate) -> Unit:
+    """Return N for a joint that slides, or a coordinate that is a length, and N*m for one that turns."""
     return unit("N") if joint.unit == METRE else unit("N*m")
 
 

@@ -16,12 +16,13 @@ from pinarm.engine.kinematics.closed_configurations import generic_near
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.recorded_motion import RecordedRows, Recording
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.engine.statics.actuation import Actuation, along, everywhere
+from pinarm.engine.statics.actuation import Actuation, everywhere
 from pinarm.errors import InputError, Place, within
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, current_folder
 from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.effort_sharing import Share, drives_of
 from pinarm.problems.loads import LOADS, bind_loads
 from pinarm.problems.recording.recorded_columns import check_rows, recorded_rows
 
@@ -50,6 +51,7 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
         derivatives: ``given``, as far as there are columns of them, or those of a ``spline``.
         drives: Coordinates that the drives act along, where no efforts are given; every joint of an open chain where
             none is named. Without any a mechanism with loops tells no forces.
+        share: How drives share the load where there are more of them than degrees of freedom; see ``kind: inverse``.
         loads: Applied forces, springs and dampers of this run.
     """
 
@@ -59,6 +61,7 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
     columns: dict[str, list[float] | str] = {}
     derivatives: Literal["given", "spline"] = "given"
     drives: list[str] = []
+    share: Share | None = None
     loads: dict[str, Force] = {}
 
     def check(self) -> None:
@@ -75,7 +78,7 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row near the start, with what is known of the motion."""
         rows, _ = self.rows(mechanism)
-        drives = None if rows.tau is not None else self._drives(mechanism)
+        drives = None if rows.tau is not None else self._drives(mechanism, _nowhere)
         start = {name: float(rows.q[0, joint.q]) for name, joint in mechanism.joints.items()}
         dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, _nowhere))
         still = np.zeros((1, mechanism.model.nv))
@@ -96,10 +99,12 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
         """Check all names and units; return what makes the table, the rows, and the headings that are not read."""
         with place("file" if self.file else "columns"):
             rows, unread = self.rows(mechanism)
-        with place("drives"):
-            if rows.tau is not None and self.drives:
-                raise InputError("efforts are given, and drives whose efforts are to be found", expected="one of them")
-            drives = None if rows.tau is not None else self._drives(mechanism)
+        for key, given in (("drives", self.drives), ("share", self.share)):
+            if rows.tau is not None and given:
+                with place(key):
+                    raise InputError("efforts are given, and drives whose efforts are to be found",
+                                     expected="one of them")  # fmt: skip
+        drives = None if rows.tau is not None else self._drives(mechanism, place)
         forces = bind_loads(mechanism, self.loads, place)
         return Recording(mechanism, drives, Dynamics.of(mechanism.model, forces)), rows, unread
 
@@ -142,8 +147,10 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
         state = Path(self.file).stat()
         return read_columns(self.file, (state.st_mtime_ns, state.st_size))
 
-    def _drives(self, mechanism: Mechanism) -> Actuation | None:
-        return along(mechanism, self.drives) if self.drives else everywhere(mechanism)
+    def _drives(self, mechanism: Mechanism, place: Place) -> Actuation | None:
+        if not self.drives and self.share is None:
+            return everywhere(mechanism)
+        return drives_of(mechanism, self.drives, [], self.share, place)
 
 
 def _nowhere(*path: str | int) -> Any:

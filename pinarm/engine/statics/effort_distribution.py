@@ -1,0 +1,116 @@
+"""Efforts of drives that carry a load: ``A x = b``, with ``A = (S T)^T`` of ``actuation`` and ``b = T^T demand``.
+
+With as many drives as degrees of freedom the load determines them. ``shared_efforts`` chooses where there are more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags
+from pinarm.errors import DrivesError, DynamicsError
+from pinarm.mechanics.coordinates import Coordinate
+
+CARRIED = 1e-9
+"""Largest part of a load that no drive carries, relative to the load: rounding leaves 1e-13."""
+
+
+class EffortDistribution(Protocol):
+    """How the efforts of d drives follow from the load on f free motions."""
+
+    def efforts(self, ways: Array, load: Array, least: Array) -> tuple[Array, Flags]:
+        """Return the efforts [N*m or N], shape (n, d), and in which rows they are determined and carry the load.
+
+        Args:
+            ways: A, shape (n, f, d).
+            load: b, shape (n, f).
+            least: Smallest singular value of A that determines efforts, shape (n,).
+        """
+        ...
+
+    def refusal(
+        self, t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float
+    ) -> DynamicsError | DrivesError:
+        """Return why there are no efforts in one row, shapes (f, d) and (f,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class UniqueEfforts:
+    """The efforts that the load determines; more drives than degrees of freedom are refused."""
+
+    def efforts(self, ways: Array, load: Array, least: Array) -> tuple[Array, Flags]:
+        """Return the efforts; see ``EffortDistribution``."""
+        effort, good = least_efforts(ways, load, least)
+        return effort, good & (ways.shape[2] <= ways.shape[1])
+
+    def refusal(
+        self, t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float
+    ) -> DynamicsError | DrivesError:
+        """Return why there are none; see ``EffortDistribution``."""
+        freedom, names = len(load), ", ".join(drives)
+        if len(drives) > freedom:
+            return DrivesError(
+                f"at {t:.9g} there are more drives than degrees of freedom, {len(drives)} and {freedom}: "
+                f"the efforts of {names} are not determined",
+                expected=f"as many drives as degrees of freedom, {freedom}",
+                hint="the others removed from drives, or share: least_squares, bounded or weights, which choose among "
+                "the efforts that carry the load",
+            )  # fmt: skip
+        return undetermined(t, drives, ways, load, least)
+
+
+UNIQUE = UniqueEfforts()
+"""What holds where nothing is said of sharing."""
+
+
+def undetermined(
+    t: float, drives: Mapping[str, Coordinate], ways: Array, load: Array, least: float
+) -> DynamicsError | DrivesError:
+    """Return that drives are at a dead point, or too few to carry the load; shapes (f, d) and (f,)."""
+    u, s, vt = np.linalg.svd(ways)
+    r, freedom = int((s >= least).sum()), len(load)
+    if min(len(drives), freedom) > r:
+        shares = np.abs(vt[r:]).max(axis=0)
+        weak = ", ".join(name for name, share in zip(drives, shares, strict=True) if share > 1e-6)
+        return DynamicsError(
+            f"at {t:.9g} the efforts of {weak} are not determined: the mechanism is at a dead point of these drives",
+            expected="drives that can move the mechanism at every instant", t=t,
+        )  # fmt: skip
+    left = np.abs(load - ways @ (vt[:r].T @ ((u[:, :r].T @ load) / s[:r]))).max()
+    return DrivesError(
+        f"at {t:.9g} the drives {', '.join(drives)} leave a load of {left:.3g} N*m or N uncarried",
+        expected=f"{freedom} drives, as many as the mechanism has degrees of freedom",
+        hint="drives: names of the coordinates that motors act along",
+    )
+
+
+def least_efforts(ways: Array, load: Array, least: Array) -> tuple[Array, Flags]:
+    """Return the efforts with the least sum of squares that carry a load, and in which rows they do.
+
+    Arguments and shapes are those of ``EffortDistribution.efforts``.
+    """
+    u, s, vt = _singular_values(ways)
+    with np.errstate(divide="ignore", invalid="ignore"):  # at dead points, which are refused
+        effort = np.einsum("nrd,nr->nd", vt, np.einsum("nfr,nf->nr", u, load) / s)
+        good = (s >= least[:, None]).all(axis=1) & carried(ways, effort, load)
+    return effort, good
+
+
+def carried(ways: Array, effort: Array, load: Array) -> Flags:
+    """Return in which rows efforts carry a load, but for rounding; shapes (n, f, d), (n, d), (n, f)."""
+    left = np.abs(load - np.einsum("nfd,nd->nf", ways, effort)).max(axis=1, initial=0.0)
+    terms = np.abs(ways * effort[:, None]).max(axis=(1, 2), initial=0.0)
+    return np.asarray(~(left > CARRIED * np.maximum(terms, np.abs(load).max(axis=1, initial=0.0))))
+
+
+def _singular_values(ways: Array) -> tuple[Array, Array, Array]:
+    """Return U, S and V^T of matrices, shape (n, f, d); of single numbers without the cost of a decomposition."""
+    if ways.shape[1:] == (1, 1):
+        return np.ones_like(ways), np.abs(ways[:, 0]), np.where(ways < 0.0, -1.0, 1.0)
+    u, s, vt = np.linalg.svd(ways, full_matrices=False)
+    return u, s, vt

@@ -1,0 +1,180 @@
+"""How drives share a load where there are more of them than degrees of freedom: ``share`` in files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal, Self
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.statics.actuation import actuation
+from pinarm.errors import InputError, Key, Place, UnitError, choices, within
+from pinarm.input.units import DIMENSIONLESS
+from pinarm.input.yaml.schema import InputStruct, Measured, Positive, check_unit
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
+from pinarm.mechanics.forces.joint_definitions import effort_unit
+
+if TYPE_CHECKING:
+    from pinarm.engine.statics.actuation import Actuation
+
+
+class Weight(Measured):
+    """A positive number, bare or with the reciprocal of a unit of effort, such as ``0.02 1/N``."""
+
+    above = 0.0
+
+    @classmethod
+    def read(cls, value: object, *, bare: bool = True) -> Self:
+        """Read a weight; see ``Measured.read``. A number without unit is one, in files too."""
+        return super().read(value, bare=True)
+
+    @property
+    def plain(self) -> bool:
+        """Whether it has no unit."""
+        return self.unit is None or self.unit.dimension == DIMENSIONLESS.dimension
+
+
+class EffortSharing(InputStruct, frozen=True):
+    """The efforts tau with the least ``sum_i (w_i tau_i)^2`` over the drives i, with ``|tau_i|`` within limits.
+
+    Attributes:
+        weights: Drive -> w, of every drive; the larger, the less it carries. Numbers without unit where all drives give
+            torques, or all give forces; else in 1/(N*m) and 1/N, such as the reciprocals of the rated efforts. 1 where
+            left out.
+        limits: Drive -> largest effort, of some drives, such as ``{A: 20 N*m}``; or ``model``, the effort limits that
+            the model gives its joints. None where left out.
+    """
+
+    weights: dict[str, Weight] = {}
+    limits: Literal["model"] | dict[str, Positive] = {}
+
+    def weighted(self, drives: Mapping[str, Coordinate]) -> Array:
+        """Return w of the drives, shape (d,).
+
+        Raises:
+            InputError: A drive has none, a name is no drive, or weighted efforts have no common unit.
+        """
+        mixed = len({effort_unit(coordinate).dimension for coordinate in drives.values()}) > 1
+        if not self.weights:
+            if mixed:
+                raise _incomparable(drives)
+            return np.ones(len(drives))
+        with within("weights"):
+            _check_names(self.weights, drives)
+            if missing := [name for name in drives if name not in self.weights]:
+                raise InputError(f"no weight is given for {', '.join(missing)}", expected="one for every drive")
+            if mixed or not all(weight.plain for weight in self.weights.values()):
+                self._check_units(drives)
+        return np.array([float(self.weights[name]) for name in drives])
+
+    def _check_units(self, drives: Mapping[str, Coordinate]) -> None:
+        """Raise where a weight does not make its effort a pure number."""
+        for name, coordinate in drives.items():
+            weight, wanted = self.weights[name], f"1/({effort_unit(coordinate)})"
+            with within(name):
+                if weight.plain:
+                    raise UnitError(f"the weight {weight:g} has no unit", hint=f"{weight:g} {wanted}",
+                                    expected="a unit for every weight, where torques stand beside forces, or another "
+                                    "weight has one")  # fmt: skip
+                check_unit(weight, DIMENSIONLESS / effort_unit(coordinate))
+
+    def largest(self, mechanism: Mechanism, drives: Mapping[str, Coordinate]) -> Array:
+        """Return the largest efforts of the drives, infinite where there is no limit, shape (d,).
+
+        Raises:
+            InputError: A name is no drive, a limit has another unit, or the model gives none of the drives a limit.
+        """
+        given = _model_limits(mechanism, drives) if isinstance(self.limits, str) else self.limits
+        with within("limits"):
+            _check_names(given, drives)
+            for name, limit in given.items():
+                with within(name):
+                    check_unit(limit, effort_unit(drives[name]))
+        return np.array([float(given.get(name, np.inf)) for name in drives])
+
+
+Share = Literal["least_squares", "bounded"] | EffortSharing
+"""A choice of efforts, or the name of one."""
+
+SHARES = {"least_squares": EffortSharing(), "bounded": EffortSharing(limits="model")}
+"""The choices that have a name."""
+
+
+def drives_of(
+    mechanism: Mechanism, names: Sequence[str], prescribed: Sequence[str], share: Share | None, place: Place
+) -> Actuation:
+    """Return the drives of a run, and how they share the load.
+
+    Args:
+        mechanism: The mechanism.
+        names: Of the coordinates that the drives act along; see ``actuation``.
+        prescribed: Names of the coordinates that follow laws.
+        share: How they share the load; ``None`` where the load is to determine their efforts.
+        place: Gives errors their place.
+
+    Raises:
+        InputError: A name does not exist, or the drives cannot share as is said.
+    """
+    with place("drives"):
+        acting = actuation(mechanism, names, prescribed)
+    if share is None:
+        return acting
+    with place("share"):
+        if not names:
+            raise InputError("no drives are named that share the load", hint="drives: [...], or share left out",
+                             expected="more drives than the mechanism has degrees of freedom")  # fmt: skip
+        if mechanism.frictions:
+            rubbing = ", ".join(dict.fromkeys(friction.name for friction in mechanism.frictions))
+            raise InputError(f"the friction of {rubbing} sticks: shared efforts at rest have no band that holds",
+                             expected="a mechanism without friction that sticks",
+                             hint="in its place a force regularised_friction")  # fmt: skip
+        return _sharing(mechanism, acting, share)
+
+
+def _sharing(mechanism: Mechanism, acting: Actuation, share: Share) -> Actuation:
+    """Return drives that share their load."""
+    from pinarm.engine.statics.selected_drives import SelectedDrives
+    from pinarm.engine.statics.shared_efforts import SharedEfforts
+
+    assert isinstance(acting, SelectedDrives)  # as all drives that are named
+    chosen = SHARES[share] if isinstance(share, str) else share
+    efforts = SharedEfforts(chosen.weighted(acting.named), chosen.largest(mechanism, acting.named))
+    return replace(acting, distribution=efforts)
+
+
+def _check_names(given: Iterable[str], drives: Mapping[str, Coordinate]) -> None:
+    """Raise where a name is no drive."""
+    for name in given:
+        if name not in drives:
+            with within(Key(name)):
+                expected, hint = choices(name, drives)
+                raise InputError(f"'{name}' is no drive of this run", expected=expected, hint=hint)
+
+
+def _incomparable(drives: Mapping[str, Coordinate]) -> InputError:
+    """Return that torques and forces cannot be added without weights."""
+    weights = ", ".join(f"{name}: 0.01 1/({effort_unit(coordinate)})" for name, coordinate in drives.items())
+    return InputError(
+        "torques and forces have no common sum of squares: shares would depend on the unit of length",
+        expected="weights with units, such as the reciprocals of the rated efforts",
+        hint=f"share: {{weights: {{{weights}}}}}",
+    )
+
+
+def _model_limits(mechanism: Mechanism, drives: Mapping[str, Coordinate]) -> dict[str, float]:
+    """Return the effort limits that the model gives the joints among the drives.
+
+    Raises:
+        InputError: There are none.
+    """
+    joints = {name: coordinate.joint for name, coordinate in drives.items() if isinstance(coordinate, LinearCoordinate)}
+    limits = {name: float(mechanism.model.effortLimit[joint]) for name, joint in joints.items() if joint is not None}
+    found = {name: limit for name, limit in limits.items() if np.isfinite(limit)}
+    if not found:
+        raise InputError(f"the model gives none of the drives {', '.join(drives)} an effort limit",
+                         expected="an effort limit of their joints in the model",
+                         hint=f"share: {{limits: {{{next(iter(drives))}: ...}}}}")  # fmt: skip
+    return found
