@@ -118,6 +118,7 @@ ELSEWHERE = {
     "mechanics/loading/test_urdf.py": ("what files make of it", "mechanics/loading/model_tree"),
     "mechanics/planar/test_linkage.py": ("mistakes with their lines", "mechanics/planar/drawing"),
     "mechanics/test_coordinates.py": ("joints by their coordinates", "mechanics/joints"),
+    "engine/statics/test_shared_efforts.py": ("efforts of one row", "engine/statics/effort_distribution"),
     "mechanics/test_drives.py": ("efforts of drives", "engine/statics/actuation engine/statics/selected_drives"),
     "problems/simplify/test_simplification.py": (
         "answers of the part against the whole", "problems/simplify/model_reduction problems/simplify/removal "

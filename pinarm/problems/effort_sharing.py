@@ -42,7 +42,7 @@ class EffortSharing(InputStruct, frozen=True):
 
     Attributes:
         weights: Drive -> w, of every drive; the larger, the less it carries. Numbers without unit where all drives give
-            torques, or all give forces; else in 1/(N*m) and 1/N, such as the reciprocals of the rated efforts. 1 where
+            torques, or all give forces; else in 1/N/m and 1/N, such as the reciprocals of the rated efforts. 1 where
             left out.
         limits: Drive -> largest effort, of some drives, such as ``{A: 20 N*m}``; or ``model``, the effort limits that
             the model gives its joints. None where left out.
@@ -73,7 +73,7 @@ class EffortSharing(InputStruct, frozen=True):
     def _check_units(self, drives: Mapping[str, Coordinate]) -> None:
         """Raise where a weight does not make its effort a pure number."""
         for name, coordinate in drives.items():
-            weight, wanted = self.weights[name], f"1/({effort_unit(coordinate)})"
+            weight, wanted = self.weights[name], _reciprocal(coordinate)
             with within(name):
                 if weight.plain:
                     raise UnitError(f"the weight {weight:g} has no unit", hint=f"{weight:g} {wanted}",
@@ -154,9 +154,14 @@ def _check_names(given: Iterable[str], drives: Mapping[str, Coordinate]) -> None
                 raise InputError(f"'{name}' is no drive of this run", expected=expected, hint=hint)
 
 
+def _reciprocal(coordinate: Coordinate) -> str:
+    """Return the unit of a weight as files have it."""
+    return f"1/{effort_unit(coordinate)}".replace("*", "/")
+
+
 def _incomparable(drives: Mapping[str, Coordinate]) -> InputError:
     """Return that torques and forces cannot be added without weights."""
-    weights = ", ".join(f"{name}: 0.01 1/({effort_unit(coordinate)})" for name, coordinate in drives.items())
+    weights = ", ".join(f"{name}: 0.01 {_reciprocal(coordinate)}" for name, coordinate in drives.items())
     return InputError(
         "torques and forces have no common sum of squares: shares would depend on the unit of length",
         expected="weights with units, such as the reciprocals of the rated efforts",

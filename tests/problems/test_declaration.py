@@ -13,6 +13,7 @@ from pinarm.mechanics.control.pid import Pid
 from pinarm.mechanics.forces.kinds import Force
 from pinarm.mechanics.laws import Constant, Motion
 from pinarm.problems import KINDS, Problem, problem_class
+from pinarm.problems.effort_sharing import EffortSharing, Share
 from pinarm.problems.events import EndStop, Event
 from pinarm.problems.forward import InitialState
 from pinarm.problems.states import Range
@@ -32,6 +33,8 @@ def value_of(field: Any, *names: str) -> Any:
     """A value of a field that names coordinates; a type that this test does not know makes it fail."""
     if field in NO_NAMES:
         return NO_NAMES[field]
+    if field == Share | None:
+        return EffortSharing(weights=dict.fromkeys(names, 1.0))
     arguments = get_args(field)
     assert arguments, f"{field}: say in this test what such a field holds"
     if field == list[str]:
@@ -65,6 +68,7 @@ def naming(kind: str, name: str) -> Any:
 
 FIELDS = [(kind, name) for kind in KINDS for name in fields_of(kind)]
 DECLARED = [(kind, name) for kind, name in FIELDS if kind not in ("equilibria", "recorded")]
+SEPARATE = [(kind, name) for kind, name in DECLARED if name != "share"]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -76,15 +80,18 @@ def test_every_kind_is_a_problem(kind: str) -> None:
 
 @pytest.mark.parametrize(("kind", "name"), DECLARED)
 def test_what_is_said_of_a_removed_coordinate_is_left_out(kind: str, name: str) -> None:
-    """Of what is swept or watched nothing is: its coordinate is never removed."""
+    """Of what is swept or watched nothing is: its coordinate is never removed. Where drives share none is."""
     problem = naming(kind, name)
     declared = problem.declaration()
+    assert (declared is None) == (name == "share")
+    if declared is None:
+        return
     if {"joint"} & {*declared.moved, *declared.watched} or name == "end_stops":
         return
     assert "joint" not in str(msgspec.to_builtins(declared.without({"joint"}), enc_hook=float))
 
 
-@pytest.mark.parametrize(("kind", "name"), DECLARED)
+@pytest.mark.parametrize(("kind", "name"), SEPARATE)
 def test_a_coordinate_that_is_prescribed_or_watched_is_declared(kind: str, name: str) -> None:
     """A rough start, and rates of what is held elsewhere, impose nothing."""
     problem = naming(kind, name)

@@ -1,0 +1,150 @@
+"""Shared efforts against the conditions of Karush, Kuhn and Tucker, and against linear programming."""
+
+import re
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog, lsq_linear
+
+from pinarm.engine.statics.effort_distribution import UniqueEfforts
+from pinarm.engine.statics.shared_efforts import SharedEfforts
+from pinarm.errors import DrivesError, DynamicsError
+from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.joints import METRE, RADIAN
+
+SIZES = [(1, 2), (1, 4), (2, 3), (3, 5), (4, 9), (6, 8)]
+SEEDS = range(40)
+
+
+def problem(f, d, seed):
+    """A, b of one row, w and l, some infinite, of sizes three orders apart."""
+    rng = np.random.default_rng([f, d, seed])
+    weights, limits = 10.0 ** rng.uniform(-1.5, 1.5, (2, d))
+    limits[rng.random(d) < 0.2] = np.inf
+    return rng.normal(size=(f, d)), rng.normal(size=f) * 10.0 ** rng.uniform(-1, 2.5), weights, limits
+
+
+def solved(ways, load, weights, limits):
+    effort, good = SharedEfforts(weights, limits).efforts(ways[None], load[None], np.array([1e-9]))
+    return effort[0], bool(good[0])
+
+
+def feasible(ways, load, limits):
+    bounds = [(None, None) if np.isinf(limit) else (-limit, limit) for limit in limits]
+    return linprog(np.zeros(len(limits)), A_eq=ways, b_eq=load, bounds=bounds).status == 0
+
+
+def require_optimal(ways, load, weights, limits, x):
+    """``W^2 x = A^T nu - lam_upper + lam_lower`` with multipliers >= 0 of active limits; sufficient, as it is convex.
+
+    1e-9 of the terms is a thousand times what rounding leaves of systems of this size and of these weights.
+    """
+    assert ways @ x == pytest.approx(load, abs=1e-9 * np.abs(ways * x).max())
+    assert (np.abs(x) <= limits).all()
+    active = np.diag(np.sign(x) * (np.abs(x) == limits))
+    columns = np.hstack([ways.T, -active])
+    lower = np.append(np.full(len(load), -np.inf), np.zeros(len(x)))
+    gradient = weights**2 * x
+    size = np.linalg.norm(gradient)
+    found = lsq_linear(columns, gradient / size, (lower, np.inf), tol=1e-14)
+    assert np.linalg.norm(columns @ found.x - gradient / size) < 1e-9
+
+
+@pytest.mark.parametrize(("f", "d"), SIZES)
+def test_efforts_within_limits_are_the_least_there_are(f, d):
+    at_limits = refused = 0
+    for seed in SEEDS:
+        given = ways, load, _, limits = problem(f, d, seed)
+        x, good = solved(*given)
+        assert good == feasible(ways, load, limits)
+        if good:
+            require_optimal(*given, x)
+            at_limits += bool((np.abs(x) == limits).any())
+        refused += not good
+    assert at_limits >= 3
+    assert refused >= 3
+
+
+@pytest.mark.parametrize(("f", "d"), SIZES)
+def test_without_limits_they_are_the_weighted_pseudo_inverse(f, d):
+    """``x = W^-2 A^T (A W^-2 A^T)^-1 b``."""
+    for seed in SEEDS:
+        ways, load, weights, _ = problem(f, d, seed)
+        x, good = solved(ways, load, weights, np.full(d, np.inf))
+        inverse = np.diag(weights**-2.0)
+        expected = inverse @ ways.T @ np.linalg.solve(ways @ inverse @ ways.T, load)
+        assert good
+        assert x == pytest.approx(expected, rel=1e-8, abs=1e-8 * np.abs(expected).max())  # squared condition
+
+
+def test_a_drive_at_its_limit_leaves_the_rest_to_the_other():
+    """``x_1 + r x_2 = b``: unlimited ``b / (1 + r^2)`` and ``r b / (1 + r^2)``."""
+    r, load = 0.5, 10.0
+    for limit, expected in ((5.0, (8.0, 4.0)), (3.0, (8.5, 3.0))):
+        x, good = solved(np.array([[1.0, r]]), np.array([load]), np.ones(2), np.array([np.inf, limit]))
+        assert good
+        assert x == pytest.approx(expected, rel=1e-13)
+
+
+def test_a_load_that_takes_exactly_the_limits_is_carried():
+    x, good = solved(np.array([[1.0, -2.0]]), np.array([7.0]), np.ones(2), np.array([1.0, 3.0]))
+    assert good
+    assert x == pytest.approx([1.0, -3.0], rel=1e-9)
+
+
+def drives(d):
+    units = RADIAN, METRE
+    return {f"D{i}": LinearCoordinate(units[i % 2], np.eye(d)[i], np.arange(d)) for i in range(d)}
+
+
+def refused(ways, load, weights, limits):
+    shared = SharedEfforts(weights, limits)
+    return shared.refusal(0.25, drives(len(limits)), ways, load, 1e-9)
+
+
+@pytest.mark.parametrize(("f", "d"), SIZES)
+def test_what_is_refused_tells_by_how_much_the_limits_are_too_small(f, d):
+    tried = 0
+    for seed in SEEDS:
+        ways, load, weights, limits = problem(f, d, seed)
+        if solved(ways, load, weights, limits)[1]:
+            continue
+        error = refused(ways, load, weights, limits)
+        assert isinstance(error, DrivesError)
+        factor = float(re.search(r"at least (\S+) times", error.message)[1])
+        assert not feasible(ways, load, limits * factor * (1 - 1e-5))  # it is printed with 6 digits
+        assert solved(ways, load, weights, limits * factor * (1 + 1e-5))[1]
+        tried += 1
+    assert tried >= 3
+
+
+def test_limits_are_named_with_their_units():
+    error = refused(np.array([[1.0, 2.0]]), np.array([12.0]), np.ones(2), np.array([2.0, 1.0]))
+    assert "at 0.25 the drives D0, D1 cannot carry the load" in error.message
+    assert "(D0 2 N*m, D1 1 N)" in error.message
+    assert "at least 3 times these limits" in error.message
+
+
+def test_a_motion_that_no_drive_acts_on_is_refused():
+    ways = np.array([[1.0, 2.0, 3.0], [2.0, 4.0, 6.0]])
+    given = ways, np.array([1.0, 2.0]), np.ones(3), np.full(3, np.inf)
+    assert not solved(*given)[1]
+    error = refused(*given)
+    assert isinstance(error, DynamicsError)
+    assert "dead point" in error.message
+
+
+def test_weights_decide_no_dead_point():
+    """A drive that carries 1e-20 of what the others do still carries what is left to it alone."""
+    ways, load = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([2.0, 3.0])
+    x, good = solved(ways, load, np.array([1.0, 1.0, 1e10]), np.full(3, np.inf))
+    assert good
+    assert x == pytest.approx([1.0, 1.0, 3.0], rel=1e-12)
+
+
+def test_too_few_drives_are_refused_as_without_sharing():
+    ways, load = np.array([[1.0], [0.0]]), np.array([1.0, 2.0])
+    assert not solved(ways, load, np.ones(1), np.full(1, np.inf))[1]
+    error = refused(ways, load, np.ones(1), np.full(1, np.inf))
+    assert error.message == UniqueEfforts().refusal(0.25, drives(1), ways, load, 1e-9).message
+    assert "leave a load of 2 N*m or N uncarried" in error.message

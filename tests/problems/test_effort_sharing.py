@@ -1,0 +1,246 @@
+"""Drives that share a load: a four-bar with two motors, a slider-crank with motor and cylinder, an arm with three."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.interpolate import CubicSpline
+
+import pinarm
+from pinarm.errors import DrivesError, InputError, PinarmError
+
+ROOT = Path(pinarm.__file__).parents[1]
+FOUR_BAR = {
+    "pinarm": 1,
+    "mechanism": str(ROOT / "models" / "crank_rocker" / "mechanism.yaml"),
+    "problem": {
+        "kind": "inverse",
+        "time": {"end": "0.6 s", "samples": 61},
+        "motion": {"theta2": {"law": "constant_speed", "speed": "100 rpm"}},
+        "drives": ["theta2", "theta4"],
+        "start": {"theta2": "0 rad", "A": "40 deg", "theta4": "80 deg"},
+    },
+    "outputs": ["T"],
+}
+TWO, FOUR = "joint.theta2.effort", "joint.theta4.effort"
+
+
+def four_bar(**problem):
+    return pinarm.run({**FOUR_BAR, "problem": {**FOUR_BAR["problem"], **problem}})
+
+
+def values(run, *names):
+    return [run[name].values for name in names]
+
+
+@pytest.fixture(scope="module")
+def alone():
+    """What one motor at the crank gives, Q, and r = d theta4 / d theta2, by velocities."""
+    run = four_bar(drives=["theta2"])
+    q, two, four = values(run, TWO, "joint.theta2.velocity", "joint.theta4.velocity")
+    return q, four / two
+
+
+def test_least_squares(alone):
+    """The least ``T2^2 + T4^2`` for ``T2 + r T4 = Q``."""
+    q, r = alone
+    assert np.ptp(r) > 0.5
+    two, four = values(four_bar(share="least_squares"), TWO, FOUR)
+    assert two == pytest.approx(q / (1 + r**2), rel=1e-10, abs=1e-10)
+    assert four == pytest.approx(r * q / (1 + r**2), rel=1e-10, abs=1e-10)
+
+
+@pytest.mark.parametrize("unit", ["", " 1/N/m"])
+def test_weights(alone, unit):
+    """The least ``(3 T2)^2 + (0.5 T4)^2``."""
+    q, r = alone
+    share = {"weights": {"theta4": f"0.5{unit}" if unit else 0.5, "theta2": f"3{unit}" if unit else 3}}
+    two, four = values(four_bar(share=share), TWO, FOUR)
+    part = 1 / 3**2 + r**2 / 0.5**2
+    assert two == pytest.approx(q / 3**2 / part, rel=1e-10, abs=1e-10)
+    assert four == pytest.approx(q * r / 0.5**2 / part, rel=1e-10, abs=1e-10)
+
+
+def test_a_motor_at_its_limit_leaves_the_rest_to_the_other(alone):
+    q, r = alone
+    run = four_bar(share={"limits": {"theta4": "1 N*m"}})
+    two, four = values(run, TWO, FOUR)
+    wanted = np.clip(r * q / (1 + r**2), -1.0, 1.0)
+    assert 0 < (np.abs(four) == 1.0).sum() < len(four)
+    assert four == pytest.approx(wanted, rel=1e-10, abs=1e-10)
+    assert two == pytest.approx(q - r * wanted, rel=1e-10, abs=1e-10)
+
+
+def test_the_quadrature_of_limited_efforts_finds_their_corners():
+    """Its bound holds against an integral between the instants at which the limit is reached."""
+    limited = four_bar(share={"limits": {"theta4": "1 N*m"}})
+    fine = four_bar(share="least_squares", time={"end": "0.6 s", "samples": 6001})
+    (free,), t = values(fine, FOUR), np.linspace(0, 0.6, 6001)
+    spline = CubicSpline(t, free)
+    corners = [x for side in (1.0, -1.0) for x in CubicSpline(t, free - side).roots() if 0 < x < 0.6]
+    ends = [0.0, *sorted(corners), 0.6]
+    square = sum(quad(lambda x: np.clip(spline(x), -1, 1) ** 2, *part)[0] for part in pairwise(ends))
+    value, error = limited.number(f"{FOUR} @ rms")
+    assert error < 1e-9
+    assert value == pytest.approx(np.sqrt(square / 0.6), abs=1e-9)
+
+
+def test_powers_and_residuals():
+    run = four_bar(share={"weights": {"theta2": 1, "theta4": 4}, "limits": {"theta4": "0.5 N*m"}})
+    one = four_bar(drives=["theta2"])
+    (together,) = values(run, "joint.theta2.power + joint.theta4.power")
+    (single,) = values(one, "joint.theta2.power")
+    assert together == pytest.approx(single, rel=1e-11, abs=1e-11)
+    assert max(run.figures[key] for key in ("equilibrium", "power")) < 1e-13
+
+
+REACTIONS = [f"{of}.force.{axis}" for of in ("joint.theta2", "joint.A", "joint.theta4", "loop.B") for axis in "xy"]
+
+
+def test_reactions_are_those_of_the_chosen_efforts(alone):
+    """At every eighth instant the rocker's motor as a load, the crank's as the only drive."""
+    run = four_bar(share="least_squares")
+    changed = values(four_bar(drives=["theta2"]), *REACTIONS)
+    assert max(np.abs(a - b).max() for a, b in zip(values(run, *REACTIONS), changed, strict=True)) > 1.0
+    for row in range(0, 61, 8):
+        effort, two, *expected = (float(series[row]) for series in values(run, FOUR, TWO, *REACTIONS))
+        load = {
+            "kind": "joint_effort",
+            "joint": "theta4",
+            "effort": {"law": "constant", "value": f"{effort!r} N*m"},
+        }
+        same = four_bar(drives=["theta2"], loads={"motor": load})
+        assert [series[row] for series in values(same, TWO, *REACTIONS)] == pytest.approx([two, *expected], abs=1e-11)
+
+
+def test_rows_beyond_all_limits_are_refused_with_their_instant():
+    with pytest.raises(DrivesError, match=r"at 0\.\d+ the drives theta2, theta4 cannot carry the load") as caught:
+        four_bar(share={"limits": {"theta2": "2 N*m", "theta4": "1 N*m"}})
+    assert "theta2 2 N*m, theta4 1 N*m" in str(caught.value)
+    assert caught.value.exit_code == 2
+
+
+class TestAsManyDrivesAsFreedoms:
+    def test_the_efforts_are_those_without_sharing(self, alone):
+        for share in ("least_squares", {"weights": {"theta2": 7}}, {"limits": {"theta2": "100 N*m"}}):
+            assert values(four_bar(drives=["theta2"], share=share), TWO)[0] == pytest.approx(alone[0], rel=1e-13)
+
+    def test_limits_are_kept(self):
+        with pytest.raises(DrivesError, match="cannot carry the load within their limits"):
+            four_bar(drives=["theta2"], share={"limits": {"theta2": "1 N*m"}})
+
+
+def test_torque_and_force_with_weights_in_units():
+    """Slider-crank: ``x = r cos theta + sqrt(L^2 - r^2 sin^2 theta)``, ``C + F dx/dtheta = Q``."""
+    crank, rod, w, u = 0.045, 0.145, 1 / 5.0, 1 / 200.0
+    problem = {
+        "kind": "state", "over": {"theta": {"from": "10 deg", "to": "170 deg", "samples": 17}},
+        "velocity": {"theta": "30 rad/s"}, "drives": ["x", "theta"], "start": {"theta": "10 deg", "x": "0.19 m"},
+    }  # fmt: skip
+    given = {"pinarm": 1, "mechanism": str(ROOT / "models" / "slider_crank" / "mechanism.yaml"), "outputs": ["C"]}
+    share = {"weights": {"theta": "0.2 1/N/m", "x": "0.005 1/N"}}
+    torque, force, theta = values(pinarm.run({**given, "problem": {**problem, "share": share}}),
+                                  "C", "joint.x.effort", "theta")  # fmt: skip
+    (q,) = values(pinarm.run({**given, "problem": {**problem, "drives": ["theta"]}}), "C")
+    s, c = np.sin(theta), np.cos(theta)
+    slope = -crank * s - crank**2 * s * c / np.sqrt(rod**2 - crank**2 * s**2)
+    part = 1 / w**2 + slope**2 / u**2
+    assert torque == pytest.approx(q / w**2 / part, rel=1e-9, abs=1e-10)
+    assert force == pytest.approx(q * slope / u**2 / part, rel=1e-9, abs=1e-8)
+
+
+ARM = [{"name": name, "axis": "0 1 0", "mass": 2.0, "com": "0.5 0 0", **at}
+       for name, at in (("A", {}), ("B", {"at": "1 0 0"}))]  # fmt: skip
+BOTH = {"both": {"kind": "sum", "of": ["A", "B"]}}
+
+
+def held(arm, **problem):
+    given = {"kind": "statics", "hold": {"A": "0.4 rad", "B": "-0.9 rad"}, **problem}
+    return pinarm.run({"pinarm": 1, "mechanism": arm, "problem": given, "outputs": ["joint.A.effort"]})
+
+
+EFFORTS = ("joint.A.effort", "joint.B.effort", "coordinate.both.effort")
+
+
+@pytest.fixture
+def arm(mechanism, chain):
+    return mechanism(chain(*ARM), coordinates=BOTH, gravity={"direction": "-z", "magnitude": "9.81 m/s^2"})
+
+
+def test_three_motors_hold_an_arm_of_two_joints(arm):
+    """Motors at A, at B, and one that turns with both: least for ``x1 + x3 = q1`` and ``x2 + x3 = q2``.
+
+    ``x = (2 q1 - q2, 2 q2 - q1, q1 + q2) / 3``. Both joints are held: none may be left out with its motor.
+    """
+    q1, q2 = (series[0] for series in values(held(arm), *EFFORTS[:2]))
+    run = held(arm, drives=["A", "B", "both"], share="least_squares")
+    # the effort at a joint is that of its own motor and of the one that turns with it
+    at_a, at_b, both = (series[0] for series in values(run, *EFFORTS))
+    assert both == pytest.approx((q1 + q2) / 3, rel=1e-12)
+    assert (at_a, at_b) == pytest.approx((q1, q2), rel=1e-12)
+
+
+def test_limits_of_the_model_bound_them(arm):
+    """1000 N*m at both joints, none along the sum: a weight on it that leaves the load to the joints."""
+    run = held(arm, drives=["A", "B", "both"], share="bounded")
+    free = held(arm, drives=["A", "B", "both"], share="least_squares")
+    assert values(run, *EFFORTS) == pytest.approx(np.array(values(free, *EFFORTS)), rel=1e-13)
+
+
+def test_friction_that_sticks_is_refused(mechanism, chain):
+    arm = mechanism(chain(*ARM), coordinates=BOTH, friction={"A": {"constant": "1 N*m"}})
+    with pytest.raises(InputError, match=r"the friction of joint\.A sticks"):
+        held(arm, drives=["A", "B", "both"], share="least_squares")
+
+
+def test_a_recorded_motion_shares_as_well():
+    solved = four_bar(share="least_squares")
+    parts = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s^2"}
+    columns = {"t [s]": solved["t"].values.tolist()} | {
+        f"joint.{name}.{part} [{unit}]": solved[f"joint.{name}.{part}"].values.tolist()
+        for name in ("theta2", "A", "theta4") for part, unit in parts.items()
+    }  # fmt: skip
+    problem = {"kind": "recorded", "columns": columns, "drives": ["theta2", "theta4"], "share": "least_squares"}
+    run = pinarm.run({**FOUR_BAR, "problem": problem})
+    assert values(run, TWO, FOUR) == pytest.approx(np.array(values(solved, TWO, FOUR)), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("problem", "texts"),
+    [
+        ({}, ["more drives than degrees of freedom, 2 and 1", "share: least_squares"]),
+        ({"share": "evenly"}, ["share", "least_squares"]),
+        ({"share": {"weights": {"theta2": 1, "theta9": 1}}}, ["'theta9' is no drive", "theta2, theta4"]),
+        ({"share": {"limits": {"A": "1 N*m"}}}, ["'A' is no drive"]),
+        ({"share": {"weights": {"theta2": 1}}}, ["no weight is given for theta4"]),
+        ({"share": {"weights": {"theta2": 1, "theta4": 0}}}, ["0 is out of bounds", "more than 0"]),
+        ({"share": {"weights": {"theta2": 1, "theta4": -2}}}, ["-2 is out of bounds", "more than 0"]),
+        ({"share": {"weights": {"theta2": 1, "theta4": "2 1/N/m"}}}, ["the weight 1 has no unit", "1 1/N/m"]),
+        ({"share": {"weights": {"theta2": "1 1/N", "theta4": "2 1/N/m"}}}, ["'1/N' is not a unit"]),
+        ({"share": {"limits": {"theta4": "1 N"}}}, ["'N' is not a unit", "N*m"]),
+        ({"share": {"limits": {"theta4": "0 N*m"}}}, ["0 is out of bounds"]),
+        ({"share": {"limits": {"theta4": 1}}}, ["'1' has no unit"]),
+        ({"share": {"limits": "mine"}}, ["limits"]),
+        ({"share": "bounded"}, ["the model gives none of the drives theta2, theta4 an effort limit"]),
+        ({"share": "least_squares", "drives": []}, ["no drives are named that share the load"]),
+    ],
+)
+def test_mistakes_are_told(problem, texts):
+    with pytest.raises(PinarmError) as caught:
+        four_bar(**problem)
+    assert all(text in str(caught.value) for text in texts), str(caught.value)
+
+
+def test_torques_beside_forces_need_weights():
+    given = {"pinarm": 1, "mechanism": str(ROOT / "models" / "slider_crank" / "mechanism.yaml"), "outputs": ["C"]}
+    problem = {"kind": "statics", "hold": {"theta": "1 rad"}, "drives": ["theta", "x"], "share": "least_squares"}
+    with pytest.raises(InputError, match="torques and forces have no common sum of squares") as caught:
+        pinarm.run({**given, "problem": problem})
+    assert "theta: 0.01 1/N/m, x: 0.01 1/N" in str(caught.value)
+
+
+def test_fewer_drives_than_freedoms_leave_a_load(arm):
+    with pytest.raises(DrivesError, match=r"leave a load of .* uncarried"):
+        held(arm, drives=["A"], share="least_squares")
