@@ -19,6 +19,7 @@ from pinarm.mechanics.forces.joint_definitions import effort_unit
 
 if TYPE_CHECKING:
     from pinarm.engine.statics.actuation import Actuation
+    from pinarm.engine.statics.shared_efforts import SharedEfforts
 
 
 class Weight(Measured):
@@ -142,7 +143,25 @@ def _sharing(mechanism: Mechanism, acting: Actuation, share: Share) -> Actuation
     assert isinstance(acting, SelectedDrives)  # as all drives that are named
     chosen = SHARES[share] if isinstance(share, str) else share
     efforts = SharedEfforts(chosen.weighted(acting.named), chosen.largest(mechanism, acting.named))
+    _require_told_apart(acting.joints, efforts)
     return replace(acting, distribution=efforts)
+
+
+def _require_told_apart(joints: Mapping[str, LinearCoordinate], efforts: SharedEfforts) -> None:
+    """Raise where the efforts at the joints do not tell those of the drives.
+
+    ``Trajectory.effort_along`` takes the least efforts that give the joints theirs. Where drives act along dependent
+    sums of joints these are the shared ones only if all weights are equal and nothing is limited.
+
+    Raises:
+        InputError: Says which drives.
+    """
+    sums = np.array([coordinate.weights for coordinate in joints.values()])
+    if not joints or np.linalg.matrix_rank(sums) == len(sums):
+        return
+    if np.ptp(efforts.weights) or np.isfinite(efforts.limits).any():
+        raise InputError(f"drives along {', '.join(joints)}, which depend on each other as sums of joints, share with "
+                         "equal weights and without limits only", expected="share: least_squares")  # fmt: skip
 
 
 def _check_names(given: Iterable[str], drives: Mapping[str, Coordinate]) -> None:

@@ -182,11 +182,27 @@ def test_three_motors_hold_an_arm_of_two_joints(arm):
     assert (at_a, at_b) == pytest.approx((q1, q2), rel=1e-12)
 
 
-def test_limits_of_the_model_bound_them(arm):
-    """1000 N*m at both joints, none along the sum: a weight on it that leaves the load to the joints."""
-    run = held(arm, drives=["A", "B", "both"], share="bounded")
-    free = held(arm, drives=["A", "B", "both"], share="least_squares")
-    assert values(run, *EFFORTS) == pytest.approx(np.array(values(free, *EFFORTS)), rel=1e-13)
+@pytest.mark.parametrize("share", ["bounded", {"weights": {"A": 1, "B": 2, "both": 1}}, {"limits": {"A": "9 N*m"}}])
+def test_dependent_sums_of_joints_share_evenly_only(arm, share):
+    """Efforts at joints would not tell those of the drives."""
+    with pytest.raises(InputError, match="A, B, both, which depend on each other"):
+        held(arm, drives=["A", "B", "both"], share=share)
+
+
+@pytest.mark.parametrize("mass", [10.0, 160.0])
+def test_limits_of_the_model_bound_them(mechanism, chain, mass):
+    """A motor of 1000 N*m at A, and a winch at the height of B, ``-sin A``: least for ``x_A - cos A F = q_A``."""
+    heavy = mechanism(chain(*({**body, "mass": mass} for body in ARM)),
+                      coordinates={"height": {"kind": "point", "point": "B_link", "along": "z"}},
+                      gravity={"direction": "-z", "magnitude": "9.81 m/s^2"})  # fmt: skip
+    (q,) = (series[0] for series in values(held(heavy), EFFORTS[0]))
+    weights = {"A": "1 1/N/m", "B": "1 1/N/m", "height": "1 1/N"}
+    run = held(heavy, drives=["A", "B", "height"], share={"weights": weights, "limits": "model"})
+    at_a, force = (series[0] for series in values(run, EFFORTS[0], "coordinate.height.effort"))
+    c = np.cos(0.4)
+    expected = np.clip(q / (1 + c**2), -1000.0, 1000.0)
+    assert (abs(expected) == 1000.0) == (mass > 100.0)
+    assert (at_a, force) == pytest.approx((expected, (expected - q) / c), rel=1e-12)
 
 
 def test_friction_that_sticks_is_refused(mechanism, chain):
