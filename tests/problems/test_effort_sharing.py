@@ -172,7 +172,7 @@ def arm(mechanism, chain):
 def test_three_motors_hold_an_arm_of_two_joints(arm):
     """Motors at A, at B, and one that turns with both: least for ``x1 + x3 = q1`` and ``x2 + x3 = q2``.
 
-    ``x = (2 q1 - q2, 2 q2 - q1, q1 + q2) / 3``. Both joints are held: none may be left out with its motor.
+    ``x = (2 q1 - q2, 2 q2 - q1, q1 + q2) / 3``.
     """
     q1, q2 = (series[0] for series in values(held(arm), *EFFORTS[:2]))
     run = held(arm, drives=["A", "B", "both"], share="least_squares")
