@@ -17,7 +17,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.recorded_motion import RecordedRows, Recording
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation, along, everywhere
-from pinarm.errors import InputError, Place, within
+from pinarm.errors import InputError, Place, nowhere, within
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, current_folder
@@ -77,7 +77,7 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
         rows, _ = self.rows(mechanism)
         drives = None if rows.tau is not None else self._drives(mechanism)
         start = {name: float(rows.q[0, joint.q]) for name, joint in mechanism.joints.items()}
-        dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, _nowhere))
+        dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, nowhere))
         still = np.zeros((1, mechanism.model.nv))
         known = self.derivatives == "spline"
         v, a = (still if known or x is not None else None for x in (rows.v, rows.a))
@@ -144,9 +144,3 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
 
     def _drives(self, mechanism: Mechanism) -> Actuation | None:
         return along(mechanism, self.drives) if self.drives else everywhere(mechanism)
-
-
-def _nowhere(*path: str | int) -> Any:
-    from contextlib import nullcontext
-
-    return nullcontext()
