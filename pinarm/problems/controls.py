@@ -43,6 +43,11 @@ class ControlOfRun(Protocol):
         """Names of the drives."""
         ...
 
+    @property
+    def description(self) -> str:
+        """What it is and when it acts, for people."""
+        ...
+
     def bind(self, plant: Plant) -> Controller:
         """Return the controller of one mechanism."""
         ...

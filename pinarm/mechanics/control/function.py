@@ -12,6 +12,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, PinarmError, within
 from pinarm.input.yaml.schema import Duration, Pause
 from pinarm.mechanics.control.controller import Controller, Given, Plant, Reader, Sampling
+from pinarm.mechanics.control.definition import rhythm
 
 
 class MeasuredState:
@@ -69,6 +70,11 @@ class FunctionControl:
     function: ControlFunction
     period: Duration | None = None
     delay: Pause = 0.0
+
+    @property
+    def description(self) -> str:
+        """What it is and when it acts, for people."""
+        return f"function, {rhythm(self.period, self.delay)}"
 
     @property
     def names(self) -> list[str]:

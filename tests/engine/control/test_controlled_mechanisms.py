@@ -268,6 +268,36 @@ def test_mistakes_of_controllers_in_a_mechanism_file_have_their_line(tmp_path, w
     assert text.splitlines()[line - 1][place.column - 1 :].startswith(found)
 
 
+@pytest.fixture
+def controlled(tmp_path):
+    """A scenario whose mechanism file has a sampled controller, and whose problem has a continuous one."""
+    own = "{kind: pid, drive: phi, follows: {law: constant, value: 0 rad}, kp: 1 N*m/rad, period: 10 ms, delay: 4 ms}"
+    other = "{kind: computed_torque, drive: x, follows: {law: constant, value: 0 m}}"
+    (tmp_path / "cart.urdf").write_text(CART)
+    (tmp_path / "mechanism.yaml").write_text(f"pinarm: 1\nrobot: cart.urdf\ncontrol:\n  - {own}\n")
+    (tmp_path / "scenario.yaml").write_text(
+        "pinarm: 1\nmechanism: mechanism.yaml\nproblem:\n  kind: forward\n  time: {end: 1 s, samples: 3}\n"
+        f"  control:\n    - {other}\noutputs: [x]\n"
+    )
+    return tmp_path / "scenario.yaml"
+
+
+def test_explain_lists_the_controllers(controlled):
+    def told(file):
+        return [line for line in str(pinarm.explain(file)).splitlines() if line.startswith("controller")]
+
+    own = "controller of phi: pid, sampled every 0.01 s, with a delay of 0.004 s"
+    assert told(controlled.with_name("mechanism.yaml")) == [own]
+    assert told(controlled) == [own, "controller of x: computed_torque, continuous"]
+
+
+def test_quantities_of_controllers_are_listed_with_their_meaning(controlled):
+    listed = {one.name: one.meaning for one in pinarm.quantities(controlled).entries}
+    assert listed["control.x.effort"] == "effort of the controller of a drive, at its joint"
+    assert listed["control.x.command"].startswith("effort, or voltage")
+    assert listed["control.phi.error"].startswith("reference of a controlled coordinate less")
+
+
 def test_a_mechanism_with_controllers_goes_to_other_processes(tmp_path):
     (tmp_path / "cart.urdf").write_text(CART)
     (tmp_path / "mechanism.yaml").write_text(
