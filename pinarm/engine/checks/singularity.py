@@ -30,6 +30,9 @@ def nearest_singularity(
 ) -> tuple[float, float]:
     """Return the least regularity that was found, and the parameter at which it is.
 
+    It is ``s_r / max s_1``, s being the singular values of G in descending order, r its rank, and the largest s_1 that of
+    the run: a single row has one singular value, which vanishes at a singular position like any other.
+
     Args:
         run: The table of states.
         motion: What they are states of; none where nothing is looked for between rows.
@@ -39,7 +42,8 @@ def nearest_singularity(
     rank = run.mechanism.closure.rank(values)
     if not rank:  # a second bearing in line with the first holds nothing that could be lost
         return 1.0, float(run.grid.t[rows[0]])
-    regular = values[:, rank - 1] / values[:, 0]
+    largest = float(values[:, 0].max())
+    regular = values[:, rank - 1] / largest
     least = int(np.argmin(regular))
     best = float(regular[least]), float(run.grid.t[rows[least]])
     if motion is None or run.separate or not 0 < least < len(rows) - 1 or not RANK < best[0] < NEAR:
@@ -52,7 +56,7 @@ def nearest_singularity(
         if not len(between):
             break
         try:
-            found = _at(run, motion.positions(between), rank)
+            found = _smallest(run, motion.positions(between), rank) / largest
         except PinarmError:  # singular: nothing closer can be looked at
             break
         best = min(best, *zip(found.tolist(), between.tolist(), strict=True))
@@ -86,8 +90,7 @@ def _lowest(t: Array, values: Array) -> Array:
     return np.unique(inside[np.abs(inside[:, None] - t).min(axis=1) > apart])
 
 
-def _at(run: Trajectory, q: Array, rank: int) -> Array:
-    """Return the regularity at configurations of shape (n, nq), shape (n,)."""
+def _smallest(run: Trajectory, q: Array, rank: int) -> Array:
+    """Return the singular value that is lost at singular positions, at configurations of shape (n, nq), shape (n,)."""
     closure = run.mechanism.closure
-    values = closure.values_of(closure.at(q)[1])
-    return np.asarray(values[:, rank - 1] / values[:, 0])
+    return np.asarray(closure.values_of(closure.at(q)[1])[:, rank - 1])

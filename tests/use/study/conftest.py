@@ -47,7 +47,7 @@ def path(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def scenario(path: Path) -> pinarm.Scenario:
+def held(path: Path) -> pinarm.Scenario:
     return pinarm.load(path)
 
 

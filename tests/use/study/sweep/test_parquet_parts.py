@@ -13,9 +13,9 @@ from pinarm.use.study.sweep import parquet_parts
 
 
 @pytest.fixture
-def sweep(scenario: pinarm.Scenario) -> pinarm.Sweep:
+def sweep(held: pinarm.Scenario) -> pinarm.Sweep:
     over = {"arguments.m": "-1:1:5 kg", "problem.over.pivot.to": "60, 90"}
-    return pinarm.sweep(scenario, over, results=["M @ end"], workers=1)
+    return pinarm.sweep(held, over, results=["M @ end"], workers=1)
 
 
 def test_the_parts_together_are_the_table(sweep: pinarm.Sweep, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,8 +16,8 @@ def ink(path: Path) -> float:
     return float((imread(path)[:, :, :3].min(axis=2) < 0.95).mean())
 
 
-def test_two_long_axes_make_a_map(scenario: pinarm.Scenario, tmp_path: Path) -> None:
-    sweep = pinarm.sweep(scenario, {**LONG, "arguments.m": "3:1:9 kg"}, results=["M @ end"])
+def test_two_long_axes_make_a_map(held: pinarm.Scenario, tmp_path: Path) -> None:
+    sweep = pinarm.sweep(held, {**LONG, "arguments.m": "3:1:9 kg"}, results=["M @ end"])
     figure = sweep.plot()
     axis = figure.axes[0]
     (mesh,) = axis.collections[:1]
@@ -30,16 +30,16 @@ def test_two_long_axes_make_a_map(scenario: pinarm.Scenario, tmp_path: Path) -> 
     assert ink(tmp_path / "map.png") > 0.4
 
 
-def test_what_failed_stays_empty_in_a_map(scenario: pinarm.Scenario) -> None:
-    sweep = pinarm.sweep(scenario, {**LONG, "arguments.m": "-1:3:9 kg"}, results=["M @ end"])
+def test_what_failed_stays_empty_in_a_map(held: pinarm.Scenario) -> None:
+    sweep = pinarm.sweep(held, {**LONG, "arguments.m": "-1:3:9 kg"}, results=["M @ end"])
     mesh = sweep.plot("M @ end").axes[0].collections[0]
     assert np.ma.getmaskarray(mesh.get_array()).sum() == 2 * 7 == len(sweep.errors)
 
 
 @pytest.mark.parametrize("first", [True, False])
-def test_a_short_axis_makes_a_family_of_curves(scenario: pinarm.Scenario, first: bool) -> None:
+def test_a_short_axis_makes_a_family_of_curves(held: pinarm.Scenario, first: bool) -> None:
     short, long = {"arguments.l": "0.5, 1 m"}, {"arguments.m": "1:3:9 kg"}
-    sweep = pinarm.sweep(scenario, {**short, **long} if first else {**long, **short}, results=["M @ end"])
+    sweep = pinarm.sweep(held, {**short, **long} if first else {**long, **short}, results=["M @ end"])
     axis = sweep.plot().axes[0]
     lines = axis.get_lines()
     m = np.linspace(1, 3, 9)
@@ -49,9 +49,9 @@ def test_a_short_axis_makes_a_family_of_curves(scenario: pinarm.Scenario, first:
     assert axis.get_xlabel() == "arguments.m [kg]"
 
 
-def test_what_failed_is_marked_beside_a_curve(scenario: pinarm.Scenario) -> None:
+def test_what_failed_is_marked_beside_a_curve(held: pinarm.Scenario) -> None:
     """By one artist: of a line for each of 100,000 failures a picture took minutes."""
-    axis = pinarm.sweep(scenario, {"arguments.m": "-1:3:9 kg"}, results=["M @ end"]).plot().axes[0]
+    axis = pinarm.sweep(held, {"arguments.m": "-1:3:9 kg"}, results=["M @ end"]).plot().axes[0]
     (marks,) = axis.collections
     np.testing.assert_allclose([segment[:, 0] for segment in marks.get_segments()], [[-1.0, -1.0], [-0.5, -0.5]])
     assert axis.get_xlim()[1] == pytest.approx(3.2, abs=0.05)
@@ -59,27 +59,27 @@ def test_what_failed_is_marked_beside_a_curve(scenario: pinarm.Scenario) -> None
 
 
 @pytest.mark.slow
-def test_words_stand_side_by_side_and_names_are_drawn_as_they_are(scenario: pinarm.Scenario) -> None:
+def test_words_stand_side_by_side_and_names_are_drawn_as_they_are(held: pinarm.Scenario) -> None:
     over = {"problem.over.pivot.to": "30, 90", "symbols.$x_1": "alpha, 2*alpha"}
-    axis = pinarm.sweep(scenario, over, results=["M @ end"]).plot().axes[0]
+    axis = pinarm.sweep(held, over, results=["M @ end"]).plot().axes[0]
     assert len(axis.get_lines()) == 2
     axis.figure.canvas.draw()  # mathtext would fail here
-    words = pinarm.sweep(scenario, {"symbols.s": "alpha, M"}, results=["M @ end"]).plot().axes[0]
+    words = pinarm.sweep(held, {"symbols.s": "alpha, M"}, results=["M @ end"]).plot().axes[0]
     assert [label.get_text() for label in words.get_xticklabels()] == ["alpha", "M"]
 
 
 @pytest.mark.slow
-def test_chance_makes_a_histogram_of_all_cases(scenario: pinarm.Scenario) -> None:
-    sweep = pinarm.sweep(scenario, {"arguments.m": "normal(2, 0.1)"}, samples=200, results=["M @ end"])
+def test_chance_makes_a_histogram_of_all_cases(held: pinarm.Scenario) -> None:
+    sweep = pinarm.sweep(held, {"arguments.m": "normal(2, 0.1)"}, samples=200, results=["M @ end"])
     axis = sweep.plot().axes[0]
     assert sum(bar.get_height() for bar in axis.patches) == 200
     median = np.median(sweep["M @ end"].values)
     np.testing.assert_allclose([line.get_xdata()[0] for line in axis.get_lines()][1], median)
 
 
-def test_a_sweep_of_which_everything_fails_is_drawn_too(scenario: pinarm.Scenario, tmp_path: Path) -> None:
+def test_a_sweep_of_which_everything_fails_is_drawn_too(held: pinarm.Scenario, tmp_path: Path) -> None:
     ends = {"arguments.m": "1, -1, -2, 2 kg"}  # the ends are fine, or it would not begin
-    sweep = pinarm.sweep(scenario, {**ends, "problem.over.pivot.from": "10, 95"}, results=["M @ pivot=5 deg"])
+    sweep = pinarm.sweep(held, {**ends, "problem.over.pivot.from": "10, 95"}, results=["M @ pivot=5 deg"])
     assert len(sweep.errors) == 8
     sweep.save(tmp_path / "out")
     assert ink(tmp_path / "out" / "plots" / "01_M_pivot_5_deg.png") > 0.01

@@ -33,8 +33,8 @@ def entries(folder: Path) -> list[str]:
     return [entry["case"] for entry in map(json.loads, lines) if "case" in entry]
 
 
-def test_the_table_is_that_of_the_formula(scenario: pinarm.Scenario) -> None:
-    sweep = pinarm.sweep(scenario, MASSES, results=["M @ end", "M"], workers=2)
+def test_the_table_is_that_of_the_formula(held: pinarm.Scenario) -> None:
+    sweep = pinarm.sweep(held, MASSES, results=["M @ end", "M"], workers=2)
     m, l = sweep["arguments.m"].values, sweep["arguments.l"].values
     assert sorted(zip(m, l, strict=True)) == [(m, l) for m in (1, 1.5, 2, 2.5, 3) for l in (0.5, 1)]
     np.testing.assert_allclose(sweep["M @ end"].values, 10 * m * l, rtol=1e-14)
@@ -53,13 +53,13 @@ def test_the_table_is_that_of_the_formula(scenario: pinarm.Scenario) -> None:
 
 
 @pytest.mark.slow
-def test_one_worker_or_many_a_pause_or_none_give_the_same_bytes(scenario: pinarm.Scenario, tmp_path: Path) -> None:
+def test_one_worker_or_many_a_pause_or_none_give_the_same_bytes(held: pinarm.Scenario, tmp_path: Path) -> None:
     over = {**MASSES, "arguments.m": "-1:3:5 kg"}
     for workers in (1, 3):
-        pinarm.sweep(scenario, over, workers=workers).save(tmp_path / f"with {workers}")
+        pinarm.sweep(held, over, workers=workers).save(tmp_path / f"with {workers}")
     paused = tmp_path / "paused"
-    pinarm.sweep(scenario, {**over, "arguments.m": "0:2:2 kg"}, workers=1, folder=paused)
-    pinarm.sweep(scenario, over, workers=2, folder=paused).save(paused)
+    pinarm.sweep(held, {**over, "arguments.m": "0:2:2 kg"}, workers=1, folder=paused)
+    pinarm.sweep(held, over, workers=2, folder=paused).save(paused)
     assert files(tmp_path / "with 1") == files(tmp_path / "with 3") == files(paused)
     assert len(set(entries(paused))) == len(entries(paused)) == 10
     assert set(files(paused)) == {
@@ -74,19 +74,19 @@ def test_one_worker_or_many_a_pause_or_none_give_the_same_bytes(scenario: pinarm
 
 
 def test_cases_that_are_known_are_not_solved_again(
-    scenario: pinarm.Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    held: pinarm.Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    first = pinarm.sweep(scenario, MASSES, folder=tmp_path / "out")
+    first = pinarm.sweep(held, MASSES, folder=tmp_path / "out")
 
     def distribute(function: object, jobs: Any, workers: int) -> Any:
         yield from ()
         assert next(jobs, None) is None, "a case is solved again"
 
     monkeypatch.setattr(solving, "distribute", distribute)
-    again = pinarm.sweep(scenario, dict(reversed(MASSES.items())), folder=tmp_path / "out")
+    again = pinarm.sweep(held, dict(reversed(MASSES.items())), folder=tmp_path / "out")
     assert sorted(first["max M"].values) == sorted(again["max M"].values)
     with pytest.raises(AssertionError, match="solved again"):
-        pinarm.sweep(scenario, {"arguments.m": "1, 7 kg"}, folder=tmp_path / "out")
+        pinarm.sweep(held, {"arguments.m": "1, 7 kg"}, folder=tmp_path / "out")
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_another_question_is_solved_even_where_the_cases_are_the_same(path: Path
 
 
 def test_a_fault_of_the_program_is_not_kept(
-    scenario: pinarm.Scenario, tmp_path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
+    held: pinarm.Scenario, tmp_path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     faulty = module(
         "from pinarm.use.study.sweep.cases import Row\n"
@@ -127,8 +127,8 @@ def test_a_fault_of_the_program_is_not_kept(
     )
     with monkeypatch.context() as patched:
         patched.setattr(solving, "_solve_job", faulty.solve)
-        assert len(pinarm.sweep(scenario, MASSES, folder=tmp_path / "out", workers=1).errors) == 10
-    assert not pinarm.sweep(scenario, MASSES, folder=tmp_path / "out", workers=1).errors
+        assert len(pinarm.sweep(held, MASSES, folder=tmp_path / "out", workers=1).errors) == 10
+    assert not pinarm.sweep(held, MASSES, folder=tmp_path / "out", workers=1).errors
 
 
 def test_a_file_that_changes_while_the_sweep_runs_ends_it(path: Path, tmp_path: Path) -> None:
@@ -141,12 +141,12 @@ def test_a_file_that_changes_while_the_sweep_runs_ends_it(path: Path, tmp_path: 
     assert len(entries(tmp_path / "out")) == 3
 
 
-def test_a_journal_that_was_cut_short_loses_its_last_line_only(scenario: pinarm.Scenario, tmp_path: Path) -> None:
-    pinarm.sweep(scenario, MASSES, folder=tmp_path / "out", workers=1)
+def test_a_journal_that_was_cut_short_loses_its_last_line_only(held: pinarm.Scenario, tmp_path: Path) -> None:
+    pinarm.sweep(held, MASSES, folder=tmp_path / "out", workers=1)
     journal = tmp_path / "out" / "journal.jsonl"
     journal.write_bytes(journal.read_bytes()[:-20])
     solved: list[int] = []
-    again = pinarm.sweep(scenario, MASSES, folder=tmp_path / "out", progress=lambda done, *_: solved.append(done))
+    again = pinarm.sweep(held, MASSES, folder=tmp_path / "out", progress=lambda done, *_: solved.append(done))
     assert len(solved) == 10
     assert not again.errors
     lines = journal.read_bytes().splitlines()
@@ -154,8 +154,8 @@ def test_a_journal_that_was_cut_short_loses_its_last_line_only(scenario: pinarm.
     assert sum(b'"case"' in line and line.endswith(b"}") for line in lines) == 10
 
 
-def test_failures_are_told_by_reason(scenario: pinarm.Scenario) -> None:
-    sweep = pinarm.sweep(scenario, {"arguments.m": "-2:2:5 kg"}, results=["M @ end"])
+def test_failures_are_told_by_reason(held: pinarm.Scenario) -> None:
+    sweep = pinarm.sweep(held, {"arguments.m": "-2:2:5 kg"}, results=["M @ end"])
     assert {case: reason.rpartition(": ")[2] for case, reason in sweep.errors.items()} == {
         0: "the mass is negative (-2 kg)", 1: "the mass is negative (-1 kg)"
     }  # fmt: skip
@@ -169,7 +169,7 @@ def test_failures_are_told_by_reason(scenario: pinarm.Scenario) -> None:
     assert re.fullmatch(r"4,2\.0,20\.0+\d*,.*,", lines[5])
 
 
-def test_a_sweep_that_is_refused_at_both_ends_is_refused_at_once(scenario: pinarm.Scenario) -> None:
+def test_a_sweep_that_is_refused_at_both_ends_is_refused_at_once(held: pinarm.Scenario) -> None:
     for over, message in (
         ({"argument.m": "1, 2 kg"}, "argument.m=1.0 kg: unknown key 'argument'"),
         ({"arguments.n": "1, 2"}, "the model has no argument 'n'"),
@@ -178,7 +178,7 @@ def test_a_sweep_that_is_refused_at_both_ends_is_refused_at_once(scenario: pinar
         ({"problem.over.pivot.samples": "2.5, 3.5"}, "expected: a whole number"),
     ):
         with pytest.raises(PinarmError, match=message):
-            pinarm.sweep(scenario, over)
+            pinarm.sweep(held, over)
 
 
 @pytest.mark.slow
@@ -196,13 +196,13 @@ def test_bare_numbers_are_in_the_unit_that_the_files_have(path: Path) -> None:
         units(arguments__l="1, 2")
 
 
-def test_samples_are_drawn_where_something_is_to_be_drawn(scenario: pinarm.Scenario) -> None:
+def test_samples_are_drawn_where_something_is_to_be_drawn(held: pinarm.Scenario) -> None:
     with pytest.raises(PinarmError, match=r"'arguments\.m' is to be drawn"):
-        pinarm.sweep(scenario, {"arguments.m": "normal(2, 0.1)"})
+        pinarm.sweep(held, {"arguments.m": "normal(2, 0.1)"})
     with pytest.raises(PinarmError, match="nothing to draw"):
-        pinarm.sweep(scenario, {"arguments.m": "1, 2"}, samples=3)
+        pinarm.sweep(held, {"arguments.m": "1, 2"}, samples=3)
     over = {"arguments.m": "normal(2, 0.1)", "arguments.l": "tolerance(1, 0.01)", "problem.over.pivot.to": "60, 90"}
-    sweep = pinarm.sweep(scenario, over, samples=3, seed=5, results=["M @ end"])
+    sweep = pinarm.sweep(held, over, samples=3, seed=5, results=["M @ end"])
     m, l, to = (sweep[name].values for name in over)
     assert len(sweep) == 6
     assert len(set(m)) == len(set(l)) == 3
@@ -210,7 +210,7 @@ def test_samples_are_drawn_where_something_is_to_be_drawn(scenario: pinarm.Scena
 
 
 def test_a_killed_worker_loses_its_case_and_the_next_run_solves_it(
-    scenario: pinarm.Scenario, tmp_path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
+    held: pinarm.Scenario, tmp_path: Path, module: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hostile = module(
         "import os, signal\nfrom pinarm.use.study.sweep.cases import solve_case\n"
@@ -221,41 +221,41 @@ def test_a_killed_worker_loses_its_case_and_the_next_run_solves_it(
     )
     with monkeypatch.context() as patched:
         patched.setattr(solving, "_solve_job", hostile.solve)
-        sweep = pinarm.sweep(scenario, {"arguments.m": "1:3:5 kg"}, folder=tmp_path / "out", workers=2)
+        sweep = pinarm.sweep(held, {"arguments.m": "1:3:5 kg"}, folder=tmp_path / "out", workers=2)
     assert sweep.errors == {2: "its process died by SIGSEGV"}
-    again = pinarm.sweep(scenario, {"arguments.m": "1:3:5 kg"}, folder=tmp_path / "out")
+    again = pinarm.sweep(held, {"arguments.m": "1:3:5 kg"}, folder=tmp_path / "out")
     assert not again.errors
     assert len(entries(tmp_path / "out")) == 5
 
 
-def test_the_task_of_a_case_is_one_function_of_what_can_be_pickled(scenario: pinarm.Scenario) -> None:
+def test_the_task_of_a_case_is_one_function_of_what_can_be_pickled(held: pinarm.Scenario) -> None:
     import pickle
 
     from pinarm.use.study.sweep.cases import Task, Wanted, solve_case
 
-    task = Task(scenario.document, scenario.folder, (Wanted.read("M @ end"),))
+    task = Task(held.document, held.folder, (Wanted.read("M @ end"),))
     function, given = pickle.loads(pickle.dumps((solve_case, task)))
     row = pickle.loads(pickle.dumps(function(given, {"arguments.m": "3 kg"})))
     assert isinstance(row, Row)
     assert row.numbers[0] == pytest.approx(30)
 
 
-def test_a_folder_of_something_else_is_left_alone(scenario: pinarm.Scenario, tmp_path: Path) -> None:
-    scenario.run().save(tmp_path / "run", plots=False)
+def test_a_folder_of_something_else_is_left_alone(held: pinarm.Scenario, tmp_path: Path) -> None:
+    held.run().save(tmp_path / "run", plots=False)
     with pytest.raises(PinarmError, match="holds a result, no sweep"):
-        pinarm.sweep(scenario, MASSES, folder=tmp_path / "run")
+        pinarm.sweep(held, MASSES, folder=tmp_path / "run")
     (tmp_path / "file").touch()
     with pytest.raises(PinarmError, match="cannot be written"):
-        pinarm.sweep(scenario, MASSES, folder=tmp_path / "file" / "out")
+        pinarm.sweep(held, MASSES, folder=tmp_path / "file" / "out")
 
 
-def test_two_sweeps_do_not_write_one_journal(scenario: pinarm.Scenario, tmp_path: Path) -> None:
+def test_two_sweeps_do_not_write_one_journal(held: pinarm.Scenario, tmp_path: Path) -> None:
     def second(done: int, *_: int) -> None:
         if done == 1:
             with pytest.raises(PinarmError, match="another sweep is writing"):
-                pinarm.sweep(scenario, MASSES, folder=tmp_path / "out", workers=1)
+                pinarm.sweep(held, MASSES, folder=tmp_path / "out", workers=1)
 
-    assert not pinarm.sweep(scenario, MASSES, folder=tmp_path / "out", workers=1, progress=second).errors
+    assert not pinarm.sweep(held, MASSES, folder=tmp_path / "out", workers=1, progress=second).errors
 
 
 def start(path: Path, *arguments: str) -> "subprocess.Popen[str]":

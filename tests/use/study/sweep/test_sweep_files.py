@@ -14,8 +14,8 @@ OVER = {"arguments.m": "-1, 0.1, 0.3 kg", "symbols.s": "alpha, 2*alpha"}
 
 
 @pytest.fixture
-def sweep(scenario: pinarm.Scenario) -> pinarm.Sweep:
-    return pinarm.sweep(scenario, OVER, results=["M @ end", "min(0, 1)*s"])
+def sweep(held: pinarm.Scenario) -> pinarm.Sweep:
+    return pinarm.sweep(held, OVER, results=["M @ end", "min(0, 1)*s"])
 
 
 def test_the_table_is_read_back_to_the_last_digit(sweep: pinarm.Sweep, tmp_path: Path) -> None:

@@ -87,9 +87,9 @@ def test_what_no_other_case_refers_to_is_sent_as_well(path: Path, tmp_path: Path
 
 
 def test_batches_travel_too(path: Path, tmp_path: Path) -> None:
-    scenario = pinarm.load(path, {"problem": {"kind": "forward", "time": {"end": "0.2 s", "samples": 5}}})
-    one = pinarm.batch(scenario, {"pivot": [0.1, 0.2]})
-    other = pinarm.batch(scenario, {"pivot": [0.1, 0.2]}, executor=Elsewhere(tmp_path), workers=1)
+    held = pinarm.load(path, {"problem": {"kind": "forward", "time": {"end": "0.2 s", "samples": 5}}})
+    one = pinarm.batch(held, {"pivot": [0.1, 0.2]})
+    other = pinarm.batch(held, {"pivot": [0.1, 0.2]}, executor=Elsewhere(tmp_path), workers=1)
     np.testing.assert_array_equal(one["alpha"].values, other["alpha"].values)
     out = tmp_path.with_name("out")
     folders = [batch.save(out / str(k)) for k, batch in enumerate((one, other))]
