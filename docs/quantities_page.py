@@ -38,7 +38,7 @@ def page() -> str:
             name = ".".join([word, *filter(None, (family.element, part))]) if part else f"{word}.F"
             lines.append(f"| `{name}` | {said} |")
         lines.append("")
-    lines += ["## What kinds of problem add", "", *TABLE]
+    lines += ["## What friction, controllers and kinds of problem add", "", *TABLE]
     lines += [f"| `{'...' if mark.startswith('.') else ''}{mark}` | {said} |" for mark, said in COLUMNS.items()]
     return "\n".join([*lines, ""])
 

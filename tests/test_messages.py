@@ -273,7 +273,7 @@ MECHANISMS = [
     ("robot:", "robott:", ["slider.yaml:2:1: unknown key 'robott'", "try: robot"]),
     ("drives:", "drive:", ["slider.yaml:8:1: unknown key 'drive'", "try: drives"]),
     ("along: z", "along: up", ["slider.yaml:6:44: unknown along 'up'"]),
-    ("ratio: 50", "gear: 50", ["slider.yaml:9:25: unknown key 'gear'", "efficiency, joint, motor, ratio, rotor_inertia"]),
+    ("ratio: 50", "gear: 50", ["slider.yaml:9:25: unknown key 'gear'", "joint, motor, ratio, rotor_inertia"]),
     ("slider.urdf", "slidr.urdf", ["slider.yaml:2:8: ", "slidr.urdf' does not exist", "slider.urdf"]),
     ("slider.urdf", "../x.urdf", ["slider.yaml:2:8: the path ", "x.urdf' leads out of the root folder"]),
     ("slider.urdf", "pandaa", ["slider.yaml:2:8: there is no robot 'pandaa'", "try: panda"]),

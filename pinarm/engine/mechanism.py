@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -37,7 +36,7 @@ from pinarm.engine.mechanism_parts import (
     tying,
 )
 from pinarm.engine.model_source import RobotReader, Source, numeric, read_robot, robot_of_model
-from pinarm.errors import InputError, choices
+from pinarm.errors import InputError, choices, nowhere
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.units import Unit
 from pinarm.input.xacro.expansion import check_declared
@@ -85,7 +84,8 @@ class Mechanism:
         payloads: What links carry beside the model's own masses, by name.
         notes: What is not modelled as the files have it.
         frictions: Joints with dry friction that sticks.
-        control: Controllers of its drives, at work in forward runs.
+        control: Controllers of its drives, at work in forward runs: those of the file first.
+        locate: Gives mistakes of these their place in the mechanism file: they are bound to a run, not on reading.
     """
 
     title: str
@@ -106,6 +106,7 @@ class Mechanism:
     notes: tuple[str, ...] = ()
     frictions: tuple[FrictionContact, ...] = ()
     control: tuple[ControlDefinition | FunctionControl, ...] = ()
+    locate: Locate = field(default=nowhere, repr=False, compare=False)
 
     @classmethod
     def load(
@@ -150,7 +151,7 @@ class Mechanism:
         data = {"pinarm": 1, "robot": "model.urdf", "gravity": gravity_words(model), **keys}
         document = Document.of_data(data, "mechanism")
         description, read = document.validate(MechanismDescription), partial(robot_of_model, model)
-        return _build(description, document.data, Path(), {}, {}, document.locating, lambda *at: nullcontext(), read)
+        return _build(description, document.data, Path(), {}, {}, document.locating, nowhere, read)
 
     def __repr__(self) -> str:
         """Return its title, and how many joints, constraints and freedoms it has."""
@@ -495,7 +496,7 @@ def mechanism_document(file: Path) -> Document:
 def read_mechanism(
     path: str | Path, arguments: Mapping[str, float | str] | None = None, *,
     gravity: Gravity | Literal["none"] | None = None, payloads: Mapping[str, Payload] | None = None,
-    changes: Document | None = None, locate: Locate = lambda *path: nullcontext(),
+    changes: Document | None = None, locate: Locate = nowhere,
 ) -> Mechanism:  # fmt: skip
     """Load a mechanism as a scenario asks for it.
 
@@ -520,7 +521,7 @@ def read_mechanism(
 def _described(
     document: Document, folder: Path, arguments: Mapping[str, float | str],
     gravity: Gravity | Literal["none"] | None = None, payloads: Mapping[str, Payload] = MappingProxyType({}),
-    locate: Locate = lambda *path: nullcontext(),
+    locate: Locate = nowhere,
 ) -> Mechanism:  # fmt: skip
     """Return the mechanism that a document describes; see ``read_mechanism``."""
     here = document.locating if document.places else lambda *at: locate("mechanism")
@@ -563,4 +564,5 @@ def _build(
         dict(description.drives), forces, symbols, resolved,
         {name: units[name].si for name in resolved if name in units}, description, source, carried,
         (*robot.notes, *open_closings(model, loops)), frictions, tuple(description.control),
+        here if description.control else nowhere,
     )  # fmt: skip

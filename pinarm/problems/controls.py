@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
@@ -14,13 +14,13 @@ from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.control.controlled_system import CONTROL
 from pinarm.engine.control.controls import Controls
-from pinarm.engine.control.schedule import require_few_samples
+from pinarm.engine.control.schedule import require_action, require_few_samples
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.equation import solve
 from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.errors import InputError, Place, choices
+from pinarm.errors import InputError, Place, choices, nowhere, within
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.control.controller import Controller, Plant, Reader
 from pinarm.mechanics.control.definition import effort_unit
@@ -41,6 +41,11 @@ class ControlOfRun(Protocol):
     @property
     def drives(self) -> Sequence[str]:
         """Names of the drives."""
+        ...
+
+    @property
+    def description(self) -> str:
+        """What it is and when it acts, for people."""
         ...
 
     def bind(self, plant: Plant) -> Controller:
@@ -217,24 +222,40 @@ def bind_controls(
         raise InputError(f"a force is called '{CONTROL}', which stands for the efforts of controllers",
                          expected="another name of the force")  # fmt: skip
     found: list[Controller] = []
-    for index, definition in enumerate([*mechanism.control, *control], -len(mechanism.control)):
-        with place("control", index) if index >= 0 else nullcontext():
+    places = _places(mechanism, place)
+    for number, definition in enumerate([*mechanism.control, *control]):
+        with places(number):
             found.append(definition.bind(plant))
             require_few_samples(found[-1], duration)
+            require_action(found[-1], duration)
             _require_own_joints(found)
-    found = _with_motors(found, mechanism)
-    return Controls(tuple(found), dynamics)
+    return Controls(tuple(_with_motors(found, mechanism, places)), dynamics)
 
 
-def _with_motors(controllers: Sequence[Controller], mechanism: Mechanism) -> list[Controller]:
+def _places(mechanism: Mechanism, place: Place) -> Callable[[int], AbstractContextManager[None]]:
+    """Return what gives the mistakes of a controller their place, by its number: those of the mechanism come first."""
+    own, written = len(mechanism.control), len(mechanism.description.control)
+
+    def places(number: int) -> AbstractContextManager[None]:
+        if number >= own:
+            return place("control", number - own)
+        return mechanism.locate("control", number) if number < written else nowhere()
+
+    return places
+
+
+def _with_motors(
+    controllers: Sequence[Controller], mechanism: Mechanism, places: Callable[[int], AbstractContextManager[None]]
+) -> list[Controller]:
     """Return controllers with the motors behind those that command voltages."""
     found, place = list[Controller](), 0
-    for one in controllers:
+    for number, one in enumerate(controllers):
         motors = [mechanism.drives[drive].motor for drive in one.drives if drive in mechanism.drives]
         motor = next((each for each in motors if each is not None), None)
         if motor is not None and len(one.drives) > 1:
-            raise InputError(f"{', '.join(one.drives)} have one controller, and a motor among them takes a voltage",
-                             expected="a controller of its own for each drive with a motor")  # fmt: skip
+            with places(number), within("drive"):
+                raise InputError(f"{', '.join(one.drives)} have one controller, and a motor among them takes a voltage",
+                                 expected="a controller of its own for each drive with a motor")  # fmt: skip
         if motor is None:
             found.append(one)
         else:

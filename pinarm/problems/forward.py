@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -28,7 +27,7 @@ from pinarm.engine.motion.small_motions import integrate_to_size
 from pinarm.engine.motion.systems import Initial
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import along
-from pinarm.errors import InputError, IntegrationError, Interrupted, Key, Place
+from pinarm.errors import InputError, IntegrationError, Interrupted, Key, Place, nowhere
 from pinarm.input.units import unit
 from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, Level, Rate
@@ -107,8 +106,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             return {}
         from pinarm.engine.motion.controlled_motion import control_schema
 
-        motion = laws_of(mechanism, self.motion, _nowhere, (self.time.start, self.time.end))
-        controls = self._controls(mechanism, row.dynamics, motion, _nowhere)
+        motion = laws_of(mechanism, self.motion, nowhere, (self.time.start, self.time.end))
+        controls = self._controls(mechanism, row.dynamics, motion, nowhere)
         return control_schema(controls, row.q, row.v) if controls else {}
 
     def declaration(self) -> Declaration:
@@ -234,11 +233,6 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         )
         rates = tuple((mechanism.coordinate(name), float(rate)) for name, rate in others.items())
         return Initial(q, v, positions, velocities, rates)
-
-
-def _nowhere(*path: str | int) -> AbstractContextManager[None]:
-    """Give mistakes no place: for a question that has been checked."""
-    return nullcontext()
 
 
 def _changed(mechanism: Mechanism, hybrid: HybridSystem, v: Array) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,7 @@ from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.kinematics.closed_configurations import generic_near
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
-from pinarm.errors import InputError, Place
+from pinarm.errors import InputError, Place, nowhere
 from pinarm.input.units import Unit
 from pinarm.input.yaml.deferred import Deferred
 from pinarm.mechanics.forces.force_element import ForceElement, check_new
@@ -65,7 +64,7 @@ def schema_row(
     Raises:
         InputError: A load names something that does not exist.
     """
-    forces = bind_loads(mechanism, loads, lambda *path: nullcontext())
+    forces = bind_loads(mechanism, loads, nowhere)
     row = Trajectory.schema_row(mechanism, generic_near(mechanism, start), parameter, measured, drives.closure)
     names = (*drives.coordinates(mechanism),)
     return replace(row, dynamics=Dynamics.of(mechanism.model, forces), driven=drives.driven, drives=names)

@@ -30,8 +30,8 @@ def nearest_singularity(
 ) -> tuple[float, float]:
     """Return the least regularity that was found, and the parameter at which it is.
 
-    It is ``s_r / max s_1``, s being the singular values of G in descending order, r its rank, and the largest s_1 that of
-    the run: a single row has one singular value, which vanishes at a singular position like any other.
+    It is ``s_r / max s_1``, s being the singular values of G in descending order, r its rank, and ``max s_1`` the
+    largest in the run: a single row has one singular value, which vanishes at a singular position like any other.
 
     Args:
         run: The table of states.

@@ -66,10 +66,10 @@ class Controls:
     def enter(self, t: float, q: Array, v: Array) -> None:
         """Let sampled controllers do what is due, and settle what continuous ones do, in a state of the mechanism."""
         memory = self.memory
+        first = len(memory.times) <= 1  # before samples at the start are noted
         if memory.due(t):
             memory.act(t, q, v)
         if memory.continuous:
-            first = len(memory.times) <= 1
             load = self.dynamics.forces[CONTROL]
             assert isinstance(load, PresentEfforts)
             for number, controller in enumerate(memory.continuous):

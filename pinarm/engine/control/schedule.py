@@ -46,6 +46,18 @@ def require_few_samples(controller: Controller, duration: float) -> None:
                              expected=f"at most {MOST:.3g}")  # fmt: skip
 
 
+def require_action(controller: Controller, duration: float) -> None:
+    """Raise where the first command of a controller takes effect after a duration [s] only.
+
+    Raises:
+        InputError: Says after which delay.
+    """
+    if controller.sampling and controller.sampling.delay >= duration:
+        with within("delay"):
+            raise InputError(f"a delay of {controller.sampling.delay:g} s: no command takes effect in {duration:g} s",
+                             expected="a delay shorter than the motion")  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Schedule:
     """The instants of a run at which sampled controllers act.

@@ -111,7 +111,7 @@ class Recording:
         closure = mechanism.closure if self.drives is None or rows.tau is not None else self.drives.closure
         lam, still = Multipliers.zero(len(rows.t), closure.size), np.zeros_like(nothing)
         run = Trajectory(mechanism, "t", unit("s"), grid, rows.q, v, a, still, lam, closure, self.dynamics,
-                         separate=True, unknown=rows.unknown)  # fmt: skip
+                         separate=True, unknown=rows.unknown, remedy="derivatives: spline")  # fmt: skip
         if rows.unknown:
             return replace(run, no_efforts=rows.unknown)
         demand = run.gather(lambda dynamics, part: dynamics.inverse(grid.t[part], run.q[part], v[part], a[part]))

@@ -68,6 +68,7 @@ class Trajectory:
             ``motion.standstill``.
         sampled: Whether the rows were given, and nothing is known between them.
         unknown: Why velocities or accelerations, which are NaN then, are not known; empty where they are.
+        remedy: What to try where they are not.
     """
 
     mechanism: Mechanism
@@ -89,6 +90,7 @@ class Trajectory:
     directions: Array | None = field(default=None, repr=False)
     sampled: bool = False
     unknown: str = ""
+    remedy: str = ""
 
     @classmethod
     def schema_row(

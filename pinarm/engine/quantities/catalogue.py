@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, NamedTuple
 
 from pinarm.engine.kinematics.closed_configurations import generic_near
@@ -21,18 +22,18 @@ COLUMNS = {
     ".effort.lower": "at rest: effort below which the coordinate begins to move down",
     ".effort.upper": "at rest: effort above which the coordinate begins to move up",
     ".time": "when the event first took place", ".count": "how often the event took place",
-    ".command": "effort, or voltage, that the controller of a drive asks for, before its limits",
-    ".effort": "effort of the controller of a drive, at its joint",
-    ".reference": "what a controlled coordinate should be",
-    ".voltage": "voltage of a motor, within its limits", ".current": "current of a motor",
-    ".error": "reference of a controlled coordinate less the coordinate",
+    "control.*.command": "effort, or voltage, that the controller of a drive asks for, before its limits",
+    "control.*.effort": "effort of the controller of a drive, at its joint",
+    "control.*.reference": "what a controlled coordinate should be",
+    "control.*.voltage": "voltage of a motor, within its limits", "control.*.current": "current of a motor",
+    "control.*.error": "reference of a controlled coordinate less the coordinate",
     "equilibrium.starts": "number of starts that led to the equilibrium",
     "equilibrium.stability": "1 stable, 0 indifferent, -1 unstable",
     "equilibrium.frequency2": "squared angular frequency of a small motion, in ascending order",
     "equilibrium.stiffness": "eigenvalue of the stiffness, in ascending order",
     "equilibrium.end": "coordinate of a joint at one end of the positions that friction holds",
 }  # fmt: skip
-"""Part of the names of columns that friction and kinds of problem add -> meaning."""
+"""Part of the names of columns that friction, controllers and kinds of problem add, * for any name -> meaning."""
 
 
 class NamedQuantity(NamedTuple):
@@ -126,7 +127,7 @@ def _entries(quantities: Quantities) -> Iterator[NamedQuantity]:
         if name not in mechanism.symbols and name not in quantities.symbols and name != run.parameter:
             yield _entry(quantities, name, "coordinate")
     for name in run.columns:
-        meaning = next((text for mark, text in COLUMNS.items() if mark in name), "")
+        meaning = next((text for mark, text in COLUMNS.items() if fnmatchcase(name, f"*{mark}*")), "")
         yield _entry(quantities, name, meaning)
     for word in FAMILIES:
         of = family(word, quantities.evaluation)

@@ -124,7 +124,7 @@ class Family(ABC):
             InputError: Says why.
         """
         if self.run.no_efforts:
-            hint = "derivatives: spline" if self.run.unknown else "kind: inverse"
+            hint = self.run.remedy if self.run.unknown else "kind: inverse"
             raise InputError(f"'{asked.name}': {self.run.no_efforts}", hint=hint)
 
     def rate(self, asked: Asked, coordinate_name: str, rate: str) -> Series:

@@ -103,7 +103,7 @@ class Quantities:
             InputError: Says why they are not known.
         """
         if self.trajectory.unknown and np.isnan(series.values).any():
-            raise InputError(f"'{series.name}': {self.trajectory.unknown}", hint="derivatives: spline")
+            raise InputError(f"'{series.name}': {self.trajectory.unknown}", hint=self.trajectory.remedy)
         return series
 
     def __iter__(self) -> Iterator[str]:

@@ -47,6 +47,11 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
         return [self.drive] if isinstance(self.drive, str) else self.drive
 
     @property
+    def description(self) -> str:
+        """Its kind and when it acts, for people."""
+        return f"{type(self).__struct_config__.tag}, {rhythm(self.period, self.delay)}"
+
+    @property
     def names(self) -> list[str]:
         """Names of all coordinates and drives that it needs."""
         return self.drives
@@ -119,6 +124,13 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
                 check_unit(self.resolution, signal.unit)
         steps = np.full(len(signals), float(self.resolution))
         return Sampling(float(self.period), float(self.delay), steps, self.rates)
+
+
+def rhythm(period: float | None, delay: float) -> str:
+    """Return in words when a controller acts, by its period and delay [s]."""
+    if period is None:
+        return "continuous"
+    return f"sampled every {period:g} s" + (f", with a delay of {delay:g} s" if delay else "")
 
 
 def effort_unit(coordinate: Unit) -> Unit:

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError, within
+from pinarm.errors import InputError, PinarmError, within
 from pinarm.input.yaml.schema import Duration, Pause
 from pinarm.mechanics.control.controller import Controller, Given, Plant, Reader, Sampling
+from pinarm.mechanics.control.definition import rhythm
 
 
 class MeasuredState:
@@ -39,6 +40,9 @@ class MeasuredState:
         """
         reader = self._readers.get(name)
         if reader is None:
+            if not isinstance(name, str):
+                raise InputError(f"a control function asks for state[{name!r}]", expected="the name of a quantity",
+                                 hint="state['joint.x.velocity']")  # fmt: skip
             reader = self._readers[name] = self._plant.reader(name)
         return reader(self.t, self.q, self.v)
 
@@ -66,6 +70,11 @@ class FunctionControl:
     function: ControlFunction
     period: Duration | None = None
     delay: Pause = 0.0
+
+    @property
+    def description(self) -> str:
+        """What it is and when it acts, for people."""
+        return f"function, {rhythm(self.period, self.delay)}"
 
     @property
     def names(self) -> list[str]:
@@ -109,9 +118,19 @@ class FunctionController(Controller):
         return np.array([self._call(*state) for state in states]).reshape(len(given.q), len(self.drives))
 
     def _call(self, t: float, q: Array, v: Array) -> Array:
-        effort = self.function(t, MeasuredState(t, q, v, self.plant, self.readers))
         try:
-            found = np.array(effort, dtype=np.float64).reshape(len(self.drives))
+            effort = self.function(t, MeasuredState(t, q, v, self.plant, self.readers))
+        except PinarmError:
+            raise
+        except Exception as error:
+            raise InputError(
+                f"the control function of {', '.join(self.drives)} fails at t = {t:.9g} s: "
+                f"{type(error).__name__}: {error}", expected="a function u(t, state)",
+            ) from error  # fmt: skip
+        try:
+            if (given := np.asarray(effort)).dtype.kind in "USc":  # a text or a complex number is no effort
+                raise TypeError
+            found = np.array(given, dtype=np.float64).reshape(len(self.drives))
         except (TypeError, ValueError):
             raise InputError(
                 f"the control function of {', '.join(self.drives)} has returned {effort!r} at t = {t:.9g} s",
@@ -139,13 +158,27 @@ def function_controls(
     if not isinstance(control, Mapping):
         raise InputError(f"the control is {control!r}", expected="drives and their functions",
                          hint="control={'knee': u}, or control={('hip', 'knee'): u}")  # fmt: skip
+    require_times(period, delay)
+    found = []
     for name, function in control.items():
+        drives = (name,) if isinstance(name, str) else name
+        if not isinstance(drives, tuple) or not drives or not all(isinstance(drive, str) for drive in drives):
+            raise InputError(f"{name!r} names no drives", expected="the name of a drive, or several in a tuple")
         if not callable(function):
-            raise InputError(f"the control of '{name}' is {function!r}", expected="a function u(t, state)")
+            raise InputError(f"the control of {name!r} is {function!r}", expected="a function u(t, state)")
+        found.append(FunctionControl(drives, function, period, delay))
+    return found
+
+
+def require_times(period: float | None, delay: float) -> None:
+    """Raise where the period [s] or the delay [s] of functions is none.
+
+    Raises:
+        InputError: Says what they are.
+    """
+    for name, given in (("period", 1.0 if period is None else period), ("delay", delay)):
+        if not isinstance(given, int | float | np.integer | np.floating) or isinstance(given, bool):
+            raise InputError(f"the {name} is {given!r}", expected="a number of seconds")
     if (period is not None and not 0.0 < period < np.inf) or not 0.0 <= delay < np.inf or (delay and period is None):
         raise InputError(f"the period is {period} s, the delay {delay} s",
                          expected="a positive period, and a delay of sampled functions only")  # fmt: skip
-    return [
-        FunctionControl((name,) if isinstance(name, str) else tuple(name), function, period, delay)
-        for name, function in control.items()
-    ]

@@ -47,6 +47,8 @@ class StateFeedback(ControlDefinition, frozen=True, kw_only=True, tag_field="kin
         """
         joints, units = self.joints(plant), self.units(plant)
         with within("states"):
+            if len(set(self.states)) < len(self.states):
+                raise InputError("a state is named twice", expected="each coordinate once")
             signals = measured(plant, self.states)
         for name in self.follows:
             if name not in self.states:

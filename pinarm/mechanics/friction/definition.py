@@ -282,7 +282,8 @@ class Friction(InputStruct, frozen=True):
             ("constant", effort), ("static_constant", effort), ("viscous", effort / rate), ("stribeck", rate),
         ):  # fmt: skip
             with within(key):
-                check_unit(getattr(self, key) or 0.0, measured)
+                value = getattr(self, key)
+                check_unit(0.0 if value is None else value, measured)
         static_mu = self.mu if self.static_mu is None else self.static_mu
         static = self.constant if self.static_constant is None else self.static_constant
         return FrictionLaw(self.mu, static_mu, float(self.constant), float(static), float(self.viscous),

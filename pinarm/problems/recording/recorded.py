@@ -17,7 +17,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.recorded_motion import RecordedRows, Recording
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.statics.actuation import Actuation, everywhere
-from pinarm.errors import InputError, Place, within
+from pinarm.errors import InputError, Place, nowhere, within
 from pinarm.input.roots import contained_file, root_of
 from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, current_folder
@@ -78,9 +78,9 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row near the start, with what is known of the motion."""
         rows, _ = self.rows(mechanism)
-        drives = None if rows.tau is not None else self._drives(mechanism, _nowhere)
+        drives = None if rows.tau is not None else self._drives(mechanism, nowhere)
         start = {name: float(rows.q[0, joint.q]) for name, joint in mechanism.joints.items()}
-        dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, _nowhere))
+        dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, nowhere))
         still = np.zeros((1, mechanism.model.nv))
         known = self.derivatives == "spline"
         v, a = (still if known or x is not None else None for x in (rows.v, rows.a))
@@ -151,9 +151,3 @@ class Recorded(InputStruct, frozen=True, tag_field="kind", tag="recorded"):
         if not self.drives and self.share is None:
             return everywhere(mechanism)
         return drives_of(mechanism, self.drives, [], self.share, place)
-
-
-def _nowhere(*path: str | int) -> Any:
-    from contextlib import nullcontext
-
-    return nullcontext()

@@ -71,9 +71,10 @@ class Response(InputStruct, frozen=True):
         """Check the quantity, the units and the kind of run: see ``Assessment``."""
         with within("of"):
             value = quantities[self.of].unit
-        for key in ("initial", "final"):
-            with within(key):
-                check_unit(getattr(self, key) or 0.0, value or DIMENSIONLESS)
+        for key, given in (("initial", self.initial), ("final", self.final)):
+            if given is not None:
+                with within(key):
+                    check_unit(given, value or DIMENSIONLESS)
         if quantities.trajectory.parameter != "t":
             raise InputError("a step response is one over time", expected="a forward, inverse or recorded motion")
 
@@ -170,7 +171,7 @@ class _Step:
     def crossing(self, value: Callable[[Array], Array], *, first: bool) -> float:
         """Return where a function of z becomes positive, for the first or for the last time [s]; NaN where never."""
         positive = value(self.z) >= 0.0
-        if positive.all():
+        if positive.all() or (first and positive[0]):
             return self.begin
         rising = np.flatnonzero(positive[1:] & ~positive[:-1])
         if not len(rising) or (not first and not positive[-1]):

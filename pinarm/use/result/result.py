@@ -190,7 +190,8 @@ class Result:
             InputError: The run does not have what it needs.
         """
         if key not in self._evaluated:
-            self._evaluated[key] = self.content.assessments[key].evaluate(self)
+            with self.scenario.document.locating(key):
+                self._evaluated[key] = self.content.assessments[key].evaluate(self)
         return self._evaluated[key]
 
     @cached_property

@@ -257,6 +257,9 @@ class Scenario:
         """
         from pinarm.use.study.accuracy.solved import solved
 
+        if control is None and (period is not None or delay):
+            raise InputError("a period or a delay is given, but no function",
+                             expected="control, with functions of drives")  # fmt: skip
         return solved(self.controlled(control, period, delay) if control is not None else self)
 
     def verified(self) -> Result:

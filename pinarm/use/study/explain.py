@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from pinarm.problems.simplify.simplification import Removal
 from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
 
+if TYPE_CHECKING:
+    from pinarm.problems.controls import ControlOfRun
+
 
 @dataclass(frozen=True)
 class Explanation:
@@ -34,12 +38,14 @@ class Explanation:
         mobility: What its constraints do.
         where: Which configuration that is, in words.
         removals: Joints that the scenario is solved without.
+        control: Controllers of the scenario's problem, beside those of the mechanism.
     """
 
     mechanism: Mechanism
     mobility: Mobility
     where: str
     removals: Sequence[Removal] = ()
+    control: Sequence[ControlOfRun] = ()
 
     def __str__(self) -> str:
         """Return it as text, a heading a paragraph."""
@@ -109,6 +115,8 @@ class Explanation:
         lines = [f"gravity: {', '.join(f'{x:g}' for x in direction)} m/s^2" if direction.any() else "no gravity"]
         lines += [": ".join(filter(None, (f"force {name}", one.description))) for name, one in mechanism.forces.items()]
         lines += [f"drive {name} at {drive.coordinate}" for name, drive in mechanism.drives.items()]
+        acting = [*mechanism.control, *self.control]
+        lines += [f"controller of {', '.join(one.drives)}: {one.description}" for one in acting]
         return [*lines, *(f"note: {note}" for note in mechanism.notes)]
 
     def _modelled(self) -> list[str]:
@@ -143,7 +151,8 @@ def explain(path: str | Path | Mechanism, values: Values | None = None) -> Expla
         scenario = Scenario.load(file, values)
         q, whole = run(scenario).trajectory.q, scenario.mechanism
         some = [q[k] for k in np.unique(np.linspace(0, len(q) - 1, ROWS).astype(int))]
-        return _explained(whole, some, "where the motion begins", scenario.simplification.removals)
+        found = _explained(whole, some, "where the motion begins", scenario.simplification.removals)
+        return replace(found, control=getattr(scenario.problem, "control", ()))
     return _structure(Mechanism.load(path, values=values))
 
 

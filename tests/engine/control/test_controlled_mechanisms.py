@@ -1,5 +1,7 @@
 """Controllers on mechanisms: loops, laws, friction, end stops, several freedoms, and functions in Python."""
 
+import pickle
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -196,11 +198,41 @@ def test_a_function_sees_quantities_and_may_drive_several_joints(cart):
     (lambda t, state: state["nothing"], "no quantity 'nothing'"), (lambda t, state: "much", "returned 'much'"),
     (lambda t, state: float("nan"), "finite"),
     (lambda t, state: state["joint.x.acceleration"], "positions and velocities"),
-    ("u", "function"),
+    ("u", "function"), (lambda t, state: 1 / 0, "fails at t = 0 s: ZeroDivisionError"), (lambda t: 0.0, "positional"),
+    (lambda t, state: "5", "returned '5'"), (lambda t, state: [1.0, 2.0], "returned .1.0, 2.0."),
+    (lambda t, state: np.complex128(1j), "returned"), (lambda t, state: state[0], r"asks for state\[0\]"),
 ])  # fmt: skip
 def test_mistakes_of_functions_are_told(cart, function, said):
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=said) as caught:
         pinarm.run(forward(cart, []), control={"x": function})
+    assert "spline" not in str(caught.value)  # which is for recorded motions
+
+
+@pytest.mark.parametrize("keys, said", [
+    ({"period": "50 ms"}, "the period is '50 ms'"), ({"period": True}, "number of seconds"),
+    ({"period": float("nan")}, "positive period"), ({"period": 0.1, "delay": "1 ms"}, "the delay is '1 ms'"),
+    ({"delay": 0.1}, "sampled functions"), ({"period": 0.1, "delay": 2.0}, "no command takes effect"),
+    ({"control": {5: abs}}, "5 names no drives"), ({"control": {(): abs}}, "names no drives"),
+    ({"control": {("x", 5): abs}}, "names no drives"), ({"control": None, "period": 0.1}, "no function"),
+    ({"control": None, "delay": 0.1}, "no function"),
+])  # fmt: skip
+def test_what_goes_with_functions_is_checked(cart, keys, said):
+    with pytest.raises(InputError, match=said):
+        pinarm.run(forward(cart, []), **{"control": {"x": lambda t, state: 0.0}, **keys})
+
+
+def test_what_a_function_raises_is_the_cause(cart):
+    def effort(t, state):
+        raise KeyError("gain")
+
+    with pytest.raises(InputError, match="KeyError: 'gain'") as caught:
+        pinarm.run(forward(cart, []), control={"x": effort})
+    assert isinstance(caught.value.__cause__, KeyError)
+
+
+def test_a_state_is_fed_back_once(cart):
+    with pytest.raises(InputError, match="named twice"):
+        pinarm.run(forward(cart, [{**FEEDBACK, "states": ["x", "x"]}]))
 
 
 def test_functions_control_forward_runs_only(cart):
@@ -217,6 +249,65 @@ def test_a_mechanism_may_have_its_controllers(tmp_path):
     own = pinarm.Mechanism.load(tmp_path / "cart.urdf", values={"gravity": gravity, "control": [FEEDBACK]})
     found = pinarm.run(forward(own, [], initial=start))["x"].values
     assert np.array_equal(found, pinarm.run(forward(plain, [FEEDBACK], initial=start))["x"].values)
+
+
+@pytest.mark.parametrize("written, line, found, said", [
+    ("{kind: pid, drive: y, follows: {law: constant, value: 0 m}, kp: 1 N/m}", 5, "y", "no drive or joint 'y'"),
+    ("{kind: pid, drive: x, follows: {law: constant, value: 0 m}, kp: 1 N/rad}", 5, "1 N/rad", "not a unit"),
+    ("{kind: pid, drive: phi, follows: {law: constant, value: 0 rad}, kp: 1 N*m/rad}", 5, "{kind", "two controllers"),
+])  # fmt: skip
+def test_mistakes_of_controllers_in_a_mechanism_file_have_their_line(tmp_path, written, line, found, said):
+    (tmp_path / "cart.urdf").write_text(CART)
+    first = "  - {kind: pid, drive: phi, follows: {law: constant, value: 0 rad}, kp: 1 N*m/rad}"
+    text = f"pinarm: 1\nrobot: cart.urdf\ncontrol:\n{first}\n  - {written}\n"
+    (tmp_path / "mechanism.yaml").write_text(text)
+    with pytest.raises(InputError, match=said) as caught:
+        pinarm.run(forward(pinarm.Mechanism.load(tmp_path / "mechanism.yaml"), []))
+    place = caught.value.location
+    assert place.source.endswith("mechanism.yaml") and place.line == line
+    assert text.splitlines()[line - 1][place.column - 1 :].startswith(found)
+
+
+@pytest.fixture
+def controlled(tmp_path):
+    """A scenario whose mechanism file has a sampled controller, and whose problem has a continuous one."""
+    own = "{kind: pid, drive: phi, follows: {law: constant, value: 0 rad}, kp: 1 N*m/rad, period: 10 ms, delay: 4 ms}"
+    other = "{kind: computed_torque, drive: x, follows: {law: constant, value: 0 m}}"
+    (tmp_path / "cart.urdf").write_text(CART)
+    (tmp_path / "mechanism.yaml").write_text(f"pinarm: 1\nrobot: cart.urdf\ncontrol:\n  - {own}\n")
+    (tmp_path / "scenario.yaml").write_text(
+        "pinarm: 1\nmechanism: mechanism.yaml\nproblem:\n  kind: forward\n  time: {end: 1 s, samples: 3}\n"
+        f"  control:\n    - {other}\noutputs: [x]\n"
+    )
+    return tmp_path / "scenario.yaml"
+
+
+def test_explain_lists_the_controllers(controlled):
+    def told(file):
+        return [line for line in str(pinarm.explain(file)).splitlines() if line.startswith("controller")]
+
+    own = "controller of phi: pid, sampled every 0.01 s, with a delay of 0.004 s"
+    assert told(controlled.with_name("mechanism.yaml")) == [own]
+    assert told(controlled) == [own, "controller of x: computed_torque, continuous"]
+
+
+def test_quantities_of_controllers_are_listed_with_their_meaning(controlled):
+    listed = {one.name: one.meaning for one in pinarm.quantities(controlled).entries}
+    assert listed["control.x.effort"] == "effort of the controller of a drive, at its joint"
+    assert listed["control.x.command"].startswith("effort, or voltage")
+    assert listed["control.phi.error"].startswith("reference of a controlled coordinate less")
+
+
+def test_a_mechanism_with_controllers_goes_to_other_processes(tmp_path):
+    (tmp_path / "cart.urdf").write_text(CART)
+    (tmp_path / "mechanism.yaml").write_text(
+        "pinarm: 1\nrobot: cart.urdf\ncontrol:\n"
+        "  - {kind: pid, drive: phi, follows: {law: constant, value: 0 rad}, kp: 1 N*m/rad}\n"
+    )
+    copied = pickle.loads(pickle.dumps(pinarm.Mechanism.load(tmp_path / "mechanism.yaml")))
+    with pytest.raises(InputError, match="follows a law") as caught:
+        pinarm.run(forward(copied, [], motion={"phi": {"law": "constant", "value": "0 rad"}}))
+    assert caught.value.location.line == 4
 
 
 def test_a_part_of_a_robot_is_controlled_as_the_whole():

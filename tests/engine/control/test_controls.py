@@ -239,11 +239,91 @@ def test_two_runs_are_the_same_run(inertia):
     ("drive", ["x", "x"], "twice"),
     ("follows", {"law": "constant", "value": "1 m"}, "not a unit"), ("measures", "z", "no coordinate 'z'"),
     ("limits", {"y": ["-1 N*m", "1 N*m"]}, "no drive of this"), ("period", "1e-9 s", "samples"),
+    ("period", "0 s", "out of bounds"), ("period", "nan s", "not a quantity"), ("kp", float("inf"), "not a finite"),
 ])  # fmt: skip
 def test_mistakes_are_told_at_their_place(inertia, key, value, said):
     with pytest.raises(InputError, match=said) as caught:
         pinarm.run(scenario(inertia, [{**PD, key: value}]))
     assert "control.0" in str(caught.value)
+
+
+def test_a_controller_that_never_acts_is_refused(inertia):
+    with pytest.raises(InputError, match=r"delay of 1 s: no command takes effect in 1 s") as caught:
+        pinarm.run(scenario(inertia, [{**PD, "period": "50 ms", "delay": "1 s"}]))
+    assert "control.0.delay" in str(caught.value)
+
+
+def test_a_delay_may_be_one_and_a_half_periods(inertia):
+    """Commands take effect between later samples: half periods stepped by hand."""
+    found = last(pinarm.run(scenario(inertia, [{**PD, "kp": "4 N*m/rad", "period": "0.1 s", "delay": "0.15 s"}])))
+    x, v, u, commands, h = 1.0, 0.0, 0.0, list[float](), 0.05
+    for half in range(20):
+        if half % 2 == 0:
+            commands.append(-4.0 * x - 6.0 * v)
+        elif half >= 3:
+            u = commands[(half - 3) // 2]
+        x, v = x + h * v + 0.5 * h * h * u, v + h * u
+    assert found == pytest.approx(x, abs=1e-13)
+
+
+def test_a_coarse_saturated_sampled_pid_is_stepped_by_hand(inertia):
+    """Rounded positions, rates as differences, integral's part and effort within 2 N m, all at once."""
+    asked = {**PD, "kp": "4 N*m/rad", "ki": "30 N*m/rad/s", "kd": "3 N*m*s/rad", "limits": ["-2 N*m", "2 N*m"],
+             "period": "50 ms", "rates": "difference", "resolution": "0.01 rad"}  # fmt: skip
+    found = last(pinarm.run(scenario(inertia, [asked], "2 s")))
+    x, v, part, before, h = 1.0, 0.0, 0.0, 1.0, 0.05
+    for _ in range(40):
+        y = round(x / 0.01) * 0.01
+        part = min(max(part - 30.0 * h * y, -2.0), 2.0)
+        u = min(max(-4.0 * y - 3.0 * (y - before) / h + part, -2.0), 2.0)
+        x, v, before = x + h * v + 0.5 * h * h * u, v + h * u, y
+    assert found == pytest.approx(x, abs=1e-12)
+
+
+def test_a_saturated_pd_is_a_parabola_and_then_a_matrix_exponential(inertia):
+    """At its lower limit until the command comes off it, and again before it settles: instants by bisection."""
+    result = pinarm.run(scenario(inertia, [{**PD, "limits": ["-5 N*m", "5 N*m"]}], "2 s"))
+    a, gains, x, t, u = np.array([[0.0, 1.0], [-25.0, -6.0]]), np.array([-25.0, -6.0]), np.array([1.0, 0.0]), 0.0, -5.0
+
+    def after(h):
+        if u:
+            return np.array([x[0] + x[1] * h + 0.5 * u * h * h, x[1] + u * h])
+        return expm(a * h) @ x
+
+    def beyond(h):
+        return abs(gains @ after(h)) > 5.0
+
+    while t < 2.0:
+        steps = np.arange(1e-6, 2.0 - t, 1e-3)
+        left = [h for h in steps if beyond(h) != bool(u)]
+        if not left:
+            x, t = after(2.0 - t), 2.0
+            break
+        low, high = max(left[0] - 1e-3, 0.0), left[0]
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if beyond(middle) != bool(u) else (middle, high)
+        x, t = after(high), t + high
+        u = 0.0 if u else 5.0 * float(np.sign(gains @ x))
+    assert last(result) == pytest.approx(x[0], abs=1e-9)  # tolerance 1e-9 a step
+
+
+def test_a_relay_starts_by_its_error_beside_a_sampled_controller(tmp_path):
+    """Within the hysteresis the sign of the error decides at the start: +1 N m on 1 kg m^2 is 0.5 rad in 1 s."""
+    links = [URDF.split('<link name="rotor">')[1].split("</link>")[0]] * 2
+    joint = (
+        '<joint name="{0}" type="continuous"><parent link="base"/><child link="{0}_rotor"/><axis xyz="0 0 1"/></joint>'
+    )
+    parts = [
+        f'<link name="{name}_rotor">{link}</link>{joint.format(name)}' for name, link in zip("xy", links, strict=True)
+    ]
+    (tmp_path / "two.urdf").write_text(f'<robot name="two"><link name="base"/>{"".join(parts)}</robot>')
+    two = pinarm.Mechanism.load(tmp_path / "two.urdf")
+    relay = {"kind": "switching", "drive": "x", "follows": {"law": "constant", "value": "1 rad"}, "above": "1 N*m",
+             "below": "-1 N*m", "hysteresis": "10 rad"}  # fmt: skip
+    for other in ([], [{**PD, "drive": "y"}], [{**PD, "drive": "y", "period": "50 ms"}]):
+        found = pinarm.run(scenario(two, [relay, *other], start=None))
+        assert last(found) == pytest.approx(0.5, abs=1e-9)
 
 
 def test_a_joint_has_one_controller_and_no_law(inertia):

@@ -66,8 +66,21 @@ def test_what_the_run_does_not_come_to_is_told(step):
 
 @pytest.mark.parametrize("asked, said", [
     ({"of": "y"}, "y"), ({"of": "x", "final": "1 m"}, "unit"), ({"of": "x", "begin": "9 s"}, "does not come"),
-    ({"of": "x", "final": "0 rad"}, "no step"),
+    ({"of": "x", "final": "0 rad"}, "no step"), ({"of": "x", "initial": "0 m"}, "not a unit"),
+    ({"of": "x", "final": "0 m"}, "not a unit"),
 ])  # fmt: skip
 def test_mistakes_are_told(step, asked, said):
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=said) as caught:
         pinarm.run({**step, "response": asked}).sections["response"]
+    assert "scenario: response" in str(caught.value)
+
+
+def test_a_response_that_begins_beyond_a_tenth_of_the_step_rises_from_its_beginning(step):
+    """Pushed back below 10 % at first, it comes through them again; rise is from where they are reached first."""
+    problem = {**step["problem"], "initial": {"position": {"x": "0.15 rad"}, "velocity": {"x": "-5 rad/s"}}}
+    result = pinarm.run({**step, "problem": problem, "response": {"of": "x", "initial": "0 rad", "final": "1 rad"}})
+    decay, t = DAMPING * PULSATION, np.linspace(0.0, 4.0, 4_000_001)
+    wave = -0.85 * np.cos(DAMPED * t) + (-5.0 - 0.85 * decay) / DAMPED * np.sin(DAMPED * t)
+    y = 1.0 + np.exp(-decay * t) * wave
+    assert y.min() < 0.1 < y[0]
+    assert result.number("response.rise_time")[0] == pytest.approx(first(y >= 0.9, t), abs=2e-6)
