@@ -19,7 +19,7 @@ ELSEWHERE = {
     ),
     "engine/control/test_controlled_mechanisms.py": (
         "controllers on mechanisms", "engine/motion/controlled_motion mechanics/control/computed_torque "
-        "mechanics/control/function mechanics/control/state_feedback problems/controls",
+        "mechanics/control/function mechanics/control/state_feedback problems/actuation/controls",
     ),
     "mechanics/test_motors.py": ("motors behind controllers", "mechanics/control/motor_control"),
     "engine/dynamics/test_coordinate_partition.py": (

@@ -153,7 +153,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
     ) -> Controls | None:
         if not self.control and not mechanism.control:
             return None
-        from pinarm.problems.controls import bind_controls
+        from pinarm.problems.actuation.controls import bind_controls
 
         duration = self.time.end - self.time.start
         return bind_controls(mechanism, self.control, dynamics, motion, duration, place)

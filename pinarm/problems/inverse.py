@@ -24,8 +24,8 @@ from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.laws import Motion
 from pinarm.mechanics.laws.motion_law import Grid
 from pinarm.problems.accuracy import Accuracy
+from pinarm.problems.actuation.effort_sharing import Share, drives_of
 from pinarm.problems.declaration import Declaration, others
-from pinarm.problems.effort_sharing import Share, drives_of
 from pinarm.problems.joint_values import check_levels
 from pinarm.problems.loads import LOADS, bind_loads, schema_row
 from pinarm.problems.prescribed_laws import laws_of

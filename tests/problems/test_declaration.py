@@ -13,7 +13,7 @@ from pinarm.mechanics.control.pid import Pid
 from pinarm.mechanics.forces.kinds import Force
 from pinarm.mechanics.laws import Constant, Motion
 from pinarm.problems import KINDS, Problem, problem_class
-from pinarm.problems.effort_sharing import EffortSharing, Share
+from pinarm.problems.actuation.effort_sharing import EffortSharing, Share
 from pinarm.problems.events import EndStop, Event
 from pinarm.problems.forward import InitialState
 from pinarm.problems.states import Range

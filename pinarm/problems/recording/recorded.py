@@ -22,7 +22,7 @@ from pinarm.input.roots import contained_file, root_of
 from pinarm.input.yaml.deferred import Deferred
 from pinarm.input.yaml.schema import InputStruct, current_folder
 from pinarm.problems.accuracy import Accuracy
-from pinarm.problems.effort_sharing import Share, drives_of
+from pinarm.problems.actuation.effort_sharing import Share, drives_of
 from pinarm.problems.loads import LOADS, bind_loads
 from pinarm.problems.recording.recorded_columns import check_rows, recorded_rows
 

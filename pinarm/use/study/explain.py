@@ -26,7 +26,7 @@ from pinarm.use.scenario.scenario import Scenario
 from pinarm.use.study.run import run
 
 if TYPE_CHECKING:
-    from pinarm.problems.controls import ControlOfRun
+    from pinarm.problems.actuation.controls import ControlOfRun
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""What drives do in a problem: under controllers, or where more of them share a load."""
