@@ -162,7 +162,7 @@ def test_a_start_next_to_the_change_point_has_the_velocities_of_its_branch_or_is
 
 @pytest.mark.parametrize("shorter", [1e-7, 1e-8, -1e-7, -1e-8])
 def test_beside_a_change_point_the_linkage_turns_and_keeps_its_energy(solve, shorter):
-    """With a frame longer than that of the change point the crank turns back; a third of the energy was lost there."""
+    """With a frame longer than that of the change point the crank turns back; half of the energy was lost there."""
     solved = solve("change_point_four_bar", "forward", arguments={"d": 0.4 * (1.0 - shorter)}, end=0.6, samples=301,
                    start=OPEN, initial={"position": {"theta2": 1.0}, "velocity": {"theta2": 12.0}})  # fmt: skip
     energy, crank = solved["energy.total"].values, solved["theta2"].values
