@@ -68,22 +68,9 @@ def test_friction_at_a_loop_joint_alone_holds_a_band_of_positions(hung):
     assert sorted(ends) == pytest.approx([-half, half], rel=1e-7)
 
 
-def test_friction_beside_the_drive_is_in_its_band(mechanism, chain):
+def test_friction_beside_the_drive_is_in_its_band(rubbing_parallelogram):
     """A parallelogram driven at the pin that closes it: every joint turns with it, ``W l sin theta +- 4 M``."""
-    crank = {"name": "crank", "axis": "0 1 0"}
-    coupler = {"name": "coupler", "axis": "0 1 0", "at": f"0 0 {-LENGTH}", "mass": 3.0}
-    rocker = chain({"name": "rocker", "axis": "0 1 0", "at": "0.4 0 0"})
-    own = rocker[rocker.index('<link name="rocker_link"') : rocker.index("</robot>")]
-    tips = "".join(
-        f'<link name="{name}_tip"/><joint name="{name}_end" type="fixed"><parent link="{name}_link"/>'
-        f'<child link="{name}_tip"/><origin xyz="{at}"/></joint>'
-        for name, at in (("coupler", "0.4 0 0"), ("rocker", f"0 0 {-LENGTH}"))
-    )
-    linkage = mechanism(
-        chain(crank, coupler).replace("</robot>", f"{own}{tips}</robot>"),
-        loops={"pin": {"kind": "revolute", "axis": "y", "between": ["coupler_tip", "rocker_tip"]}},
-        friction={name: {"constant": "0.7 N*m"} for name in ("crank", "coupler", "rocker", "pin")},
-    )
+    linkage = rubbing_parallelogram
     found = solve(linkage, hold={"pin.angle": 0.5}, drives=["pin.angle"], start={"crank": 0.5, "coupler": -0.5})
     crank_at = found.rows.q[0, linkage.joints["crank"].q]
     assert crank_at == pytest.approx(0.5, rel=1e-12)

@@ -82,24 +82,9 @@ def test_friction_may_hold_every_position_of_a_turn(mechanism, chain):
     assert found.notes[-1].endswith("friction holds every position of a full turn")
 
 
-def test_a_parallelogram_rubs_in_its_four_joints(mechanism, chain):
+def test_a_parallelogram_rubs_in_its_four_joints(rubbing_parallelogram):
     """The coupler does not turn, so every joint turns as the crank does: ``W l |sin theta| <= 4 M_f``."""
-    crank, coupler, rocker = (
-        {"name": name, "axis": "0 1 0", "at": at, "mass": mass}
-        for name, at, mass in (("crank", "0 0 0", 1.0), ("coupler", f"0 0 {-LENGTH}", 3.0), ("rocker", "0.4 0 0", 1.0))
-    )
-    own = chain(rocker).removeprefix('<robot name="test"><link name="base"/>').removesuffix("\n</robot>")
-    tips = "".join(
-        f'<link name="{name}_tip"/><joint name="{name}_end" type="fixed"><parent link="{name}_link"/>'
-        f'<child link="{name}_tip"/><origin xyz="{at}"/></joint>'
-        for name, at in (("coupler", "0.4 0 0"), ("rocker", f"0 0 {-LENGTH}"))
-    )
-    linkage = mechanism(
-        chain(crank, coupler).replace("</robot>", f"{own}{tips}</robot>"),
-        loops={"pin": {"kind": "revolute", "axis": "y", "between": ["coupler_tip", "rocker_tip"]}},
-        friction={name: {"constant": "0.7 N*m"} for name in ("crank", "coupler", "rocker", "pin")},
-    )
-    found = outcome(linkage, [{"crank": 0.2, "coupler": -0.2, "rocker": 0.2}])
+    found = outcome(rubbing_parallelogram, [{"crank": 0.2, "coupler": -0.2, "rocker": 0.2}])
     half = math.asin(4.0 * 0.7 / (3.0 * G * LENGTH))
     assert sorted(ends(found, "crank")) == pytest.approx([-half, half], rel=1e-12)
     assert np.array(ends(found, "coupler")) == pytest.approx(-np.array(ends(found, "crank")), rel=1e-11)

@@ -17,7 +17,7 @@ from pinarm.engine.motion.systems import System
 from pinarm.engine.series import Series
 from pinarm.input.units import unit
 from pinarm.mechanics.control.controller import Controller
-from pinarm.mechanics.control.definition import effort_unit
+from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.laws.motion_law import Grid
 
 VOLT, AMPERE = unit("V"), unit("A")
@@ -100,7 +100,7 @@ def _columns(
     for one, part, reference in zip(controllers, parts, references, strict=True):
         measured = one.measure(q, v)
         for i, (drive, joint) in enumerate(zip(one.drives, one.joints, strict=True)):
-            effort = effort_unit(joint.unit)
+            effort = effort_unit(joint)
             units = {"effort": effort, "command": VOLT if one.voltage or "current" in part else effort,
                      "voltage": VOLT, "current": AMPERE}  # fmt: skip
             rows = {name: (units[name], values[:, i]) for name, values in part.items()}

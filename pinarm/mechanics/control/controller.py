@@ -192,11 +192,10 @@ class Controller(ABC):
 
     def measure(self, q: Array, v: Array) -> Array:
         """Return values and rates of the signals, shape (..., s, 2)."""
+        found = np.empty((*q.shape[:-1], len(self.signals), 2))
         if self._places is not None:
-            found = np.empty((*q.shape[:-1], len(self.signals), 2))
             found[..., 0], found[..., 1] = q[..., self._places[0]], v[..., self._places[1]]
             return found
-        found = np.empty((*q.shape[:-1], len(self.signals), 2))
         for k, signal in enumerate(self.signals):
             found[..., k, 0], found[..., k, 1] = signal.measure(q, v)
         return found

@@ -10,11 +10,11 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, choices, within
-from pinarm.input.units import Unit, unit
+from pinarm.input.units import Unit
 from pinarm.input.yaml.schema import AnyQuantity, Duration, InputStruct, NotNegative, Pause, check_unit
 from pinarm.mechanics.control.controller import Controller, Plant, Sampling
 from pinarm.mechanics.control.signals import Signal
-from pinarm.mechanics.joints import METRE, Joint
+from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws import Law
 
 Limits = tuple[AnyQuantity, AnyQuantity]
@@ -126,28 +126,42 @@ class ControlDefinition(InputStruct, frozen=True, kw_only=True):
         return Sampling(float(self.period), float(self.delay), steps, self.rates)
 
 
+class OneDriveDefinition(ControlDefinition, frozen=True, kw_only=True):
+    """What controllers of one drive have in files, which measure one coordinate.
+
+    Attributes:
+        measures: Coordinate y; that of the drive where it is left out.
+    """
+
+    measures: str | None = None
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the drive and of the measured coordinate."""
+        return [*self.drives, *([self.measures] if self.measures else [])]
+
+    def check(self) -> None:
+        """Refuse several drives: each has a controller of its own."""
+        super().check()
+        if len(self.drives) > 1:
+            with within("drive"):
+                raise InputError(f"this kind of controller has one drive, not {len(self.drives)}",
+                                 expected="a controller for each drive")  # fmt: skip
+
+    def signals(self, plant: Plant) -> tuple[Signal, ...]:
+        """Return the signal of the measured coordinate.
+
+        Raises:
+            InputError: The coordinate does not exist.
+        """
+        return measured(plant, [self.measures or self.drives[0]])
+
+
 def rhythm(period: float | None, delay: float) -> str:
     """Return in words when a controller acts, by its period and delay [s]."""
     if period is None:
         return "continuous"
     return f"sampled every {period:g} s" + (f", with a delay of {delay:g} s" if delay else "")
-
-
-def effort_unit(coordinate: Unit) -> Unit:
-    """Return the unit of efforts along a coordinate: N along lengths, N*m along angles."""
-    return unit("N") if coordinate == METRE else unit("N*m")
-
-
-def require_one(drives: Sequence[str]) -> None:
-    """Raise where a controller of one drive has several.
-
-    Raises:
-        InputError: It has.
-    """
-    if len(drives) > 1:
-        with within("drive"):
-            raise InputError(f"this kind of controller has one drive, not {len(drives)}",
-                             expected="a controller for each drive")  # fmt: skip
 
 
 def measured(plant: Plant, names: list[str]) -> tuple[Signal, ...]:

@@ -12,16 +12,11 @@ from pinarm.errors import within
 from pinarm.input.units import unit
 from pinarm.input.yaml.schema import AnyQuantity, check_unit
 from pinarm.mechanics.control.controller import Controller, Given, Plant, Switch
-from pinarm.mechanics.control.definition import (
-    ControlDefinition,
-    measured,
-    references,
-    require_one,
-)
+from pinarm.mechanics.control.definition import OneDriveDefinition, references
 from pinarm.mechanics.laws import Law
 
 
-class Pid(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="pid"):
+class Pid(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="pid"):
     """``u = kp e + ki integral of e + kd e'``, with the error ``e = r - y`` of a coordinate y that follows r(t).
 
     The derivative is that of the error, so that a moving reference is followed without lag of the damping. The part of
@@ -33,22 +28,15 @@ class Pid(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="p
 
     Attributes:
         follows: The law of the reference r.
-        measures: Coordinate y; that of the drive where it is left out.
         kp: Effort per error.
         ki: Effort per error and second.
         kd: Effort per rate of the error.
     """
 
     follows: Law
-    measures: str | None = None
     kp: AnyQuantity
     ki: AnyQuantity = 0.0
     kd: AnyQuantity = 0.0
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the drive and of the measured coordinate."""
-        return [*self.drives, *([self.measures] if self.measures else [])]
 
     def bind(self, plant: Plant) -> Controller:
         """Return the controller of one mechanism.
@@ -57,7 +45,7 @@ class Pid(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="p
             InputError: The drive or the coordinate does not exist, or a unit is another.
         """
         joints, (commanded,) = self.joints(plant), self.units(plant)
-        signals = measured(plant, [self.measures or self.drives[0]])
+        signals = self.signals(plant)
         laws, gains = references(self.follows, signals), []
         for key, per in (("kp", "1"), ("ki", "s"), ("kd", "1/s")):
             with within(key):
@@ -65,11 +53,6 @@ class Pid(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="p
             gains.append(np.array([float(getattr(self, key))]))
         bounds, sampling = self.bounds([commanded]), self.sampling(signals)
         return PidController(tuple(self.drives), joints, signals, laws, *bounds, sampling, *gains)
-
-    def check(self) -> None:
-        """Refuse several drives: each has a controller of its own."""
-        super().check()
-        require_one(self.drives)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,14 +10,14 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.yaml.schema import AnyQuantity, Pause, check_unit
 from pinarm.mechanics.control.controller import Controller, Given, Plant, Switch
-from pinarm.mechanics.control.definition import ControlDefinition, measured, references, require_one
+from pinarm.mechanics.control.definition import OneDriveDefinition, references
 from pinarm.mechanics.laws import Constant, Law
 
 LOW, HIGH = 0, 1
 """States of the relay: the effort below and above."""
 
 
-class Switching(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="switching"):
+class Switching(OneDriveDefinition, frozen=True, kw_only=True, tag_field="kind", tag="switching"):
     """A relay on ``s = e + lead e'``: the effort ``above`` once s reaches the hysteresis, ``below`` once its negative.
 
     In between it keeps the effort that it has; at the start it takes the one of the sign of s. ``lead`` makes it switch
@@ -26,7 +26,6 @@ class Switching(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", 
 
     Attributes:
         follows: Law of the reference r of the measured coordinate y, ``e = r - y``; 0 where it is left out.
-        measures: Coordinate y; that of the drive where it is left out.
         above: Effort while s is above, mostly positive.
         below: Effort while s is below.
         hysteresis: Half the width within which the relay keeps its effort, in the unit of y.
@@ -34,7 +33,6 @@ class Switching(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", 
     """
 
     follows: Law | None = None
-    measures: str | None = None
     above: AnyQuantity
     below: AnyQuantity
     hysteresis: AnyQuantity = 0.0
@@ -43,16 +41,10 @@ class Switching(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", 
     def check(self) -> None:
         """Refuse several drives, and a continuous relay without hysteresis."""
         super().check()
-        require_one(self.drives)
         if self.hysteresis < 0.0 or (self.period is None and not self.hysteresis):
             with within("hysteresis"):
                 raise InputError(f"the hysteresis is {self.hysteresis:g}: a continuous relay would switch without end",
                                  expected="a positive one", hint="period: 1 ms for a sampled relay")  # fmt: skip
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the drive and of the measured coordinate."""
-        return [*self.drives, *([self.measures] if self.measures else [])]
 
     def bind(self, plant: Plant) -> Controller:
         """Return the controller of one mechanism.
@@ -61,7 +53,7 @@ class Switching(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", 
             InputError: The drive or the coordinate does not exist, or a unit is another.
         """
         joints, (commanded,) = self.joints(plant), self.units(plant)
-        signals = measured(plant, [self.measures or self.drives[0]])
+        signals = self.signals(plant)
         laws = references(self.follows or Constant(value=0.0), signals)
         for key, measure in (("above", commanded), ("below", commanded),
                              ("hysteresis", signals[0].unit)):  # fmt: skip

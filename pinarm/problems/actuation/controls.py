@@ -23,10 +23,10 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Place, choices, nowhere, within
 from pinarm.input.units import Unit, unit
 from pinarm.mechanics.control.controller import Controller, Plant, Reader
-from pinarm.mechanics.control.definition import effort_unit
 from pinarm.mechanics.control.motor_control import MotorController
 from pinarm.mechanics.control.signals import CoordinateSignal, JointSignal, Signal, SumSignal
 from pinarm.mechanics.coordinates import LinearCoordinate
+from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.mechanics.motors import Winding
@@ -85,7 +85,7 @@ class MechanismPlant:
     def command_unit(self, name: str) -> Unit:
         """Return the unit of the command of a drive; see ``Plant``."""
         drive = self.mechanism.drives.get(name)
-        return unit("V") if drive is not None and drive.motor else effort_unit(self.drive(name).unit)
+        return unit("V") if drive is not None and drive.motor else effort_unit(self.drive(name))
 
     def signal(self, name: str) -> Signal:
         """Return a coordinate that can be measured; see ``Plant``."""
