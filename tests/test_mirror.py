@@ -135,7 +135,8 @@ ELSEWHERE = {
         "rows in files and arrays",
         "engine/motion/recorded_motion problems/recording/recorded_columns use/scenario/recorded",
     ),
-    "problems/test_profiles.py": ("laws in problems", "mechanics/forces/breakpoints problems/prescribed_laws"),
+    "problems/test_profiles.py": (
+        "laws in problems", "mechanics/forces/breakpoints problems/prescription/prescribed_laws"),
     "test_messages.py": (
         "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/failures "
         "use/scenario/scenario_file",

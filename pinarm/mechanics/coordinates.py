@@ -212,7 +212,7 @@ class RotationCoordinate:
             for frame in (self.frame, self.reference)
         )
         turned = self._axes(state).T @ (link - reference)
-        return np.asarray(pin.Jlog3(self._turn(state))[self.component] @ turned)
+        return np.asarray(b_of(pin.log3(self._turn(state)))[self.component] @ turned)
 
     def drift(self, state: Kinematics) -> float:
         """Return the drift."""
@@ -221,14 +221,16 @@ class RotationCoordinate:
         alpha, carried = (pin.getFrameAcceleration(state.model, state.data, frame, world).angular for frame in frames)
         omega = axes.T @ (link - reference)
         rate = axes.T @ (alpha - carried + np.cross(link, reference))
-        turn = self._turn(state)
-        b = pin.Jlog3(turn)
-        return float((b @ rate + rate_of_b(pin.log3(turn), b @ omega) @ omega)[self.component])
+        w = pin.log3(self._turn(state))
+        b = b_of(w)
+        return float((b @ rate + rate_of_b(w, b @ omega) @ omega)[self.component])
 
     def wrenches(self, links: LinkPlacements, effort: Array) -> dict[int, Array]:
         """Return the moments with the same power, ``effort B^T e_k`` in the link's axes, and back on the reference."""
         turns, references = links.frame(self.frame)[0], links.frame(self.reference)[0]
-        along = [turn @ pin.Jlog3(ref.T @ turn)[self.component] for turn, ref in zip(turns, references, strict=True)]
+        along = [
+            turn @ b_of(pin.log3(ref.T @ turn))[self.component] for turn, ref in zip(turns, references, strict=True)
+        ]
         moment = effort[:, None] * np.array(along)
         wrench = np.concatenate([np.zeros_like(moment), moment], axis=1)
         frames = links.model.frames
@@ -252,22 +254,33 @@ def pull(links: LinkPlacements, frame: int, force: Array) -> dict[int, Array]:
     return {links.model.frames[frame].parentJoint: wrench}
 
 
-def rate_of_b(w: Array, rate: Array) -> Array:
-    """Return B' for a rotation vector w and its rate: ``[w']/2 + c' W^2 + c (W' W + W W')``, shape (3, 3).
+def b_of(w: Array) -> Array:
+    """Return ``B = 1 + W/2 + c W^2`` of a rotation vector w, shape (3, 3): ``w' = B omega``, omega in turned axes.
 
-    Near 0 by the series ``c = 1/12 + theta^2/720``.
+    ``pin.Jlog3`` is the same up to 1e-16 / theta^2: 1e-9 at small angles, which second differences would see.
     """
-    theta2 = float(w @ w)
-    theta = theta2**0.5
-    if theta < 1e-2:  # the series' next term is theta^4 / 30240: below rounding here
-        c, slope = 1 / 12 + theta2 / 720, 1 / 360 + theta2 / 7560
-    else:
-        sine, cosine = np.sin(theta), np.cos(theta)
-        c = 1 / theta2 - (1 + cosine) / (2 * theta * sine)
-        slope = ((1 + cosine) * (sine + theta) / (2 * theta2 * sine**2) - 2 / theta**3) / theta
+    c, _ = _bend(w)
+    skew = pin.skew(w)
+    return np.asarray(np.eye(3) + 0.5 * skew + c * (skew @ skew))
+
+
+def rate_of_b(w: Array, rate: Array) -> Array:
+    """Return B' for a rotation vector w and its rate: ``[w']/2 + c' W^2 + c (W' W + W W')``, shape (3, 3)."""
+    c, slope = _bend(w)
     skew, turned = pin.skew(w), pin.skew(rate)
     growth = slope * float(w @ rate)
     return np.asarray(0.5 * turned + growth * (skew @ skew) + c * (turned @ skew + skew @ turned))
+
+
+def _bend(w: Array) -> tuple[float, float]:
+    """Return c of B and ``dc/dtheta / theta``; near 0 by the series ``c = 1/12 + theta^2/720``."""
+    theta2 = float(w @ w)
+    theta = theta2**0.5
+    if theta < 1e-2:  # the series' next term is theta^4 / 30240: below rounding here
+        return 1 / 12 + theta2 / 720, 1 / 360 + theta2 / 7560
+    sine, cosine = np.sin(theta), np.cos(theta)
+    c = 1 / theta2 - (1 + cosine) / (2 * theta * sine)
+    return c, ((1 + cosine) * (sine + theta) / (2 * theta2 * sine**2) - 2 / theta**3) / theta
 
 
 class AngleSum(InputStruct, frozen=True, tag_field="kind", tag="sum"):

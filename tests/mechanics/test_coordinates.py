@@ -182,6 +182,15 @@ class TestRotation:
         assert found[1] == pytest.approx(dw, abs=1e-13 * near**2)
         assert found[2] == pytest.approx(ddw, abs=1e-12 * near**3)
 
+    @pytest.mark.parametrize("angle", [1e-5, 1e-4, 1e-3, 9e-3, 0.011, 0.1, 1.0])
+    def test_the_row_has_no_more_than_rounding_at_small_angles(self, ball, angle):
+        """The inverse of the series of the right Jacobian of exp, ``sum (-W)^k / (k + 1)!``."""
+        skew = pin.skew(angle * self.axis)
+        terms = [np.linalg.matrix_power(-skew, k) / math.factorial(k + 1) for k in range(20)]
+        q = pin.Quaternion(pin.exp3(angle * self.axis)).coeffs()
+        rows = [Rotation(body="body", about=x).bind(ball, {}).row(Kinematics.at(ball, q)) for x in "xyz"]
+        assert np.array(rows) == pytest.approx(np.linalg.inv(sum(terms)), abs=1e-15)
+
     def test_a_rotation_about_its_own_axis_is_an_angle(self, model):
         coordinate = DEFINITIONS["rotation about y"].bind(model, joints_of(model))
         q, v, a = (np.array([0.0, 0.0, x, 0.0]) for x in (0.7, -1.3, 2.1))
