@@ -99,20 +99,22 @@ def first_crossing(
         target: Prescribed values over time.
         slack: Difference of instants that does not count [s].
     """
+    if not path.posture.limited:
+        return None
     x, (positions, lam) = _points(path.posture, before, after)
     margins, first = _margins(path, positions, lam), None
     for place in np.flatnonzero((margins < -_rounding(path, before)).any(axis=0)).tolist():
-        end = before.t + (after.t - before.t) * float(x[(margins[:, place] < 0.0).argmax()])
-        state = _root(path, before, end, place, target, slack)
+        ends = before.t + (after.t - before.t) * x[margins[:, place] < 0.0]
+        state = _root(path, before, ends.tolist(), place, target, slack)
         if state is not None and (first is None or state.t < first.state.t):
             first = Crossing(state, *_limit(path, place))
     return first
 
 
 def _root(
-    path: LimitedPath, before: NearestState, end: float, place: int, target: Target, slack: float
+    path: LimitedPath, before: NearestState, ends: list[float], place: int, target: Target, slack: float
 ) -> NearestState | None:
-    """Return the state in which a margin vanishes, ``None`` where it does not before an instant."""
+    """Return the state in which a margin vanishes, ``None`` where it does not before any of some instants."""
     from scipy.optimize import brentq
 
     def margin(state: NearestState) -> float:
@@ -121,10 +123,12 @@ def _root(
     def margin_at(t: float) -> float:
         return margin(path.solver.advance(before, t, target))
 
-    if margin(before) <= 0.0:  # at the limit already
-        return before if margin_at(end) < -_rounding(path, before)[place] else None
-    if margin_at(end) >= 0.0:
+    rounding = float(_rounding(path, before)[place])
+    end = next((end for end in ends if margin_at(end) < -rounding), None)
+    if end is None:
         return None
+    if margin(before) <= 0.0:  # at the limit already
+        return before
     return path.solver.advance(before, float(brentq(margin_at, before.t, end, xtol=0.01 * slack)), target)
 
 
@@ -134,17 +138,15 @@ def _points(posture: Posture, before: NearestState, after: NearestState) -> tupl
     And there, on polynomials with the values and rates of both ends, the positions of the joints, of degree 5, shape
     (n, nv), and the multipliers, of degree 3, shape (n, m).
     """
-    from scipy.interpolate import BPoly
-
     h, x = after.t - before.t, np.linspace(0.0, 1.0, LOOKED + 1)[1:]
-    ends = [
-        ([posture.positions(state.q), h * state.v, h * h * state.a], [state.lam, h * state.lam_rate])
-        for state in (before, after)
-    ]
-    positions, lam = (
-        BPoly.from_derivatives([0.0, 1.0], [np.array(ends[0][k]), np.array(ends[1][k])])(x) for k in (0, 1)
-    )
-    return x, (positions, lam)
+    start, end = posture.positions(before.q), posture.positions(after.q)
+    rise, u, w = end - start, h * before.v, h * after.v
+    b, c = h * h * before.a, h * h * after.a
+    third, fourth = 10 * rise - 6 * u - 4 * w + (c - 3 * b) / 2, (3 * b - 2 * c) / 2 - 15 * rise + 8 * u + 7 * w
+    quintic = [start, u, b / 2, third, fourth, 6 * rise - 3 * (u + w) + (c - b) / 2]
+    rise, u, w = after.lam - before.lam, h * before.lam_rate, h * after.lam_rate
+    cubic = [before.lam, u, 3 * rise - 2 * u - w, u + w - 2 * rise]
+    return x, (np.vander(x, 6, increasing=True) @ quintic, np.vander(x, 4, increasing=True) @ cubic)
 
 
 def _margins(path: LimitedPath, positions: Array, lam: Array) -> Array:

@@ -59,6 +59,9 @@ FELL = 0.3
 """Least part of the least eigenvalue that may be left after a step: it is not to lead past a configuration from which
 the nearest one leaps to another."""
 
+WEAK, FLAT = 1e-3, 0.1
+"""Ratio of singular values of J, and least eigenvalue of ``Z^T H Z``, below which they are why a branch ends."""
+
 ITERATIONS, MOST = 60, 0.5
 """Most steps to the nearest configuration from a rough one, and their largest length [rad, or units of length]."""
 
@@ -211,25 +214,38 @@ class NearestSolver:
         return NearestState(t, q, velocity, self.unit * a, lam, lam_rate, (bent, least))
 
     def advance(self, state: NearestState, to: float, target: Target) -> NearestState:
-        """Return the nearest configuration at another instant, on the same branch; poor predictions cut the step.
+        """Return the nearest configuration at another instant, on the same branch.
 
         Raises:
             AssemblyError: The branch cannot be continued.
         """
-        pending, smallest = [to], SMALLEST * abs(to - state.t)
+        states, error = self.steps(state, to, target)
+        if error is not None:
+            raise error
+        return states[-1]
+
+    def steps(self, state: NearestState, to: float, target: Target) -> tuple[list[NearestState], AssemblyError | None]:
+        """Return the states of all steps to another instant, the first one included, as far as the branch goes.
+
+        Steps are cut where predictions are poor.
+
+        Returns:
+            The states, and why there are none beyond the last; ``None`` where that is at the other instant.
+        """
+        pending, smallest, states = [to], SMALLEST * abs(to - state.t), [state]
         self.newton.cuts += CUTS_A_ROW
         while pending:
-            further = self._stepped(state, pending[-1], target)
+            further = self._stepped(states[-1], pending[-1], target)
             if further is not None:
-                state = further
+                states.append(further)
                 pending.pop()
                 continue
-            h = pending[-1] - state.t
+            h = pending[-1] - states[-1].t
             self.newton.cuts -= 1
             if abs(h) <= smallest or self.newton.cuts < 0:
-                raise self._stuck(state, pending[-1], target)
-            pending.append(state.t + 0.5 * h)
-        return state
+                return states, self._stuck(states[-1], to, target)
+            pending.append(states[-1].t + 0.5 * h)
+        return states, None
 
     def _stepped(self, state: NearestState, to: float, target: Target) -> NearestState | None:
         """Return the state at another instant, ``None`` where the prediction is not near, or another branch is met."""
@@ -313,13 +329,21 @@ class NearestSolver:
         return np.array([self.rows(closure.state(self.moved(q, k * step))) for k in range(1, len(FIRST[0]) + 1)])
 
     def _stuck(self, state: NearestState, to: float, target: Target) -> AssemblyError:
-        """Return why the branch cannot be continued."""
+        """Return why the branch cannot be continued to an instant."""
         try:
-            q = self.newton.assemble(state.q, target(to)[0], to)
-            point = self.point(q, to)
+            self.newton.assemble(state.q, target(to)[0], to)
+            point = self.point(state.q, state.t)
         except AssemblyError as error:
             return error
-        return self._undetermined(point, state.bent[0], to)
+        u, s, _ = np.linalg.svd(point.rows)
+        if self.rank and s[self.rank - 1] < WEAK * s[0]:
+            return self._singular(u[:, self.rank - 1], state.t)
+        if state.bent[1] < FLAT:
+            return self._undetermined(point, state.bent[0], state.t)
+        return AssemblyError(
+            f"the motion cannot be followed from {state.t:.9g} to {to:.9g}", t=to, q=state.q,
+            expected="a path that moves by less than a turn between two rows", hint="more samples, or a slower law",
+        )  # fmt: skip
 
     def _singular(self, weak: Array, t: float) -> AssemblyError:
         tied = dict.fromkeys(name for name, weight in zip(self.newton.names, weak, strict=True) if abs(weight) > 0.1)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,8 +22,8 @@ from pinarm.engine.kinematics.nearest_start import first_configuration
 from pinarm.engine.kinematics.posture import Posture
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.errors import AssemblyError
-from pinarm.input.units import unit
 from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.joints import METRE
 from pinarm.mechanics.laws.motion_law import ROUNDING, Grid, MotionLaw
 
 if TYPE_CHECKING:
@@ -174,10 +175,13 @@ class _Search:
         """Go on to a row, through all changes of limits before it."""
         while True:
             target = self.path.prescribed.on(begin, end)
-            ahead = self.path.solver.advance(self.state, to, target)
-            crossing = first_crossing(self.path, self.state, ahead, target, self.slack)
+            states, error = self.path.solver.steps(self.state, to, target)
+            crossings = (first_crossing(self.path, *pair, target, self.slack) for pair in pairwise(states))
+            crossing = next((crossing for crossing in crossings if crossing is not None), None)
+            if crossing is None and error is not None:
+                raise error
             if crossing is None:
-                self.state = ahead
+                self.state = states[-1]
                 return
             at = crossing.joint, crossing.state.t
             if self.last and at[0] == self.last[0] and at[1] - self.last[1] <= self.slack:
@@ -220,7 +224,7 @@ def _words(
     posture, coordinates = motion.posture, motion.mechanism.coordinates
     jump = np.abs(after.v - before.v)
     fastest, joint = posture.names[int(jump.argmax())], posture.names[limit[0]]
-    rate = coordinates[fastest].unit / unit("s") if fastest in coordinates else unit("rad/s")
+    rate = "m/s" if fastest in coordinates and coordinates[fastest].unit == METRE else "rad/s"
     return (
         f"at t = {before.t:.9g} s {joint} {'reaches' if reached else 'comes off'} its limit "
         f"{posture.limit(*limit):.6g} {coordinates[joint].unit}, and velocities jump: that of {fastest} by "

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 NEAR = 1e-5
 """Distance from a limit, relative to ``1 + |limit|``, within which the rough minimum counts as at it."""
 
+CLOSE = 1e-6
+"""Largest gap of the rough minimum: differences of the constraints leave 1e-8."""
+
 TURN = 3.0
 """How far a joint may be moved from the rough configuration [rad, or units of length], as far as limits let it."""
 
@@ -80,15 +83,16 @@ def _rough_minimum(solver: NearestSolver, posture: Posture, q: Array, w: Array, 
         state = newton.closure.state(solver.moved(q, x))
         return np.asarray(independent @ (newton.gap(state, w) / newton.measure))
 
-    low, high = np.full(n, -TURN) / solver.finer, np.full(n, TURN) / solver.finer
     below, above = posture.margins(posture.positions(q)) / solver.unit
-    low, high = np.maximum(low, -below), np.minimum(high, above)
-    if not (crossed := low > high).any():
-        found = minimize(distance, np.clip(np.zeros(n), low, high), method="SLSQP", bounds=list(zip(low, high, strict=True)),
-                         constraints={"type": "eq", "fun": gap}, options={"maxiter": 500, "ftol": 1e-12})  # fmt: skip
-        if np.abs(gap(found.x)).max(initial=0.0) < 1e-6:
+    low, high = np.maximum(-TURN / solver.finer, -below), np.minimum(TURN / solver.finer, above)
+    if (low <= high).all():
+        found = minimize(
+            distance, np.clip(np.zeros(n), low, high), method="SLSQP", bounds=np.stack([low, high], axis=1),
+            constraints={"type": "eq", "fun": gap}, options={"maxiter": 500, "ftol": 1e-12},
+        )  # fmt: skip
+        if np.abs(gap(found.x)).max(initial=0.0) < CLOSE:
             return solver.moved(q, found.x)
-    out = [name for name, off in zip(posture.names, crossed | (below < 0.0) | (above < 0.0), strict=True) if off]
+    out = [name for name, off in zip(posture.names, (below < 0.0) | (above < 0.0), strict=True) if off]
     beyond = f": on the way, {', '.join(out)} are beyond them" if out else ""
     raise AssemblyError(
         f"no configuration on the path at {t:.9g} is found within the limits of the joints{beyond}",

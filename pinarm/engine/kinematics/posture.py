@@ -38,6 +38,11 @@ class Posture:
         """Which joints have a weight, shape (nv,)."""
         return np.asarray(self.weights > 0.0)
 
+    @cached_property
+    def limited(self) -> bool:
+        """Whether any joint has a limit."""
+        return bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any())
+
     def pull(self, q: Array) -> Array:
         """Return ``w (q - q0)``, the gradient of half the sum of squares over the coordinates ``w q``, shape (nv,)."""
         return np.asarray(self.weights * (self.positions(q) - self.target))
