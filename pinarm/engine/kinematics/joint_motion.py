@@ -43,7 +43,7 @@ class JointMotion(Protocol):
         """What there is to say of instants at which velocities jump, though those of the laws do not."""
         ...
 
-    def follow(self, grid: Grid, start: Array) -> JointStates:
+    def follow(self, grid: Grid, start: Array) -> JointTrajectory:
         """Return the motion at the rows of a grid.
 
         Args:
@@ -66,13 +66,13 @@ class JointMotion(Protocol):
         """
         ...
 
-    def figures(self, states: JointStates) -> Mapping[str, float]:
+    def figures(self, states: JointTrajectory) -> Mapping[str, float]:
         """Return how well the rows keep to what is prescribed, by name; nothing where the rows say so themselves."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
-class JointStates:
+class JointTrajectory:
     """The motion of the joints at the rows of a grid.
 
     Attributes:
@@ -117,15 +117,15 @@ class DeterminedMotion:
         """Nothing: velocities jump with the laws."""
         return ()
 
-    def follow(self, grid: Grid, start: Array) -> JointStates:
+    def follow(self, grid: Grid, start: Array) -> JointTrajectory:
         """Return the motion: see ``JointMotion``."""
-        return JointStates(self, grid, *follow(self.mechanism, self.prescribed, grid, start))
+        return JointTrajectory(self, grid, *follow(self.mechanism, self.prescribed, grid, start))
 
     def rates(self, t: float, q: Array, dw: Array, ddw: Array) -> tuple[Array, Array]:
         """Return velocities and accelerations: see ``JointMotion``."""
         return joint_rates(self.mechanism, self.prescribed, q, dw, ddw)
 
-    def figures(self, states: JointStates) -> Mapping[str, float]:
+    def figures(self, states: JointTrajectory) -> Mapping[str, float]:
         """Return nothing: the coordinates of a table are the laws to rounding, or it is refused."""
         return {}
 

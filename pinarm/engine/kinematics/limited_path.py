@@ -73,7 +73,7 @@ class LimitedPath:
 
 
 @dataclass(frozen=True, eq=False)
-class Crossing:
+class LimitCrossing:
     """Where a joint reaches a limit, or comes off it.
 
     Attributes:
@@ -89,7 +89,7 @@ class Crossing:
 
 def first_crossing(
     path: LimitedPath, before: NearestState, after: NearestState, target: Target, slack: float
-) -> Crossing | None:
+) -> LimitCrossing | None:
     """Return the first change of limits between two states of a path, ``None`` where there is none.
 
     Args:
@@ -107,7 +107,7 @@ def first_crossing(
         ends = before.t + (after.t - before.t) * x[margins[:, place] < 0.0]
         state = _root(path, before, ends.tolist(), place, target, slack)
         if state is not None and (first is None or state.t < first.state.t):
-            first = Crossing(state, *_limit(path, place))
+            first = LimitCrossing(state, *_limit(path, place))
     return first
 
 

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.kinematics.joint_motion import JointStates, prescribed_at_start
-from pinarm.engine.kinematics.limited_path import AtLimits, Crossing, LimitedPath, first_crossing
+from pinarm.engine.kinematics.joint_motion import JointTrajectory, prescribed_at_start
+from pinarm.engine.kinematics.limited_path import AtLimits, LimitCrossing, LimitedPath, first_crossing
 from pinarm.engine.kinematics.nearest import NearestState
 from pinarm.engine.kinematics.nearest_start import first_configuration
 from pinarm.engine.kinematics.posture import Posture
@@ -78,7 +78,7 @@ class NearestMotion:
         """Their laws."""
         return self.prescribed.laws
 
-    def follow(self, grid: Grid, start: Array) -> JointStates:
+    def follow(self, grid: Grid, start: Array) -> JointTrajectory:
         """Return the motion of the joints: see ``JointMotion``.
 
         Raises:
@@ -94,7 +94,7 @@ class NearestMotion:
         states = [path.solver.at(row, t, np.concatenate([dw, still]), np.concatenate([ddw, still])) for row in q]
         return np.array([state.v for state in states]), np.array([state.a for state in states])
 
-    def figures(self, states: JointStates) -> Mapping[str, float]:
+    def figures(self, states: JointTrajectory) -> Mapping[str, float]:
         """Return how well the path is held: see ``JointMotion``."""
         closure, off = self.mechanism.closure, np.zeros(3)
         wanted = np.array([states.grid.evaluate(law) for law in self.laws])
@@ -116,7 +116,7 @@ class NearestMotion:
             self._paths[held] = LimitedPath.of(self.mechanism, self.prescribed, self.posture, self.mobility, held)
         return self._paths[held]
 
-    def _between_known_changes(self, grid: Grid, q: Array) -> JointStates:
+    def _between_known_changes(self, grid: Grid, q: Array) -> JointTrajectory:
         """Return the motion where it is known which joints are at limits, from a configuration near the first."""
         states = list[NearestState]()
         for begin, end, part in grid.intervals():
@@ -152,7 +152,7 @@ class _Search:
         self.bounds, self.held, self.jumps = list[float](), [held], list[str]()
         self.last: tuple[int, float] | None = None
 
-    def through(self, grid: Grid) -> JointStates:
+    def through(self, grid: Grid) -> JointTrajectory:
         """Return the motion through all rows, with the grid cut where velocities jump."""
         for begin, end, part in grid.intervals():
             for t in grid.t[part].tolist():
@@ -189,7 +189,7 @@ class _Search:
             self.last = at
             self._change(crossing, begin, end)
 
-    def _change(self, crossing: Crossing, begin: float, end: float) -> None:
+    def _change(self, crossing: LimitCrossing, begin: float, end: float) -> None:
         """Let a joint reach its limit or leave it: a row before and a row after, and a cut between them."""
         limit, before = (crossing.joint, crossing.side), crossing.state
         if not self.path.solver.freedom and limit not in self.path.held:
@@ -212,9 +212,9 @@ class _Search:
         self.starts.append(len(self.states))
 
 
-def _joint_states(motion: NearestMotion, grid: Grid, states: list[NearestState]) -> JointStates:
+def _joint_states(motion: NearestMotion, grid: Grid, states: list[NearestState]) -> JointTrajectory:
     q, v, a = (np.array(part) for part in zip(*((state.q, state.v, state.a) for state in states), strict=True))
-    return JointStates(motion, grid, q, v, a)
+    return JointTrajectory(motion, grid, q, v, a)
 
 
 def _words(

@@ -12,7 +12,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.kinematics.joint_motion import JointMotion, JointStates
+from pinarm.engine.kinematics.joint_motion import JointMotion, JointTrajectory
 from pinarm.engine.motion.outcome import Outcome, positions_by_interval
 from pinarm.engine.motion.standstill import STANDSTILL, at_rest, directions, law_size, lossy, pace_of, row_paces
 from pinarm.engine.motion.trajectory import Trajectory
@@ -100,7 +100,7 @@ class Prescription:
         """Return the motion at the rows of a grid, without efforts, on the branch of a configuration near the first."""
         return self._rows(self.motion.follow(grid, near))
 
-    def _rows(self, states: JointStates) -> Trajectory:
+    def _rows(self, states: JointTrajectory) -> Trajectory:
         """Return the rows of a motion of the joints, without efforts."""
         mechanism, q, v, a = self.mechanism, states.q, states.v, states.a
         if self.rates is not None:
