@@ -254,14 +254,16 @@ def pull(links: LinkPlacements, frame: int, force: Array) -> dict[int, Array]:
     return {links.model.frames[frame].parentJoint: wrench}
 
 
+IDENTITY = np.eye(3)
+
+
 def b_of(w: Array) -> Array:
     """Return ``B = 1 + W/2 + c W^2`` of a rotation vector w, shape (3, 3): ``w' = B omega``, omega in turned axes.
 
     ``pin.Jlog3`` is the same up to 1e-16 / theta^2: 1e-9 at small angles, which second differences would see.
     """
     c, _ = _bend(w)
-    skew = pin.skew(w)
-    return np.asarray(np.eye(3) + 0.5 * skew + c * (skew @ skew))
+    return np.asarray((1.0 - c * float(w @ w)) * IDENTITY + 0.5 * pin.skew(w) + c * (w[:, None] * w))
 
 
 def rate_of_b(w: Array, rate: Array) -> Array:

@@ -260,3 +260,41 @@ def test_two_freedoms_of_a_spatial_arm_against_the_optimiser(mechanism, chain):
         assert run.q[row] == pytest.approx(found.x, abs=1e-6)
     coarse = np.gradient(run.q, run.grid.t, axis=0, edge_order=2)
     assert run.v[1:-1] == pytest.approx(coarse[1:-1], abs=0.05)
+
+
+@pytest.fixture
+def five_bar(mechanism, chain):
+    """Four joints, the last link pinned to the base: two freedoms, and three rows of the pin that repeat others."""
+    places = ("0 0 0", "0.3 0 0", "0.4 0 0", "0.4 0 0")
+    bars = [{"name": name, "axis": "0 0 1", "at": at} for name, at in zip("ABCD", places, strict=True)]
+    xml = chain(*bars, {"name": "tip", "kind": "fixed", "at": "0.3 0 0"})
+    foot = '<link name="foot"/><joint name="ground" type="fixed"><parent link="base"/><child link="foot"/>'
+    xml = xml.replace("</robot>", f'{foot}<origin xyz="0.5 0 0"/></joint></robot>')
+    pin_joint = {"kind": "revolute", "axis": "z", "between": ["tip_link", "foot"]}
+    coordinates = {"height": {"kind": "point", "point": "C_link", "along": "y"}}
+    start = {"A": "2.0 rad", "B": "-1.2 rad", "C": "-1.7 rad", "D": "-1.1 rad"}
+    return mechanism(xml, loops={"pin": pin_joint}, coordinates=coordinates, start=start)
+
+
+def test_a_loop_with_more_freedoms_than_laws_against_the_optimiser(five_bar):
+    target, weights = np.array([1.9, 0.0, 0.0, -1.0]), np.array([1.0, 0.0, 0.0, 2.0])
+    motion = {"height": Harmonic(mean=0.45, amplitude=0.05, pulsation=2.0)}
+    path = NearestMotion.of(five_bar, motion, posture(target, weights, names=tuple("ABCD")))
+    rough = np.array([2.0, -1.2, -1.7, -1.1])
+    run = path.follow(grid(path.laws, 31), rough)
+    lengths = np.array([0.3, 0.4, 0.4, 0.3])
+
+    def gaps(q, t):
+        angles = np.cumsum(q)
+        end = lengths @ np.cos(angles) - 0.5, lengths @ np.sin(angles)
+        return [*end, lengths[:2] @ np.sin(angles[:2]) - 0.45 - 0.05 * np.sin(2.0 * t)]
+
+    for t, q in zip(run.grid.t[::5], run.q[::5], strict=True):
+        assert gaps(q, t) == pytest.approx(np.zeros(3), abs=1e-13)
+        found = minimize(lambda q: float((((q - target) * weights) ** 2).sum()), q + 0.01, method="SLSQP",
+                         constraints={"type": "eq", "fun": gaps, "args": (t,)},
+                         options={"ftol": 1e-16, "maxiter": 300})  # fmt: skip
+        assert q == pytest.approx(found.x, abs=1e-6)
+    fine = path.follow(grid(path.laws, 601), rough)
+    assert fine.v[1:-1] == pytest.approx(np.gradient(fine.q, fine.grid.t, axis=0)[1:-1], abs=1e-3)
+    assert fine.a[1:-1] == pytest.approx(np.gradient(fine.v, fine.grid.t, axis=0)[1:-1], abs=1e-2)
