@@ -38,11 +38,11 @@ def hand(q):
     return np.array([LENGTHS @ np.cos(angles), LENGTHS @ np.sin(angles)])
 
 
-def best(t, start, lower=-np.inf, upper=np.inf):
+def best(t, start, lower=-np.inf, upper=np.inf, target=TARGET):
     """Return the nearest configuration on the circle by scipy's SLSQP."""
 
     def square(q):
-        return float((((q - TARGET) * WEIGHTS) ** 2).sum())
+        return float((((q - target) * WEIGHTS) ** 2).sum())
 
     bounds = np.stack([np.broadcast_to(lower, 3), np.broadcast_to(upper, 3)], axis=1)
     found = minimize(square, start, method="SLSQP", bounds=bounds, options={"ftol": 1e-15, "maxiter": 300},
@@ -260,6 +260,18 @@ def test_two_freedoms_of_a_spatial_arm_against_the_optimiser(mechanism, chain):
         assert run.q[row] == pytest.approx(found.x, abs=1e-6)
     coarse = np.gradient(run.q, run.grid.t, axis=0, edge_order=2)
     assert run.v[1:-1] == pytest.approx(coarse[1:-1], abs=0.05)
+
+
+def test_where_the_nearest_configuration_leaps_the_run_ends(arm):
+    """The minimum vanishes at t = 1.3749: the optimiser goes far from there just after it, and not before."""
+    target = np.array([1.11, 0.45, 1.67])
+    with pytest.raises(AssemblyError, match=r"is not determined at 1\.3748") as caught:
+        follow(arm, posture(target=target))
+    assert 1.374 < caught.value.data["t"] < 1.376
+    near = follow(arm, posture(target=target), samples=31, end=1.374).q[-1]
+    before, after = (best(t, near, target=target)[0] for t in (1.373, 1.376))
+    assert np.abs(before - near).max() < 0.02
+    assert np.abs(after - near).max() > 0.1
 
 
 @pytest.fixture
