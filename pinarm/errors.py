@@ -94,7 +94,7 @@ class InputError(PinarmError, ValueError):
 
 
 class ModelError(PinarmError):
-    """A URDF, xacro or MJCF model that cannot be used as it is."""
+    """A URDF, xacro, MJCF or SDF model that cannot be used as it is."""
 
 
 class UnitError(InputError):

@@ -43,6 +43,9 @@ ELSEWHERE = {
         "nearest to a posture on a path", "engine/kinematics/limited_path engine/kinematics/nearest "
         "engine/kinematics/nearest_start engine/kinematics/posture",
     ),
+    "mechanics/loading/sdf/test_reader.py": (
+        "SDF models", "mechanics/loading/sdf/names mechanics/loading/sdf/poses",
+    ),
     "problems/actuation/test_effort_sharing.py": ("weights of drives", "problems/weights"),
     "engine/kinematics/test_newton.py": (
         "positions that laws ask for", "engine/kinematics/continuation engine/kinematics/joint_motion "

@@ -52,8 +52,8 @@ def _values(command: ArgumentParser) -> None:
 
 def _new(new: ArgumentParser) -> None:
     new.add_argument("source", metavar="TEMPLATE|MODEL",
-                     help="four_bar, slider_crank, scissor_lift, cam or arm; a URDF, xacro or MJCF file; the name of a "
-                     "robot; or a mechanism file with a drawing, of which the URDF is written")  # fmt: skip
+                     help="four_bar, slider_crank, scissor_lift, cam or arm; a URDF, xacro, MJCF or SDF file; the name "
+                     "of a robot; or a mechanism file with a drawing, of which the URDF is written")  # fmt: skip
     new.add_argument("-o", "--output", type=Path,
                      help="folder (default: TEMPLATE, or that of MODEL); files that exist are kept")  # fmt: skip
 

@@ -112,7 +112,7 @@ class Mechanism:
     def load(
         cls, path: str | Path, arguments: Mapping[str, float | str] | None = None, *, values: Values | None = None
     ) -> Mechanism:
-        """Load a mechanism file, a URDF, xacro or MJCF file, or a robot of example-robot-data by its name.
+        """Load a mechanism file, a URDF, xacro, MJCF or SDF file, or a robot of example-robot-data by its name.
 
         Args:
             path: ``models/arm/mechanism.yaml``, ``arm.urdf``, ``arm.urdf.xacro``, ``arm.xml``, or a name such as

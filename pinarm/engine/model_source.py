@@ -25,7 +25,7 @@ from pinarm.mechanics.loading.pinocchio_model import Base, Defects, RobotModel, 
 if TYPE_CHECKING:
     from pinarm.mechanics.planar.drawing import PlanarDrawing
 
-FILES = (".urdf", ".xacro", ".xml", ".mjcf")
+FILES = (".urdf", ".xacro", ".xml", ".mjcf", ".sdf")
 """Endings of model files; what has none of them is the name of a robot."""
 
 

@@ -10,7 +10,7 @@ from pinarm.input.roots import example_robot_data
 
 NAMES = {
     "alexander": "alexander_v1.lowerBodyOnly", "asr_twodof": "TwoDofs", "anymal_kinova": "anymal-kinova",
-    "b1_z1": "b1-z1", "borinot": "borinot_flying_arm_2", "g1": "g1_29dof_rev_1_0",
+    "b1_z1": "b1-z1", "cassie": "cassie_v2", "borinot": "borinot_flying_arm_2", "g1": "g1_29dof_rev_1_0",
     "g1_with_hands": "g1_29dof_with_hand_rev_1_0", "hector": "quadrotor_base", "hextilt": "hextilt_flying_arm_5",
     "hyq": "hyq_no_sensors", "iris": "iris_simple", "solo8": "solo", "talos": "talos_reduced",
     "talos_arm": "talos_left_arm", "talos_box": "talos_reduced_box", "talos_full": "talos_full_v2",
@@ -42,6 +42,8 @@ def robots() -> dict[str, Path]:
     for file in sorted(folder.glob("*/*/*.urdf")):
         files.setdefault(file.stem, file)
         files.setdefault(file.stem.removesuffix("_robot"), file)
+    for file in sorted(folder.glob("*/*/*.sdf")):
+        files.setdefault(file.stem, file)
     files.update({name: files[stem] for name, stem in NAMES.items() if stem in files})
     if (other := folder / "anymal_c_simple_description" / "urdf" / "anymal.urdf").is_file():
         files["anymal_c"] = other  # its file has the same name as that of the older robot
@@ -57,8 +59,6 @@ def robot(name: str) -> Path:
     files = robots()
     if name in files:
         return files[name]
-    if name in {file.stem for file in (example_robot_data() / "robots").glob("*/*/*.sdf")}:
-        raise ModelError(f"the robot '{name}' has an SDF file only, which is not read", expected="URDF, xacro or MJCF")
     expected, hint = choices(name, files, most=100)
     raise ModelError(f"there is no robot '{name}'", expected=f"a file, or {expected}", hint=hint)
 

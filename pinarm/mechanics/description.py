@@ -82,7 +82,7 @@ class MechanismDescription(InputStruct, frozen=True):
     Attributes:
         pinarm: Version of the format.
         title: For headings.
-        robot: A URDF, xacro or MJCF file, relative to this one, or the name of a robot of example-robot-data.
+        robot: A URDF, xacro, MJCF or SDF file, relative to this one, or the name of a robot of example-robot-data.
         planar: In place of ``robot``: points of a drawing, the links between them, pins and slides.
         base: ``floating`` lets the model's root move freely, by a joint ``root``; ``fixed`` holds it. As in the model
             where it is left out; of the robots known by name, those that float in their own loaders do.

@@ -73,7 +73,7 @@ class RobotModel:
 def build_model(
     xml: str, *, base: Base | None = None, defects: Defects = "refused", creep: float | None = None
 ) -> RobotModel:
-    """Build the model of a URDF or MJCF text.
+    """Build the model of a URDF, MJCF or SDF text.
 
     Args:
         xml: The text.
@@ -113,8 +113,13 @@ def _tree(root: ElementTree.Element) -> Tree:
         from pinarm.mechanics.loading.mjcf import mjcf_tree  # not paid for by others
 
         return mjcf_tree(root)
+    if root.tag == "sdf":
+        from pinarm.mechanics.loading.sdf.reader import sdf_tree
+
+        return sdf_tree(root)
     if root.tag != "robot":
-        raise ModelError(f"the model begins with <{root.tag}>", expected="<robot> (URDF, xacro) or <mujoco> (MJCF)")
+        raise ModelError(f"the model begins with <{root.tag}>",
+                         expected="<robot> (URDF, xacro), <mujoco> (MJCF) or <sdf>")  # fmt: skip
     return urdf_tree(root)
 
 
@@ -313,4 +318,4 @@ def _said(tree: Tree, creep: float | None) -> Iterator[str]:
 
 def file_suffix(xml: str) -> str:
     """Return the suffix of a file with this model text."""
-    return ".xml" if ElementTree.fromstring(xml).tag == "mujoco" else ".urdf"
+    return {"mujoco": ".xml", "sdf": ".sdf"}.get(ElementTree.fromstring(xml).tag, ".urdf")

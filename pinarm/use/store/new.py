@@ -20,9 +20,9 @@ def templates() -> list[str]:
 def new(source: str | Path, folder: str | Path | None = None) -> Path:
     """Write the files to begin with, each with comments: a mechanism and a scenario that runs.
 
-    A template (``four_bar``, ``slider_crank``, ``scissor_lift``, ``cam``, ``arm``) is copied. For a URDF, xacro or MJCF
-    file, or a robot of example-robot-data, ``mechanism.yaml`` lists its joints, and ``scenario.yaml`` moves each of
-    them from rest to rest. Of a mechanism file with a drawing (``planar:``) the URDF is written, with a mechanism file
+    A template (``four_bar``, ``slider_crank``, ``scissor_lift``, ``cam``, ``arm``) is copied. For a URDF, xacro, MJCF
+    or SDF file, or a robot of example-robot-data, ``mechanism.yaml`` lists its joints, and ``scenario.yaml`` moves each
+    of them from rest to rest. Of a mechanism file with a drawing (``planar:``) the URDF is written, with a mechanism file
     that has its loops.
 
     Args:
@@ -88,8 +88,8 @@ def _robot(name: str) -> dict[str, str]:
         hint = choices(name, [*templates(), *robots()])[1]
         raise InputError(
             f"there is no template '{name}'",
-            expected=f"one of {', '.join(templates())}; a URDF, xacro or MJCF file; a mechanism file with 'planar:'; "
-            "or the name of a robot", hint=hint,
+            expected=f"one of {', '.join(templates())}; a URDF, xacro, MJCF or SDF file; a mechanism file with "
+            "'planar:'; or the name of a robot", hint=hint,
         )  # fmt: skip
     mechanism = Mechanism.load(name)
     return {"mechanism.yaml": mechanism_text(mechanism, name), "scenario.yaml": scenario_text(mechanism)}

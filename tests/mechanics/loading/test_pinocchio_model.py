@@ -67,7 +67,7 @@ def test_a_missing_link_comes_with_the_name_that_was_meant(chain, defect, hint):
 
 
 def test_another_root_element_is_refused():
-    assert refusal("<sdf/>").message == "the model begins with <sdf>"
+    assert refusal("<scene/>").message == "the model begins with <scene>"
 
 
 def test_two_links_on_one_parentless_pair_are_refused(chain):

@@ -1,0 +1,1 @@
+"""Reader of SDF models, with the loops that they may have."""

@@ -1,0 +1,145 @@
+"""Placements of the frames of an SDF model: links, joints and ``<frame>``, each relative to another one.
+
+Source: SDFormat, pose frame semantics: a link is placed in the model, a joint in its child, a frame in what it is
+attached to, unless ``relative_to`` says another frame.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeVar
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import pinocchio as pin
+
+from pinarm.arrays import Array
+from pinarm.errors import ModelError, choices
+from pinarm.input.numbers import decimal
+
+MODEL = "__model__"
+"""Name of the frame of the model."""
+
+TRUE = ("1", "true")
+
+FoundT = TypeVar("FoundT")
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Frames of a model by name.
+
+    Attributes:
+        placed: Frame -> the frame that it is placed in, and its placement there.
+        attached: Frame -> the frame that it moves with; links move with themselves.
+    """
+
+    placed: Mapping[str, tuple[str, pin.SE3]]
+    attached: Mapping[str, str]
+
+    @classmethod
+    def of(cls, model: Element) -> Frames:
+        """Return the frames of a ``<model>`` element.
+
+        Raises:
+            ModelError: Two have the same name, or one has no name.
+        """
+        placed: dict[str, tuple[str, pin.SE3]] = {MODEL: (MODEL, pin.SE3.Identity())}
+        attached: dict[str, str] = {}
+        for element in (*model.findall("link"), *model.findall("joint"), *model.findall("frame")):
+            name = element.get("name", "")
+            if not name or name in placed:
+                raise ModelError(f"two frames have the name '{name}'" if name else f"a {element.tag} has no name",
+                                 expected="a name of its own for each link, joint and frame")  # fmt: skip
+            base = {"link": MODEL, "joint": text_of(element, "child"), "frame": element.get("attached_to") or MODEL}
+            attached[name] = name if element.tag == "link" else base[element.tag]
+            placed[name] = pose_of(element, base[element.tag], f"{element.tag} '{name}'")
+        return cls(placed, attached)
+
+    def placement(self, name: str, where: str) -> pin.SE3:
+        """Return the placement of a frame in the model.
+
+        Raises:
+            ModelError: There is no such frame, or frames are placed in each other.
+        """
+        place, chain = pin.SE3.Identity(), [name]
+        while chain[-1] != MODEL:
+            base, step = self._known(self.placed, chain[-1], where)
+            place = step * place
+            if base in chain:
+                raise ModelError(f"{where}: frames are placed in each other: {' -> '.join([*chain, base])}")
+            chain.append(base)
+        return place
+
+    def link(self, name: str, where: str) -> str:
+        """Return the link that a frame moves with.
+
+        Raises:
+            ModelError: There is no such frame, or it moves with none.
+        """
+        chain = [name]
+        while (base := self._known(self.attached, chain[-1], where)) != chain[-1]:
+            if base in chain or base == MODEL:
+                raise ModelError(f"{where}: the frame '{name}' is attached to no link", expected="attached_to: a link")
+            chain.append(base)
+        return chain[-1]
+
+    def _known(self, found: Mapping[str, FoundT], name: str, where: str) -> FoundT:
+        if name not in found:
+            expected, hint = choices(name, [key for key in found if key != MODEL])
+            raise ModelError(f"{where}: there is no frame '{name}'", expected=expected, hint=hint)
+        return found[name]
+
+
+def pose_of(element: Element, base: str, where: str) -> tuple[str, pin.SE3]:
+    """Return the frame that an element is placed in, and its placement there: as ``<pose>`` says, or at its base.
+
+    Raises:
+        ModelError: The pose is malformed.
+    """
+    pose = element.find("pose")
+    if pose is None:
+        return base, pin.SE3.Identity()
+    if pose.get("frame"):
+        raise ModelError(f"{where}: its <pose> has the attribute frame='{pose.get('frame')}', which no version defines",
+                         hint=f"relative_to=\"{pose.get('frame')}\" in version 1.7")  # fmt: skip
+    quaternion = pose.get("rotation_format") == "quat_xyzw"
+    given = numbers_of(pose.text or ("0 " * 6 + "1" * quaternion), 7 if quaternion else 6, f"{where}: pose")
+    if quaternion:
+        length = float(np.linalg.norm(given[3:]))
+        if not length:
+            raise ModelError(f"{where}: its pose has the quaternion 0")
+        x, y, z, w = given[3:] / length
+        turn = pin.Quaternion(w, x, y, z).matrix()
+    else:
+        angles = np.deg2rad(given[3:]) if pose.get("degrees", "") in TRUE else given[3:]
+        turn = pin.rpy.rpyToMatrix(angles)
+    return pose.get("relative_to") or base, pin.SE3(turn, given[:3])
+
+
+def numbers_of(text: str, count: int, where: str) -> Array:
+    """Return finite numbers of a text, shape (count,).
+
+    Raises:
+        ModelError: They are not so many, or not finite numbers.
+    """
+    try:
+        found = [decimal(part) for part in text.split()]
+    except ValueError:
+        found = []
+    if len(found) != count or not all(math.isfinite(number) for number in found):
+        raise ModelError(f"{where}: '{text.strip()}'", expected=f"{count} finite number{'s' if count > 1 else ''}")
+    return np.array(found)
+
+
+def number_in(element: Element | None, path: str, default: float, where: str) -> float:
+    """Return the number in an element that is given by its path; the default where there is none."""
+    text = None if element is None else element.findtext(path)
+    return default if text is None or not text.strip() else float(numbers_of(text, 1, f"{where}: {path}")[0])
+
+
+def text_of(element: Element, tag: str) -> str:
+    """Return the text in an element, without spaces around it; empty where there is none."""
+    return (element.findtext(tag) or "").strip()
