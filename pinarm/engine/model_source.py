@@ -6,6 +6,8 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -100,11 +102,24 @@ def read_robot(
     expansion = expand(path, arguments, root=root)
     xml = resolve_includes(expansion.xml, path, root)
     try:
-        robot = build_model(xml, base=base, defects=defects, creep=description.creep)
+        robot = _built(xml, path, root, partial(build_model, base=base, defects=defects, creep=description.creep))
     except ModelError as error:
         raise error.at(_place(error, path)) from None
     notes = (*robot.notes, *(f"xacro: {warning}" for warning in expansion.warnings))
     return replace(robot, notes=notes), expansion.arguments, Source(data, folder, path, base, defects)
+
+
+def _built(xml: str, path: Path, root: Path, build: Callable[[str], RobotModel]) -> RobotModel:
+    """Return the model of a text; where masses come from meshes, with those of MuJoCo's compiler if it is installed."""
+    try:
+        return build(xml)
+    except ModelError as error:
+        if type(error).__name__ != "MeshMass" or find_spec("mujoco") is None:  # its module is imported for MJCF only
+            raise
+    from pinarm.engine.mesh_inertias import with_mesh_inertias
+
+    robot = build(with_mesh_inertias(xml, path, root))
+    return replace(robot, notes=(*robot.notes, "masses of meshes are those of MuJoCo's compiler"))
 
 
 def _drawn(

@@ -20,6 +20,10 @@ FLAT = ("plane", "hfield")
 """Shapes without mass."""
 
 
+class MeshMass(ModelError):
+    """A mass that only a mesh, or a compiler of shells, would tell."""
+
+
 def geom_inertia(given: Attributes, settings: Settings, where: str) -> pin.Inertia:
     """Return the inertia of a shape about its body's frame.
 
@@ -29,7 +33,8 @@ def geom_inertia(given: Attributes, settings: Settings, where: str) -> pin.Inert
         where: What it belongs to, for messages.
 
     Raises:
-        ModelError: Its size or mass is malformed, or its mass would come from a mesh.
+        ModelError: Its size or mass is malformed.
+        MeshMass: Its mass would come from a mesh.
     """
     kind = given.get("type", "mesh" if "mesh" in given else "sphere")
     mass, density = (number(given, key, where, -1.0) for key in ("mass", "density"))
@@ -41,7 +46,8 @@ def geom_inertia(given: Attributes, settings: Settings, where: str) -> pin.Inert
         raise ModelError(f"{where}: its mass or density is negative")
     if kind not in SIZES or "mesh" in given or given.get("shellinertia", "false") != "false":
         what = "mesh" if kind in ("mesh", "sdf") or "mesh" in given else f"'{kind}' or shell"
-        raise ModelError(f"{where}: the mass of a {what} is not computed here", expected="an <inertial> of its body")
+        raise MeshMass(f"{where}: the mass of a {what} is not computed here", expected="an <inertial> of its body",
+                       hint="pip install 'pinarm[mjcf]', by which MuJoCo's compiler computes it")  # fmt: skip
     place, size = _shape(given, kind, settings, where)
     volume, gyration = _solid(kind, size)
     total = mass if mass >= 0.0 else volume * (density if density >= 0.0 else WATER)

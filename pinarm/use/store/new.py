@@ -22,8 +22,8 @@ def new(source: str | Path, folder: str | Path | None = None) -> Path:
 
     A template (``four_bar``, ``slider_crank``, ``scissor_lift``, ``cam``, ``arm``) is copied. For a URDF, xacro, MJCF
     or SDF file, or a robot of example-robot-data, ``mechanism.yaml`` lists its joints, and ``scenario.yaml`` moves each
-    of them from rest to rest. Of a mechanism file with a drawing (``planar:``) the URDF is written, with a mechanism file
-    that has its loops.
+    of them from rest to rest. Of a mechanism file with a drawing (``planar:``) the URDF is written, with a mechanism
+    file that has its loops.
 
     Args:
         source: Name of a template or a robot, a model file, or a mechanism file with a drawing.

@@ -1,0 +1,156 @@
+"""Inertias of MJCF bodies with meshes, by MuJoCo's compiler: ``pip install 'pinarm[mjcf]'``.
+
+The mesh files are read here, below the root and within a size, and given to the compiler as bytes, in a process of its
+own with bounds on memory and time: a mesh comes from strangers, and the compiler is not made for these. What it returns
+is written into the model as ``<inertial>``, so that a saved result needs no mesh.
+"""
+
+from __future__ import annotations
+
+import base64
+import copy
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+from pinarm.errors import ModelError
+from pinarm.input.roots import contained_file
+
+MOST_BYTES = 50_000_000
+"""Largest size of all mesh files of a model together."""
+
+MEMORY, SECONDS = 4_000_000_000, 60
+"""Bounds of the compiler: address space [bytes], and processor time [s]; 50 MB of triangles take 1 GB and 10 s."""
+
+KEPT = ("compiler", "default", "asset", "worldbody")
+"""Sections that inertias depend on."""
+
+IDLE = ("light", "camera")
+"""Elements without mass that may refer to bodies by their names, which are others here."""
+
+FILES = ("meshdir", "assetdir", "strippath", "texturedir")
+"""Attributes of the compiler about files: these are given under names of their own."""
+
+SCALING = ("settotalmass", "boundmass", "boundinertia")
+"""Attributes of the compiler that change all masses: they are applied where the model is read."""
+
+COMPILER = """
+import base64, json, sys
+try:
+    import resource
+except ImportError:  # a system without bounds
+    pass
+else:
+    resource.setrlimit(resource.RLIMIT_AS, (%d, %d))
+    resource.setrlimit(resource.RLIMIT_CPU, (%d, %d))
+import mujoco
+given = json.load(sys.stdin)
+files = {name: base64.b64decode(content) for name, content in given["files"].items()}
+try:
+    model = mujoco.MjModel.from_xml_string(given["xml"], files)
+except Exception as error:
+    json.dump({"error": " ".join(str(error).split())[:500]}, sys.stdout)
+else:
+    bodies = ((model.body(k).name, k) for k in range(1, model.nbody))
+    json.dump({"bodies": {name: [model.body_mass[k], *model.body_ipos[k], *model.body_iquat[k], *model.body_inertia[k]]
+                          for name, k in bodies}}, sys.stdout)
+""" % (MEMORY, MEMORY, SECONDS, SECONDS)  # noqa: UP031  braces are its own
+
+
+def with_mesh_inertias(xml: str, path: Path, root: Path) -> str:
+    """Return the text of an MJCF model in which bodies with geoms and without ``<inertial>`` have one.
+
+    Args:
+        xml: The text, includes resolved.
+        path: Its file.
+        root: Folder under which mesh files must lie.
+
+    Raises:
+        InputError: A mesh file is missing or lies elsewhere.
+        ModelError: The files are too large, or the compiler refuses the model.
+    """
+    model = ElementTree.fromstring(xml)
+    named = copy.deepcopy(model)
+    bodies = [*model.iter("body")]
+    for k, body in enumerate(named.iter("body")):
+        body.set("name", f"body_{k}")
+    files = _bare(named, path, root)
+    found = _compiled(ElementTree.tostring(named, encoding="unicode"), files)
+    for k, body in enumerate(bodies):
+        mass, *numbers = found.get(f"body_{k}", [0.0])
+        if mass and body.find("inertial") is None and next(_geoms(body), None) is not None:
+            pos, quat, moments = (" ".join(map(repr, part)) for part in (numbers[:3], numbers[3:7], numbers[7:]))
+            inertial = {"pos": pos, "quat": quat, "mass": repr(mass), "diaginertia": moments}
+            body.insert(0, Element("inertial", inertial))
+    return ElementTree.tostring(model, encoding="unicode")
+
+
+def _geoms(body: Element) -> Iterator[Element]:
+    """Yield the geoms of a body itself, those in frames included."""
+    for child in body:
+        if child.tag == "geom":
+            yield child
+        elif child.tag == "frame":
+            yield from _geoms(child)
+
+
+def _bare(model: Element, path: Path, root: Path) -> dict[str, bytes]:
+    """Leave in a model what inertias depend on; return the content of its mesh files by their new names."""
+    compiler = {key: value for section in model.findall("compiler") for key, value in section.attrib.items()}
+    folder = compiler.get("meshdir", compiler.get("assetdir", ""))
+    for section in [section for section in model if section.tag not in KEPT]:
+        model.remove(section)
+    for section in model.findall("compiler"):
+        for key in (*FILES, *SCALING):
+            section.attrib.pop(key, None)
+        section.set("fusestatic", "false")
+    for element in [*model.iter()]:
+        element.attrib.pop("material", None)
+        for idle in [child for child in element if child.tag in IDLE or child.get("type") == "hfield"]:
+            element.remove(idle)
+    files: dict[str, bytes] = {}
+    for asset in model.iter("asset"):
+        for other in [other for other in asset if other.tag != "mesh"]:
+            asset.remove(other)
+        for mesh in asset:
+            if file := mesh.get("file"):
+                mesh.set("name", mesh.get("name") or Path(file).stem)
+                found = contained_file(path.parent.absolute() / folder / file, root)
+                name = f"mesh_{len(files)}{found.suffix}"
+                files[name] = _content(found, MOST_BYTES - sum(map(len, files.values())))
+                mesh.set("file", name)
+    return files
+
+
+def _content(file: Path, most: int) -> bytes:
+    with open(file, "rb") as stream:
+        content = stream.read(most + 1)
+    if len(content) > most:
+        raise ModelError("the mesh files of this model are too large", expected=f"at most {MOST_BYTES} bytes together")
+    return content
+
+
+def _compiled(xml: str, files: dict[str, bytes]) -> dict[str, list[float]]:
+    """Return mass, place, quaternion and principal moments of every body.
+
+    Raises:
+        ModelError: The compiler refuses the model, or needs too much memory or time.
+    """
+    given = json.dumps({"xml": xml, "files": {name: base64.b64encode(x).decode() for name, x in files.items()}})
+    done = subprocess.run(
+        [sys.executable, "-I", "-c", COMPILER], input=given, capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        raise ModelError("the masses of meshes cannot be computed: MuJoCo's compiler ended without an answer",
+                         expected=f"meshes that it can read within {SECONDS} s and {MEMORY // 10**9} GB",
+                         hint="an <inertial> of each body")  # fmt: skip
+    answer: dict[str, Any] = json.loads(done.stdout)
+    if "error" in answer:
+        raise ModelError(f"MuJoCo's compiler refuses the model: {answer['error']}", hint="an <inertial> of each body")
+    bodies: dict[str, list[float]] = answer["bodies"]
+    return bodies
