@@ -21,7 +21,9 @@ ELSEWHERE = {
         "controllers on mechanisms", "engine/motion/controlled_motion mechanics/control/computed_torque "
         "mechanics/control/function mechanics/control/state_feedback problems/actuation/controls",
     ),
-    "mechanics/test_motors.py": ("motors behind controllers", "mechanics/control/motor_control"),
+    "mechanics/test_motors.py": (
+        "motors behind controllers", "mechanics/control/motor_control engine/control/motor_limits",
+    ),
     "engine/dynamics/test_coordinate_partition.py": (
         "reduced coordinates against multipliers", "engine/motion/systems/free engine/motion/systems/partitioned "
         "engine/motion/systems/system",

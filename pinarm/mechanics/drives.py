@@ -11,7 +11,7 @@ import numpy as np
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.yaml.schema import Inertia, InputStruct
-from pinarm.mechanics.motors import DcMotor
+from pinarm.mechanics.motors import AnyMotor
 
 
 class Drive(InputStruct, frozen=True):
@@ -37,7 +37,8 @@ class Drive(InputStruct, frozen=True):
         ratio: N, motor turns per turn of the joint, or radians per metre; negative where they turn against each other.
         efficiency: eta, between 0 (excluded) and 1.
         rotor_inertia: J of everything that turns with the motor, about its axis [kg*m^2].
-        motor: From voltage to torque, in forward runs: a controller of the drive then commands a voltage.
+        motor: In forward runs: a controller of the drive then commands the voltage of a motor of the kind ``dc``, or
+            the torque of one of the kind ``ideal``, which may have limits over its speed.
     """
 
     joint: str = ""
@@ -45,7 +46,7 @@ class Drive(InputStruct, frozen=True):
     ratio: float = 1.0
     efficiency: Annotated[float, msgspec.Meta(gt=0, le=1)] = 1.0
     rotor_inertia: Inertia = 0.0
-    motor: DcMotor | None = None
+    motor: AnyMotor | None = None
 
     def check(self) -> None:
         """Refuse a ratio of 0, infinity or NaN, and a drive at nothing, or at two things."""

@@ -191,7 +191,12 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         whole = IntegratedMotion(mechanism, hybrid, motion).outcome(grid)
         energy = {} if self.motion else energy_of(motion)
         notes = motion.diagnose() or _lost(energy.get("energy", 0.0))
-        remarks = [*_changed(mechanism, hybrid, v), *_uncertain(hybrid.guided, q, v), *motion.remarks()]
+        remarks = [
+            *_changed(mechanism, hybrid, v),
+            *_uncertain(hybrid.guided, q, v),
+            *motion.remarks(),
+            *_motors(hybrid, motion),
+        ]
         return replace(whole, figures={**motion.cost(), **energy}, notes=(*remarks, *notes))
 
     def _require_branch(self, mechanism: Mechanism, hybrid: HybridSystem, motion: SegmentedMotion) -> None:
@@ -233,6 +238,15 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         )
         rates = tuple((mechanism.coordinate(name), float(rate)) for name, rate in others.items())
         return Initial(q, v, positions, velocities, rates)
+
+
+def _motors(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:
+    """Return what is to be said of the limits of motors."""
+    if hybrid.controls is None:
+        return []
+    from pinarm.engine.control.motor_limits import motor_remarks
+
+    return motor_remarks(motion)
 
 
 def _changed(mechanism: Mechanism, hybrid: HybridSystem, v: Array) -> list[str]:

@@ -29,7 +29,7 @@ from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
-from pinarm.mechanics.motors import Winding
+from pinarm.mechanics.motors import MotorDefinition
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities.names import Quantities
@@ -85,7 +85,14 @@ class MechanismPlant:
     def command_unit(self, name: str) -> Unit:
         """Return the unit of the command of a drive; see ``Plant``."""
         drive = self.mechanism.drives.get(name)
-        return unit("V") if drive is not None and drive.motor else effort_unit(self.drive(name))
+        return drive.motor.command if drive is not None and drive.motor else effort_unit(self.drive(name))
+
+    def gain(self, name: str) -> float | None:
+        """Return the effort at the joint per command of a drive; see ``Plant``."""
+        drive = self.mechanism.drives.get(name)
+        if drive is None or drive.motor is None:
+            return 1.0
+        return drive.ratio if drive.motor.supply == "torque" else None
 
     def signal(self, name: str) -> Signal:
         """Return a coordinate that can be measured; see ``Plant``."""
@@ -247,23 +254,36 @@ def _places(mechanism: Mechanism, place: Place) -> Callable[[int], AbstractConte
 def _with_motors(
     controllers: Sequence[Controller], mechanism: Mechanism, places: Callable[[int], AbstractContextManager[None]]
 ) -> list[Controller]:
-    """Return controllers with the motors behind those that command voltages."""
+    """Return controllers with the motors behind those that command their voltages or torques."""
     found, place = list[Controller](), 0
     for number, one in enumerate(controllers):
-        motors = [mechanism.drives[drive].motor for drive in one.drives if drive in mechanism.drives]
-        motor = next((each for each in motors if each is not None), None)
-        if motor is not None and len(one.drives) > 1:
-            with places(number), within("drive"):
-                raise InputError(f"{', '.join(one.drives)} have one controller, and a motor among them takes a voltage",
-                                 expected="a controller of its own for each drive with a motor")  # fmt: skip
-        if motor is None:
-            found.append(one)
-        else:
-            source = replace(one, voltage=True)
-            behind = MotorController.of(source, Winding(motor, mechanism.drives[one.drives[0]].ratio), place)
+        with places(number), within("drive"):
+            motors = _motors(one.drives, mechanism)
+        if motors:
+            source = replace(one, supply=next(iter(motors.values())).supply)
+            actuators = [motor.behind(mechanism.drives[drive].ratio) for drive, motor in motors.items()]
+            behind = MotorController.of(source, actuators, place)
             found += [source, behind] if one.sampling else [behind]
+        else:
+            found.append(one)
         place += len(one.joints) if one.sampling else 0
     return found
+
+
+def _motors(drives: Sequence[str], mechanism: Mechanism) -> dict[str, MotorDefinition]:
+    """Return the motors of the drives of one controller, by drive; none where they have none.
+
+    Raises:
+        InputError: They are of different kinds, or some drives have none.
+    """
+    known = {drive: mechanism.drives[drive].motor for drive in drives if drive in mechanism.drives}
+    motors: dict[str, MotorDefinition] = {drive: motor for drive, motor in known.items() if motor is not None}
+    if motors and (len(motors) < len(drives) or len({motor.supply for motor in motors.values()}) > 1):
+        raise InputError(
+            f"{', '.join(drives)} have one controller, but not motors of one kind",
+            expected="motors of one kind for all drives of a controller, or a controller for each",
+        )
+    return motors
 
 
 def _require_own_joints(controllers: Sequence[Controller]) -> None:
