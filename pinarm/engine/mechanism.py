@@ -449,10 +449,11 @@ class Mechanism:
         return {name: float(value) for name, value in self.description.start.items() if name in known}
 
     def driven_joint(self, drive: str) -> Joint:
-        """Return the joint that moves as what a drive acts along: its own, or that of its rotor, by name."""
+        """Return the joint that a drive moves: that of its rotor, where it has one, or its own, by name."""
         from pinarm.mechanics.rotors import rotor_name
 
-        return self.joints[self.drives[drive].joint or rotor_name(drive)]
+        found = self.drives[drive]
+        return self.joints[rotor_name(drive) if found.turns_rotor else found.joint]
 
     @cached_property
     def dotted_names(self) -> frozenset[str]:

@@ -308,24 +308,28 @@ def mount_drives(
                 raise InputError(f"the {key} '{driven}' has two drives, '{mounted[driven]}' and '{name}'",
                                  expected="one drive at each joint")  # fmt: skip
         mounted[driven] = name
-        if joint is not None:
+        if joint is not None and not drive.turns_rotor:
             armature[joint.v] += drive.armature
 
 
 def rotors_along(
     model: pin.Model, description: MechanismDescription, coordinates: Mapping[str, Coordinate], here: Locate
 ) -> pin.Model:
-    """Return the model with a joint for the rotor of every drive that acts along a coordinate; itself without any.
+    """Return the model with a joint for the rotor of every drive that turns one of its own; itself without any.
 
     Raises:
         InputError: A coordinate does not exist, or is a joint's own.
     """
-    along = {name: drive for name, drive in description.drives.items() if drive.along}
-    if not along:
+    turning = {name: drive for name, drive in description.drives.items() if drive.turns_rotor}
+    if not turning:
         return model
     from pinarm.mechanics.rotors import with_rotors
 
-    for name, drive in along.items():
+    for name, drive in turning.items():
+        if drive.joint:
+            with here("drives", name), within("joint"):
+                joint_of(joints_of(model), drive.joint)
+            continue
         with here("drives", name), within("along"):
             if drive.along not in coordinates:
                 expected, hint = choices(drive.along, coordinates)
@@ -333,17 +337,18 @@ def rotors_along(
             if drive.along in joints_of(model):
                 raise InputError(f"'{drive.along}' is a joint", expected=f"joint: {drive.along}")
     with here("drives"):
-        return with_rotors(model, along, {name: coordinates[drive.along].unit for name, drive in along.items()})
+        units = {name: coordinates[drive.coordinate].unit for name, drive in turning.items()}
+        return with_rotors(model, turning, units)
 
 
 def geared_rotors(
     joints: Mapping[str, Joint], description: MechanismDescription, coordinates: Mapping[str, Coordinate]
 ) -> list[Constraint]:
-    """Return what ties the rotors of drives along coordinates to these."""
-    along = {name: drive.along for name, drive in description.drives.items() if drive.along}
-    if not along:
+    """Return what ties rotors that are joints of their own to what their drives act along."""
+    turning = {name: drive.coordinate for name, drive in description.drives.items() if drive.turns_rotor}
+    if not turning:
         return []
     from pinarm.mechanics.rotors import GearedRotor, rotor_name
 
     return [GearedRotor(f"gear of {name}", joints[rotor_name(name)], coordinates[driven])
-            for name, driven in along.items()]  # fmt: skip
+            for name, driven in turning.items()]  # fmt: skip

@@ -31,6 +31,9 @@ class Drive(InputStruct, frozen=True):
     motion, ``tau / (N eta)``: the safe side for sizing. A motor that is off, at a free joint, has no torque; its rotor
     is moved without loss.
 
+    Where a controller commands the ``motor`` of a drive, its losses act in the motion: the rotor is a joint of its own,
+    ``D.rotor``, and ``drive.D.friction`` is what the gear takes; see ``mechanics.friction.gear_loss``.
+
     Attributes:
         joint: Joint that it drives; this or ``along``.
         along: Coordinate that it drives.
@@ -52,11 +55,6 @@ class Drive(InputStruct, frozen=True):
         """Refuse a ratio of 0, infinity or NaN, and a drive at nothing, or at two things."""
         if bool(self.joint) == bool(self.along):
             raise InputError("a drive acts at one joint, or along one coordinate", expected="the key joint, or along")
-        if self.motor is not None and self.efficiency < 1.0:
-            with within("efficiency"):
-                raise InputError("the losses of a gear behind a motor with a voltage are not modelled",
-                                 expected="an efficiency of 1",
-                                 hint="losses as damping or friction of the joint")  # fmt: skip
         if self.ratio == 0.0 or not math.isfinite(self.ratio):
             with within("ratio"):
                 raise InputError(
@@ -67,6 +65,11 @@ class Drive(InputStruct, frozen=True):
     def coordinate(self) -> str:
         """Name of the coordinate that it drives, a joint's own among them."""
         return self.joint or self.along
+
+    @property
+    def turns_rotor(self) -> bool:
+        """Whether its rotor is a joint of its own, ``D.rotor``: it drives no joint, or its gear comes between them."""
+        return bool(self.along) or (self.motor is not None and self.efficiency < 1.0)
 
     @property
     def armature(self) -> float:

@@ -1,4 +1,4 @@
-"""Rotors of motors that drive a coordinate which is no joint's: of a loop joint, or a sum of joints.
+"""Rotors that are joints of their own: of motors along a coordinate which is no joint's, or behind a gear with losses.
 
 A rotor of inertia J behind a gear of ratio N, which turns with ``N w``, has the energy ``N^2 J w'^2 / 2``. It is a
 joint of the model with the armature ``N^2 J`` and no body, whose coordinate x is reflected to the driven side and tied
@@ -88,8 +88,8 @@ def with_rotors(model: pin.Model, drives: Mapping[str, Drive], units: Mapping[st
 
     Args:
         model: Pinocchio's model.
-        drives: Drives along coordinates that are no joint's.
-        units: Units of these coordinates, by the name of the drive.
+        drives: Drives whose rotors are joints of their own.
+        units: Units of what they drive, by the name of the drive.
 
     Raises:
         InputError: A joint has the name of a rotor.

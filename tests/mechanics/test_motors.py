@@ -90,6 +90,18 @@ def test_a_position_loop_of_a_motor_is_the_matrix_exponential(servo, period):
     assert result["control.servo.command"].values[0] == 20.0
 
 
+def test_rows_at_samples_have_the_effort_of_their_side(servo):
+    """Without inductance the effort jumps where the voltage does, and the acceleration with it."""
+    control = {"kind": "pid", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"}, "kp": "20 V/rad",
+               "kd": "0.5 V*s/rad", "period": "5 ms"}  # fmt: skip
+    result = run(servo(), control, "0.2 s", end_stops={"x": {"upper": "0.5 rad"}})
+    assert result.figures["equilibrium"] < 1e-12
+    t, effort = result["t"].values, result["joint.x.effort"].values
+    assert (np.diff(t) == 0.0).any()  # a new segment begins with every sample on the stop
+    free = result["x"].values < 0.499
+    assert np.abs(INERTIA * result["joint.x.acceleration"].values - effort)[free].max() < 1e-9
+
+
 def test_limits_are_those_of_the_voltage(servo):
     control = {"kind": "pid", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"}, "kp": "100 V/rad",
                "limits": ["-24 V", "24 V"]}  # fmt: skip
@@ -107,16 +119,13 @@ def test_functions_give_voltages(servo):
     )
 
 
-def test_mistakes_are_told(servo, tmp_path):
+def test_mistakes_are_told(servo):
     effort = {"kind": "pid", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"}, "kp": "20 N*m/rad"}
     with pytest.raises(InputError, match="not a unit"):
         run(servo(), effort)
     torque = {"kind": "computed_torque", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"}}
     with pytest.raises(InputError, match="takes a voltage"):
         run(servo(), torque)
-    drive = {"joint": "x", "efficiency": 0.8, "motor": MOTOR}
-    with pytest.raises(InputError, match="losses"):
-        pinarm.Mechanism.load(tmp_path / "inertia.urdf", values={"drives": {"servo": drive}})
     with pytest.raises(InputError, match="constant 0"):
         servo(constant="0 N*m/A")
 

@@ -153,6 +153,11 @@ class RecordedEfforts(ControlLoad):
         return [law for one in self.continuous for law in one.references]
 
     @property
+    def jumps(self) -> bool:
+        """Whether efforts may jump: at samples, where relays switch, and where references do."""
+        return True
+
+    @property
     def held(self) -> HeldLoad | None:
         """The efforts themselves, where all controllers are sampled."""
         return None if self.continuous else self

@@ -85,6 +85,11 @@ class ForceElement(ABC):
         """Return the laws over time that the load follows; it may jump where they do."""
         return []
 
+    @property
+    def jumps(self) -> bool:
+        """Whether the load may jump at some instants, so that it is another one before than after: see ``on``."""
+        return bool(self.laws()) or self.held is not None
+
     def on(self, start: float, end: float) -> ForceElement:
         """Return the element as it is on an interval of time in which no law jumps."""
         return self

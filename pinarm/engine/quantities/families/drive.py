@@ -43,12 +43,19 @@ class DriveQuantities(Family):
         if asked.part == "speed":
             return Series(asked.name, unit("rad/s"), speed)
         self.require_efforts(asked)
-        a, effort = run.a[:, index], self._effort(asked, drive)
-        torque = drive.torque(effort - drive.armature * a, run.direction(index), a)
-        torque = np.where(effort == 0.0, 0.0, torque)  # off: what moves its rotor loses nothing
+        torque = self._torque(asked, drive, index)
         if asked.part == "torque":
             return Series(asked.name, NEWTON_METRE, torque)
         return Series(asked.name, WATT, torque * speed)
+
+    def _torque(self, asked: Asked, drive: Drive, index: int) -> Array:
+        """Return the torque of the motor, by the index of the joint that it moves, shape (n,)."""
+        run = self.run
+        if drive.turns_rotor and run.driven is not None and run.driven[index]:  # losses come behind the rotor
+            return run.tau[:, index] / drive.ratio
+        a, effort = run.a[:, index], self._effort(asked, drive)
+        torque = drive.torque(effort - drive.armature * a, run.direction(index), a)
+        return np.where(effort == 0.0, 0.0, torque)  # off: what moves its rotor loses nothing
 
     def _effort(self, asked: Asked, drive: Drive) -> Array:
         """Return the effort of what drives the joint or the coordinate, the rotor's share included, shape (n,)."""
