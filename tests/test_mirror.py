@@ -21,6 +21,7 @@ ELSEWHERE = {
         "controllers on mechanisms", "engine/motion/controlled_motion mechanics/control/computed_torque "
         "mechanics/control/function mechanics/control/state_feedback problems/actuation/controls",
     ),
+    "engine/motion/systems/test_coupled.py": ("the same motions", "engine/motion/systems/compiled_couplings"),
     "mechanics/friction/test_gear_loss.py": ("as of runs", "problems/actuation/gear_losses"),
     "mechanics/test_motors.py": (
         "motors behind controllers", "mechanics/control/motor_control engine/control/motor_limits",

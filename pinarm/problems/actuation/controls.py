@@ -11,13 +11,10 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.control.controlled_system import CONTROL
 from pinarm.engine.control.controls import Controls
 from pinarm.engine.control.schedule import require_action, require_few_samples
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.equation import solve
-from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Place, choices, nowhere, within
@@ -30,6 +27,7 @@ from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
 from pinarm.mechanics.motors import MotorDefinition
+from pinarm.problems.actuation.inverses import InverseOfLoops, InverseOfTree, inverse_of_couplings
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities.names import Quantities
@@ -143,7 +141,9 @@ class MechanismPlant:
         names = [joint.name for joint in joints]
         closure = mechanism.closure
         if not closure.size and len(joints) == mechanism.model.nv:
-            return _InverseOfTree(self.dynamics, np.array([joint.v for joint in joints]))
+            return InverseOfTree(self.dynamics, np.array([joint.v for joint in joints]))
+        if not self.laws and (coupled := inverse_of_couplings(self.dynamics, closure, joints)) is not None:
+            return coupled
         guided = [*self.laws, *names]
         rows = closure.with_guides(guided, [mechanism.coordinate(name) for name in guided])
         here = rows.split(rows.rows(rows.state(self._start)))
@@ -151,60 +151,7 @@ class MechanismPlant:
         if len(here.values) < len(own.values) + len(guided):
             raise InputError(f"{', '.join(guided)} do not move independently",
                              expected="as many drives as move independently")  # fmt: skip
-        return _InverseOfLoops(self.dynamics, rows, tuple(self.laws.values()), len(joints))
-
-
-@dataclass(frozen=True, eq=False)
-class _InverseOfTree:
-    """Inverse dynamics of an open chain whose joints are all driven: ``M a + nle - loads``."""
-
-    dynamics: Dynamics
-    order: Array
-
-    def __call__(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
-        """Return the efforts of the drives, shape (..., k)."""
-        whole = np.empty_like(v)
-        whole[..., self.order] = a
-        if q.ndim > 1:
-            return np.asarray(self.dynamics.inverse(t, q, v, whole)[:, self.order])
-        import pinocchio as pin
-
-        here = self.dynamics
-        efforts = pin.rnea(here.model, here.data, q, v, whole)
-        return np.asarray((efforts - here.loads(t, q, v) if here.forces else efforts)[self.order])
-
-
-@dataclass(frozen=True, eq=False)
-class _InverseOfLoops:
-    """Inverse dynamics where other joints follow: ``M a + nle = loads + G^T lam``, see ``dynamics.equation``.
-
-    Attributes:
-        dynamics: The equation of motion.
-        rows: G: the constraints, coordinates that follow laws, and at the end the drives.
-        laws: Of these coordinates.
-        count: Number of drives.
-    """
-
-    dynamics: Dynamics
-    rows: Closure
-    laws: tuple[MotionLaw, ...]
-    count: int
-
-    def __call__(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
-        """Return the efforts of the drives, shape (..., k)."""
-        if q.ndim == 1:
-            return self._state(float(t), q, v, a)
-        times = np.broadcast_to(np.asarray(t, float), len(q)).tolist()
-        return np.array([self._state(*state) for state in zip(times, q, v, a, strict=True)]).reshape(len(q), self.count)
-
-    def _state(self, t: float, q: Array, v: Array, a: Array) -> Array:
-        state, wanted = self.rows.state(q, v), [law.on(t, t)(np.array([t]))[2][0] for law in self.laws]
-        right = -self.rows.drift(state)
-        right[len(right) - self.count - len(wanted) :] += [*wanted, *a]
-        split, mass = self.rows.split(self.rows.rows(state)), mass_matrix(self.dynamics.model, q)
-        force = -self.dynamics.inverse(t, q[None], v[None], np.zeros((1, len(v))))[0]
-        moved = solve(split, mass, force, right)
-        return split.multipliers(mass @ moved - force)[-self.count :]
+        return InverseOfLoops(self.dynamics, rows, tuple(self.laws.values()), len(joints))
 
 
 def bind_controls(
