@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.drive_parts import elastic_gears, geared_rotors, mount_drives, rotors_along
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import massive
 from pinarm.engine.mechanism_parts import (
@@ -24,14 +25,11 @@ from pinarm.engine.mechanism_parts import (
     couplings_of,
     forces_of,
     frictions_of,
-    geared_rotors,
     loaded,
     marked,
-    mount_drives,
     named_parts,
     naming_arguments,
     open_closings,
-    rotors_along,
     symbols_of,
     tying,
 )
@@ -560,6 +558,7 @@ def _build(
     symbols = symbols_of(description, here)
     mount_drives(model, joints, description, here)
     forces = forces_of(robot, description, model, joints, coordinates, here)
+    forces |= elastic_gears(model, joints, description, coordinates, here)
     return Mechanism(
         description.title or model.name, model, robot.xml, joints, balls, coordinates, tying(constraints, frictions),
         dict(description.drives), forces, symbols, resolved,

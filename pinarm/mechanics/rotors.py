@@ -8,14 +8,14 @@ to it, ``x - w(q) = 0``. As armatures of joints, rotors have no weight, and thei
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError
+from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.drives import Drive
@@ -76,6 +76,25 @@ class GearedRotor:
         axis = np.zeros(6)
         axis[0 if self.coordinate.unit == METRE else 3] = 1.0
         return axis
+
+
+def deflection_of(rotor: Joint, coordinate: Coordinate) -> LinearCoordinate:
+    """Return the deflection of an elastic gear, ``x - w(q)``.
+
+    Args:
+        rotor: Joint of the rotor, whose coordinate x is that of the driven side.
+        coordinate: What the motor drives, w.
+
+    Raises:
+        InputError: It is no sum of joints.
+    """
+    if not isinstance(coordinate, LinearCoordinate):
+        with within("elasticity"):
+            raise InputError("an elastic gear drives a joint, or a sum of joints", expected="a joint, or a coordinate "
+                             "of the kind sum", hint="a joint of the model between motor and loop")  # fmt: skip
+    weights = -np.asarray(coordinate.weights, dtype=np.float64)
+    weights[rotor.v] += 1.0
+    return replace(coordinate, weights=weights)
 
 
 def rotor_name(drive: str) -> str:

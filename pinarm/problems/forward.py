@@ -36,7 +36,7 @@ from pinarm.mechanics.laws import Motion
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
-from pinarm.problems.joint_values import check_levels, check_rates, rates_of_coordinates
+from pinarm.problems.joint_values import check_levels, check_rates, followers_of, rates_of_coordinates
 from pinarm.problems.loads import LOADS, bind_loads, schema_row
 from pinarm.problems.prescribed_laws import laws_of
 from pinarm.problems.time_grid import TimeGrid
@@ -248,7 +248,8 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             for given in (self.initial.position, own)
         )
         rates = tuple((mechanism.coordinate(name), float(rate)) for name, rate in others.items())
-        return Initial(q, v, positions, velocities, rates)
+        followers = followers_of(mechanism, {*self.start, *self.initial.position}, self.initial.velocity)
+        return Initial(q, v, positions, velocities, rates, followers)
 
 
 def _motors(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:
