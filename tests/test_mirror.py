@@ -21,7 +21,13 @@ ELSEWHERE = {
         "controllers on mechanisms", "engine/motion/controlled_motion mechanics/control/computed_torque "
         "mechanics/control/function mechanics/control/state_feedback problems/actuation/controls",
     ),
-    "mechanics/test_motors.py": ("motors behind controllers", "mechanics/control/motor_control"),
+    "engine/motion/systems/test_coupled.py": ("the same motions", "engine/motion/systems/compiled_couplings"),
+    "mechanics/forces/test_flanks.py": ("elastic gears", "mechanics/elasticity"),
+    "mechanics/test_rotors.py": ("rotors of drives", "engine/drive_parts"),
+    "mechanics/friction/test_gear_loss.py": ("as of runs", "problems/actuation/gear_losses"),
+    "mechanics/test_motors.py": (
+        "motors behind controllers", "mechanics/control/motor_control engine/control/motor_limits",
+    ),
     "engine/dynamics/test_coordinate_partition.py": (
         "reduced coordinates against multipliers", "engine/motion/systems/free engine/motion/systems/partitioned "
         "engine/motion/systems/system",
