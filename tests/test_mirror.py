@@ -45,6 +45,11 @@ ELSEWHERE = {
     ),
     "engine/kernel/test_library.py": ("its structures", "engine/kernel/structures"),
     "engine/kernel/test_tree.py": ("what is refused", "engine/kernel/checks"),
+    "engine/kinematics/test_nearest_motion.py": (
+        "nearest to a posture on a path", "engine/kinematics/limited_path engine/kinematics/nearest "
+        "engine/kinematics/nearest_start engine/kinematics/posture",
+    ),
+    "problems/actuation/test_effort_sharing.py": ("weights of drives", "problems/weights"),
     "engine/kinematics/test_newton.py": (
         "positions that laws ask for", "engine/kinematics/continuation engine/kinematics/joint_motion "
         "engine/kinematics/prescribed",
@@ -141,7 +146,8 @@ ELSEWHERE = {
         "rows in files and arrays",
         "engine/motion/recorded_motion problems/recording/recorded_columns use/scenario/recorded",
     ),
-    "problems/test_profiles.py": ("laws in problems", "mechanics/forces/breakpoints problems/prescribed_laws"),
+    "problems/test_profiles.py": (
+        "laws in problems", "mechanics/forces/breakpoints problems/prescription/prescribed_laws"),
     "test_messages.py": (
         "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/failures "
         "use/scenario/scenario_file",
