@@ -7,14 +7,15 @@ result; from then on other numbers are filled in, as long as every file has the 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from pinarm.errors import ModelError, PinarmError
 from pinarm.input.roots import contained_path
 from pinarm.input.xacro.expander import Expander, Expansion
-from pinarm.input.xacro.expression_tape import OPEN, UNRECORDABLE, Number, Tape, Traced, joined, marks
+from pinarm.input.xacro.expression_tape import OPEN, UNRECORDABLE, Column, Number, Tape, Traced, joined, marks
 from pinarm.input.xml_text import MAX_BYTES, Survey, bound, read
 
 WAYS = 8
@@ -126,6 +127,67 @@ class Template:
         )
         bound("characters", len(xml), MAX_BYTES)
         return Expansion(xml, dict(zip(self.arguments, arguments, strict=True)), self.warnings)
+
+    def fill_columns(self, request: Request, columns: Mapping[str, Column]) -> ExpandedColumns:
+        """Return the expansion for columns of numbers.
+
+        Raises:
+            ExpressionError: A step is not possible in some row.
+        """
+        values, holds = self.tape.run_columns([columns.get(name, number) for name, number in request.numbers().items()])
+        texts, registers = self.xml
+        used = {register for register in registers if isinstance(values[register], Column)}
+        words = {register: f"column_{register}_of_{len(values)}" for register in used}
+        xml = joined(texts, *(words.get(register, values[register]) for register in registers))
+        arguments = {name: _text_column(text, values) for name, text in self.arguments.items()}
+        return ExpandedColumns(xml, {word: values[register] for register, word in words.items()}, arguments, holds)
+
+
+@dataclass(frozen=True)
+class ExpandedColumns:
+    """An expansion for columns of numbers.
+
+    Attributes:
+        xml: The model, with words for the numbers that vary.
+        columns: These words, with the numbers or texts in their place.
+        arguments: Every ``xacro:arg``: its text, or its texts.
+        holds: The rows for which the model is this one.
+    """
+
+    xml: str
+    columns: Mapping[str, Column]
+    arguments: Mapping[str, str | Column]
+    holds: list[bool]
+
+
+def expanded_columns(request: Request, columns: Mapping[str, Column]) -> ExpandedColumns | None:
+    """Expand a xacro file for columns of arguments; ``None`` where no template of it is known, or none holds.
+
+    Args:
+        request: The model, with the numbers of one row.
+        columns: Argument -> its numbers.
+
+    Raises:
+        PinarmError: A file may not be read any more, or a number follows that cannot be computed.
+    """
+    memory = _remembered.get(request.key())
+    for template in memory.templates if memory else ():
+        if template.is_current(request) and template.fill(request) is not None:
+            return template.fill_columns(request, columns)
+    return None
+
+
+def _text_column(text: Text, values: Sequence[Any]) -> str | Column:
+    """Return a text with marks filled in, or the texts of all rows."""
+    texts, registers = text
+    filled = [values[register] for register in registers]
+    if not any(isinstance(value, Column) for value in filled):
+        return joined(texts, *filled)
+    if texts == ("", ""):
+        return Column(map(str, filled[0]))
+    count = next(len(value) for value in filled if isinstance(value, Column))
+    spread = (value if isinstance(value, Column) else [value] * count for value in filled)
+    return Column(joined(texts, *row) for row in zip(*spread, strict=True))
 
 
 def _comments(xml: str) -> Iterator[str]:

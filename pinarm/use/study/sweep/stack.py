@@ -1,0 +1,171 @@
+"""Cases of a sweep that differ by numbers of the model only, solved together as one array.
+
+The first case is solved as any other: its motion is that of all, its checks of names and units hold for all. Masses,
+inertias and placements of the others are arrays over the cases, and so are efforts, quantities and measured figures, by
+the same functions. The last case of the first stack is solved alone too, and compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinarm.arrays import Array, Flags
+from pinarm.engine.checks.balance import power_balance
+from pinarm.engine.checks.residuals import residual_figures
+from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.constraints.multipliers import Multipliers
+from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.mechanism_variants import mechanism_variants
+from pinarm.engine.motion.prescribed_motion import PrescribedMotion
+from pinarm.engine.motion.trajectory import Trajectory
+from pinarm.engine.quantities.names import Quantities
+from pinarm.errors import PinarmError
+from pinarm.input.units import unit
+from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+from pinarm.use.scenario.failures import failures_in_words
+from pinarm.use.study.sweep.axes import Value
+from pinarm.use.study.sweep.cases import WORTH, Row, Solved, Task, solved_case
+
+if TYPE_CHECKING:
+    from pinarm.engine.mechanism import Mechanism
+
+NUMBERS = 400_000
+"""Numbers of one array over the cases of a stack, at most: larger ones leave the caches of processors."""
+
+AGREED = 1e-10
+"""Difference of a case solved with others from the same alone, relative to the largest of its numbers, from which on
+none of them is trusted."""
+
+ARGUMENT = "arguments."
+
+
+def kind_of(values: Mapping[str, Value]) -> tuple[tuple[str, Value], ...] | None:
+    """Return what cases have in common that may be solved together; ``None`` of one that varies no argument."""
+    varied = any(path.startswith(ARGUMENT) for path in values)
+    kept = ((path, "" if path.startswith(ARGUMENT) else value) for path, value in values.items())
+    return tuple(kept) if varied else None
+
+
+@dataclass(frozen=True, eq=False)
+class Stack:
+    """What is the same in cases that are solved together.
+
+    Attributes:
+        task: The sweep.
+        first: One of the cases, solved alone.
+        values: Its values.
+        motion: Its motion.
+    """
+
+    task: Task
+    first: Solved
+    values: Mapping[str, Value]
+    motion: PrescribedMotion
+
+    @classmethod
+    def of(cls, task: Task, values: Mapping[str, Value]) -> Stack | None:
+        """Solve the first case, and return what others need of it; ``None`` where they are to be solved alone."""
+        first = solved_case(task, values)
+        if first.result is None or any(entry.number for entry in task.wanted):
+            return None
+        result, motion = first.result, first.result.outcome.motion
+        whole = not isinstance(motion, PrescribedMotion) or motion.prescription.mechanism is result.scenario.mechanism
+        asks = result.content.find or result.content.accuracy.target is not None
+        told = result.outcome.figures or result.trajectory.columns or result.removals
+        if not isinstance(motion, PrescribedMotion) or not whole or asks or told:
+            return None
+        return cls(task, first, values, motion)
+
+    @property
+    def most(self) -> int:
+        """Number of cases whose arrays are of a size that suits processors."""
+        assert self.first.result is not None
+        run = self.first.result.trajectory
+        return max(1, NUMBERS // (len(run) * run.mechanism.model.njoints * 6))
+
+    def rows(self, cases: Sequence[Mapping[str, Value]]) -> list[Row | None]:
+        """Return the rows of cases; ``None`` of those that are to be solved alone."""
+        try:
+            with failures_in_words():
+                return self._rows(cases)
+        except (VariantsDiffer, PinarmError):
+            return [None] * len(cases)
+
+    def _rows(self, cases: Sequence[Mapping[str, Value]]) -> list[Row | None]:
+        assert self.first.result is not None
+        scenario = self.first.result.scenario
+        given = {name: scenario.mechanism.arguments[name] for name in scenario.content.arguments}
+        columns = {
+            path.removeprefix(ARGUMENT): _column(value, [case[path] for case in (self.values, *cases)])
+            for path, value in self.values.items() if path.startswith(ARGUMENT)
+        }  # fmt: skip
+        mechanism, possible = mechanism_variants(scenario.mechanism, given, columns)
+        numbers, finite = self._numbers(mechanism, len(possible))
+        files = self.first.row.files
+        rows = zip(numbers[1:].tolist(), (possible & finite)[1:].tolist(), strict=True)
+        return [Row(tuple(number + 0.0 for number in row), "", files) if kept else None for row, kept in rows]
+
+    def _numbers(self, mechanism: Mechanism, count: int) -> tuple[Array, Flags]:
+        """Return results and measures of accuracy, shape (k, columns), and which cases are finite."""
+        assert self.first.result is not None
+        scenario, run = self.first.result.scenario, self._run(mechanism)
+        quantities = Quantities(run, scenario.symbols, scenario.content.undetermined)
+        outputs = [quantities[name].values for name in scenario.content.outputs]
+        wanted = [quantities[entry.quantity].values for entry in self.task.wanted]
+        finite = np.ones(count, dtype=bool)
+        for values in (*outputs, *wanted):
+            finite &= np.isfinite(values).all(axis=0)
+        figures = {**power_balance(run), **residual_figures(run), **quantities.figures()}
+        if figures.keys() != self.first.result.figures.keys():
+            raise VariantsDiffer("which figures can be measured")
+        for figure in figures.values():
+            finite &= np.isfinite(figure)
+        extremes = [extreme for values in wanted for extreme in (values.min(axis=0), values.max(axis=0))]
+        columns = [*extremes, *(figures.get(name, np.nan) for name in WORTH)]
+        return np.stack([np.broadcast_to(column, count) for column in columns], axis=1), finite
+
+    def _run(self, mechanism: Mechanism) -> Trajectory:
+        """Return the states of all cases, with the efforts that the motion takes in each."""
+        assert self.first.result is not None
+        run, variants = self.first.result.trajectory, mechanism.model
+        dynamics, closure = Dynamics.of_variants(variants), Closure.of(variants)
+        q, v, a = (x[:, None] for x in (run.q, run.v, run.a))
+        lam = Multipliers.known(np.zeros((len(q), 1, 0)), 0)
+        states = replace(run, mechanism=mechanism, q=q, v=v, a=a, tau=np.zeros_like(v), lam=lam, closure=closure,
+                         dynamics=dynamics)  # fmt: skip
+        prescription = replace(self.motion.prescription, mechanism=mechanism, dynamics=dynamics)
+        return prescription.solved(states, self.motion.pace)
+
+    def agrees(self, values: Mapping[str, Value], row: Row | None) -> bool:
+        """Tell whether a case that was solved with others is the same alone."""
+        alone = solved_case(self.task, values).row
+        if row is None or alone.error:
+            return row is None
+        own, other = np.array(row.numbers), np.array(alone.numbers)
+        size = np.nanmax(np.abs(other), initial=0.0)
+        return bool((np.isnan(own) == np.isnan(other)).all() and np.nanmax(np.abs(own - other)) <= AGREED * size)
+
+
+def _column(first: Value, values: Sequence[Value]) -> list[float]:
+    """Return the values of an argument [SI], given as a scenario has them.
+
+    Raises:
+        VariantsDiffer: They are not all numbers with the unit of the first.
+    """
+    if not isinstance(first, str):
+        if any(isinstance(value, str | bool) for value in values):
+            raise VariantsDiffer("numbers with and without a unit")
+        return [float(value) for value in values]
+    measured = first.partition(" ")[2]
+    factor, size = unit(measured).factor if measured else 1.0, len(measured) + 1 if measured else 0
+    texts = [value for value in values if isinstance(value, str) and value.partition(" ")[2] == measured]
+    if len(texts) < len(values):
+        raise VariantsDiffer("several units")
+    try:
+        return [float(text[: len(text) - size]) * factor for text in texts]
+    except ValueError:
+        raise VariantsDiffer("values that are no plain numbers") from None
