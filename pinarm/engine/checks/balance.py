@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinarm.arrays import Array, Flags, Indices
+from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.sample import SAMPLE, sampled
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.motion.trajectory import Trajectory
@@ -231,9 +232,3 @@ def energy_balance(*accounts: EnergyAccount) -> dict[str, float]:
     exchanged = max(*(float(np.ptp(column)) for column in columns), float(np.abs(columns[0]).max()))
     rounding = ROUNDING * max(float(np.abs(column).max()) for column in columns)
     return {"energy": max(largest - rounding, 0.0) / exchanged if exchanged else 0.0}
-
-
-def relative(residuals: Array, terms: Array) -> Array:
-    """Return the largest residual of all rows relative to the largest term, shape (n, ..) to (..); 0 without terms."""
-    worst, largest = residuals.max(axis=0, initial=0.0), terms.max(axis=0, initial=0.0)
-    return np.asarray(np.divide(worst, largest, out=np.zeros(np.shape(largest)), where=largest != 0.0))

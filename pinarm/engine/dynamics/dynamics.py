@@ -17,12 +17,12 @@ import pinocchio as pin
 
 from pinarm.arrays import Array, as_rows, same_rows
 from pinarm.engine.dynamics.parallel import Parallel
-from pinarm.engine.dynamics.side_by_side import SideBySide
 from pinarm.mechanics.forces.force_element import ForceElement, HeldLoad
 from pinarm.mechanics.geometry.model_variants import Model, ModelVariants, VariantsDiffer
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
+    from pinarm.engine.dynamics.side_by_side import SideBySide
     from pinarm.engine.integration.integrator import Acceleration, Accelerations, Energy, Manifold
 
 NO_FORCES: Mapping[str, ForceElement] = MappingProxyType({})
@@ -59,7 +59,11 @@ class Dynamics:
     @cached_property
     def recursions(self) -> Parallel | SideBySide:
         """Pinocchio's recursions for many states."""
-        return SideBySide(self.model) if isinstance(self.model, ModelVariants) else Parallel(self.model)
+        if not isinstance(self.model, ModelVariants):
+            return Parallel(self.model)
+        from pinarm.engine.dynamics.side_by_side import SideBySide  # of sweeps only
+
+        return SideBySide(self.model)
 
     @cached_property
     def manifold(self) -> Manifold:
@@ -77,7 +81,7 @@ class Dynamics:
         Raises:
             VariantsDiffer: There are several.
         """
-        if isinstance(self.recursions, SideBySide):
+        if not isinstance(self.recursions, Parallel):
             raise VariantsDiffer("forward dynamics")
         return self.recursions
 

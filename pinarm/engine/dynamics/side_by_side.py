@@ -6,8 +6,8 @@ computes is the same as for each variant alone, as no joint of one tree is befor
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -33,9 +33,8 @@ class SideBySide:
     def rnea(self, q: Array, v: Array, a: Array) -> Array:
         """Return efforts, shape (n, k, nv); see ``Parallel.rnea``."""
         tau = np.empty((len(q), len(self.variants), self.variants.nv))
-        for some, forest in self._forests():
-            states = self._states(some, forest, q, v, a)
-            for row, state in enumerate(states):
+        for some, forest in self._forests:
+            for row, state in enumerate(self._states(some, forest, q, v, a)):
                 tau[row, some] = forest.own(pin.rnea(forest.model, forest.data, *state), len(some))
         return tau
 
@@ -49,7 +48,7 @@ class SideBySide:
             outside: Wrenches on the links, shape (n, k or 1, njoints, 6).
         """
         found = np.zeros((len(q), len(self.variants), self.variants.njoints, 6))
-        for some, forest in self._forests():
+        for some, forest in self._forests:
             acting = self._states(some, forest, outside[..., 1:, :].reshape(*outside.shape[:2], -1))
             for row, state in enumerate(self._states(some, forest, q, v, a)):
                 pin.rnea(forest.model, forest.data, *state, *forest.outside(acting[row][0]))
@@ -61,7 +60,7 @@ class SideBySide:
         """Return M, shape (n, k, nv, nv); armatures are in it."""
         nv = self.variants.nv
         upper = np.empty((len(q), len(self.variants), nv, nv))
-        for some, forest in self._forests():
+        for some, forest in self._forests:
             every = np.arange(forest.count)
             for row, state in enumerate(self._states(some, forest, q)):
                 whole = pin.crba(forest.model, forest.data, *state)
@@ -69,13 +68,12 @@ class SideBySide:
         above = np.triu(np.ones((nv, nv)), 1)
         return np.asarray(upper * (np.eye(nv) + above) + (upper * above).swapaxes(-2, -1))
 
-    def _forests(self) -> Iterator[tuple[Indices, Forest]]:
-        """Yield some variants, and the forest that has their numbers, until the next ones are asked for."""
-        forest = _forest(self.variants.first)
-        for start in range(0, len(self.variants), forest.count):
-            some = np.arange(start, min(start + forest.count, len(self.variants)))
-            forest.fill(self.variants, some)
-            yield some, forest
+    @cached_property
+    def _forests(self) -> list[tuple[Indices, Forest]]:
+        """Some variants, and the forest that has their numbers, for all of them; buffers are shared."""
+        empty, every = _forest(self.variants.first), np.arange(len(self.variants))
+        parts = [every[start : start + empty.count] for start in range(0, len(every), empty.count)]
+        return [(some, empty.filled(self.variants, some)) for some in parts]
 
     def _states(self, some: Indices, forest: Forest, *arrays: Array) -> list[tuple[Array, ...]]:
         """Return arrays, shape (n, k or 1, w), of some variants as rows of the forest, each of shape (w * trees,)."""
@@ -113,15 +111,17 @@ class Forest:
         model.gravity, model.armature[:] = tree.gravity, np.tile(tree.armature, count)
         return cls(count, model, model.createData())
 
-    def fill(self, variants: ModelVariants, some: Indices) -> None:
-        """Give the trees the numbers of some variants."""
-        size, inertias, places = variants.njoints - 1, self.model.inertias, self.model.jointPlacements
+    def filled(self, variants: ModelVariants, some: Indices) -> Forest:
+        """Return the forest whose first trees have the numbers of some variants."""
+        model = self.model.copy()
+        size, inertias, places = variants.njoints - 1, model.inertias, model.jointPlacements
         made, placed = pin.Inertia.FromDynamicParameters, pin.SE3
         for copy, k in enumerate(some.tolist()):
             for body, parameters in zip(variants.bodies, variants.parameters[k], strict=True):
                 inertias[copy * size + body] = made(parameters)
             for joint, turn, shift in zip(variants.moved, variants.turns[k], variants.shifts[k], strict=True):
                 places[copy * size + joint] = placed(turn, shift)
+        return Forest(self.count, model, self.data)
 
     def outside(self, wrenches: Array) -> tuple[pin.StdVec_Force, ...]:
         """Return wrenches on the links, shape (joints * 6,), as Pinocchio takes them; nothing where all are 0."""

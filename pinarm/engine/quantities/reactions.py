@@ -13,10 +13,10 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-import pinocchio as pin
 
 from pinarm.arrays import Array, Indices
-from pinarm.engine.checks.balance import demands, relative
+from pinarm.engine.checks.balance import demands
+from pinarm.engine.checks.figures import relative
 from pinarm.engine.checks.sample import sampled
 from pinarm.engine.constraints.constraint import GuidedCoordinate
 from pinarm.engine.dynamics.dynamics import Dynamics
@@ -142,7 +142,9 @@ class Reactions:
             return {}
         missed, terms = np.moveaxis(self.run.gather(self._balances), 1, 0)
         parts = [slice(0, 3), slice(3, 6)]
-        sizes = ((np.linalg.norm(missed[..., k], axis=-1).max(axis=-1), terms[..., k].max(axis=(-2, -1))) for k in parts)
+        sizes = (
+            (np.linalg.norm(missed[..., k], axis=-1).max(axis=-1), terms[..., k].max(axis=(-2, -1))) for k in parts
+        )
         return {"bodies": np.max([relative(left, size) for left, size in sizes], axis=0)}
 
     def _balances(self, dynamics: Dynamics, part: slice) -> Array:

@@ -14,7 +14,7 @@ from pathlib import Path
 from pinarm.errors import InputError, choices
 from pinarm.input.roots import NO_PACKAGES, contained_file
 from pinarm.input.xacro.expander import Expansion
-from pinarm.input.xacro.expression_tape import CLOSE, OPEN, Column, Number
+from pinarm.input.xacro.expression_tape import CLOSE, OPEN, ArgumentColumn, Number
 from pinarm.input.xacro.templates import ExpandedColumns, Request, expanded, expanded_columns
 from pinarm.input.xml_text import MAX_BYTES, MAX_TEXT, Survey, read
 
@@ -64,7 +64,7 @@ def expand_columns(
     """
     path = contained_file(path.absolute(), root, NO_PACKAGES)
     given = {name: _argument(name, value) for name, value in arguments.items()}
-    checked = {name: Column(_argument(name, value) for value in values) for name, values in columns.items()}
+    checked = {name: ArgumentColumn(_argument(name, value) for value in values) for name, values in columns.items()}
     return expanded_columns(Request(path, str(path), root, NO_PACKAGES, given), checked)
 
 

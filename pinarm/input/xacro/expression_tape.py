@@ -29,7 +29,7 @@ Number = int | float
 Literal = Callable[[Any], Any]
 
 
-class Column(list[Any]):
+class ArgumentColumn(list[Any]):
     """Values of an argument, or what follows from it, in the rows of a table."""
 
 
@@ -138,7 +138,7 @@ class Tape:
             return None
         return values if all(bool(values[register]) == outcome for register, outcome in self.guards) else None
 
-    def run_columns(self, numbers: Sequence[Number | Column]) -> tuple[list[Any], list[bool]]:
+    def run_columns(self, numbers: Sequence[Number | ArgumentColumn]) -> tuple[list[Any], list[bool]]:
         """Return all registers for columns of numbers, and for which rows of them the program holds.
 
         A register that follows from a column is a column: its step is taken number by number, with the same functions.
@@ -150,18 +150,18 @@ class Tape:
             ExpressionError: A step is not possible in some row.
         """
         values: list[Any] = list(numbers)
-        count = next(len(column) for column in numbers if isinstance(column, Column))
+        count = next(len(column) for column in numbers if isinstance(column, ArgumentColumn))
         for function, registers in self.steps:
             operands = [values[register] for register in registers]
-            if any(isinstance(operand, Column) for operand in operands):
-                spread = (each if isinstance(each, Column) else repeat(each, count) for each in operands)
-                values.append(Column(map(function, *spread)))
+            if any(isinstance(operand, ArgumentColumn) for operand in operands):
+                spread = (each if isinstance(each, ArgumentColumn) else repeat(each, count) for each in operands)
+                values.append(ArgumentColumn(map(function, *spread)))
             else:
                 values.append(function(*operands))
         holds = [True] * count
         for register, outcome in self.guards:
             given = values[register]
-            checked = given if isinstance(given, Column) else repeat(given, count)
+            checked = given if isinstance(given, ArgumentColumn) else repeat(given, count)
             holds = [so_far and bool(value) == outcome for so_far, value in zip(holds, checked, strict=True)]
         return values, holds
 

@@ -15,11 +15,13 @@ from typing import Any
 from pinarm.errors import ModelError, PinarmError
 from pinarm.input.roots import contained_path
 from pinarm.input.xacro.expander import Expander, Expansion
-from pinarm.input.xacro.expression_tape import OPEN, UNRECORDABLE, Column, Number, Tape, Traced, joined, marks
+from pinarm.input.xacro.expression_tape import OPEN, UNRECORDABLE, ArgumentColumn, Number, Tape, Traced, joined, marks
 from pinarm.input.xml_text import MAX_BYTES, Survey, bound, read
 
 WAYS = 8
 """Largest number of templates of one model: each path through branches that depend on numbers has its own."""
+RECORDED = 2
+"""Number of the expansion at which a model is recorded."""
 MODELS = 32
 """Largest number of models in the cache; the least recently used ones are dropped."""
 
@@ -128,7 +130,7 @@ class Template:
         bound("characters", len(xml), MAX_BYTES)
         return Expansion(xml, dict(zip(self.arguments, arguments, strict=True)), self.warnings)
 
-    def fill_columns(self, request: Request, columns: Mapping[str, Column]) -> ExpandedColumns:
+    def fill_columns(self, request: Request, columns: Mapping[str, ArgumentColumn]) -> ExpandedColumns:
         """Return the expansion for columns of numbers.
 
         Raises:
@@ -136,7 +138,7 @@ class Template:
         """
         values, holds = self.tape.run_columns([columns.get(name, number) for name, number in request.numbers().items()])
         texts, registers = self.xml
-        used = {register for register in registers if isinstance(values[register], Column)}
+        used = {register for register in registers if isinstance(values[register], ArgumentColumn)}
         words = {register: f"column_{register}_of_{len(values)}" for register in used}
         xml = joined(texts, *(words.get(register, values[register]) for register in registers))
         arguments = {name: _text_column(text, values) for name, text in self.arguments.items()}
@@ -155,13 +157,13 @@ class ExpandedColumns:
     """
 
     xml: str
-    columns: Mapping[str, Column]
-    arguments: Mapping[str, str | Column]
+    columns: Mapping[str, ArgumentColumn]
+    arguments: Mapping[str, str | ArgumentColumn]
     holds: list[bool]
 
 
-def expanded_columns(request: Request, columns: Mapping[str, Column]) -> ExpandedColumns | None:
-    """Expand a xacro file for columns of arguments; ``None`` where no template of it is known, or none holds.
+def expanded_columns(request: Request, columns: Mapping[str, ArgumentColumn]) -> ExpandedColumns | None:
+    """Expand a xacro file for columns of arguments; ``None`` where it cannot be recorded.
 
     Args:
         request: The model, with the numbers of one row.
@@ -170,24 +172,26 @@ def expanded_columns(request: Request, columns: Mapping[str, Column]) -> Expande
     Raises:
         PinarmError: A file may not be read any more, or a number follows that cannot be computed.
     """
-    memory = _remembered.get(request.key())
-    for template in memory.templates if memory else ():
-        if template.is_current(request) and template.fill(request) is not None:
-            return template.fill_columns(request, columns)
+    for _ in range(RECORDED + 1):
+        memory = _remembered.get(request.key())
+        for template in memory.templates if memory else ():
+            if template.is_current(request) and template.fill(request) is not None:
+                return template.fill_columns(request, columns)
+        expanded(request)
     return None
 
 
-def _text_column(text: Text, values: Sequence[Any]) -> str | Column:
+def _text_column(text: Text, values: Sequence[Any]) -> str | ArgumentColumn:
     """Return a text with marks filled in, or the texts of all rows."""
     texts, registers = text
     filled = [values[register] for register in registers]
-    if not any(isinstance(value, Column) for value in filled):
+    if not any(isinstance(value, ArgumentColumn) for value in filled):
         return joined(texts, *filled)
     if texts == ("", ""):
-        return Column(map(str, filled[0]))
-    count = next(len(value) for value in filled if isinstance(value, Column))
-    spread = (value if isinstance(value, Column) else [value] * count for value in filled)
-    return Column(joined(texts, *row) for row in zip(*spread, strict=True))
+        return ArgumentColumn(map(str, filled[0]))
+    count = next(len(value) for value in filled if isinstance(value, ArgumentColumn))
+    spread = (value if isinstance(value, ArgumentColumn) else [value] * count for value in filled)
+    return ArgumentColumn(joined(texts, *row) for row in zip(*spread, strict=True))
 
 
 def _comments(xml: str) -> Iterator[str]:

@@ -102,7 +102,9 @@ def moving(model: Model, q: Array, v: Array, a: Array) -> tuple[LinkPlacements, 
     before = omega[..., tree.parents, :]
     swept = crossed(before, arms)
     u, alpha = tree.summed(swept + d), tree.summed(dw + crossed(before, w))
-    du = tree.summed(crossed(alpha[..., tree.parents, :], arms) + crossed(before, swept) + crossed(before + omega, d) + dd)
+    du = tree.summed(
+        crossed(alpha[..., tree.parents, :], arms) + crossed(before, swept) + crossed(before + omega, d) + dd
+    )
     inwards = turns.swapaxes(-1, -2)
     twists, rates = (
         joined(np.matvec(inwards, linear), np.matvec(inwards, angular))

@@ -1,4 +1,4 @@
-"""Variants of a model: the same tree of joints and links, with other masses and lengths, as arrays over the variants."""
+"""Variants of a model: the same tree of joints and links, with other masses and lengths, as arrays over variants."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class VariantsDiffer(Exception):
     """What was asked is computed of one model at a time: variants have to be solved one by one."""
 
 
-class Placed(NamedTuple):
+class VariantPlacement(NamedTuple):
     """A placement in k variants, or in all of them, with k = 1.
 
     Attributes:
@@ -37,14 +37,14 @@ class Placed(NamedTuple):
     translation: Array
 
     @classmethod
-    def of(cls, place: pin.SE3) -> Placed:
+    def of(cls, place: pin.SE3) -> VariantPlacement:
         """Return a placement that is the same in all variants."""
         return cls(np.array(place.rotation)[None], np.array(place.translation)[None])
 
-    def __matmul__(self, inner: Placed) -> Placed:
+    def __matmul__(self, inner: VariantPlacement) -> VariantPlacement:
         """Return the placement of what is placed in what is placed."""
         place = self.translation + np.matvec(self.rotation, inner.translation)
-        return Placed(self.rotation @ inner.rotation, place)
+        return VariantPlacement(self.rotation @ inner.rotation, place)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,11 +60,11 @@ class VariantFrame:
 
     name: str
     type: pin.FrameType
-    parentJoint: int  # noqa: N815  (as in pin.Frame)
-    placed: Placed | None = field(repr=False)
+    parentJoint: int
+    placed: VariantPlacement | None = field(repr=False)
 
     @property
-    def placement(self) -> Placed:
+    def placement(self) -> VariantPlacement:
         """Where it is on the joint.
 
         Raises:

@@ -174,7 +174,7 @@ def impossible(moments: Array) -> Flags:
 
 def _principal(moments: Array) -> tuple[Array, Flags, Flags]:
     """Return principal moments, (.., 3), where one is negative, and where one exceeds the sum of the others, (..)."""
-    principal = np.linalg.eigvalsh(moments)
+    principal = np.asarray(np.linalg.eigvalsh(moments), dtype=np.float64)
     slack = TRIANGLE * np.abs(principal).max(axis=-1) + NOTHING
     return principal, principal[..., 0] < -slack, principal[..., :2].sum(axis=-1) < principal[..., 2] - slack
 

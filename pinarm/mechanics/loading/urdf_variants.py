@@ -1,8 +1,8 @@
 """Variants of a URDF model, whose numbers are columns: masses, inertias and origins as arrays over the variants.
 
-The reader of ``urdf`` makes one model of one text. Here the same text has columns at some numbers, and only what follows
-from these is computed, for all variants at once: the dynamic parameters of the bodies, and the placements of the joints.
-What is computed for the first variant is compared with its model.
+The reader of ``urdf`` makes one model of one text. Here the same text has columns at some numbers, and only what
+follows from these is computed, for all variants at once: dynamic parameters of bodies, and placements of joints. What
+is computed for the first variant is compared with its model.
 """
 
 from __future__ import annotations
@@ -16,7 +16,13 @@ import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Flags
-from pinarm.mechanics.geometry.model_variants import PARAMETERS, ModelVariants, Placed, VariantFrame, VariantsDiffer
+from pinarm.mechanics.geometry.model_variants import (
+    PARAMETERS,
+    ModelVariants,
+    VariantFrame,
+    VariantPlacement,
+    VariantsDiffer,
+)
 from pinarm.mechanics.loading.model_tree import Tree, impossible
 from pinarm.mechanics.loading.urdf import urdf_tree
 
@@ -56,7 +62,7 @@ class Body(NamedTuple):
         return np.concatenate([self.mass[:, None], self.mass[:, None] * c, rows], axis=1)
 
 
-def _carried(place: Placed, body: Body) -> Body:
+def _carried(place: VariantPlacement, body: Body) -> Body:
     """Return an inertia about the frame in which its own is placed."""
     turned = place.rotation @ body.moments @ place.rotation.swapaxes(1, 2)
     return Body(body.mass, place.translation + np.matvec(place.rotation, body.centre), turned)
@@ -127,7 +133,7 @@ class _Reader:
         bodies = {joint: np.zeros((self._count, PARAMETERS)) for joint in sorted(varied)}
         for name, joint in owner.items():
             if joint in bodies:
-                place = places.get(name) or Placed.of(self._frame(name).placement)
+                place = places.get(name) or VariantPlacement.of(self._frame(name).placement)
                 bodies[joint] = bodies[joint] + _carried(place, own.get(name) or self._body(name)).parameters()
         for joint, parameters in bodies.items():
             possible &= np.isfinite(parameters).all(axis=1) & (parameters[:, 0] > 0.0)
@@ -139,7 +145,7 @@ class _Reader:
         return self._stacked(bodies, moved, places), possible
 
     def _stacked(
-        self, bodies: Mapping[int, Array], moved: Mapping[int, Placed], places: Mapping[str, Placed]
+        self, bodies: Mapping[int, Array], moved: Mapping[int, VariantPlacement], places: Mapping[str, VariantPlacement]
     ) -> ModelVariants:
         k = self._count
         shapes = np.zeros((k, 0, PARAMETERS)), np.zeros((k, 0, 3, 3)), np.zeros((k, 0, 3))
@@ -152,9 +158,9 @@ class _Reader:
         frames = [self._variant_frame(frame, places) for frame in self.model.frames]
         return ModelVariants(self.model, frames, (*bodies,), parameters, (*moved,), turned, shifted)
 
-    def _variant_frame(self, frame: pin.Frame, places: Mapping[str, Placed]) -> VariantFrame:
+    def _variant_frame(self, frame: pin.Frame, places: Mapping[str, VariantPlacement]) -> VariantFrame:
         link = frame.name in self.tree.links and frame.type == pin.FrameType.BODY
-        place = places.get(frame.name) or Placed.of(frame.placement) if link or not places else None
+        place = places.get(frame.name) or VariantPlacement.of(frame.placement) if link or not places else None
         return VariantFrame(frame.name, frame.type, frame.parentJoint, place)
 
     @property
@@ -164,9 +170,9 @@ class _Reader:
     def _frame(self, link: str) -> pin.Frame:
         return self.model.frames[self.model.getFrameId(link, pin.FrameType.BODY)]
 
-    def _placements(self) -> tuple[dict[str, Placed], dict[int, Placed]]:
+    def _placements(self) -> tuple[dict[str, VariantPlacement], dict[int, VariantPlacement]]:
         """Return links that are fixed elsewhere on their joint, by name, and joints that are, by index."""
-        places, moved = dict[str, Placed](), dict[int, Placed]()
+        places, moved = dict[str, VariantPlacement](), dict[int, VariantPlacement]()
         origins = {element.get("name"): element.find("origin") for element in self.robot.findall("joint")}
         for joint in self.tree.joints:
             origin = self._origin(origins.get(joint.name))
@@ -174,15 +180,15 @@ class _Reader:
                 continue
             if joint.kind not in ("fixed", "revolute", "prismatic", "ball"):
                 raise VariantsDiffer(f"origin of the {joint.kind} joint '{joint.name}'")
-            parent = places.get(joint.parent) or Placed.of(self._frame(joint.parent).placement)
-            place = parent @ (origin or Placed.of(joint.placement))
+            parent = places.get(joint.parent) or VariantPlacement.of(self._frame(joint.parent).placement)
+            place = parent @ (origin or VariantPlacement.of(joint.placement))
             if joint.kind == "fixed":
                 places[joint.child] = place
             else:
                 moved[self.model.getJointId(joint.name)] = place
         return places, moved
 
-    def _origin(self, origin: Element | None) -> Placed | None:
+    def _origin(self, origin: Element | None) -> VariantPlacement | None:
         """Return an origin that varies; ``None`` for one that does not."""
         return None if origin is None or not self._varies(origin) else self._place(origin)
 
@@ -196,13 +202,13 @@ class _Reader:
             raise VariantsDiffer(f"link '{link}'")
         text = (inertia.get(key, "0") for key in ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz"))
         moments = self._numbers(" ".join(text)).reshape(-1, 3, 3)
-        place = Placed.of(pin.SE3.Identity()) if origin is None else self._place(origin)
+        place = VariantPlacement.of(pin.SE3.Identity()) if origin is None else self._place(origin)
         found = _carried(place, Body(self._numbers(mass.get("value", ""))[:, 0], np.zeros((1, 3)), moments))
         return Body(*(np.broadcast_to(x, (self._count, *x.shape[1:])) for x in found))
 
-    def _place(self, origin: Element) -> Placed:
+    def _place(self, origin: Element) -> VariantPlacement:
         shift, angles = (self._numbers(origin.get(key, "0 0 0")) for key in ("xyz", "rpy"))
-        return Placed(_turns(angles), shift)
+        return VariantPlacement(_turns(angles), shift)
 
     def _body(self, link: str) -> Body:
         body = self.tree.links[link]

@@ -28,12 +28,13 @@ from pinarm.input.units import unit
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.use.scenario.failures import failures_in_words
 from pinarm.use.study.sweep.axes import Value
-from pinarm.use.study.sweep.cases import WORTH, Row, Solved, Task, solved_case
+from pinarm.use.study.sweep.cases import WORTH, Row, Task, solved_case
 
 if TYPE_CHECKING:
     from pinarm.engine.mechanism import Mechanism
+    from pinarm.use.result.result import Result
 
-NUMBERS = 400_000
+NUMBERS = 200_000
 """Numbers of one array over the cases of a stack, at most: larger ones leave the caches of processors."""
 
 AGREED = 1e-10
@@ -43,8 +44,12 @@ none of them is trusted."""
 ARGUMENT = "arguments."
 
 
-def kind_of(values: Mapping[str, Value]) -> tuple[tuple[str, Value], ...] | None:
-    """Return what cases have in common that may be solved together; ``None`` of one that varies no argument."""
+Kind = tuple[tuple[str, Value], ...] | None
+"""What cases have in common that may be solved together; ``None`` of one that varies no argument."""
+
+
+def kind_of(values: Mapping[str, Value]) -> Kind:
+    """Return the kind of a case: its values but for those of arguments."""
     varied = any(path.startswith(ARGUMENT) for path in values)
     kept = ((path, "" if path.startswith(ARGUMENT) else value) for path, value in values.items())
     return tuple(kept) if varied else None
@@ -56,48 +61,55 @@ class Stack:
 
     Attributes:
         task: The sweep.
-        first: One of the cases, solved alone.
-        values: Its values.
-        motion: Its motion.
+        values: The values of the first case.
+        first: Its result, solved alone.
+        files: The files that cases refer to.
+        motion: The motion of all of them.
     """
 
     task: Task
-    first: Solved
     values: Mapping[str, Value]
+    first: Result
+    files: tuple[str, ...]
     motion: PrescribedMotion
 
     @classmethod
-    def of(cls, task: Task, values: Mapping[str, Value]) -> Stack | None:
-        """Solve the first case, and return what others need of it; ``None`` where they are to be solved alone."""
-        first = solved_case(task, values)
-        if first.result is None or any(entry.number for entry in task.wanted):
-            return None
-        result, motion = first.result, first.result.outcome.motion
-        whole = not isinstance(motion, PrescribedMotion) or motion.prescription.mechanism is result.scenario.mechanism
-        asks = result.content.find or result.content.accuracy.target is not None
-        told = result.outcome.figures or result.trajectory.columns or result.removals
-        if not isinstance(motion, PrescribedMotion) or not whole or asks or told:
-            return None
-        return cls(task, first, values, motion)
+    def begin(cls, task: Task, values: Mapping[str, Value]) -> tuple[Stack | None, Row]:
+        """Solve a first case alone, and return what others need of it, ``None`` for nothing; and its row."""
+        solved = solved_case(task, values)
+        if solved.result is None or any(entry.number for entry in task.wanted):
+            return None, solved.row
+        result, motion = solved.result, solved.result.outcome.motion
+        if not isinstance(motion, PrescribedMotion) or _is_special(result, motion):
+            return None, solved.row
+        return cls(task, values, result, solved.row.files, motion), solved.row
 
     @property
     def most(self) -> int:
         """Number of cases whose arrays are of a size that suits processors."""
-        assert self.first.result is not None
-        run = self.first.result.trajectory
-        return max(1, NUMBERS // (len(run) * run.mechanism.model.njoints * 6))
+        run = self.first.trajectory
+        return max(1, NUMBERS // (len(run) * int(run.mechanism.model.njoints) * 6))
 
     def rows(self, cases: Sequence[Mapping[str, Value]]) -> list[Row | None]:
-        """Return the rows of cases; ``None`` of those that are to be solved alone."""
+        """Return the rows of cases; ``None`` of those that are to be solved alone.
+
+        What one of them raises costs the others time only, and is told when it is solved alone.
+        """
         try:
             with failures_in_words():
-                return self._rows(cases)
-        except (VariantsDiffer, PinarmError):
-            return [None] * len(cases)
+                return self.together(cases)
+        except Exception:
+            half = len(cases) // 2
+            return [*self.rows(cases[:half]), *self.rows(cases[half:])] if half else [None] * len(cases)
 
-    def _rows(self, cases: Sequence[Mapping[str, Value]]) -> list[Row | None]:
-        assert self.first.result is not None
-        scenario = self.first.result.scenario
+    def together(self, cases: Sequence[Mapping[str, Value]]) -> list[Row | None]:
+        """Return the same where nothing is raised.
+
+        Raises:
+            VariantsDiffer: The cases differ in more than numbers of the model.
+            PinarmError: A file may not be read any more, or something cannot be computed in one of them.
+        """
+        scenario = self.first.scenario
         given = {name: scenario.mechanism.arguments[name] for name in scenario.content.arguments}
         columns = {
             path.removeprefix(ARGUMENT): _column(value, [case[path] for case in (self.values, *cases)])
@@ -105,14 +117,12 @@ class Stack:
         }  # fmt: skip
         mechanism, possible = mechanism_variants(scenario.mechanism, given, columns)
         numbers, finite = self._numbers(mechanism, len(possible))
-        files = self.first.row.files
         rows = zip(numbers[1:].tolist(), (possible & finite)[1:].tolist(), strict=True)
-        return [Row(tuple(number + 0.0 for number in row), "", files) if kept else None for row, kept in rows]
+        return [Row(tuple(number + 0.0 for number in row), "", self.files) if kept else None for row, kept in rows]
 
     def _numbers(self, mechanism: Mechanism, count: int) -> tuple[Array, Flags]:
         """Return results and measures of accuracy, shape (k, columns), and which cases are finite."""
-        assert self.first.result is not None
-        scenario, run = self.first.result.scenario, self._run(mechanism)
+        scenario, run = self.first.scenario, self._run(mechanism)
         quantities = Quantities(run, scenario.symbols, scenario.content.undetermined)
         outputs = [quantities[name].values for name in scenario.content.outputs]
         wanted = [quantities[entry.quantity].values for entry in self.task.wanted]
@@ -120,7 +130,7 @@ class Stack:
         for values in (*outputs, *wanted):
             finite &= np.isfinite(values).all(axis=0)
         figures = {**power_balance(run), **residual_figures(run), **quantities.figures()}
-        if figures.keys() != self.first.result.figures.keys():
+        if figures.keys() != self.first.figures.keys():
             raise VariantsDiffer("which figures can be measured")
         for figure in figures.values():
             finite &= np.isfinite(figure)
@@ -130,8 +140,7 @@ class Stack:
 
     def _run(self, mechanism: Mechanism) -> Trajectory:
         """Return the states of all cases, with the efforts that the motion takes in each."""
-        assert self.first.result is not None
-        run, variants = self.first.result.trajectory, mechanism.model
+        run, variants = self.first.trajectory, mechanism.model
         dynamics, closure = Dynamics.of_variants(variants), Closure.of(variants)
         q, v, a = (x[:, None] for x in (run.q, run.v, run.a))
         lam = Multipliers.known(np.zeros((len(q), 1, 0)), 0)
@@ -140,14 +149,29 @@ class Stack:
         prescription = replace(self.motion.prescription, mechanism=mechanism, dynamics=dynamics)
         return prescription.solved(states, self.motion.pace)
 
-    def agrees(self, values: Mapping[str, Value], row: Row | None) -> bool:
-        """Tell whether a case that was solved with others is the same alone."""
-        alone = solved_case(self.task, values).row
+    def agrees(self, values: Mapping[str, Value], alone: Row) -> bool | None:
+        """Tell whether a case has the same numbers here as alone; ``None`` where it has none here.
+
+        Raises:
+            VariantsDiffer: No cases of its kind have.
+        """
+        try:
+            with failures_in_words():
+                (row,) = self.together([values])
+        except PinarmError:
+            return None
         if row is None or alone.error:
-            return row is None
+            return None if row is None else False
         own, other = np.array(row.numbers), np.array(alone.numbers)
         size = np.nanmax(np.abs(other), initial=0.0)
         return bool((np.isnan(own) == np.isnan(other)).all() and np.nanmax(np.abs(own - other)) <= AGREED * size)
+
+
+def _is_special(result: Result, motion: PrescribedMotion) -> bool:
+    """Whether more is told of a case, or less is solved, than the states along its motion."""
+    asks = result.content.find or result.content.accuracy.target is not None
+    told = result.outcome.figures or result.trajectory.columns
+    return bool(asks or told or motion.prescription.mechanism is not result.scenario.mechanism)
 
 
 def _column(first: Value, values: Sequence[Value]) -> list[float]:
