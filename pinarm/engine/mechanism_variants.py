@@ -12,6 +12,7 @@ from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.model_source import numeric
 from pinarm.input.roots import root_of
 from pinarm.input.xacro.expansion import expand_columns
+from pinarm.mechanics.forces.force_element import ForceElement
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.mechanics.loading.urdf_variants import model_variants
 
@@ -24,7 +25,7 @@ def mechanism_variants(
     The others take other branches of the model, or have numbers that no body can have: they are to be read alone.
 
     Args:
-        mechanism: The first of the variants, an open chain without force elements.
+        mechanism: The first of the variants: an open chain, whose force elements are springs and dampers of joints.
         given: The arguments that it was read with [SI].
         columns: Those that vary, with their values in all variants [SI].
 
@@ -54,10 +55,25 @@ def _require_plain(mechanism: Mechanism) -> None:
         VariantsDiffer: Says what.
     """
     source = mechanism.source
-    if mechanism.constraints or mechanism.frictions or mechanism.forces or mechanism.control:
-        raise VariantsDiffer("loops, couplings, friction, force elements or controllers")
+    if mechanism.constraints or mechanism.frictions or mechanism.control:
+        raise VariantsDiffer("loops, couplings, friction or controllers")
+    require_joint_forces(mechanism.forces)
     if source.model is not None or source.base is not None or mechanism.description.planar is not None:
         raise VariantsDiffer("a model that is not read from a file as it is")
+
+
+def require_joint_forces(forces: Mapping[str, ForceElement]) -> None:
+    """Raise where force elements do more than push joints by their coordinates and velocities.
+
+    Raises:
+        VariantsDiffer: One depends on where links are.
+    """
+    if not forces:
+        return
+    from pinarm.mechanics.forces.joint_springs import SpringDamper
+
+    if others := [name for name, force in forces.items() if not isinstance(force, SpringDamper)]:
+        raise VariantsDiffer(f"the force element '{others[0]}'")
 
 
 def _numbers(text: str | Sequence[str]) -> float | Array:

@@ -59,7 +59,9 @@ class Body(NamedTuple):
         squares = np.vecdot(c, c)[:, None, None] * np.eye(3) - c[:, :, None] * c[:, None]
         about = self.moments + m * squares
         rows = about[:, (0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)]
-        return np.concatenate([self.mass[:, None], self.mass[:, None] * c, rows], axis=1)
+        found = np.empty((len(about), PARAMETERS))
+        found[:, 0], found[:, 1:4], found[:, 4:] = self.mass, self.mass[:, None] * c, rows
+        return found
 
 
 def _carried(place: VariantPlacement, body: Body) -> Body:

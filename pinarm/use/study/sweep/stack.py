@@ -19,7 +19,7 @@ from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.mechanism_variants import mechanism_variants
+from pinarm.engine.mechanism_variants import mechanism_variants, require_joint_forces
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
@@ -141,7 +141,9 @@ class Stack:
     def _run(self, mechanism: Mechanism) -> Trajectory:
         """Return the states of all cases, with the efforts that the motion takes in each."""
         run, variants = self.first.trajectory, mechanism.model
-        dynamics, closure = Dynamics.of_variants(variants), Closure.of(variants)
+        forces = self.motion.prescription.dynamics.forces
+        require_joint_forces(forces)
+        dynamics, closure = Dynamics.of_variants(variants, forces), Closure.of(variants)
         q, v, a = (x[:, None] for x in (run.q, run.v, run.a))
         lam = Multipliers.known(np.zeros((len(q), 1, 0)), 0)
         states = replace(run, mechanism=mechanism, q=q, v=v, a=a, tau=np.zeros_like(v), lam=lam, closure=closure,
