@@ -68,7 +68,7 @@ def member_pages(family: Kinds, member: str) -> Iterator[Made]:
     result = pinarm.run(scenario)
     place = f"{FOLDER}/{family.name}/{member}"
     for name in family.pictures:
-        yield Made(f"{place}_{name}.svg", _svg(PICTURES[name](result)))
+        yield Made(f"{place}_{name}.svg", svg(PICTURES[name](result)))
     definition = family.members[member]
     keys = ["## Keys", *key_tables(definition)] if definition in definitions() else []
     images = " ".join(f"![{member}: {name}]({member}_{name}.svg)" for name in family.pictures)
@@ -132,7 +132,8 @@ def _referred(scenario: Path) -> Iterator[Path]:
             yield mechanism.parent / described["robot"]
 
 
-def _svg(picture: Picture) -> str:
+def svg(picture: Picture) -> str:
+    """Return a picture as the text of an SVG file."""
     stream = io.StringIO()
     with matplotlib.rc_context(STYLE):
         picture.savefig(stream, format="svg", metadata={"Date": None})
