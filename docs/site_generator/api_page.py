@@ -9,7 +9,7 @@ import pinarm
 HEAD = """# API
 
 Everything that `import pinarm` gives. Arrays are in SI, in the axes of the world unless said otherwise. A mistake in
-the input and numerics that fail are a [`PinarmError`](#pinarm.PinarmError). The calls have the names of the
+the input and numerics that fail are a [`PinarmError`](#pinarm.errors.PinarmError). The calls have the names of the
 [commands](commands.md).
 """
 
@@ -24,6 +24,5 @@ def page() -> str:
 def _entry(name: str) -> Iterator[str]:
     """Yield what mkdocstrings makes an entry of: the object where it is defined, under the name that users know."""
     thing = getattr(pinarm, name)
-    yield f"\n## `pinarm.{name}` {{#pinarm.{name}}}\n"
     yield f"::: {thing.__module__}.{thing.__qualname__}"
-    yield "    options: {show_root_heading: false, show_root_toc_entry: false, heading_level: 3}\n"
+    yield f"    options: {{heading: pinarm.{name}, toc_label: {name}}}\n"

@@ -8,6 +8,7 @@ from functools import cache
 from typing import Any, get_args
 
 import pinarm
+from pinarm.mechanics.control.kinds import Control
 from pinarm.mechanics.coordinates import CoordinateDefinition
 from pinarm.mechanics.couplings.kinds import CouplingDefinition
 from pinarm.mechanics.forces.kinds import Force
@@ -66,6 +67,9 @@ LAWS = """A law gives a value with its exact first and second derivatives, over 
 under
 `motion:` (of a coordinate), `effort:` (of a load), `follows:` (of a controller). The examples move one slide; pictures
 show position, velocity and acceleration. Where a derivative jumps, the table of a run has a row for either side."""
+CONTROLLERS = """A controller turns what it measures into the effort of a drive, in `forward` runs: `control: [{kind:
+..., drive: ...}]` of the problem, or of the mechanism file. Sampling, delay, limits and what is integrated are told in
+[Control](../../control.md)."""
 COORDINATES = """Every joint of one degree of freedom is a coordinate. A mechanism file defines others: `coordinates:
 {NAME: {kind: ...}}`. A coordinate may follow a law, be driven, and be asked: `coordinate.NAME.position`, `.velocity`,
 `.acceleration`."""
@@ -94,5 +98,6 @@ def families() -> list[Kinds]:
         Kinds("couplings", "Couplings", "a coupling", COUPLINGS, _union(CouplingDefinition)),
         Kinds("forces", "Forces", "a force", FORCES, _union(Force)),
         Kinds("laws", "Laws of motion", "a law", LAWS, _union(Law), ("curves",)),
+        Kinds("controllers", "Controllers", "a controller", CONTROLLERS, _union(Control)),
         Kinds("coordinates", "Coordinates", "a coordinate", COORDINATES, _union(CoordinateDefinition)),
     ]

@@ -44,6 +44,12 @@ def place_of(source: str) -> str:
     return f"{FOLDER}/{source}.md"
 
 
+def _folder_of(page: str) -> str:
+    """Return the folder of the repository from which the links of a page of the site are meant."""
+    source = source_of(page)
+    return source if (ROOT / source).is_dir() else posixpath.dirname(source)
+
+
 def with_site_links(markdown: str, page: str) -> str:
     """Return a page in which links to files of the repository lead to their pages in the site.
 
@@ -51,7 +57,7 @@ def with_site_links(markdown: str, page: str) -> str:
         markdown: The page, with links as they are in the repository.
         page: Its place in the site.
     """
-    folder = posixpath.dirname(source_of(page))
+    folder = _folder_of(page)
 
     def moved(link: re.Match[str]) -> str:
         source = posixpath.normpath(posixpath.join(folder, link["target"]))
@@ -65,7 +71,7 @@ def with_site_links(markdown: str, page: str) -> str:
 
 def linked_files(markdown: str, page: str) -> Iterator[str]:
     """Yield the files and folders of the repository outside ``docs`` that a page links to, without ``PAGES``."""
-    folder = posixpath.dirname(source_of(page))
+    folder = _folder_of(page)
     for link in _LINK.finditer(markdown):
         source = posixpath.normpath(posixpath.join(folder, link["target"]))
         if not source.startswith(("docs/", "..")) and source not in PAGES and (ROOT / source).exists():
@@ -83,7 +89,7 @@ def file_page(source: str) -> str:
 
 def _texts(folder: Path) -> list[Path]:
     return [Path(entry.path) for entry in sorted(os.scandir(folder), key=lambda entry: entry.name)
-            if entry.is_file() and Path(entry.path).suffix in LANGUAGES]  # fmt: skip
+            if entry.is_file() and Path(entry.path).suffix in {*LANGUAGES, ".ipynb"}]  # fmt: skip
 
 
 def _shown(file: Path) -> str:

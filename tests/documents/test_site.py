@@ -97,7 +97,7 @@ def test_every_misprint_of_the_answer_keys_is_listed():
 
 
 def test_the_api_has_everything_that_is_public():
-    assert set(re.findall(r"^## `pinarm\.(\w+)`", api_page(), re.M)) == set(pinarm.__all__)
+    assert set(re.findall(r"heading: pinarm\.(\w+),", api_page())) == set(pinarm.__all__)
 
 
 def test_the_version_to_cite_is_the_version():
@@ -133,7 +133,7 @@ def test_the_site_is_built_strictly_and_works_without_network(tmp_path):
         text = (site / f"kinds/{family.name}/{member}.html").read_text(encoding="utf-8")
         assert all(f'src="{member}_{name}.svg"' in text for name in family.pictures)
     assert len(ENTRIES) >= 4
-    for page in site.rglob("*.html"):
+    for page in set(site.rglob("*.html")) - {site / "404.html"}:  # which only a server shows
         loaded = Loaded()
         loaded.feed(page.read_text(encoding="utf-8"))
         assert [url for url in loaded.urls if url.startswith(("http", "//"))] == [], page
