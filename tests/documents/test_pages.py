@@ -11,6 +11,7 @@ from code_blocks import PAGES, ROOT, Session, blocks_of, is_printed
 import pinarm
 from pinarm.cli.main import COMMANDS, _parser
 from pinarm.input.yaml.deferred import with_types
+from pinarm.input.yaml.document import Document
 from pinarm.input.yaml.schema import convert, reading_from
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.problems import problem_class
@@ -51,7 +52,7 @@ FRAGMENTS = [block for block in BLOCKS if block.language == "yaml" and not block
 
 @pytest.mark.parametrize("block", FRAGMENTS, ids=lambda block: block.place)
 def test_keys_of_files_are_valid(block):
-    validate(yaml.safe_load(block.text))
+    validate(Document.parse(block.text).data)
 
 
 def validate(keys):
