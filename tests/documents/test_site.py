@@ -136,6 +136,7 @@ def test_the_site_is_built_strictly_and_works_without_network(tmp_path):
     for page in set(site.rglob("*.html")) - {site / "404.html"}:  # which only a server shows
         loaded = Loaded()
         loaded.feed(page.read_text(encoding="utf-8"))
+        assert len(loaded.urls) > 5 or page.parent.name == "gallery"  # whose replays load nothing
         assert [url for url in loaded.urls if url.startswith(("http", "//"))] == [], page
         broken = [url for url in loaded.urls if not url.startswith("data:") and not (page.parent / url).exists()]
         assert broken == [], page
