@@ -99,7 +99,7 @@ def _run(options: argparse.Namespace) -> int:
     with shown_by(_progress):
         result = scenario.verified() if options.verify else scenario.run()
         solved = time.perf_counter()
-        save(result, folder, plots=not options.no_plots, timing={"solve [s]": solved - begin})
+        save(result, folder, plots=options.plots, dpi=options.dpi, timing={"solve [s]": solved - begin})
     if options.json:
         _print_json({**result.summary(), "folder": str(folder)})
     else:
@@ -203,7 +203,7 @@ def _sweep(options: argparse.Namespace) -> int:
             sampling=options.sampling, results=options.results, workers=options.workers, executor=executor,
             folder=folder, progress=progress,
         )  # fmt: skip
-    swept.save(folder, plots=not options.no_plots, parquet=options.parquet)
+    swept.save(folder, plots=options.plots, dpi=options.dpi, parquet=options.parquet)
     if options.json:
         _print_json({**summary(swept), "folder": str(folder)})
     else:
@@ -231,7 +231,7 @@ def _tradeoff(options: argparse.Namespace) -> int:
     folder = options.output or Path("results") / f"{scenario.name}-tradeoff"
     check_replaceable(folder, "trade-off")
     trade = tradeoff(scenario)
-    trade.save(folder, plots=not options.no_plots)
+    trade.save(folder, plots=options.plots, dpi=options.dpi)
     if options.json:
         _print_json({**trade.summary(), "folder": str(folder)})
     else:

@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     from pinarm.use.result.section_number import Numbered
     from pinarm.use.scenario.scenario import Scenario
     from pinarm.use.scenario.scenario_file import ScenarioFile
-    from pinarm.use.show.plot import Picture
+    from pinarm.use.show.figure import Picture
+    from pinarm.use.show.plot import PictureFormat
     from pinarm.use.show.replay.page import Replay
 
 
@@ -273,11 +274,17 @@ class Result:
 
         return views.show(self, visualizer, name)
 
-    def save(self, folder: str | Path, *, plots: bool = True) -> Path:
-        """Write the result as a folder: scenario, summary, CSV, npz, plots; return the folder."""
+    def save(self, folder: str | Path, *, plots: PictureFormat | bool = True, dpi: int = 200) -> Path:
+        """Write the result as a folder: scenario, summary, CSV, npz, plots; return the folder.
+
+        Args:
+            folder: Where to; an earlier result there is replaced.
+            plots: Format of the plots, ``svg`` (the default, and the quickest), ``png`` or ``pdf``; ``False`` for none.
+            dpi: Pixels per inch of PNG.
+        """
         from pinarm.use import views
 
-        return views.save(self, Path(folder), plots=plots)
+        return views.save(self, Path(folder), plots=plots, dpi=dpi)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Say how another process makes the same result: by its scenario, with the same rows to the last bit."""

@@ -118,7 +118,7 @@ def _scene(
     drawn = visuals(run.mechanism)
     shapes = [*drawn.shapes, *sticks(model, nodes, drawn.bare)]
     paths = [overlays.traced(model, name) for name in traces]
-    joined, acting = overlays.pairs(run), overlays.arrows(run, nodes, kinds)
+    joined, acting = overlays.pairs(run.mechanism, run.dynamics.forces), overlays.arrows(run, nodes, kinds)
     marks = [end for pair in joined for end in pair.ends] + [point for path in paths for point, _ in path]
     seen = framing(model, nodes, shapes, places, [mark.path(places) for mark in marks])
     largest: dict[tuple[str, bool], float] = {}
