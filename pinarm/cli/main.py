@@ -260,7 +260,7 @@ def _replay(options: argparse.Namespace) -> int:
     from pinarm.use.store.restore import restore
 
     result = restore(options.result)
-    shown = result.replay(traces=options.trace, arrows=options.arrows, plots=options.plot)
+    shown = result.replay(traces=options.trace, arrows=options.arrows, plots=options.plot, named=options.names)
     target = options.output or options.result / ("replay.png" if options.png else "replay.html")
     if options.png or options.video:
         from pinarm.use.show.replay import pictures

@@ -160,6 +160,9 @@ def _replay(replay: ArgumentParser) -> None:
                         help="draw forces, torques, reactions, or all")  # fmt: skip
     replay.add_argument("--plot", action="extend", nargs="*", metavar="QUANTITY",
                         help="plot these beside it, or nothing (default: the outputs)")  # fmt: skip
+    replay.add_argument(
+        "--names", action="store_true", help="show names of parts, points and joints; the key N does too"
+    )
     instead = replay.add_mutually_exclusive_group()
     instead.add_argument("--png", metavar="t=VALUE", help="write a picture of this instant, by Chromium")
     instead.add_argument("--video", type=Path, metavar="FILE.mp4", help="write a video, by Chromium and ffmpeg")

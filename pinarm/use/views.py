@@ -42,11 +42,13 @@ def sketch(result: Result) -> Picture:
     return figure(sketch(result))
 
 
-def replay(result: Result, traces: Sequence[str], arrows: Sequence[str], plots: Sequence[str] | None) -> Replay:
+def replay(
+    result: Result, traces: Sequence[str], arrows: Sequence[str], plots: Sequence[str] | None, named: bool
+) -> Replay:
     """Return the moving picture of the run; see ``Result.replay``."""
     from pinarm.use.show.replay import page
 
-    return page.replay_page(result, traces=traces, arrows=arrows, plots=plots)
+    return page.replay_page(result, traces=traces, arrows=arrows, plots=plots, named=named)
 
 
 def show(result: Result, visualizer: Any, name: str) -> meshcat.Visualizer:

@@ -99,7 +99,7 @@ def test_run_writes_plots_in_the_format_that_is_asked_for(here: Path, capsys: py
     from PIL import Image
 
     assert main(["run", "a.yaml", "-o", "out", "--plots", "png", "--dpi", "50"]) == 0
-    with Image.open(here / "out/plots/outputs_1.png") as picture:
+    with Image.open(here / "out/plots/M.png") as picture:
         assert picture.size[0] == 350
     with pytest.raises(SystemExit, match="2"):
         main(["run", "a.yaml", "--dpi", "0"])

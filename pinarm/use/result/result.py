@@ -237,6 +237,7 @@ class Result:
         traces: Sequence[str] = (),
         arrows: Sequence[str] = (),
         plots: Sequence[str] | None = None,
+        named: bool = False,
     ) -> Replay:
         """Return the moving picture of the run: one HTML page, which a notebook shows and ``save`` writes.
 
@@ -245,13 +246,14 @@ class Result:
             traces: Links whose origins leave a path; ``com`` for the centre of mass.
             arrows: Of ``forces``, ``torques``, ``reactions``, or ``all``.
             plots: Quantities beside the picture; the outputs of the scenario where it is ``None``.
+            named: Whether names of parts, points and joints are shown from the start; the key N shows and hides them.
 
         Raises:
             InputError: A name is unknown, or the run does not have what is asked.
         """
         from pinarm.use import views
 
-        shown = views.replay(self, traces, arrows, plots)
+        shown = views.replay(self, traces, arrows, plots, named)
         if path is not None:
             shown.save(path)
         return shown
