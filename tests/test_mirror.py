@@ -122,7 +122,7 @@ ELSEWHERE = {
     "mechanics/test_drives.py": ("efforts of drives", "engine/statics/actuation engine/statics/selected_drives"),
     "problems/simplify/test_simplification.py": (
         "answers of the part against the whole", "problems/simplify/model_reduction problems/simplify/removal "
-        "problems/simplify/requested_joints use/study/explain",
+        "problems/simplify/requested_joints",
     ),
     "problems/test_equilibria.py": (
         "equilibria in closed form", "engine/statics/equilibrium engine/statics/stiffness",

@@ -183,6 +183,9 @@ def _explain(options: argparse.Namespace) -> int:
         _print_json({"mechanism": found.mechanism.title, **mobility, "not solved for": removals})
     else:
         print(printable(str(found)))
+    if options.draw is not None:
+        found.draw(options.draw, dpi=options.dpi)
+        print(f"written to {options.draw}", file=sys.stderr if options.json else sys.stdout)
     return OK
 
 
@@ -375,7 +378,7 @@ COMMANDS = {
     "run": (_run, "solve a scenario and write a result folder"),
     "check": (_check, "compare scenarios with their answer keys"),
     "validate": (_validate, "read and check input only"),
-    "explain": (_explain, "coordinates, mobility, loops, redundancy"),
+    "explain": (_explain, "coordinates, mobility, loops, redundancy, and a drawing"),
     "quantities": (_quantities, "names that can be asked, with units and meanings"),
     "sweep": (_sweep, "solve a scenario for many values"),
     "tradeoff": (_tradeoff, "error against cost of settings, of models"),

@@ -19,7 +19,8 @@ EXAMPLES_OF = {
             "run scenario.yaml --set problem.time.end='3 s' -o results/longer"],
     "check": ["check scenarios", "check scenario.yaml"],
     "validate": ["validate scenarios"],
-    "explain": ["explain scenario.yaml", "explain mechanism.yaml", "explain arm.urdf", "explain panda"],
+    "explain": ["explain scenario.yaml", "explain mechanism.yaml --draw mechanism.svg", "explain arm.urdf",
+                "explain panda"],
     "quantities": ["quantities scenario.yaml --like force", "quantities arm.urdf"],
     "sweep": ["sweep scenario.yaml --over arguments.m_A='0.1:0.5:9 kg' --result 'C_B @ max'",
               "sweep scenario.yaml --over arguments.m_A='normal(0.25, 0.01) kg' --sample 1000",
@@ -55,6 +56,10 @@ def _plots(command: ArgumentParser) -> None:
     drawn.add_argument("--plots", choices=["svg", "png", "pdf"], default="svg",
                        help="format of the plots (default: svg, the quickest)")  # fmt: skip
     drawn.add_argument("--no-plots", action="store_const", const=False, dest="plots", help="write numbers only")
+    _dpi(command)
+
+
+def _dpi(command: ArgumentParser) -> None:
     command.add_argument("--dpi", type=_resolution, default=200, metavar="N",
                          help="pixels per inch of PNG plots (default: 200)")  # fmt: skip
 
@@ -99,6 +104,9 @@ def _validate(validate: ArgumentParser) -> None:
 
 def _explain(explain: ArgumentParser) -> None:
     explain.add_argument("path", metavar="SCENARIO|MODEL")
+    explain.add_argument("--draw", type=Path, metavar="FILE", help="draw the mechanism with the names of its parts, "
+                         "joints and loops, as .svg, .png or .pdf")  # fmt: skip
+    _dpi(explain)
     _values(explain)
 
 

@@ -82,6 +82,10 @@ class Note:
     size: float = 8.0
 
 
+THINNEST = 1e-3
+"""Extent of a drawing that is all on a line, across it, relative to that along it."""
+
+
 @dataclass(frozen=True)
 class Panel:
     """Lines and texts over one pair of axes.
@@ -112,9 +116,15 @@ class Panel:
 
     def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return the ends of both axes: those of the lines, with a margin; see ``limits``."""
+        if self.equal:
+            low, high = extent(self.lines)
+            largest = float((high - low).max()) or 1.0
+            room = self.margin * (high - low) + THINNEST * largest
+            (x0, y0), (x1, y1) = (low - room).tolist(), (high + room).tolist()
+            return (x0, x1), (y0, y1)
         across = np.concatenate([np.zeros(0), *(np.ravel(line.x) for line in self.lines)])
         up = np.concatenate([np.zeros(0), *(np.ravel(line.y) for line in self.lines)])
-        return limits(across, self.margin), limits(up, self.margin if self.equal else 0.06)
+        return limits(across, self.margin), limits(up, 0.06)
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,8 @@ def _panel(axis: Axes, panel: Panel, *, last: bool) -> None:
         _note(axis, note)
     if panel.equal:
         axis.set_aspect("equal", adjustable="datalim")
-        axis.margins(panel.margin)
+        axis.set_xlim(*panel.extent()[0])
+        axis.set_ylim(*panel.extent()[1])
     else:
         axis.margins(x=panel.margin)
         axis.set_ylim(*panel.extent()[1])

@@ -46,10 +46,10 @@ def shown(series: Series, how: Presentation = PLAIN) -> tuple[float, Unit | None
     return scale, Unit(measured.factor, measured.dimension, "°") if measured == DEGREE else measured
 
 
-def axis_label(name: str, measured: Unit | None, how: Presentation = PLAIN) -> str:
+def axis_label(name: str, measured: Unit | None, how: Presentation = PLAIN, longest: int = LONG) -> str:
     """Return the label of an axis: a name, or what stands for it, and its unit."""
     text = unit_text(measured)
-    label = name_label(name, how)
+    label = name_label(name, how, longest)
     return label if text == "" else f"{label} [{plain(text)}]"
 
 
@@ -59,12 +59,12 @@ def unit_text(measured: Unit | None) -> str:
     return {"1": "", "deg": "°"}.get(text, text)
 
 
-def name_label(name: str, how: Presentation = PLAIN) -> str:
-    """Return what stands for a name: as the scenario says, else its symbol."""
+def name_label(name: str, how: Presentation = PLAIN, longest: int = LONG) -> str:
+    """Return what stands for a name: as the scenario says, else its symbol, of so many letters."""
     if name in how.labels:
         label = how.labels[name]
         return f"${label.strip('$')}$" if "\\" in label else plain(label)
-    return symbol(name if len(name) <= LONG else f"{name[: LONG - 3]}...")
+    return symbol(name if len(name) <= longest else f"{name[: longest - 3]}...")
 
 
 def symbol(name: str) -> str:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.engine.motion.trajectory import ROW
+from pinarm.errors import InputError, choices
 from pinarm.input.yaml.schema import in_si
 from pinarm.use.result.curve_figures import is_figure
 from pinarm.use.result.expectation import ERRATA
@@ -160,17 +162,28 @@ def save_plots(result: Result, folder: Path, form: PictureFormat = "svg", dpi: i
     """Write the outputs, six to a picture, graphs, and start and end positions into ``plots/``; return the files."""
     folder = folder / "plots"
     folder.mkdir(exist_ok=True)
-    return [write(chart, folder / f"{name}.{form}", dpi) for name, chart in charts(result)]
+    files = []
+    for name, chart in charts(result):
+        files.append(folder / f"{name}.{form}")
+        files[-1].write_bytes(encoded(chart, form, dpi))
+    return files
 
 
-def write(chart: Chart, file: Path, dpi: int = RESOLUTION) -> Path:
-    """Write a chart as SVG, PNG or PDF, as the suffix of the file says; return the file."""
-    if file.suffix == ".svg":
+def encoded(chart: Chart, form: str, dpi: int = RESOLUTION) -> bytes:
+    """Return the file of a chart: SVG, PNG with so many pixels per inch, or PDF; the same chart gives the same bytes.
+
+    Raises:
+        InputError: There is no such format.
+    """
+    if form == "svg":
         from pinarm.use.show.svg import svg
 
-        file.write_text(svg(chart), encoding="utf-8")
-    else:
-        from pinarm.use.show.figure import UNDATED, figure
+        return svg(chart).encode()
+    if form not in get_args(PictureFormat):
+        expected, hint = choices(form, get_args(PictureFormat))
+        raise InputError(f"pictures are not written as '{form}'", expected=expected, hint=hint)
+    from pinarm.use.show.figure import UNDATED, figure
 
-        figure(chart).savefig(file, dpi=dpi, metadata=UNDATED[file.suffix[1:]])
-    return file
+    stream = io.BytesIO()
+    figure(chart).savefig(stream, format=form, dpi=dpi, metadata=UNDATED[form])
+    return stream.getvalue()

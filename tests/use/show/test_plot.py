@@ -10,7 +10,7 @@ import pytest
 
 import pinarm
 from pinarm.errors import InputError
-from pinarm.use.show.plot import save_plots, write
+from pinarm.use.show.plot import encoded, save_plots
 
 ROOT = Path(pinarm.__file__).parents[1]
 
@@ -129,13 +129,14 @@ def test_plots_are_written_in_the_format_that_is_asked_for(
     assert [file.read_bytes() for file in save_plots(result, tmp_path, form)] == first
 
 
-def test_the_resolution_of_png_is_as_asked_for(scenario: Callable[..., Any], tmp_path: Path) -> None:
+def test_the_resolution_of_png_is_as_asked_for(scenario: Callable[..., Any]) -> None:
     """7 inches at 100 and, where nothing is said, at 200 pixels each."""
     from PIL import Image
 
     from pinarm.use.show.plot import plot
 
     chart = plot(scenario("inverse").run(), ("M",))
-    for file, width in ((write(chart, tmp_path / "a.png", 100), 700), (write(chart, tmp_path / "b.png"), 1400)):
-        with Image.open(file) as picture:
-            assert picture.size[0] == width
+    assert Image.open(io.BytesIO(encoded(chart, "png", 100))).size[0] == 700
+    assert Image.open(io.BytesIO(encoded(chart, "png"))).size[0] == 1400
+    with pytest.raises(InputError, match="not written as 'gif'"):
+        encoded(chart, "gif")

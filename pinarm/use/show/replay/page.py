@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
@@ -223,7 +224,7 @@ def _curve(series: Series, how: Presentation, rows: Indices, colour: str, packin
     values: Array = drawn.values[rows]
     if not np.isfinite(values).all():
         raise InputError(f"{series.name} is not finite everywhere, and cannot be plotted")
-    label = axis_label(series.name, drawn.unit, how)
+    label = axis_label(series.name, drawn.unit, how, sys.maxsize)
     return {"label": unicode_label(label), "runs": runs(label), "unit": unit_text(drawn.unit), "colour": colour,
             "values": packing.add(values)}  # fmt: skip
 

@@ -55,7 +55,7 @@ class Names {
 function free(taken, x, wanted, wide, high) {
   const meets = (y) => taken.some(([left, top, right, bottom]) => x < right + APART && x + wide + APART > left
     && y < bottom && y + high > top);
-  for (let step = 0; step < 24; step += 1) {
+  for (let step = 0; step < 80; step += 1) {
     const y = wanted + (step % 2 ? 1 : -1) * Math.ceil(step / 2) * (high / 2 + APART);
     if (!meets(y)) return y;
   }
