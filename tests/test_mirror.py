@@ -133,7 +133,7 @@ ELSEWHERE = {
     "mechanics/test_drives.py": ("efforts of drives", "engine/statics/actuation engine/statics/selected_drives"),
     "problems/simplify/test_simplification.py": (
         "answers of the part against the whole", "problems/simplify/model_reduction problems/simplify/removal "
-        "problems/simplify/requested_joints use/study/explain",
+        "problems/simplify/requested_joints",
     ),
     "problems/test_equilibria.py": (
         "equilibria in closed form", "engine/statics/equilibrium engine/statics/stiffness",
@@ -180,6 +180,7 @@ ELSEWHERE = {
         "optima of functions and of runs", "use/scenario/landscape use/scenario/optimum_section",
     ),
     "use/show/test_notebook.py": ("sections in them", "use/show/section_html"),
+    "use/show/test_sketch.py": ("what drawings show", "use/show/scene use/show/scenery use/show/stick_figure"),
     "use/show/replay/test_browser.py": ("the page in it", "use/show/replay/chromium"),
     "use/output/test_folder.py": ("which files are ours", "use/output/manifest"),
     "use/store/test_new.py": ("what is written for a model", "use/store/first_files"),

@@ -70,7 +70,7 @@ def test_an_entry_that_is_not_reached_stops_nothing(scenario: Callable[..., Any]
              "alpha = 1.5 rad is not reached in this run; entry 3 of expect asks for it"]  # fmt: skip
     assert [note for note in result.notes() if "expect" in note] == notes
     saved = result.save(folder / "out")
-    assert list((saved / "plots").glob("*.png"))
+    assert list((saved / "plots").glob("*.svg"))
     assert [note for note in restore(saved).notes() if "expect" in note] == notes
     assert [(found.verdict, found.reason[-11:]) for found in pinarm.check(given, result=result)] == [
         ("MISS", "in this run"), ("agrees", ""), ("MISS", "in this run"),
