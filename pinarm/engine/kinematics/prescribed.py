@@ -106,7 +106,7 @@ class PrescribedCoordinates:
             return InputError(
                 f"{mobility} coordinates have to follow a law and {len(self.names)} do",
                 expected=f"laws for {missing} more, such as of the joints {', '.join(free)}",
-                hint="base: fixed in the mechanism file, to hold the base" if mechanism.balls else "",
+                hint="base: fixed in the mechanism file, to hold the base" if mechanism.balls else _elastic(mechanism),
             )
         return InputError(
             f"{len(self.names)} coordinates follow a law, but the mechanism has only {mobility} degrees of freedom",
@@ -146,3 +146,12 @@ class PrescribedCoordinates:
             return w, dw, ddw
 
         return targets
+
+
+def _elastic(mechanism: Mechanism) -> str:
+    """Return what to try where rotors behind elastic gears have no laws; empty where there are none."""
+    elastic = [name for name, drive in mechanism.drives.items() if drive.elasticity is not None]
+    if not elastic:
+        return ""
+    return (f"the rotors of {', '.join(elastic)} move by themselves, which needs the derivatives of the efforts: a "
+            "problem of the kind forward with a controller, or drives without elasticity")  # fmt: skip
