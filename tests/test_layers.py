@@ -20,7 +20,7 @@ FLOOR_PLAN = {
     "mechanics": "geometry joints laws motors drives coordinates control rotors ball_joints loops forces loading "
     "couplings friction payloads points perturbation planar description",
     "engine": "series kernel integration constraints dynamics mesh_inertias model_source kinematics statics friction "
-    "control motion checks quantities mechanism_parts mechanism mechanism_variants",
+    "control motion checks quantities drive_parts mechanism_parts mechanism mechanism_variants",
     "problems": "time_grid accuracy joint_values weights prescription loads actuation declaration events "
     "position_bands equilibria inverse kinematics states recording forward batch_table simplify",
     "use": "progress result assessments scenario output show store views study report",
