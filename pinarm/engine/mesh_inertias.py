@@ -14,6 +14,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -142,9 +143,10 @@ def _compiled(xml: str, files: dict[str, bytes]) -> dict[str, list[float]]:
         ModelError: The compiler refuses the model, or needs too much memory or time.
     """
     given = json.dumps({"xml": xml, "files": {name: base64.b64encode(x).decode() for name, x in files.items()}})
-    done = subprocess.run(
-        [sys.executable, "-I", "-c", COMPILER], input=given, capture_output=True, text=True, check=False
-    )
+    with TemporaryDirectory() as folder:  # the compiler writes a log where it runs
+        done = subprocess.run(
+            [sys.executable, "-I", "-c", COMPILER], input=given, cwd=folder, capture_output=True, text=True, check=False
+        )
     if done.returncode:
         raise ModelError("the masses of meshes cannot be computed: MuJoCo's compiler ended without an answer",
                          expected=f"meshes that it can read within {SECONDS} s and {MEMORY // 10**9} GB",
