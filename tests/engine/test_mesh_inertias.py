@@ -29,7 +29,8 @@ def stl():
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log where it runs
     (tmp_path / ".pinarm-root").touch()
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "block.stl").write_bytes(stl())
