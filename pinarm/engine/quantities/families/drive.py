@@ -23,6 +23,7 @@ class DriveQuantities(Family):
     """``drive.D...``: of the motor of drive D."""
 
     element: ClassVar[str] = "D"
+    of_variants: ClassVar[bool] = True
     meanings: ClassVar[Mapping[str, str]] = {
         "torque": "torque of the motor, its rotor's share and the losses of the gear included",
         "speed": "speed of the motor: that of the joint times the ratio",
@@ -39,11 +40,11 @@ class DriveQuantities(Family):
         if drive is None or len(asked.words) != 2 or asked.part not in PARTS:
             raise asked.unknown
         index = run.mechanism.driven_joint(asked.of).v
-        speed = drive.speed(run.v[:, index])
+        speed = drive.speed(run.v[..., index])
         if asked.part == "speed":
             return Series(asked.name, unit("rad/s"), speed)
         self.require_efforts(asked)
-        a, effort = run.a[:, index], self._effort(asked, drive)
+        a, effort = run.a[..., index], self._effort(asked, drive)
         torque = drive.torque(effort - drive.armature * a, run.direction(index), a)
         torque = np.where(effort == 0.0, 0.0, torque)  # off: what moves its rotor loses nothing
         if asked.part == "torque":
@@ -53,6 +54,6 @@ class DriveQuantities(Family):
     def _effort(self, asked: Asked, drive: Drive) -> Array:
         """Return the effort of what drives the joint or the coordinate, the rotor's share included, shape (n,)."""
         if drive.joint:
-            return self.run.tau[:, self.run.mechanism.joints[drive.joint].v]
+            return self.run.tau[..., self.run.mechanism.joints[drive.joint].v]
         along = CoordinateQuantities(self.evaluation)
         return along.series(Asked(f"coordinate.{drive.coordinate}.effort", (drive.coordinate, "effort"))).values

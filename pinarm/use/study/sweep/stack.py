@@ -25,6 +25,7 @@ from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
 from pinarm.errors import PinarmError
 from pinarm.input.units import unit
+from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.use.scenario.failures import failures_in_words
 from pinarm.use.study.sweep.axes import Value
@@ -141,6 +142,8 @@ class Stack:
     def _run(self, mechanism: Mechanism) -> Trajectory:
         """Return the states of all cases, with the efforts that the motion takes in each."""
         run, variants = self.first.trajectory, mechanism.model
+        if not variants.in_place and not self._by_joints:
+            raise VariantsDiffer("the motion, which follows from lengths")
         forces = self.motion.prescription.dynamics.forces
         require_joint_forces(forces)
         dynamics, closure = Dynamics.of_variants(variants, forces), Closure.of(variants)
@@ -150,6 +153,12 @@ class Stack:
                          dynamics=dynamics)  # fmt: skip
         prescription = replace(self.motion.prescription, mechanism=mechanism, dynamics=dynamics)
         return prescription.solved(states, self.motion.pace)
+
+    @property
+    def _by_joints(self) -> bool:
+        """Whether the motion is given by the joints' own coordinates, whatever the lengths of links."""
+        coordinates = self.motion.prescription.prescribed.coordinates
+        return all(isinstance(coordinate, LinearCoordinate) for coordinate in coordinates)
 
     def agrees(self, values: Mapping[str, Value], alone: Row) -> bool | None:
         """Tell whether a case has the same numbers here as alone; ``None`` where it has none here.
