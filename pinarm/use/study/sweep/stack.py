@@ -23,6 +23,7 @@ from pinarm.engine.mechanism_variants import mechanism_variants, require_joint_f
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.statics.actuation import DriveAtEveryJoint
 from pinarm.errors import PinarmError
 from pinarm.input.units import unit
 from pinarm.mechanics.coordinates import LinearCoordinate
@@ -118,8 +119,8 @@ class Stack:
         }  # fmt: skip
         mechanism, possible = mechanism_variants(scenario.mechanism, given, columns)
         numbers, finite = self._numbers(mechanism, len(possible))
-        rows = zip(numbers[1:].tolist(), (possible & finite)[1:].tolist(), strict=True)
-        return [Row(tuple(number + 0.0 for number in row), "", self.files) if kept else None for row, kept in rows]
+        rows = zip((numbers[1:] + 0.0).tolist(), (possible & finite)[1:].tolist(), strict=True)  # -0 becomes 0
+        return [Row(tuple(row), "", self.files) if kept else None for row, kept in rows]
 
     def _numbers(self, mechanism: Mechanism, count: int) -> tuple[Array, Flags]:
         """Return results and measures of accuracy, shape (k, columns), and which cases are finite."""
@@ -182,7 +183,9 @@ def _is_special(result: Result, motion: PrescribedMotion) -> bool:
     """Whether more is told of a case, or less is solved, than the states along its motion."""
     asks = result.content.find or result.content.accuracy.target is not None
     told = result.outcome.figures or result.trajectory.columns
-    return bool(asks or told or motion.prescription.mechanism is not result.scenario.mechanism)
+    other = motion.prescription.mechanism is not result.scenario.mechanism
+    shared = not isinstance(motion.prescription.drives, DriveAtEveryJoint | None)
+    return bool(asks or told or other or shared)
 
 
 def _column(first: Value, values: Sequence[Value]) -> list[float]:

@@ -119,6 +119,19 @@ def test_a_motion_that_follows_from_lengths_is_that_of_one_case_only() -> None:
         stack.together(cases)
 
 
+@pytest.mark.parametrize(
+    "values",
+    [["problem.drives=[O, phi]"], ["problem.loads={pull: {kind: wrench, point: A, force: [0 N, 1 N, 0 N]}}"],
+     ["payloads={tool: {point: A, mass: 1 kg}}"], ["changes.base=fixed"],
+     ["problem.over={}", "problem.hold.phi=0 deg"]],
+)  # fmt: skip
+def test_what_is_not_followed_is_left_to_each_case_alone(arm: Path, values: list[str]) -> None:
+    cases = cases_of(arm, ("m_A", "l2"), 2)
+    stack, row = Stack.begin(task_of(arm, (), values), cases[0])
+    assert not row.error
+    assert stack is None or stack.rows(cases) == [None, None]
+
+
 def test_what_cannot_be_solved_together_is_none(arm: Path) -> None:
     task, cases = task_of(arm), cases_of(arm, ("m_A",), 6)
     stack, _ = Stack.begin(task, cases[0])
