@@ -110,7 +110,7 @@ class Dynamics:
 
     @cached_property
     def _changes(self) -> bool:
-        return any(force.laws() or force.held is not None for force in self.forces.values())
+        return any(force.jumps for force in self.forces.values())
 
     @cached_property
     def _on(self) -> Callable[[float, float], Dynamics]:

@@ -184,11 +184,24 @@ class Trajectory:
             if coupling.coordinate.weights[joint]
         }
 
+    def rotor_at(self, joint: int) -> str | None:
+        """Return the drive whose motor moves a joint by a rotor that is one of its own, by the joint's index in v."""
+        mechanism, driven = self.mechanism, self.driven
+        for name, drive in mechanism.drives.items():
+            if drive.joint and drive.turns_rotor and mechanism.joints[drive.joint].v == joint and driven is not None:
+                return name if driven[mechanism.driven_joint(name).v] and not driven[joint] else None
+        return None
+
     def effort(self, joint: int) -> Array:
         """Return the effort along a joint [N*m or N], by its index in v, shape (n,).
 
-        That of its drive; of a joint without one, what couplings do along it: ``sum_k w_k lam_k``.
+        That of its drive; of a joint without one, what couplings do along it: ``sum_k w_k lam_k``. Where a motor acts
+        on a rotor that is a joint of its own, what the gear gives: ``tau - N^2 J a`` of the rotor less losses.
         """
+        if (drive := self.rotor_at(joint)) is not None:
+            rotor, friction = self.mechanism.driven_joint(drive).v, self.columns.get(f"drive.{drive}.friction")
+            given = self.tau[:, rotor] - self.mechanism.drives[drive].armature * self.a[:, rotor]
+            return given if friction is None else given + friction.values
         if not (acting := self.couplings_at(joint)):
             return self.tau[..., joint]
         lam, places = np.asarray(self.lam), self.closure.slices()

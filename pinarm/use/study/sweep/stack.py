@@ -19,6 +19,7 @@ from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.mechanism_variants import mechanism_variants, require_joint_forces
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion
 from pinarm.engine.motion.trajectory import Trajectory
@@ -158,7 +159,7 @@ class Stack:
     @property
     def _by_joints(self) -> bool:
         """Whether the motion is given by the joints' own coordinates, whatever the lengths of links."""
-        coordinates = self.motion.prescription.prescribed.coordinates
+        coordinates = self.motion.prescription.motion.coordinates
         return all(isinstance(coordinate, LinearCoordinate) for coordinate in coordinates)
 
     def agrees(self, values: Mapping[str, Value], alone: Row) -> bool | None:
@@ -184,8 +185,9 @@ def _is_special(result: Result, motion: PrescribedMotion) -> bool:
     asks = result.content.find or result.content.accuracy.target is not None
     told = result.outcome.figures or result.trajectory.columns
     other = motion.prescription.mechanism is not result.scenario.mechanism
+    chosen = not isinstance(motion.prescription.motion, DeterminedMotion)
     shared = not isinstance(motion.prescription.drives, DriveAtEveryJoint | None)
-    return bool(asks or told or other or shared)
+    return bool(asks or told or other or shared or chosen)
 
 
 def _column(first: Value, values: Sequence[Value]) -> list[float]:

@@ -68,8 +68,8 @@ def test_one_worker_or_many_a_pause_or_none_give_the_same_bytes(held: pinarm.Sce
         "cases.npz",
         "summary.json",
         "manifest.json",
-        "01_min_M.png",
-        "02_max_M.png",
+        "01_min_M.svg",
+        "02_max_M.svg",
     }
 
 

@@ -168,7 +168,7 @@ def killed(path: Path, tmp_path: Path, dask: Cluster, cases: int) -> None:
 def test_a_sweep_goes_on_after_the_death_of_a_worker_and_of_the_scheduler(
     path: Path, tmp_path: Path, start: Callable[..., Cluster]
 ) -> None:
-    killed(path, tmp_path, start(), 1000)
+    killed(path, tmp_path, start(), 300)
 
 
 @pytest.mark.slow
