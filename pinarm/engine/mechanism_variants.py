@@ -38,11 +38,7 @@ def mechanism_variants(
     expanded = expand_columns(source.robot, given, columns, root=root_of(source.folder / "mechanism.yaml"))
     if expanded is None or not expanded.columns:
         raise VariantsDiffer("a model whose expansion is not recorded, or in which no number varies")
-    try:
-        numbers = {word: [*map(float, column)] for word, column in expanded.columns.items()}
-    except ValueError:
-        raise VariantsDiffer("texts of a model") from None
-    variants, possible = model_variants(mechanism.model, mechanism.xml, expanded.xml, numbers)
+    variants, possible = model_variants(mechanism.model, mechanism.xml, expanded.xml, expanded.columns)
     arguments = {name: _numbers(text) for name, text in expanded.arguments.items() if name in mechanism.arguments}
     changed = replace(mechanism, model=variants, arguments=arguments)  # type: ignore[arg-type]  # arrays for numbers
     return changed, possible & np.array(expanded.holds)
@@ -55,8 +51,8 @@ def _require_plain(mechanism: Mechanism) -> None:
         VariantsDiffer: Says what.
     """
     source = mechanism.source
-    if mechanism.constraints or mechanism.frictions or mechanism.control:
-        raise VariantsDiffer("loops, couplings, friction or controllers")
+    if mechanism.constraints or mechanism.frictions or mechanism.control or mechanism.balls:
+        raise VariantsDiffer("loops, couplings, friction, controllers or ball joints")
     require_joint_forces(mechanism.forces)
     if source.model is not None or source.base is not None or mechanism.description.planar is not None:
         raise VariantsDiffer("a model that is not read from a file as it is")

@@ -17,6 +17,7 @@ from pinarm.engine.series import Series
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.couplings.coupling import Coupling
+from pinarm.mechanics.geometry.model_variants import ModelVariants
 from pinarm.mechanics.laws.motion_law import Grid
 
 if TYPE_CHECKING:
@@ -122,6 +123,12 @@ class Trajectory:
         return len(self), *(1,) * (self.q.ndim - 2)
 
     @property
+    def value_shapes(self) -> tuple[tuple[int, ...], ...]:
+        """Shapes that a quantity may have: (n,), or (n, 1) and (n, k) of k variants."""
+        model = self.mechanism.model
+        return (self.row_axes, (len(self), len(model))) if isinstance(model, ModelVariants) else (self.row_axes,)
+
+    @property
     def numbered(self) -> bool:
         """Whether the rows are only numbered, ``row``: there is nothing between them."""
         return self.parameter == ROW
@@ -212,8 +219,9 @@ class Trajectory:
         }
         if name not in weights:
             return None
-        efforts = np.linalg.lstsq(np.array([*weights.values()]).T, self.tau.T)[0]
-        return np.asarray(efforts[[*weights].index(name)])
+        tau = self.tau.reshape(-1, self.tau.shape[-1])
+        efforts = np.linalg.lstsq(np.array([*weights.values()]).T, tau.T)[0]
+        return np.asarray(efforts[[*weights].index(name)].reshape(self.tau.shape[:-1]))
 
     def direction(self, index: int) -> Array:
         """Return the direction of a joint's motion at every row, 1, 0 or -1, shape (n,).
@@ -222,6 +230,6 @@ class Trajectory:
         the motion about to begin.
         """
         if self.directions is not None:
-            return self.directions[:, index]
-        v, a = self.v[:, index], self.a[:, index]
+            return self.directions[..., index]
+        v, a = self.v[..., index], self.a[..., index]
         return np.where(v == 0.0, np.sign(a), np.sign(v))

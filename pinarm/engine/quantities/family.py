@@ -87,12 +87,14 @@ class Family(ABC):
         element: Letter that stands for what the quantities are of, for documentation.
         meanings: Part -> what it is, in words.
         undetermined: Whether rigid bodies may leave some of them undetermined.
+        of_variants: Whether they can be told of variants of a mechanism, whose arrays have an axis after the first.
         evaluation: What they are computed from.
     """
 
     element: ClassVar[str]
     meanings: ClassVar[Mapping[str, str]]
     undetermined: ClassVar[bool] = False
+    of_variants: ClassVar[bool] = False
     evaluation: Evaluation
 
     @property

@@ -78,7 +78,10 @@ class Quantities:
 
     def _family(self, word: str) -> Family:
         if word not in self._families:
-            self._families[word] = family(word, self.evaluation)
+            found = family(word, self.evaluation)
+            if len(self.trajectory.row_axes) > 1 and not found.of_variants:
+                raise VariantsDiffer(word)
+            self._families[word] = found
         return self._families[word]
 
     @property
@@ -105,7 +108,7 @@ class Quantities:
         Raises:
             VariantsDiffer: It has not.
         """
-        if series.values.ndim != len(self.trajectory.row_axes):
+        if series.values.shape not in self.trajectory.value_shapes:
             raise VariantsDiffer(series.name)
 
     def _require_known(self, series: Series) -> Series:

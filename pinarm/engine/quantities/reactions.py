@@ -87,7 +87,7 @@ class Reactions:
         """
         axis = tree_axis(self.model, joint)
         blocks = (self.links(rows) for rows in _blocks(0, len(self.run)))
-        return None if axis is None else np.concatenate([links.turns[:, joint] @ axis for links in blocks])
+        return None if axis is None else np.concatenate([links.turns[..., joint, :, :] @ axis for links in blocks])
 
     def loop_axes(self, name: str) -> Array | None:
         """Return the axis of a loop joint, world axes, shape (n, 3); ``None`` where it has none."""

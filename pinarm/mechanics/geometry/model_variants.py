@@ -103,6 +103,12 @@ class ModelVariants:
     def __len__(self) -> int:
         return len(self.parameters)
 
+    @property
+    def in_place(self) -> bool:
+        """Whether all variants have their joints and frames in the same places: only masses and inertias vary."""
+        still = (frame.placed is not None and len(frame.placed.rotation) == 1 for frame in self.frames)
+        return not self.moved and all(still)
+
     def __getattr__(self, name: str) -> Any:
         """Return what all variants have in common.
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array, Flags
+from pinarm.input.numbers import decimal
 from pinarm.mechanics.geometry.model_variants import (
     PARAMETERS,
     ModelVariants,
@@ -36,8 +37,8 @@ ROUNDING = 1e-13
 """Of a number that is computed in another order, relative to the largest of its kind."""
 
 Element = ElementTree.Element
-Columns = Mapping[str, Sequence[float]]
-"""A word that stands in an attribute -> the numbers that variants have in its place."""
+Columns = Mapping[str, Sequence[Any]]
+"""A word that stands in an attribute -> the numbers that variants have in its place, or texts of several numbers."""
 
 
 class Body(NamedTuple):
@@ -137,6 +138,8 @@ class _Reader:
             if joint in bodies:
                 place = places.get(name) or VariantPlacement.of(self._frame(name).placement)
                 bodies[joint] = bodies[joint] + _carried(place, own.get(name) or self._body(name)).parameters()
+        if not all(parameters[0, 0] > 0.0 for parameters in bodies.values()):
+            raise VariantsDiffer("a body without mass")
         for joint, parameters in bodies.items():
             possible &= np.isfinite(parameters).all(axis=1) & (parameters[:, 0] > 0.0)
             _same(parameters[0], self.model.inertias[joint].toDynamicParameters())
@@ -144,6 +147,8 @@ class _Reader:
             possible &= np.isfinite(place.translation).all(axis=1) & np.isfinite(place.rotation).all(axis=(1, 2))
             _same(place.rotation[0], self.model.jointPlacements[joint].rotation)
             _same(place.translation[0], self.model.jointPlacements[joint].translation)
+        for parameters in bodies.values():
+            parameters[~possible] = parameters[0]  # finite numbers for what is not looked at
         return self._stacked(bodies, moved, places), possible
 
     def _stacked(
@@ -226,11 +231,21 @@ class _Reader:
             VariantsDiffer: A word is neither a number nor a column.
         """
         try:
-            words = [self.columns.get(word) or (float(word),) for word in text.split()]
+            words = [_read(self.columns.get(word) or (word,)) for word in text.split()]
         except ValueError:
             raise VariantsDiffer(f"'{text}'") from None
         count = max(map(len, words), default=1)
-        return np.array([np.broadcast_to(np.array(word, dtype=np.float64), count) for word in words]).T
+        return np.concatenate([np.broadcast_to(word, (count, word.shape[1])) for word in words], axis=1)
+
+
+def _read(column: Sequence[Any]) -> Array:
+    """Return the numbers of a column, shape (k, 1), or of a column of texts, shape (k, numbers).
+
+    Raises:
+        ValueError: A text is no number, or they have not all as many.
+    """
+    rows = [[*map(decimal, each.split())] if isinstance(each, str) else [float(each)] for each in column]
+    return np.array(rows, dtype=np.float64)
 
 
 def _turns(angles: Array) -> Array:

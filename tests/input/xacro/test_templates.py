@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pinarm.errors import PinarmError
 from pinarm.input.xacro import templates
-from pinarm.input.xacro.expansion import expand
+from pinarm.input.xacro.expansion import expand, expand_columns
 
 ROOT = Path(__file__).parents[3]
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
@@ -229,3 +229,41 @@ def test_a_text_cannot_bring_marks(tmp_path: Path) -> None:
     path = write(tmp_path, f'{GIVEN}<x v="$(arg a)"/>')
     with pytest.raises(PinarmError, match="short text"):
         expand(path, {"a": "\x010\x02"}, root=tmp_path)
+
+
+def filled(xml: str, columns: dict[str, list[object]], row: int) -> str:
+    """Return a text with the numbers of one row in the place of its words."""
+    for word, column in columns.items():
+        xml = xml.replace(word, str(column[row]))
+    return xml
+
+
+@pytest.mark.parametrize("body", [
+    '<xacro:arg name="a" default="1"/><xacro:arg name="b" default="2"/><link name="l" mass="$(arg a) ${2*a_}"/>',
+    '<xacro:arg name="a" default="1"/><xacro:arg name="b" default="2"/><link name="$(arg b)" at="${sin(a_) - 3} 0 ${-a_}"/>',
+    '<xacro:arg name="a" default="1"/><xacro:arg name="b" default="$(arg a)"/><link name="l" at="${a_ if a_ &lt; 2 else 1/a_}"/>',
+])  # fmt: skip
+def test_columns_have_the_text_of_every_row(tmp_path: Path, body: str) -> None:
+    declared, _, used = body.partition("<link")
+    path = write(tmp_path, f'{declared}<xacro:property name="a_" value="$(arg a)"/><link{used}')
+    values = [1.5, 0.25, 3.0, 1e-7]
+    columns = expand_columns(path, {"a": values[0]}, {"a": values}, root=tmp_path)
+    assert columns is not None
+    assert sum(columns.holds) >= 3
+    for row, (value, holds) in enumerate(zip(values, columns.holds, strict=True)):
+        alone = expand(path, {"a": value}, root=tmp_path)
+        same = filled(columns.xml, dict(columns.columns), row) == alone.xml
+        assert same or not holds
+        for name, text in alone.arguments.items():
+            own = columns.arguments[name]
+            assert not holds or (own if isinstance(own, str) else own[row]) == text
+
+
+def test_columns_of_what_cannot_be_recorded_are_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object) -> None:
+        raise PinarmError("no")
+
+    path = write(tmp_path, '<xacro:arg name="a" default="1"/><link name="l" at="$(arg a)"/>')
+    with monkeypatch.context() as patched:
+        patched.setattr(templates.Template, "record", refused)
+        assert expand_columns(path, {"a": 1.0}, {"a": [1.0, 2.0]}, root=tmp_path) is None

@@ -26,6 +26,7 @@ class DriveQuantities(Family):
     """``drive.D...``: of the motor of drive D."""
 
     element: ClassVar[str] = "D"
+    of_variants: ClassVar[bool] = True
     meanings: ClassVar[Mapping[str, str]] = {
         "torque": "torque of the motor, its rotor's share and the losses of the gear included",
         "speed": "speed of the motor: that of the joint times the ratio",
@@ -46,7 +47,7 @@ class DriveQuantities(Family):
         if asked.part == "deflection":
             return self._deflection(asked, drive)
         index = run.mechanism.driven_joint(asked.of).v
-        speed = drive.speed(run.v[:, index])
+        speed = drive.speed(run.v[..., index])
         if asked.part == "speed":
             return Series(asked.name, unit("rad/s"), speed)
         self.require_efforts(asked)
@@ -59,10 +60,10 @@ class DriveQuantities(Family):
         """Return the torque of the motor, by the index of the joint that it moves, shape (n,)."""
         run = self.run
         if drive.turns_rotor and run.driven is not None and run.driven[index]:  # losses come behind the rotor
-            return run.tau[:, index] / drive.ratio
+            return run.tau[..., index] / drive.ratio
         if drive.elasticity is not None:
             return self._elastic_torque(asked, drive, index)
-        a, effort = run.a[:, index], self._effort(asked, drive)
+        a, effort = run.a[..., index], self._effort(asked, drive)
         torque = drive.torque(effort - drive.armature * a, run.direction(index), a)
         return np.where(effort == 0.0, 0.0, torque)  # off: what moves its rotor loses nothing
 
@@ -79,7 +80,7 @@ class DriveQuantities(Family):
                 f"'{asked.name}': what drives '{drive.coordinate}' here is not the motor behind its elastic gear",
                 expected="a controller of the drive in a forward problem, or a drive without elasticity",
             )
-        return run.tau[:, index] / drive.ratio
+        return run.tau[..., index] / drive.ratio
 
     def _deflection(self, asked: Asked, drive: Drive) -> Series:
         """Return the deflection of an elastic gear.
@@ -91,12 +92,12 @@ class DriveQuantities(Family):
         element = mechanism.forces.get(f"elasticity of {asked.of}")
         if not isinstance(element, AlongCoordinate) or not isinstance(element.coordinate, LinearCoordinate):
             raise asked.unknown
-        values = self.run.q[:, element.coordinate.places] @ element.coordinate.weights
+        values = self.run.q[..., element.coordinate.places] @ element.coordinate.weights
         return Series(asked.name, element.coordinate.unit, values)
 
     def _effort(self, asked: Asked, drive: Drive) -> Array:
         """Return the effort of what drives the joint or the coordinate, the rotor's share included, shape (n,)."""
         if drive.joint:
-            return self.run.tau[:, self.run.mechanism.joints[drive.joint].v]
+            return self.run.tau[..., self.run.mechanism.joints[drive.joint].v]
         along = CoordinateQuantities(self.evaluation)
         return along.series(Asked(f"coordinate.{drive.coordinate}.effort", (drive.coordinate, "effort"))).values

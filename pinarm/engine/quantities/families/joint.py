@@ -31,6 +31,7 @@ class JointQuantities(WrenchFamily):
     """``joint.J...``: of joints with one coordinate and of ball joints."""
 
     element: ClassVar[str] = "J"
+    of_variants: ClassVar[bool] = True
     meanings: ClassVar[Mapping[str, str]] = {
         "position": "coordinate of the joint", "velocity": "its rate", "acceleration": "its second derivative",
         "effort": "effort of the joint's drive, its rotor's share included; of a joint without a drive, of the "

@@ -19,6 +19,7 @@ class PointQuantities(Family):
     """``point.P...``: of the origin of link P."""
 
     element: ClassVar[str] = "P"
+    of_variants: ClassVar[bool] = True
     meanings: ClassVar[Mapping[str, str]] = {
         "position": "position of the link's origin", "velocity": "its velocity", "acceleration": "its acceleration",
     }  # fmt: skip
@@ -41,6 +42,7 @@ class BodyQuantities(Family):
     """``body.B...``: of the rotation of link B."""
 
     element: ClassVar[str] = "B"
+    of_variants: ClassVar[bool] = True
     meanings: ClassVar[Mapping[str, str]] = {
         "angular_velocity": "angular velocity of the link", "angular_acceleration": "its angular acceleration",
     }  # fmt: skip

@@ -19,12 +19,15 @@ from pinarm.engine.checks.residuals import residual_figures
 from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.constraints.multipliers import Multipliers
 from pinarm.engine.dynamics.dynamics import Dynamics
+from pinarm.engine.kinematics.joint_motion import DeterminedMotion
 from pinarm.engine.mechanism_variants import mechanism_variants, require_joint_forces
 from pinarm.engine.motion.prescribed_motion import PrescribedMotion
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.engine.quantities.names import Quantities
+from pinarm.engine.statics.actuation import DriveAtEveryJoint
 from pinarm.errors import PinarmError
 from pinarm.input.units import unit
+from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.geometry.model_variants import VariantsDiffer
 from pinarm.use.scenario.failures import failures_in_words
 from pinarm.use.study.sweep.axes import Value
@@ -117,8 +120,8 @@ class Stack:
         }  # fmt: skip
         mechanism, possible = mechanism_variants(scenario.mechanism, given, columns)
         numbers, finite = self._numbers(mechanism, len(possible))
-        rows = zip(numbers[1:].tolist(), (possible & finite)[1:].tolist(), strict=True)
-        return [Row(tuple(number + 0.0 for number in row), "", self.files) if kept else None for row, kept in rows]
+        rows = zip((numbers[1:] + 0.0).tolist(), (possible & finite)[1:].tolist(), strict=True)  # -0 becomes 0
+        return [Row(tuple(row), "", self.files) if kept else None for row, kept in rows]
 
     def _numbers(self, mechanism: Mechanism, count: int) -> tuple[Array, Flags]:
         """Return results and measures of accuracy, shape (k, columns), and which cases are finite."""
@@ -141,6 +144,8 @@ class Stack:
     def _run(self, mechanism: Mechanism) -> Trajectory:
         """Return the states of all cases, with the efforts that the motion takes in each."""
         run, variants = self.first.trajectory, mechanism.model
+        if not variants.in_place and not self._by_joints:
+            raise VariantsDiffer("the motion, which follows from lengths")
         forces = self.motion.prescription.dynamics.forces
         require_joint_forces(forces)
         dynamics, closure = Dynamics.of_variants(variants, forces), Closure.of(variants)
@@ -150,6 +155,12 @@ class Stack:
                          dynamics=dynamics)  # fmt: skip
         prescription = replace(self.motion.prescription, mechanism=mechanism, dynamics=dynamics)
         return prescription.solved(states, self.motion.pace)
+
+    @property
+    def _by_joints(self) -> bool:
+        """Whether the motion is given by the joints' own coordinates, whatever the lengths of links."""
+        coordinates = self.motion.prescription.motion.coordinates
+        return all(isinstance(coordinate, LinearCoordinate) for coordinate in coordinates)
 
     def agrees(self, values: Mapping[str, Value], alone: Row) -> bool | None:
         """Tell whether a case has the same numbers here as alone; ``None`` where it has none here.
@@ -173,7 +184,10 @@ def _is_special(result: Result, motion: PrescribedMotion) -> bool:
     """Whether more is told of a case, or less is solved, than the states along its motion."""
     asks = result.content.find or result.content.accuracy.target is not None
     told = result.outcome.figures or result.trajectory.columns
-    return bool(asks or told or motion.prescription.mechanism is not result.scenario.mechanism)
+    other = motion.prescription.mechanism is not result.scenario.mechanism
+    chosen = not isinstance(motion.prescription.motion, DeterminedMotion)
+    shared = not isinstance(motion.prescription.drives, DriveAtEveryJoint | None)
+    return bool(asks or told or other or shared or chosen)
 
 
 def _column(first: Value, values: Sequence[Value]) -> list[float]:

@@ -54,12 +54,12 @@ class CaseSolver:
     def together(self, jobs: Sequence[Job]) -> Iterator[Row]:
         """Yield the rows of jobs in their order; each is solved when it is asked for, or with one before it."""
         left: dict[Kind, deque[int]] = {}
-        for place, job in enumerate(jobs):
-            left.setdefault(kind_of(job[2]), deque()).append(place)
+        kinds = [kind_of(job[2]) for job in jobs]
+        for place, kind in enumerate(kinds):
+            left.setdefault(kind, deque()).append(place)
         rows: dict[int, Row] = {}
-        for place, job in enumerate(jobs):
+        for place, kind in enumerate(kinds):
             if place not in rows:
-                kind = kind_of(job[2])
                 rows |= self._solved(self._known(kind), left[kind], jobs)
             yield rows.pop(place)
 

@@ -1,0 +1,178 @@
+"""Cases solved together against the same cases alone, on every scenario that can take part."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinarm
+from pinarm import PinarmError
+from pinarm.input.roots import given_root
+from pinarm.mechanics.geometry.model_variants import VariantsDiffer
+from pinarm.use.study.run import run
+from pinarm.use.study.sweep.axes import Value
+from pinarm.use.study.sweep.cases import WORTH, Task, Wanted, solve_case
+from pinarm.use.study.sweep.stack import Stack, kind_of
+
+SCENARIOS = Path(__file__).parents[4] / "scenarios"
+TOGETHER = {
+    "gen411_arm_dynamic": ("m_A", "l1", "l2"), "gen411_arm_dynamic_true": ("m_BA", "l2", "m_B"),
+    "gen411_arm_horizontal": ("m_A", "m_BA"), "gen411_arm_static": ("m_A", "l0", "l1", "l2"),
+    "gen411_arm_vertical": ("m_A", "m_BA"), "handling_arm_c1": (), "handling_arm_profile": (), "magic_arms_cycle": (),
+    "magic_arms_kinematics": ("l1", "l2"), "unbalanced_rotor_free": (),
+}  # fmt: skip
+"""Scenarios whose cases are solved together -> the arguments that are varied; all where there are none."""
+
+SAME = 1e-12
+"""Difference relative to the largest number of a case: some hundred roundings of terms no larger than that."""
+
+Cases = list[dict[str, Value]]
+
+
+def task_of(path: Path, results: Sequence[str] = (), values: Sequence[str] = ()) -> Task:
+    scenario = pinarm.load(path, list(values))
+    quantities = scenario.quantities()
+    read = (Wanted.read(text, scenario.numbered) for text in results or scenario.content.outputs)
+    return Task(*scenario.located, tuple(entry.measured(quantities)[0] for entry in read), given_root())
+
+
+def cases_of(path: Path, names: Sequence[str], count: int) -> Cases:
+    """Return cases whose arguments are those of the model, each a little larger or smaller."""
+    mechanism, rng = pinarm.load(path).mechanism, np.random.default_rng(7)
+    units = {name: str(mechanism.argument_units.get(name, "1")) for name in mechanism.arguments}
+    return [
+        {f"arguments.{name}": f"{mechanism.arguments[name] * x!r} {units[name]}"
+         for name, x in zip(names, rng.uniform(0.8, 1.25, len(names)).tolist(), strict=True)}
+        for _ in range(count)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TOGETHER)
+def test_numbers_and_figures_are_those_of_each_case_alone(name: str) -> None:
+    path = SCENARIOS / f"{name}.yaml"
+    names = TOGETHER[name] or [*pinarm.load(path).mechanism.arguments]
+    cases = cases_of(path, names, 6)
+    task = task_of(path)
+    stack, _ = Stack.begin(task, cases[0])
+    assert stack is not None
+    for values, row in zip(cases, stack.together(cases), strict=True):
+        alone = solve_case(task, values)
+        assert row is not None
+        assert (row.error, row.files) == (alone.error, alone.files)
+        own, other = np.array(row.numbers), np.array(alone.numbers)
+        results = len(own) - len(WORTH)
+        np.testing.assert_allclose(own[:results], other[:results], rtol=0, atol=SAME * np.abs(other[:results]).max())
+        np.testing.assert_allclose(own[results:], other[results:], rtol=SAME, atol=SAME)
+
+
+@pytest.fixture
+def arm() -> Path:
+    return SCENARIOS / "gen411_arm_static.yaml"
+
+
+def test_numbers_do_not_depend_on_the_cases_beside(arm: Path) -> None:
+    cases, task = cases_of(arm, ("m_A", "l1", "l2"), 40), task_of(arm, (), ["problem.over.phi.samples=5"])
+    stack, _ = Stack.begin(task, cases[0])
+    another, _ = Stack.begin(task, cases[5])
+    assert stack is not None
+    assert another is not None
+    rows = stack.together(cases)
+    for size in (1, 3, 17):
+        for start in range(0, 18, size):
+            some = slice(start, start + size)
+            assert [repr(row) for row in stack.together(cases[some])] == [repr(row) for row in rows[some]]
+    assert [repr(row) for row in another.together(cases)] == [repr(row) for row in rows]
+
+
+def test_every_quantity_is_that_of_each_case_alone_or_is_not_told(arm: Path) -> None:
+    """Whatever can be asked by name: a number of another variant, or rows and variants mixed up, would be seen."""
+    cases = cases_of(arm, ("m_A", "l1", "l2"), 5)  # as many as rows: a wrong axis would fit
+    task = task_of(arm, (), ["problem.over.phi.samples=5"])
+    stack, _ = Stack.begin(task, cases[0])
+    assert stack is not None
+    alone = [run(task.scenario(case)) for case in cases]
+    told = []
+    for name in stack.first.quantities.names():
+        try:
+            entry, _ = Wanted.read(name).measured(stack.first.quantities)
+            rows = replace(stack, task=replace(task, wanted=(entry,))).together(cases)
+        except (VariantsDiffer, PinarmError):
+            continue
+        told.append(name)
+        for result, row in zip(alone, rows, strict=True):
+            assert row is not None
+            expected = [number for number, _ in entry.numbers(result)]
+            np.testing.assert_allclose(row.numbers[:2], expected, atol=1e-12, err_msg=name)
+    known = {"C_B", "phi", "theta", "g", "l2", "A_x", "point.A.position.y", "joint.B.force.norm", "joint.B.power"}
+    assert known <= set(told)
+    assert len(told) > 100
+
+
+def test_a_motion_that_follows_from_lengths_is_that_of_one_case_only() -> None:
+    path = SCENARIOS / "gen411_arm_horizontal.yaml"
+    cases = cases_of(path, ("l2",), 2)
+    stack, _ = Stack.begin(task_of(path), cases[0])
+    assert stack is not None
+    with pytest.raises(VariantsDiffer, match="lengths"):
+        stack.together(cases)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [["problem.drives=[O, phi]"], ["problem.loads={pull: {kind: wrench, point: A, force: [0 N, 1 N, 0 N]}}"],
+     ["payloads={tool: {point: A, mass: 1 kg}}"], ["changes.base=fixed"],
+     ["problem.over={}", "problem.hold.phi=0 deg"]],
+)  # fmt: skip
+def test_what_is_not_followed_is_left_to_each_case_alone(arm: Path, values: list[str]) -> None:
+    cases = cases_of(arm, ("m_A", "l2"), 2)
+    stack, row = Stack.begin(task_of(arm, (), values), cases[0])
+    assert not row.error
+    assert stack is None or stack.rows(cases) == [None, None]
+
+
+def test_what_cannot_be_solved_together_is_none(arm: Path) -> None:
+    task, cases = task_of(arm), cases_of(arm, ("m_A",), 6)
+    stack, _ = Stack.begin(task, cases[0])
+    assert stack is not None
+    odd: Cases = [{"arguments.m_A": text} for text in ("-3 kg", "200 g", "nan kg", "1e200 kg", "0.2 kg")]
+    rows = stack.rows([*odd, *cases])
+    assert [row is None for row in rows[:4]] == [True] * 4
+    assert None not in rows[4:]
+    expected = solve_case(task, odd[4])
+    assert rows[4] is not None
+    np.testing.assert_allclose(rows[4].numbers, expected.numbers, atol=1e-12)
+
+
+def test_a_case_that_differs_alone_is_noticed(arm: Path) -> None:
+    task, cases = task_of(arm), cases_of(arm, ("m_A",), 2)
+    stack, row = Stack.begin(task, cases[0])
+    assert stack is not None
+    assert stack.agrees(cases[0], row)
+    assert stack.agrees(cases[1], row) is False  # the row of another case
+    assert stack.agrees(cases[0], replace(row, error="why")) is False
+    assert stack.agrees({"arguments.m_A": "-1 kg"}, row) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "results"),
+    [("gen411_arm_static", ["C_B @ max"]), ("gen411_arm_swing", ()), ("crank_rocker_turning", ()),
+     ("gen411_arm_equilibria", ())],
+)  # fmt: skip
+def test_other_questions_are_answered_one_by_one(name: str, results: Sequence[str]) -> None:
+    path = SCENARIOS / f"{name}.yaml"
+    first, other = cases_of(path, [*pinarm.load(path).mechanism.arguments][:1], 2)
+    stack, row = Stack.begin(task_of(path, results), first)
+    assert not row.error
+    if stack is not None:
+        with pytest.raises(VariantsDiffer):
+            stack.together([other])
+
+
+def test_the_kind_of_a_case_is_what_is_not_an_argument() -> None:
+    assert kind_of({"problem.time.end": "1 s"}) is None
+    assert kind_of({"arguments.m": "1 kg", "problem.time.end": "1 s"}) == kind_of(
+        {"arguments.m": "2 kg", "problem.time.end": "1 s"}
+    )
+    assert kind_of({"arguments.m": 1.0, "gravity": "none"}) != kind_of({"arguments.m": 1.0})
