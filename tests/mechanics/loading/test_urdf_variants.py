@@ -59,7 +59,10 @@ def test_bodies_and_placements_are_those_of_each_text_alone(names: list[str]) ->
 def test_what_no_body_can_be_is_marked() -> None:
     _, possible, _ = variants(mass=[1.0, 2.0])
     assert possible.tolist() == [True, True]
-    first, marked = TEXT.format(**PLAIN), TEXT.format(**PLAIN | {"mass": "w_mass", "inertia": "w_inertia", "height": "w_height"})
+    first, marked = (
+        TEXT.format(**PLAIN),
+        TEXT.format(**PLAIN | {"mass": "w_mass", "inertia": "w_inertia", "height": "w_height"}),
+    )
     columns = {
         "w_mass": [3.0, -1.0, 3.0, 3.0, 3.0], "w_inertia": [0.4, 0.4, 5.0, -0.1, 0.4],
         "w_height": [1.0, 1.0, 1.0, 1.0, float("nan")],
