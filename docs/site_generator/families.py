@@ -93,8 +93,8 @@ def families() -> list[Kinds]:
     """Return the families in the order of the site."""
     return [
         Kinds("problems", "Problems", "a problem", PROBLEMS, {kind: problem_class(kind).__name__ for kind in KINDS}),
-        Kinds("joints", "Joints", "a joint", JOINTS, TREE_JOINTS),
-        Kinds("loop_joints", "Loop joints", "a loop joint", LOOPS, _union(Loop)),
+        Kinds("joints", "Joints", "a joint", JOINTS, TREE_JOINTS, ("solids", "curves")),
+        Kinds("loop_joints", "Loop joints", "a loop joint", LOOPS, _union(Loop), ("solids", "curves")),
         Kinds("couplings", "Couplings", "a coupling", COUPLINGS, _union(CouplingDefinition)),
         Kinds("forces", "Forces", "a force", FORCES, _union(Force)),
         Kinds("laws", "Laws of motion", "a law", LAWS, _union(Law), ("curves",)),

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import pinarm
 from pinarm.use.show.replay.page import Replay
-from site_generator.kind_pages import Made, svg
+from pinarm.use.show.sketch import sketch
+from pinarm.use.show.svg import svg
+from site_generator.kind_pages import Made
 from site_generator.repository_pages import ROOT
 
 HEAD = """# Gallery
@@ -66,7 +68,7 @@ def gallery_pages() -> Iterator[Made]:
         result = pinarm.run(ROOT / "scenarios" / f"{entry.scenario}.yaml")
         replay: Replay = result.replay(traces=entry.traces, arrows=entry.arrows)
         yield Made(f"gallery/{entry.scenario}.html", replay.html)
-        yield Made(f"gallery/{entry.scenario}.svg", svg(result.sketch()))
+        yield Made(f"gallery/{entry.scenario}.svg", svg(sketch(result)))
         lines += _section(entry, result.content.title)
     yield Made("gallery.md", "\n".join(lines))
 

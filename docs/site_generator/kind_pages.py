@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -10,12 +9,13 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import matplotlib
 import yaml
 
 import pinarm
 from pinarm.use.result.result import Result
-from pinarm.use.show.plot import STYLE, Picture
+from pinarm.use.show.plot import plot
+from pinarm.use.show.sketch import sketch
+from pinarm.use.show.svg import svg
 from pinarm.use.show.terminal import report
 from site_generator.families import Kinds, definitions, families
 from site_generator.key_tables import key_tables, prose
@@ -28,11 +28,12 @@ FOLDER = "kinds"
 """Where the pages are in the site."""
 
 
-PICTURES: Mapping[str, Callable[[Result], Picture]] = {
-    "positions": lambda result: solids(result) or result.sketch(),
-    "curves": lambda result: result.plot(*result.content.outputs[:4]),
+PICTURES: Mapping[str, Callable[[Result], str]] = {
+    "positions": lambda result: svg(sketch(result)),
+    "solids": solids,
+    "curves": lambda result: svg(plot(result, tuple(result.content.outputs[:4]))),
 }
-"""Name of a picture -> what draws it."""
+"""Name of a picture -> what draws it, as SVG."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ def member_pages(family: Kinds, member: str) -> Iterator[Made]:
     result = pinarm.run(scenario)
     place = f"{FOLDER}/{family.name}/{member}"
     for name in family.pictures:
-        yield Made(f"{place}_{name}.svg", svg(PICTURES[name](result)))
+        yield Made(f"{place}_{name}.svg", PICTURES[name](result))
     definition = family.members[member]
     keys = ["## Keys", *key_tables(definition)] if definition in definitions() else []
     images = " ".join(f"![{member}: {name}]({member}_{name}.svg)" for name in family.pictures)
@@ -130,11 +131,3 @@ def _referred(scenario: Path) -> Iterator[Path]:
         described = yaml.safe_load(mechanism.read_text(encoding="utf-8"))
         if "robot" in described:
             yield mechanism.parent / described["robot"]
-
-
-def svg(picture: Picture) -> str:
-    """Return a picture as the text of an SVG file."""
-    stream = io.StringIO()
-    with matplotlib.rc_context(STYLE):
-        picture.savefig(stream, format="svg", metadata={"Date": None})
-    return stream.getvalue()

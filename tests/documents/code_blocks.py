@@ -5,8 +5,8 @@ A page is one session in a folder that looks like the project. In their order
 - ``yaml`` blocks with a title, ``title="door/scenario.yaml"``, are written to that file; any other is a whole file or
   some keys of one, and validated;
 - ``sh`` blocks are run by bash, ``python`` blocks by Python, each on its own;
-- a ``text`` block that follows one of these is what it prints; a line ``...`` in it stands for any lines. After a
-  scenario it is what ``run`` prints.
+- a ``text`` block that follows one of these is what it prints; a line ``...`` in it stands for any lines or none. After
+  a scenario it is what ``run`` prints.
 
 A comment before a block says where it is another case: ``<!-- not run: REASON -->``.
 """
@@ -123,8 +123,11 @@ class Session:
 
 def is_printed(wanted: str, printed: str) -> bool:
     """Tell whether a text is what was printed, but for rounding, and for lines that ``...`` stands for."""
-    pattern = r".*\n".join(
-        re.escape(RESIDUAL.sub("residual", part)) for part in re.split(r"^\.\.\.\n", wanted, flags=re.M)
-    )
-    text = RESIDUAL.sub("residual", "".join(f"{line.rstrip()}\n" for line in printed.splitlines()))
-    return re.fullmatch(rf"\n*{pattern}\n*", text, re.DOTALL) is not None
+    parts = re.split(r"^\.\.\.\n", wanted, flags=re.M)
+    pattern = r"(?:.*\n)?".join(re.escape(_without_rounding(part)) for part in parts)
+    return re.fullmatch(rf"\n*{pattern}\n*", _without_rounding(printed), re.DOTALL) is not None
+
+
+def _without_rounding(text: str) -> str:
+    """Return a text without the digits of residuals, and without the width of the columns that they are in."""
+    return "".join(f"{' '.join(line.split())}\n" for line in RESIDUAL.sub("residual", text).splitlines())

@@ -83,6 +83,7 @@ def test_a_mistake_in_keys_is_seen(keys):
 @pytest.mark.parametrize(
     ("wanted", "printed", "same"),
     [("a 1.2e-16\n", "a 3.4e-15  \n", True), ("a 1.2\n", "a 1.3\n", False), ("a\n...\nd\n", "a\nb\nc\nd\n", True),
+     ("a\n...\n", "a\n", True),
      ("a\n...\nd\n", "b\nd\n", False), ("a\n", "a\nb\n", False)],
 )  # fmt: skip
 def test_printed_text_is_compared_but_for_rounding_and_what_is_left_out(wanted, printed, same):

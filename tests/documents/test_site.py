@@ -121,6 +121,12 @@ class Loaded(HTMLParser):
             self.urls.append(given[loads[tag]])
 
 
+def test_what_a_page_loads_is_seen():
+    loaded = Loaded()
+    loaded.feed('<a href="https://x.org"></a><script src="https://x.org/a.js"></script><link rel="icon" href="b.svg">')
+    assert loaded.urls == ["https://x.org/a.js", "b.svg"]
+
+
 @pytest.mark.slow
 def test_the_site_is_built_strictly_and_works_without_network(tmp_path):
     """Building it solves the example of every kind. A search in it, opened as files, finds a page."""
