@@ -43,6 +43,11 @@ class Presentation:
         angle = series.unit is not None and series.unit.text == "rad"
         return chosen or (DEGREE if angle else series.unit)
 
+    def scale(self, series: Series) -> tuple[float, Unit | None]:
+        """Return what to multiply values with for people, and the unit that they are in then."""
+        measured = self.unit(series)
+        return (series.unit.factor / measured.factor if measured and series.unit else 1.0), measured
+
     def shown(self, series: Series) -> Series:
         """Return a quantity in the unit that it is shown in to people."""
         measured = self.unit(series)

@@ -83,3 +83,15 @@ def test_a_sweep_of_which_everything_fails_is_drawn_too(held: pinarm.Scenario, t
     assert len(sweep.errors) == 8
     sweep.save(tmp_path / "out", plots="png")
     assert ink(tmp_path / "out" / "plots" / "01_M_pivot_5_deg.png") > 0.01
+
+
+def test_results_have_the_units_and_labels_of_the_scenario(scenario: Callable[..., Any]) -> None:
+    """A torque in kN*mm, a thousandth of which is the torque in N*m; its name in TeX in the plot and without in text."""
+    keys = 'units: {M: kN*mm}\nlabels: {M: "M_\\\\alpha"}\n'
+    swept = pinarm.sweep(scenario("statics", keys), {"arguments.m": "1, 2, 3 kg"}, results=["M"])
+    name = next(series.name for series in swept.results())
+    axis = swept.plot(name).axes[0]
+    assert axis.get_ylabel().endswith("[kN·mm]")
+    assert axis.get_lines()[0].get_ydata() == pytest.approx(swept[name].values)  # 1 kN*mm is 1 N*m
+    row = next(row for row in ranges(swept) if row[0].startswith(name[:1]))
+    assert row[1] == "kN*mm"
