@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -28,6 +29,8 @@ from pinarm.mechanics.laws import Harmonic
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.inverse import Inverse
 from pinarm.problems.time_grid import TimeGrid
+from pinarm.use.study.workers import choice
+from pinarm.use.study.workers.local_processes import LocalProcesses
 
 
 def body(name, parent, *, kind="continuous", axis="0 0 1", at="0 0 0", mass=1.0, com="0 0 0",
@@ -92,6 +95,26 @@ def swing() -> Callable[[Mechanism], Trajectory]:
         return problem.solve(mechanism, Accuracy(), lambda *path: nullcontext()).rows
 
     return run
+
+
+class ThisProcess(LocalProcesses):
+    """Workers that are none: each call is done at once in this process, which needs no second for its imports."""
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_result(function(*arguments))
+        return future
+
+    def outcome(self, future: Future[Any]) -> Any:
+        return future.result()
+
+
+@pytest.fixture
+def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Solve sweeps and batches in this process, where a test asks for no second worker."""
+    processes = LocalProcesses
+    monkeypatch.setattr(choice, "cores", lambda: 1)
+    monkeypatch.setattr(choice, "LocalProcesses", lambda number: (ThisProcess if number == 1 else processes)(number))
 
 
 @pytest.fixture

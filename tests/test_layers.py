@@ -20,8 +20,8 @@ FLOOR_PLAN = {
     "mechanics": "geometry joints laws motors drives coordinates control rotors ball_joints loops forces loading "
     "couplings friction payloads points perturbation planar description",
     "engine": "series kernel integration constraints dynamics model_source kinematics statics friction control motion "
-    "checks quantities mechanism_parts mechanism",
-    "problems": "time_grid accuracy prescribed_laws joint_values loads actuation declaration events "
+    "checks quantities mechanism_parts mechanism mechanism_variants",
+    "problems": "time_grid accuracy joint_values weights prescription loads actuation declaration events "
     "position_bands equilibria inverse kinematics states recording forward batch_table simplify",
     "use": "progress result assessments scenario output show store views study report",
     "cli": "options streams main",

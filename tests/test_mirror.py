@@ -21,7 +21,13 @@ ELSEWHERE = {
         "controllers on mechanisms", "engine/motion/controlled_motion mechanics/control/computed_torque "
         "mechanics/control/function mechanics/control/state_feedback problems/actuation/controls",
     ),
-    "mechanics/test_motors.py": ("motors behind controllers", "mechanics/control/motor_control"),
+    "engine/motion/systems/test_coupled.py": ("the same motions", "engine/motion/systems/compiled_couplings"),
+    "mechanics/forces/test_flanks.py": ("elastic gears", "mechanics/elasticity"),
+    "mechanics/test_rotors.py": ("rotors of drives", "engine/drive_parts"),
+    "mechanics/friction/test_gear_loss.py": ("as of runs", "problems/actuation/gear_losses"),
+    "mechanics/test_motors.py": (
+        "motors behind controllers", "mechanics/control/motor_control engine/control/motor_limits",
+    ),
     "engine/dynamics/test_coordinate_partition.py": (
         "reduced coordinates against multipliers", "engine/motion/systems/free engine/motion/systems/partitioned "
         "engine/motion/systems/system",
@@ -39,6 +45,11 @@ ELSEWHERE = {
     ),
     "engine/kernel/test_library.py": ("its structures", "engine/kernel/structures"),
     "engine/kernel/test_tree.py": ("what is refused", "engine/kernel/checks"),
+    "engine/kinematics/test_nearest_motion.py": (
+        "nearest to a posture on a path", "engine/kinematics/limited_path engine/kinematics/nearest "
+        "engine/kinematics/nearest_start engine/kinematics/posture",
+    ),
+    "problems/actuation/test_effort_sharing.py": ("weights of drives", "problems/weights"),
     "engine/kinematics/test_newton.py": (
         "positions that laws ask for", "engine/kinematics/continuation engine/kinematics/joint_motion "
         "engine/kinematics/prescribed",
@@ -135,7 +146,8 @@ ELSEWHERE = {
         "rows in files and arrays",
         "engine/motion/recorded_motion problems/recording/recorded_columns use/scenario/recorded",
     ),
-    "problems/test_profiles.py": ("laws in problems", "mechanics/forces/breakpoints problems/prescribed_laws"),
+    "problems/test_profiles.py": (
+        "laws in problems", "mechanics/forces/breakpoints problems/prescription/prescribed_laws"),
     "test_messages.py": (
         "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/failures "
         "use/scenario/scenario_file",

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from pinarm.arrays import Array
 from pinarm.engine.constraints.closure import Closure
+from pinarm.engine.drive_parts import elastic_gears, geared_rotors, mount_drives, rotors_along
 from pinarm.engine.dynamics.dynamics import Dynamics
 from pinarm.engine.dynamics.masses import massive
 from pinarm.engine.mechanism_parts import (
@@ -24,14 +25,11 @@ from pinarm.engine.mechanism_parts import (
     couplings_of,
     forces_of,
     frictions_of,
-    geared_rotors,
     loaded,
     marked,
-    mount_drives,
     named_parts,
     naming_arguments,
     open_closings,
-    rotors_along,
     symbols_of,
     tying,
 )
@@ -449,10 +447,11 @@ class Mechanism:
         return {name: float(value) for name, value in self.description.start.items() if name in known}
 
     def driven_joint(self, drive: str) -> Joint:
-        """Return the joint that moves as what a drive acts along: its own, or that of its rotor, by name."""
+        """Return the joint that a drive moves: that of its rotor, where it has one, or its own, by name."""
         from pinarm.mechanics.rotors import rotor_name
 
-        return self.joints[self.drives[drive].joint or rotor_name(drive)]
+        found = self.drives[drive]
+        return self.joints[rotor_name(drive) if found.turns_rotor else found.joint]
 
     @cached_property
     def dotted_names(self) -> frozenset[str]:
@@ -559,6 +558,7 @@ def _build(
     symbols = symbols_of(description, here)
     mount_drives(model, joints, description, here)
     forces = forces_of(robot, description, model, joints, coordinates, here)
+    forces |= elastic_gears(model, joints, description, coordinates, here)
     return Mechanism(
         description.title or model.name, model, robot.xml, joints, balls, coordinates, tying(constraints, frictions),
         dict(description.drives), forces, symbols, resolved,

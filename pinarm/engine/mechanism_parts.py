@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import pinocchio as pin
 
-from pinarm.errors import InputError, Key, choices, within
+from pinarm.errors import InputError, Key
 from pinarm.input.formulas.expressions import Expression
 from pinarm.input.units import Unit, unit
 from pinarm.input.xacro.expansion import UnknownArgument
@@ -17,7 +17,7 @@ from pinarm.mechanics.ball_joints import Ball, ball_angles, ball_coordinates, ba
 from pinarm.mechanics.coordinates import Coordinate, coordinates_of
 from pinarm.mechanics.description import MechanismDescription
 from pinarm.mechanics.forces.force_element import ForceElement, check_new
-from pinarm.mechanics.joints import Joint, joint_of, joints_of
+from pinarm.mechanics.joints import Joint, joints_of
 from pinarm.mechanics.loading.pinocchio_model import RobotModel
 from pinarm.mechanics.loops.loop_joints import LoopJoint
 
@@ -288,62 +288,3 @@ def symbols_of(description: MechanismDescription, here: Locate) -> dict[str, Exp
         with here("symbols", name):
             symbols[name] = Expression.parse(text)
     return symbols
-
-
-def mount_drives(
-    model: pin.Model, joints: Mapping[str, Joint], description: MechanismDescription, here: Locate
-) -> None:
-    """Give the inertias of rotors to the joints of their drives.
-
-    Raises:
-        InputError: A joint does not exist, or has a drive already.
-    """
-    mounted: dict[str, str] = {}
-    armature: Any = model.armature
-    for name, drive in description.drives.items():
-        driven, key = drive.coordinate, "joint" if drive.joint else "along"
-        with here("drives", name), within(key):
-            joint = joint_of(joints, driven) if drive.joint else None
-            if driven in mounted:
-                raise InputError(f"the {key} '{driven}' has two drives, '{mounted[driven]}' and '{name}'",
-                                 expected="one drive at each joint")  # fmt: skip
-        mounted[driven] = name
-        if joint is not None:
-            armature[joint.v] += drive.armature
-
-
-def rotors_along(
-    model: pin.Model, description: MechanismDescription, coordinates: Mapping[str, Coordinate], here: Locate
-) -> pin.Model:
-    """Return the model with a joint for the rotor of every drive that acts along a coordinate; itself without any.
-
-    Raises:
-        InputError: A coordinate does not exist, or is a joint's own.
-    """
-    along = {name: drive for name, drive in description.drives.items() if drive.along}
-    if not along:
-        return model
-    from pinarm.mechanics.rotors import with_rotors
-
-    for name, drive in along.items():
-        with here("drives", name), within("along"):
-            if drive.along not in coordinates:
-                expected, hint = choices(drive.along, coordinates)
-                raise InputError(f"the mechanism has no coordinate '{drive.along}'", expected=expected, hint=hint)
-            if drive.along in joints_of(model):
-                raise InputError(f"'{drive.along}' is a joint", expected=f"joint: {drive.along}")
-    with here("drives"):
-        return with_rotors(model, along, {name: coordinates[drive.along].unit for name, drive in along.items()})
-
-
-def geared_rotors(
-    joints: Mapping[str, Joint], description: MechanismDescription, coordinates: Mapping[str, Coordinate]
-) -> list[Constraint]:
-    """Return what ties the rotors of drives along coordinates to these."""
-    along = {name: drive.along for name, drive in description.drives.items() if drive.along}
-    if not along:
-        return []
-    from pinarm.mechanics.rotors import GearedRotor, rotor_name
-
-    return [GearedRotor(f"gear of {name}", joints[rotor_name(name)], coordinates[driven])
-            for name, driven in along.items()]  # fmt: skip

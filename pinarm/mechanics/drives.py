@@ -10,8 +10,9 @@ import numpy as np
 
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
-from pinarm.input.yaml.schema import Inertia, InputStruct
-from pinarm.mechanics.motors import DcMotor
+from pinarm.input.yaml.schema import Inertia, InputStruct, NotNegative
+from pinarm.mechanics.elasticity import Elasticity
+from pinarm.mechanics.motors import AnyMotor
 
 
 class Drive(InputStruct, frozen=True):
@@ -31,13 +32,19 @@ class Drive(InputStruct, frozen=True):
     motion, ``tau / (N eta)``: the safe side for sizing. A motor that is off, at a free joint, has no torque; its rotor
     is moved without loss.
 
+    Where a controller commands the ``motor`` of a drive, its losses act in the motion: the rotor is a joint of its own,
+    ``D.rotor``, and ``drive.D.friction`` is what the gear takes; see ``mechanics.friction.gear_loss``.
+
     Attributes:
         joint: Joint that it drives; this or ``along``.
         along: Coordinate that it drives.
         ratio: N, motor turns per turn of the joint, or radians per metre; negative where they turn against each other.
         efficiency: eta, between 0 (excluded) and 1.
         rotor_inertia: J of everything that turns with the motor, about its axis [kg*m^2].
-        motor: From voltage to torque, in forward runs: a controller of the drive then commands a voltage.
+        elasticity: Of the gear or the shaft between rotor and joint; the rotor then has a motion of its own.
+        backlash: Play between both flanks, at the joint [rad or m]; with an ``elasticity``, that of the flanks.
+        motor: In forward runs: a controller of the drive then commands the voltage of a motor of the kind ``dc``, or
+            the torque of one of the kind ``ideal``, which may have limits over its speed.
     """
 
     joint: str = ""
@@ -45,17 +52,25 @@ class Drive(InputStruct, frozen=True):
     ratio: float = 1.0
     efficiency: Annotated[float, msgspec.Meta(gt=0, le=1)] = 1.0
     rotor_inertia: Inertia = 0.0
-    motor: DcMotor | None = None
+    elasticity: Elasticity | None = None
+    backlash: NotNegative = 0.0
+    motor: AnyMotor | None = None
 
     def check(self) -> None:
         """Refuse a ratio of 0, infinity or NaN, and a drive at nothing, or at two things."""
         if bool(self.joint) == bool(self.along):
             raise InputError("a drive acts at one joint, or along one coordinate", expected="the key joint, or along")
-        if self.motor is not None and self.efficiency < 1.0:
+        if self.elasticity is None and self.backlash:
+            with within("backlash"):
+                raise InputError("the flanks that meet after the backlash need a stiffness",
+                                 expected="elasticity: {stiffness: ...}")  # fmt: skip
+        if self.elasticity is not None and not self.rotor_inertia:
+            with within("elasticity"):
+                raise InputError("a rotor that moves by itself needs an inertia", expected="rotor_inertia: 1e-4 kg*m^2")
+        if self.elasticity is not None and self.efficiency < 1.0:
             with within("efficiency"):
-                raise InputError("the losses of a gear behind a motor with a voltage are not modelled",
-                                 expected="an efficiency of 1",
-                                 hint="losses as damping or friction of the joint")  # fmt: skip
+                raise InputError("the losses of an elastic gear are not modelled", expected="an efficiency of 1",
+                                 hint="elasticity: {damping: ...}, or friction of the joint")  # fmt: skip
         if self.ratio == 0.0 or not math.isfinite(self.ratio):
             with within("ratio"):
                 raise InputError(
@@ -66,6 +81,12 @@ class Drive(InputStruct, frozen=True):
     def coordinate(self) -> str:
         """Name of the coordinate that it drives, a joint's own among them."""
         return self.joint or self.along
+
+    @property
+    def turns_rotor(self) -> bool:
+        """Whether its rotor is a joint of its own, ``D.rotor``: it drives no joint, or its gear comes between them."""
+        lossy = self.motor is not None and self.efficiency < 1.0
+        return bool(self.along) or lossy or self.elasticity is not None
 
     @property
     def armature(self) -> float:

@@ -1,4 +1,4 @@
-"""Rotors of motors that drive a coordinate which is no joint's: of a loop joint, or a sum of joints.
+"""Rotors that are joints of their own: of motors along a coordinate which is no joint's, or behind a gear with losses.
 
 A rotor of inertia J behind a gear of ratio N, which turns with ``N w``, has the energy ``N^2 J w'^2 / 2``. It is a
 joint of the model with the armature ``N^2 J`` and no body, whose coordinate x is reflected to the driven side and tied
@@ -8,14 +8,14 @@ to it, ``x - w(q) = 0``. As armatures of joints, rotors have no weight, and thei
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 
 from pinarm.arrays import Array
-from pinarm.errors import InputError
+from pinarm.errors import InputError, within
 from pinarm.input.units import Unit
 from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.drives import Drive
@@ -78,6 +78,25 @@ class GearedRotor:
         return axis
 
 
+def deflection_of(rotor: Joint, coordinate: Coordinate) -> LinearCoordinate:
+    """Return the deflection of an elastic gear, ``x - w(q)``.
+
+    Args:
+        rotor: Joint of the rotor, whose coordinate x is that of the driven side.
+        coordinate: What the motor drives, w.
+
+    Raises:
+        InputError: It is no sum of joints.
+    """
+    if not isinstance(coordinate, LinearCoordinate):
+        with within("elasticity"):
+            raise InputError("an elastic gear drives a joint, or a sum of joints", expected="a joint, or a coordinate "
+                             "of the kind sum", hint="a joint of the model between motor and loop")  # fmt: skip
+    weights = -np.asarray(coordinate.weights, dtype=np.float64)
+    weights[rotor.v] += 1.0
+    return replace(coordinate, weights=weights)
+
+
 def rotor_name(drive: str) -> str:
     """Return the name of the joint of a drive's rotor."""
     return f"{drive}.rotor"
@@ -88,8 +107,8 @@ def with_rotors(model: pin.Model, drives: Mapping[str, Drive], units: Mapping[st
 
     Args:
         model: Pinocchio's model.
-        drives: Drives along coordinates that are no joint's.
-        units: Units of these coordinates, by the name of the drive.
+        drives: Drives whose rotors are joints of their own.
+        units: Units of what they drive, by the name of the drive.
 
     Raises:
         InputError: A joint has the name of a rotor.

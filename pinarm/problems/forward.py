@@ -36,9 +36,9 @@ from pinarm.mechanics.laws import Motion
 from pinarm.problems.accuracy import Accuracy
 from pinarm.problems.declaration import Declaration, others
 from pinarm.problems.events import EndStop, Event, bounds_of, watches_of
-from pinarm.problems.joint_values import check_levels, check_rates, rates_of_coordinates
+from pinarm.problems.joint_values import check_levels, check_rates, followers_of, rates_of_coordinates
 from pinarm.problems.loads import LOADS, bind_loads, schema_row
-from pinarm.problems.prescribed_laws import laws_of
+from pinarm.problems.prescription.prescribed_laws import laws_of
 from pinarm.problems.time_grid import TimeGrid
 
 if TYPE_CHECKING:
@@ -94,6 +94,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
 
     def schema_row(self, mechanism: Mechanism) -> Trajectory:
         """Return one row near the start: enough to see which quantities there are, and which are determined."""
+        mechanism = self._losing(mechanism)
         start = {**self.start, **self.initial.position}
         row = schema_row(mechanism, start, self.loads, "t", unit("s"), along(mechanism, self.motion))
         events = event_columns(self.events, [()], np.zeros(1, dtype=np.intp))
@@ -127,6 +128,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
 
     def prepare(self, mechanism: Mechanism, accuracy: Accuracy, place: Place) -> HybridSystem:
         """Check all names and units; return what is to be integrated."""
+        mechanism = self._losing(mechanism)
         motion = laws_of(mechanism, self.motion, place, (self.time.start, self.time.end))
         dynamics = Dynamics.of(mechanism.model, bind_loads(mechanism, self.loads, place))
         controls = self._controls(mechanism, dynamics, motion, place)
@@ -147,6 +149,14 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             )  # fmt: skip
             hybrid.system()
         return hybrid
+
+    def _losing(self, mechanism: Mechanism) -> Mechanism:
+        """Return the mechanism with the losses of gears behind motors that controllers command."""
+        if not self.control and not mechanism.control:
+            return mechanism
+        from pinarm.problems.actuation.gear_losses import with_gear_losses
+
+        return with_gear_losses(mechanism, [*mechanism.control, *self.control])
 
     def _controls(
         self, mechanism: Mechanism, dynamics: Dynamics, motion: Mapping[str, MotionLaw], place: Place
@@ -177,6 +187,7 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         self, mechanism: Mechanism, hybrid: HybridSystem, q: Array, v: Array, first: FirstSegment | None = None
     ) -> Outcome:
         """Return the motion from an assembled state; see ``solve``, and ``HybridSystem.integrate`` for ``first``."""
+        mechanism = self._losing(mechanism)
         try:
             motion = integrate_to_size(hybrid, q, v, first)
         except (IntegrationError, Interrupted) as error:
@@ -191,7 +202,12 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
         whole = IntegratedMotion(mechanism, hybrid, motion).outcome(grid)
         energy = {} if self.motion else energy_of(motion)
         notes = motion.diagnose() or _lost(energy.get("energy", 0.0))
-        remarks = [*_changed(mechanism, hybrid, v), *_uncertain(hybrid.guided, q, v), *motion.remarks()]
+        remarks = [
+            *_changed(mechanism, hybrid, v),
+            *_uncertain(hybrid.guided, q, v),
+            *motion.remarks(),
+            *_motors(hybrid, motion),
+        ]
         return replace(whole, figures={**motion.cost(), **energy}, notes=(*remarks, *notes))
 
     def _require_branch(self, mechanism: Mechanism, hybrid: HybridSystem, motion: SegmentedMotion) -> None:
@@ -232,7 +248,17 @@ class Forward(InputStruct, frozen=True, tag_field="kind", tag="forward"):
             for given in (self.initial.position, own)
         )
         rates = tuple((mechanism.coordinate(name), float(rate)) for name, rate in others.items())
-        return Initial(q, v, positions, velocities, rates)
+        followers = followers_of(mechanism, {*self.start, *self.initial.position}, self.initial.velocity)
+        return Initial(q, v, positions, velocities, rates, followers)
+
+
+def _motors(hybrid: HybridSystem, motion: SegmentedMotion) -> list[str]:
+    """Return what is to be said of the limits of motors."""
+    if hybrid.controls is None:
+        return []
+    from pinarm.engine.control.motor_limits import motor_remarks
+
+    return motor_remarks(motion)
 
 
 def _changed(mechanism: Mechanism, hybrid: HybridSystem, v: Array) -> list[str]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 
 from pinarm.engine.mechanism import Mechanism
+from pinarm.engine.motion.systems.system import Follower
 from pinarm.errors import Key, Place
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import check_unit
@@ -43,3 +44,14 @@ def _check_values(known: Mapping[str, Unit], values: Mapping[str, float], place:
             expected = unit_of(name, known)
         with place(*at, name):
             check_unit(value, expected)
+
+
+def followers_of(mechanism: Mechanism, positions: Container[str], velocities: Container[str]) -> tuple[Follower, ...]:
+    """Return the rotors of elastic gears, by the names of joints whose position or velocity is given."""
+    rotors = [(mechanism.driven_joint(name), drive) for name, drive in mechanism.drives.items() if drive.elasticity]
+    return tuple(
+        Follower(
+            rotor, mechanism.coordinate(drive.coordinate), rotor.name not in positions, rotor.name not in velocities
+        )
+        for rotor, drive in rotors
+    )

@@ -18,7 +18,7 @@ from pinarm.engine.kernel.library import absence, library, pointer
 from pinarm.engine.kernel.links import links_of
 from pinarm.engine.kernel.loops import CompiledLoops
 from pinarm.engine.kernel.structures import SkylineStructure
-from pinarm.engine.kernel.tree import CompiledTree, rates
+from pinarm.engine.kernel.tree import CompiledTree
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems import Initial, compiled_points, compiled_rows, system_of
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
@@ -58,7 +58,7 @@ def compare(flow, closure, states):
         state = closure.state(q, v)
         force = -np.array(pin.nonLinearEffects(model, data, q, v))
         a = solve(closure.split(closure.rows(state)), mass_matrix(model, q), force, -closure.drift(state))
-        found = rates(flow, np.concatenate([q, v]))[model.nq :]
+        found = flow.slope(np.concatenate([q, v]))[model.nq :]
         assert np.abs(found - a).max() <= SHARP * max(1.0, np.abs(a).max())
 
 
@@ -217,7 +217,7 @@ class TestClosing:
         flow.take((True, python.rank))
         flow.system.structure.limits.rank = python.rank
         expected = python.acceleration(0.9, q, v)
-        found = rates(flow, np.concatenate([q, v]))[3:]
+        found = flow.slope(np.concatenate([q, v]))[3:]
         assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 

@@ -19,7 +19,7 @@ LINKAGES = {
 CRANKS = {"manipulator": "alpha"}
 CUTS = {
     name: [[joint] for joint in linkage.joints] if name != "manipulator" else [
-        ["F", "D"], ["B", "D"], ["E", "D"], ["alpha", "x"], ["alpha", "D"], ["F", "y"], ["E", "x"], ["F", "alpha"],
+        ["F", "D"], ["B", "D"], ["E", "x"], ["alpha", "D"], ["F", "y"],
     ] for name, linkage in LINKAGES.items()
 }  # fmt: skip
 by_linkage = pytest.mark.parametrize("name", LINKAGES)

@@ -90,6 +90,18 @@ def test_a_position_loop_of_a_motor_is_the_matrix_exponential(servo, period):
     assert result["control.servo.command"].values[0] == 20.0
 
 
+def test_rows_at_samples_have_the_effort_of_their_side(servo):
+    """Without inductance the effort jumps where the voltage does, and the acceleration with it."""
+    control = {"kind": "pid", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"}, "kp": "20 V/rad",
+               "kd": "0.5 V*s/rad", "period": "5 ms"}  # fmt: skip
+    result = run(servo(), control, "0.2 s", end_stops={"x": {"upper": "0.5 rad"}})
+    assert result.figures["equilibrium"] < 1e-12
+    t, effort = result["t"].values, result["joint.x.effort"].values
+    assert (np.diff(t) == 0.0).any()  # a new segment begins with every sample on the stop
+    free = result["x"].values < 0.499
+    assert np.abs(INERTIA * result["joint.x.acceleration"].values - effort)[free].max() < 1e-9
+
+
 def test_limits_are_those_of_the_voltage(servo):
     control = {"kind": "pid", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"}, "kp": "100 V/rad",
                "limits": ["-24 V", "24 V"]}  # fmt: skip
@@ -107,15 +119,112 @@ def test_functions_give_voltages(servo):
     )
 
 
-def test_mistakes_are_told(servo, tmp_path):
+def test_mistakes_are_told(servo):
     effort = {"kind": "pid", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"}, "kp": "20 N*m/rad"}
     with pytest.raises(InputError, match="not a unit"):
         run(servo(), effort)
     torque = {"kind": "computed_torque", "drive": "servo", "follows": {"law": "constant", "value": "1 rad"}}
     with pytest.raises(InputError, match="takes a voltage"):
         run(servo(), torque)
-    drive = {"joint": "x", "efficiency": 0.8, "motor": MOTOR}
-    with pytest.raises(InputError, match="losses"):
-        pinarm.Mechanism.load(tmp_path / "inertia.urdf", values={"drives": {"servo": drive}})
     with pytest.raises(InputError, match="constant 0"):
         servo(constant="0 N*m/A")
+
+
+def ideal(tmp_path, **motor):
+    """Make the mechanism with a motor whose torque is commanded."""
+    drive = {"joint": "x", "ratio": N, "rotor_inertia": f"{ROTOR} kg*m^2", "motor": {"kind": "ideal", **motor}}
+    return pinarm.Mechanism.load(tmp_path / "inertia.urdf", values={"drives": {"servo": drive}})
+
+
+def constant(torque, **keys):
+    """A torque [N m] whatever happens."""
+    return {"kind": "state_feedback", "drive": "servo", "states": ["x"], "gains": [["0 N*m/rad", "0 N*m*s/rad"]],
+            "bias": [f"{torque} N*m"], **keys}  # fmt: skip
+
+
+T0, W0 = 0.5, 400.0
+LINE = [["0 rad/s", f"{T0} N*m"], [f"{W0} rad/s", "0 N*m"]]
+TAU = INERTIA * W0 / (N * N * T0)
+"""Time constant of ``J v' = N T0 (1 - N v / w0)``."""
+
+
+@pytest.mark.parametrize("period", [{}, {"period": "10 ms"}])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_along_a_linear_torque_speed_line_the_speed_is_an_exponential(servo, tmp_path, period, sign):
+    """A command that is always beyond the line, in both directions."""
+    result = run(ideal(tmp_path, peak=LINE), constant(2.0 * sign * T0, **period), "1 s", ("x", "control.servo.margin"))
+    t = result["t"].values
+    exact = sign * W0 / N * (1.0 - np.exp(-t / TAU))
+    assert np.abs(result["joint.x.velocity"].values - exact).max() < 1e-7  # tolerance 1e-9 a step, speeds to 40
+    torque = sign * T0 * np.exp(-t / TAU)
+    assert np.abs(result["control.servo.torque"].values - torque).max() < 1e-9
+    assert np.abs(result["drive.servo.torque"].values - torque).max() < 1e-9
+    assert np.abs(result["control.servo.margin"].values).max() == 0.0
+    assert result.figures["energy"] < 1e-7
+    assert any("gives its peak torque from t = 0 s to 1 s" in note for note in result.notes())
+
+
+def reached(torque, flat):
+    """Instant at which a constant torque meets the line, which is flat at ``T0`` up to a speed, then falls to w0."""
+    speed = flat + (W0 - flat) * (1.0 - torque / T0)
+    return speed, INERTIA * speed / (N * N * torque)
+
+
+@pytest.mark.parametrize("period", [{}, {"period": "10 ms"}])
+def test_a_constant_torque_meets_the_curve_at_an_instant_that_is_told(servo, tmp_path, period):
+    """A parabola up to the line, then an exponential: field weakening from 100 rad/s on."""
+    curve = [LINE[0], ["100 rad/s", f"{T0} N*m"], LINE[1]]
+    torque, end = 0.3, 3.0
+    result = run(ideal(tmp_path, peak=curve), constant(torque, **period), f"{end} s", ("x", "control.servo.margin"))
+    speed, instant = reached(torque, 100.0)
+    t, rate = result["t"].values, N * N * T0 / (INERTIA * (W0 - 100.0))
+    motor = np.where(t < instant, N * N * torque * t / INERTIA, W0 - (W0 - speed) * np.exp(-rate * (t - instant)))
+    assert np.abs(result["drive.servo.speed"].values - motor).max() < 2e-6
+    assert f"gives its peak torque from t = {instant:.6g} s to 3 s" in " ".join(result.notes())
+    before = t < instant
+    assert np.abs(result["control.servo.margin"].values[before & (motor < 100.0)] - (T0 - torque)).max() < 1e-12
+
+
+def test_the_limit_holds_while_it_brakes(servo, tmp_path):
+    """From -300 rad/s a torque of T0 is cut to T0/4 at first: ``w' = N^2 T0 (1 + w / w0) / J`` until w = 0."""
+    result = run(ideal(tmp_path, peak=LINE), constant(2 * T0), "0.2 s", initial={"velocity": {"x": "-30 rad/s"}})
+    t = result["t"].values
+    braking = t < TAU * np.log(4.0)
+    exact = (-W0 + 100.0 * np.exp(t / TAU)) / N
+    assert braking.all()
+    assert np.abs(result["joint.x.velocity"].values - exact).max() < 1e-7
+
+
+def test_a_torque_above_the_continuous_one_is_told(servo, tmp_path):
+    mechanism = ideal(tmp_path, continuous=[["0 rpm", "0.2 N*m"], ["6000 rpm", "0.1 N*m"]])
+    result = run(mechanism, constant(0.3), "0.1 s", ("control.servo.continuous_margin",))
+    allowed = 0.2 - 0.1 * N * N * 0.3 * 0.05 / INERTIA / (6000 * np.pi / 30)
+    note = f"0.3 N*m rms at a mean speed of {N * N * 0.3 * 0.05 / INERTIA:.3g} rad/s, more than its continuous torque"
+    assert any(note in one and f"{allowed:.3g} N*m" in one for one in result.notes())
+    assert result["control.servo.continuous_margin"].values[0] == pytest.approx(-0.1, abs=1e-12)
+    quiet = run(mechanism, constant(0.1), "0.1 s", ("x",))
+    assert not any("continuous" in note for note in quiet.notes())
+
+
+@pytest.mark.parametrize("period", [{}, {"period": "10 ms"}])
+def test_computed_torque_of_ideal_motors_is_that_of_joints(servo, tmp_path, period):
+    """The command is the torque in front of the gear."""
+    law = {"law": "polynomial", "from": "0 rad", "to": "1 rad", "duration": "0.4 s"}
+    control = {"kind": "computed_torque", "follows": law, "kp": "400 1/s^2", "kd": "40 1/s", **period}
+    mechanism = ideal(tmp_path, peak=LINE)
+    motors = run(mechanism, {**control, "drive": "servo"}, outputs=("x", "control.servo.command"))
+    joints = run(mechanism, {**control, "drive": "x"}, outputs=("x", "control.x.command"))
+    assert np.abs(motors["x"].values - joints["x"].values).max() < 1e-9
+    commands = motors["control.servo.command"].values, joints["control.x.command"].values / N
+    assert np.abs(commands[0] - commands[1]).max() < 1e-8
+    assert not any("peak" in note for note in motors.notes())
+
+
+@pytest.mark.parametrize("motor, said", [
+    ({"peak": [["0 rpm", "2 N*m"]]}, "do not ascend"), ({"peak": [["1 rpm", "2 N*m"], ["2 rpm", "0 N*m"]]}, "ascend"),
+    ({"peak": [["0 rpm", "2 N*m"], ["2 rpm", "1 N*m"]]}, "ends with 1 N"), ({"peak": [["0 rpm", "2 V"]]}, "not a unit"),
+    ({"continuous": [["0 rpm", "2 N*m"], ["0 rpm", "1 N*m"]]}, "ascend"), ({"resistance": "1 ohm"}, "resistance"),
+])  # fmt: skip
+def test_curves_that_are_none_are_refused(servo, tmp_path, motor, said):
+    with pytest.raises(InputError, match=said):
+        ideal(tmp_path, **motor)

@@ -104,6 +104,11 @@ KINDS = {"statics": STATICS, "inverse": INVERSE, "forward": FORWARD, "state": ST
          "kinematics": KINEMATICS, "recorded": RECORDED}  # fmt: skip
 
 
+@pytest.fixture(autouse=True)
+def _one_process(one_process: None) -> None:
+    """Start no worker processes but where a test says how many."""
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A root with the model in it."""

@@ -40,7 +40,7 @@ class Controls:
         """What they remember."""
         sampled = [one for one in self.controllers if one.sampling]
         continuous = [one for one in self.controllers if not one.sampling]
-        supplying = frozenset(number for number, one in enumerate(sampled) if one.voltage)
+        supplying = frozenset(number for number, one in enumerate(sampled) if one.supply)
         return ControlMemory(sampled, continuous, self.free.model.nv, supplying)
 
     @cached_property

@@ -121,14 +121,14 @@ class RecordedEfforts(ControlLoad):
     def parts(self, t: Array, q: Array, v: Array) -> list[dict[str, Array]]:
         """Return what every controller does at n states, the sampled ones first, shape (n, k) each.
 
-        ``command``, before limits; ``effort`` at the joints; ``voltage`` and ``current`` of motors.
+        ``command``, before limits; ``effort`` at the joints; of motors see ``Actuator.parts``.
         """
         pieces, found, place = self.pieces(t), [], 0
         for one in self.sampled:
             mine = slice(place, place + len(one.joints))
             place = mine.stop
-            in_force = "voltage" if one.voltage else "effort"
-            found.append({"command": self.history.commands[pieces, mine], in_force: self.history.applied[pieces, mine]})
+            in_force = {} if one.supply else {"effort": self.history.applied[pieces, mine]}
+            found.append({"command": self.history.commands[pieces, mine], **in_force})
         integral = self.integral(t) if self.places and self.places[-1].stop else np.zeros((len(t), 0))
         for number, one in enumerate(self.continuous):
             reference, mode = reference_of(one.references, t, self.span), self.history.modes[pieces, number]
@@ -151,6 +151,11 @@ class RecordedEfforts(ControlLoad):
     def laws(self) -> list[MotionLaw]:
         """Return the references of continuous controllers."""
         return [law for one in self.continuous for law in one.references]
+
+    @property
+    def jumps(self) -> bool:
+        """Whether efforts may jump: at samples, where relays switch, and where references do."""
+        return True
 
     @property
     def held(self) -> HeldLoad | None:

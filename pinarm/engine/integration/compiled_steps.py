@@ -100,6 +100,7 @@ class CompiledSteps:
     """Which of its steps were accepted as rounding."""
     _record: _Record | None = None
     _addresses: list[int] = field(default_factory=list)
+    _numbers: ControlStructure | None = None
 
     def __post_init__(self) -> None:
         self._coefficients = _Coefficients.of(self.pair.tableau)
@@ -146,9 +147,12 @@ class CompiledSteps:
                 course.h = max(course.h, interval.floor())
 
     def _control(self, interval: Interval) -> ControlStructure:
-        return ControlStructure(
-            self.pair.tolerance, interval.size, SAFETY, GAIN, SLOWEST, FASTEST, LOST, HUGE, TINY, SHORTEST, NOISE
-        )
+        """Return the numbers of the step control; those of the last interval serve as long as its size is the same."""
+        if self._numbers is None or self._numbers.size != interval.size:
+            self._numbers = ControlStructure(
+                self.pair.tolerance, interval.size, SAFETY, GAIN, SLOWEST, FASTEST, LOST, HUGE, TINY, SHORTEST, NOISE
+            )
+        return self._numbers
 
     def _add(self, index: int, course: CourseStructure, record: _Record) -> None:
         """Add what the library has written to the solution, and give the last slopes to the stepper."""

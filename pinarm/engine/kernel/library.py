@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,21 @@ class Flow:
 
     def ready(self) -> None:
         """Bring the system to the present state of the motion."""
+
+    def slope(self, y: Array) -> Array:
+        """Return the slope of a state [q, v], shape (nq + nv,)."""
+        rates, state, slope, places = self._evaluation
+        state[:] = y
+        self.ready()
+        rates(self.structure.system, 0.0, *places)
+        return slope.copy()
+
+    @cached_property
+    def _evaluation(self) -> tuple[Any, Array, Array, tuple[int, int]]:
+        """The function of the library, its buffers for a state and its slope, and their addresses."""
+        kind = ctypes.PYFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
+        state, slope = np.zeros((2, self.structure.n))
+        return kind(self.structure.rates), state, slope, (pointer(state), pointer(slope))
 
     def held(self, starts: Sequence[float]) -> HeldStructure:
         """Return the numbers that were others in each of some steps, by their starts [s]; mostly none."""

@@ -38,6 +38,7 @@ class Tied(NamedTuple):
         places: Their placements there.
         along: Directions e of its rows, shape (k, 3).
         about: Directions w, shape (k, 3).
+        weights: What rows have of velocities beside: of couplings, shape (k, nv); nothing of loop joints.
     """
 
     kind: int
@@ -45,6 +46,13 @@ class Tied(NamedTuple):
     places: tuple[pin.SE3, pin.SE3]
     along: Array
     about: Array
+    weights: Array | None = None
+
+    @classmethod
+    def coupling(cls, weights: Array) -> Tied:
+        """Return the coupling whose row has these weights of velocities, shape (nv,)."""
+        nothing, here = np.zeros((1, 3)), pin.SE3.Identity()
+        return cls(LOWER, (0, 0), (here, here), nothing, nothing, weights[None])
 
 
 class LoadedLoops(NamedTuple):
@@ -79,13 +87,13 @@ class CompiledLoops:
 
     def loaded(self, loaded: LoadedTree) -> LoadedLoops | None:
         """Return the tree under its loads with its loops; ``None`` where a number is none."""
-        if not loops_are_sound(self._records, len(self.tree.links)):
+        if not loops_are_sound(self._records, len(self.tree.links)) or not np.isfinite(self._weights).all():
             return None
         model, rows = self.tree.model, len(self._first)
         sizes = np.arange(rows) - self._first + 1
         places, stored = (self._first, np.cumsum(sizes) - np.arange(rows) - 1), int(sizes.sum())
         entries = np.zeros(stored), np.zeros(stored)
-        known = self._records, self._paths, self._velocities, np.zeros(len(self.tied), LOOP_STATE)
+        known = self._records, self._paths, self._velocities, self._weights, np.zeros(len(self.tied), LOOP_STATE)
         buffers = (
             np.zeros((model.njoints, MOST_ROWS), FORCE), np.zeros((len(self._velocities), MOST_ROWS)),
             np.zeros((model.nv, MOST_ROWS)), np.zeros(model.nv), *(np.zeros(rows) for _ in range(3)),
@@ -101,7 +109,25 @@ class CompiledLoops:
     def _links(self) -> list[Indices]:
         """Links that move either frame of each loop joint, children before their parents."""
         supports = [np.array(one.tolist(), np.intp) - 1 for one in self.tree.model.supports]
-        return [np.union1d(*(supports[joint] for joint in one.joints))[:0:-1] for one in self.tied]
+        return [np.unique(np.concatenate([supports[joint] for joint in self._joints(one)]))[:0:-1] for one in self.tied]
+
+    def _joints(self, one: Tied) -> list[int]:
+        """Return the joints at whose links a loop joint is, or that a coupling couples."""
+        if one.weights is None:
+            return [*one.joints]
+        joints = enumerate(self.tree.model.joints)
+        moved = [k for k, joint in joints if k and one.weights[:, joint.idx_v : joint.idx_v + joint.nv].any()]
+        return [*one.joints, *moved]
+
+    @cached_property
+    def _weights(self) -> Array:
+        """What the rows of each have of the velocities that move it, shape (sum of these, MOST_ROWS)."""
+        found = np.zeros((len(self._velocities), MOST_ROWS))
+        ends = np.cumsum([len(moved) for moved in self._moved])
+        for end, one, moved in zip(ends, self.tied, self._moved, strict=True):
+            if one.weights is not None:
+                found[end - len(moved) : end, : len(one.weights)] = one.weights[:, moved].T
+        return found
 
     @cached_property
     def _paths(self) -> NDArray[np.intc]:

@@ -90,7 +90,8 @@ class ConstraintsStructure(ctypes.Structure):
 
     _fields_ = [
         ("tree", POINTER), *((name, INT) for name in ("loops", "path_length", "support_length")),
-        *((name, POINTER) for name in ("loop", "path", "dof", "loop_state")), ("delassus", SkylineStructure),
+        *((name, POINTER) for name in ("loop", "path", "dof", "weight_of", "loop_state")),
+        ("delassus", SkylineStructure),
         *((name, POINTER) for name in ("carried", "reduced", "spread", "weight", "right", "multiplier", "before")),
     ]  # fmt: skip
 

@@ -6,7 +6,7 @@ Pinocchio judges it: before the first step the accelerations of the two are comp
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -52,6 +52,18 @@ DEGREES = 1
 DISAGREES = "the compiled kernel is not used: its accelerations differ from Pinocchio's by {:.1e}"
 
 
+class LoadedTree(NamedTuple):
+    """A tree with its loads, for the library.
+
+    Attributes:
+        structure: The C structure.
+        arrays: What it points to.
+    """
+
+    structure: TreeStructure
+    arrays: tuple[NDArray[Any], ...]
+
+
 @dataclass(frozen=True, eq=False)
 class HeldFlow(Flow):
     """The free motion of a tree under loads that are held between samples: they are written where the library reads.
@@ -59,15 +71,17 @@ class HeldFlow(Flow):
     Attributes:
         loads: The loads.
         steady: The sum of the steady loads [N*m or N], shape (nv,).
+        tree: The tree that they act on.
     """
 
     loads: HeldLoad
     steady: Array = field(repr=False)
+    tree: LoadedTree = field(repr=False)
 
     @cached_property
     def _efforts(self) -> Array:
         """What acts along each velocity, where the library reads it, shape (nv,)."""
-        efforts: Array = self.system.arrays[DEGREES]["effort"]
+        efforts: Array = self.tree.arrays[DEGREES]["effort"]
         return efforts
 
     def ready(self) -> None:
@@ -81,18 +95,6 @@ class HeldFlow(Flow):
         structure = HeldStructure(efforts.ctypes.data, efforts.strides[0] // 8, len(efforts), pointer(values))
         structure.rows = values  # kept as long as the structure
         return structure
-
-
-class LoadedTree(NamedTuple):
-    """A tree with its loads, for the library.
-
-    Attributes:
-        structure: The C structure.
-        arrays: What it points to.
-    """
-
-    structure: TreeStructure
-    arrays: tuple[NDArray[Any], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +133,7 @@ class CompiledTree:
         n = self.model.nq + self.model.nv
         places = address(compiled.tree_rates), None, pointer(NO_FLOOR), ctypes.addressof(tree.structure)
         structure = FlowStructure(n, *places)
-        return HeldFlow(structure, tree, held[0], steady) if held else Flow(structure, tree)
+        return HeldFlow(structure, tree, held[0], steady, tree) if held else Flow(structure, tree)
 
     def loaded(self, steady: Array, changing: Sequence[ForceElement]) -> LoadedTree | None:
         """Return the tree with its loads; ``None`` where the library does not know one of them, or a number is none."""
@@ -174,25 +176,25 @@ class CompiledTree:
         return degrees
 
 
-def rates(flow: Flow, y: Array) -> Array:
-    """Return the slope of a state [q, v], shape (nq + nv,)."""
-    state, slope = np.array(y, float), np.empty(len(y))
-    flow.ready()
-    function = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
-    function(flow.structure.rates)(flow.structure.system, 0.0, pointer(state), pointer(slope))
-    return slope
-
-
-def disagreement(model: pin.Model, flow: Flow, acceleration: Acceleration) -> float:
+def disagreement(
+    model: pin.Model, flow: Flow, acceleration: Acceleration,
+    onto: Callable[[Array, Array], tuple[Array, Array]] = lambda q, v: (q, v),
+) -> float:  # fmt: skip
     """Return the largest difference of a flow's accelerations to those of another route, relative to ``|a| + |v|^2``.
 
     They are compared in states of no special kind, whose coordinates and velocities are about 1, the same every time.
+
+    Args:
+        model: Pinocchio's model.
+        flow: The motion in compiled code.
+        acceleration: The other route.
+        onto: Brings a state onto the constraints.
     """
     k, differences = np.arange(model.nv), []
     for i in range(STATES):
         q = pin.integrate(model, pin.neutral(model), np.sin(1.0 + 7.1 * i + 1.3 * k))
-        v = np.cos(2.0 + 3.7 * i + 2.9 * k)
+        q, v = onto(q, np.cos(2.0 + 3.7 * i + 2.9 * k))
         expected = acceleration(0.0, q, v)
-        apart = rates(flow, np.concatenate([q, v]))[model.nq :] - expected
+        apart = flow.slope(np.concatenate([q, v]))[model.nq :] - expected
         differences.append(float(np.linalg.norm(apart) / (np.linalg.norm(expected) + v @ v)))
     return float(np.max(differences))

@@ -20,7 +20,12 @@ from pinarm.mechanics.control.controller import Controller
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.laws.motion_law import Grid
 
-VOLT, AMPERE = unit("V"), unit("A")
+UNITS = {
+    "voltage": unit("V"),
+    "current": unit("A"),
+    **dict.fromkeys(("torque", "margin", "continuous_margin"), unit("N*m")),
+}
+"""Units of what is told of motors."""
 
 
 def recorded(controls: Controls, motion: SegmentedMotion) -> SegmentedMotion:
@@ -101,9 +106,9 @@ def _columns(
         measured = one.measure(q, v)
         for i, (drive, joint) in enumerate(zip(one.drives, one.joints, strict=True)):
             effort = effort_unit(joint)
-            units = {"effort": effort, "command": VOLT if one.voltage or "current" in part else effort,
-                     "voltage": VOLT, "current": AMPERE}  # fmt: skip
-            rows = {name: (units[name], values[:, i]) for name, values in part.items()}
+            units = {**UNITS, "effort": effort, "command": UNITS.get(one.supply, effort)}
+            told = {name: values[:, i] for name, values in part.items()}
+            rows = {name: (units[name], values) for name, values in told.items() if not np.isnan(values).all()}
             k = one.followed(drive)
             if k is not None:
                 rows["reference"] = one.signals[k].unit, reference[:, k, 0]

@@ -174,6 +174,10 @@ class HybridSystem:
             v = velocity_with_rates(initial, self.closure, self.prescribed, whole_q[0], self.cuts[:2])
             given = replace(initial, q=whole_q[0], v=v, velocities=tuple(range(len(v))))
             whole_q, whole_v = system.whole(start, *(x[None] for x in system.begin(given, *self.cuts[:2])))
+        for rotor, coordinate, position, velocity in initial.followers:
+            state = self.closure.state(whole_q[0])
+            whole_q[0, rotor.q] = coordinate.value(state) if position else whole_q[0, rotor.q]
+            whole_v[0, rotor.v] = coordinate.row(state) @ whole_v[0] if velocity else whole_v[0, rotor.v]
         for bound in self.bounds:
             if bound.gap(whole_q[0]) < -bound.slack:
                 raise InputError(
@@ -420,7 +424,7 @@ class HybridSystem:
         return steps_over if forces else None
 
     def _watched(self, mode: Mode, system: System, q: Array, v: Array) -> list[tuple[Key, Watch]]:
-        """Return the events, and what ends a segment: stops that are hit or let go, joints that stick or break loose.
+        """Return the events, and what ends a segment: stops that are hit or let go, edges of loads, joints that stick.
 
         A joint that leaves its stop from rest does so slower than rounding at first: it is given some slack.
         """
@@ -432,6 +436,8 @@ class HybridSystem:
                 found.append((("released", k), Watch(partial(self.push, system, k), -1, stops=True)))
             else:
                 found.append((("hit", k), Watch(partial(_gap, bound, slack), -1, stops=True)))
+        edges = (edge for force in self.dynamics.forces.values() for edge in force.edges())
+        found += [(("edge", k), Watch(edge, 0, stops=True)) for k, edge in enumerate(edges)]
         if self.frictions:
             switches = self.friction(mode.held).watches(mode.slip, system)  # type: ignore[arg-type]
             found += [(("slip", index), watch) for index, watch in switches]
@@ -461,7 +467,7 @@ class HybridSystem:
 
 
 Key = str | tuple[str, int]
-"""Name of an event of the user, or what ends a segment: one of ``CAUSES``, and which one it is."""
+"""Name of an event of the user, or what ends a segment: one of ``CAUSES``, or an ``edge``, and which one it is."""
 
 CAUSES = ("hit", "released", "slip", "control")
 """Fields of ``SegmentEnd`` that tell why a segment ended."""

@@ -47,6 +47,8 @@ class EventRecord:
 class Trajectory:
     """States of a mechanism, a row each: of one motion, of a path of positions, or each of its own.
 
+    Of variants of a mechanism arrays have an axis after the first, of length k, or 1 where all are alike.
+
     Attributes:
         mechanism: What moves.
         parameter: Name of what runs along the rows: ``t``, the coordinate that is swept, or ``row`` for their number.
@@ -115,6 +117,11 @@ class Trajectory:
         return len(self.grid.t)
 
     @property
+    def row_axes(self) -> tuple[int, ...]:
+        """Shape of what is the same in all variants, (n,), or (n, 1) where there are several."""
+        return len(self), *(1,) * (self.q.ndim - 2)
+
+    @property
     def numbered(self) -> bool:
         """Whether the rows are only numbered, ``row``: there is nothing between them."""
         return self.parameter == ROW
@@ -170,13 +177,26 @@ class Trajectory:
             if coupling.coordinate.weights[joint]
         }
 
+    def rotor_at(self, joint: int) -> str | None:
+        """Return the drive whose motor moves a joint by a rotor that is one of its own, by the joint's index in v."""
+        mechanism, driven = self.mechanism, self.driven
+        for name, drive in mechanism.drives.items():
+            if drive.joint and drive.turns_rotor and mechanism.joints[drive.joint].v == joint and driven is not None:
+                return name if driven[mechanism.driven_joint(name).v] and not driven[joint] else None
+        return None
+
     def effort(self, joint: int) -> Array:
         """Return the effort along a joint [N*m or N], by its index in v, shape (n,).
 
-        That of its drive; of a joint without one, what couplings do along it: ``sum_k w_k lam_k``.
+        That of its drive; of a joint without one, what couplings do along it: ``sum_k w_k lam_k``. Where a motor acts
+        on a rotor that is a joint of its own, what the gear gives: ``tau - N^2 J a`` of the rotor less losses.
         """
+        if (drive := self.rotor_at(joint)) is not None:
+            rotor, friction = self.mechanism.driven_joint(drive).v, self.columns.get(f"drive.{drive}.friction")
+            given = self.tau[:, rotor] - self.mechanism.drives[drive].armature * self.a[:, rotor]
+            return given if friction is None else given + friction.values
         if not (acting := self.couplings_at(joint)):
-            return self.tau[:, joint]
+            return self.tau[..., joint]
         lam, places = np.asarray(self.lam), self.closure.slices()
         return np.asarray(sum(weight * lam[:, places[name].start] for name, weight in acting.items()))
 

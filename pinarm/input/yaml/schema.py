@@ -140,6 +140,7 @@ Inertia, Mass = quantity("kg*m^2", least=0.0), quantity("kg", least=0.0)
 Span, Lead, Position, Tension = quantity("m", above=0.0), quantity("m"), quantity("m"), quantity("N", least=0.0)
 LoadRating, ServiceSpeed = quantity("N", above=0.0), quantity("rad/s", above=0.0)
 Stiffness, Damping = quantity("N/m", least=0.0), quantity("N*s/m", least=0.0)
+MotorSpeed, MotorTorque = quantity("rad/s", least=0.0), quantity("N*m", least=0.0)
 Resistance, Inductance, TorqueConstant = quantity("ohm", above=0.0), quantity("H", least=0.0), quantity("N*m/A")
 RotationStiffness, RotationDamping = quantity("N*m/rad", least=0.0), quantity("N*m*s/rad", least=0.0)
 

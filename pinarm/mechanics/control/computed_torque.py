@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from pinarm.arrays import Array
 from pinarm.errors import InputError, within
 from pinarm.input.units import unit
@@ -12,8 +14,6 @@ from pinarm.input.yaml.schema import AnyQuantity, check_unit
 from pinarm.mechanics.control.controller import Controller, Given, Plant
 from pinarm.mechanics.control.definition import ControlDefinition, measured, references
 from pinarm.mechanics.laws import Law
-
-VOLT = unit("V")
 
 
 class ComputedTorque(ControlDefinition, frozen=True, kw_only=True, tag_field="kind", tag="computed_torque"):
@@ -48,13 +48,17 @@ class ComputedTorque(ControlDefinition, frozen=True, kw_only=True, tag_field="ki
             with within(key):
                 check_unit(getattr(self, key), unit(per))
         with within("drive"):
-            if any(commanded == VOLT for commanded in self.units(plant)):
-                raise InputError("a drive with a motor takes a voltage, not an effort", expected="a drive without one",
+            effects = [plant.gain(name) for name in self.drives]
+            if None in effects:
+                raise InputError("a drive with a motor takes a voltage, not an effort",
+                                 expected="a drive without one, or an ideal motor",
                                  hint="kind: pid, or the joint's name in place of the drive's")  # fmt: skip
             inverse = plant.inverse(joints)
         bounds, sampling = self.bounds(self.units(plant)), self.sampling(signals)
-        gains = float(self.kp), float(self.kd)
-        return ComputedTorqueController(tuple(self.drives), joints, signals, laws, *bounds, sampling, *gains, inverse)
+        gains, gain = (float(self.kp), float(self.kd)), np.array(effects, float)
+        return ComputedTorqueController(
+            tuple(self.drives), joints, signals, laws, *bounds, sampling, *gains, gain, inverse
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,15 +68,17 @@ class ComputedTorqueController(Controller):
     Attributes:
         kp: Acceleration per error [1/s^2].
         kd: Acceleration per rate of the error [1/s].
+        gain: Effort at the joint per command of each drive, shape (k,): 1, or the ratio of the gear behind a motor.
         inverse: ``(t, q, v, a) -> efforts`` of the drives; see ``Plant.inverse``.
     """
 
     kp: float
     kd: float
+    gain: Array = field(repr=False)
     inverse: Callable[[Array | float, Array, Array, Array], Array] = field(repr=False)
 
     def command(self, given: Given) -> Array:
         """Return the efforts of the accelerations ``r'' + kd e' + kp e``."""
         error = given.error
         wanted = given.reference[..., 2] + self.kd * error[..., 1] + self.kp * error[..., 0]
-        return self.inverse(given.t, given.q, given.v, wanted)
+        return self.inverse(given.t, given.q, given.v, wanted) / self.gain

@@ -37,7 +37,11 @@ class Plant(Protocol):
         ...
 
     def command_unit(self, name: str) -> Unit:
-        """Return the unit of the command of a drive: volts in front of a motor, else that of efforts at its joint."""
+        """Return the unit of the command of a drive: that of its motor, else that of efforts at its joint."""
+        ...
+
+    def gain(self, name: str) -> float | None:
+        """Return the effort at the joint per command of a drive; ``None`` where commands do not determine efforts."""
         ...
 
     def signal(self, name: str) -> Signal:
@@ -140,7 +144,7 @@ class Controller(ABC):
         lower: Least efforts [N*m or N], shape (k,).
         upper: Largest efforts, shape (k,).
         sampling: When it acts; ``None`` for a continuous one.
-        voltage: Whether it commands the voltage of a motor, not an effort.
+        supply: What it commands in place of efforts: ``voltage`` or ``torque`` of motors; see ``mechanics.motors``.
     """
 
     drives: tuple[str, ...]
@@ -150,7 +154,7 @@ class Controller(ABC):
     lower: Array = field(repr=False)
     upper: Array = field(repr=False)
     sampling: Sampling | None
-    voltage: bool = field(default=False, kw_only=True)
+    supply: str = field(default="", kw_only=True)
 
     def parts(self, given: Given) -> dict[str, Array]:
         """Return what a continuous controller does: ``effort`` of its drives, and what else is told, (..., k) each."""

@@ -12,7 +12,7 @@ from pinarm.arrays import Array
 from pinarm.errors import InputError, choices, within
 from pinarm.input.units import Unit, unit
 from pinarm.input.yaml.schema import AnyQuantity, InputStruct, NotNegative, check_unit
-from pinarm.mechanics.coordinates import Coordinate
+from pinarm.mechanics.coordinates import Coordinate, LinearCoordinate
 from pinarm.mechanics.forces.force_element import ElementQuantity, ForceElement
 from pinarm.mechanics.geometry.kinematics import Kinematics
 from pinarm.mechanics.geometry.link_placements import LinkPlacements
@@ -61,6 +61,9 @@ class AlongCoordinate(ForceElement):
 
     def _evaluated(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return w, shape (...), and J, shape (..., nv)."""
+        if isinstance(self.coordinate, LinearCoordinate):
+            weights = self.coordinate.weights
+            return np.asarray(q[..., self.coordinate.places] @ weights), np.broadcast_to(weights, v.shape)
         states = [Kinematics.at(self.model, one) for one in q.reshape(-1, q.shape[-1])]
         w = np.array([self.coordinate.value(state) for state in states])
         rows = np.array([self.coordinate.row(state) for state in states])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -13,6 +13,9 @@ from pinarm.arrays import Array, Indices
 from pinarm.errors import InputError
 from pinarm.input.units import Unit
 from pinarm.mechanics.laws.motion_law import MotionLaw
+
+Edge = Callable[[Array, Array, Array], Array]
+"""``(t, q, v) -> `` a value of n states, shape (n,), whose zeros are where a load stops being smooth."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +88,11 @@ class ForceElement(ABC):
         """Return the laws over time that the load follows; it may jump where they do."""
         return []
 
+    @property
+    def jumps(self) -> bool:
+        """Whether the load may jump at some instants, so that it is another one before than after: see ``on``."""
+        return bool(self.laws()) or self.held is not None
+
     def on(self, start: float, end: float) -> ForceElement:
         """Return the element as it is on an interval of time in which no law jumps."""
         return self
@@ -102,6 +110,10 @@ class ForceElement(ABC):
             v: Velocities, shape (n, nv).
         """
         return False
+
+    def edges(self) -> Sequence[Edge]:
+        """Return where the load stops being smooth, if these instants are to be located: steps end there."""
+        return ()
 
     def within(self, kept_q: Indices, kept_v: Indices) -> ForceElement | None:
         """Return the element as it acts on a part of the mechanism, whose other joints are at rest.

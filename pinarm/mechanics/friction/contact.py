@@ -188,7 +188,9 @@ def slip_rows(model: pin.Model, contacts: Sequence[FrictionContact], q: Array) -
         fixed = np.eye(model.nv)[[contact.v for contact in contacts if isinstance(contact, JointContact)]]
         return np.broadcast_to(fixed, (len(q), *fixed.shape))
     states = (Kinematics.at(model, row) for row in q)
-    return np.array([[contact.row(state) for contact in contacts] for state in states]).reshape(len(q), -1, model.nv)
+    return np.array([[contact.row(state) for contact in contacts] for state in states]).reshape(
+        len(q), len(contacts), model.nv
+    )
 
 
 def slip_drifts(model: pin.Model, contacts: Sequence[FrictionContact], q: Array, v: Array) -> Array:
@@ -196,4 +198,4 @@ def slip_drifts(model: pin.Model, contacts: Sequence[FrictionContact], q: Array,
     if all(isinstance(contact, JointContact) for contact in contacts):
         return np.zeros((len(q), len(contacts)))
     states = (Kinematics.at(model, *row) for row in zip(q, v, strict=True))
-    return np.array([[contact.drift(state) for contact in contacts] for state in states]).reshape(len(q), -1)
+    return np.array([[contact.drift(state) for contact in contacts] for state in states]).reshape(len(q), len(contacts))

@@ -11,13 +11,10 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from pinarm.arrays import Array
-from pinarm.engine.constraints.closure import Closure
 from pinarm.engine.control.controlled_system import CONTROL
 from pinarm.engine.control.controls import Controls
 from pinarm.engine.control.schedule import require_action, require_few_samples
 from pinarm.engine.dynamics.dynamics import Dynamics
-from pinarm.engine.dynamics.equation import solve
-from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.mechanism import Mechanism
 from pinarm.engine.motion.trajectory import Trajectory
 from pinarm.errors import InputError, Place, choices, nowhere, within
@@ -29,7 +26,8 @@ from pinarm.mechanics.coordinates import LinearCoordinate
 from pinarm.mechanics.forces.joint_definitions import effort_unit
 from pinarm.mechanics.joints import Joint
 from pinarm.mechanics.laws.motion_law import Grid, MotionLaw
-from pinarm.mechanics.motors import Winding
+from pinarm.mechanics.motors import MotorDefinition
+from pinarm.problems.actuation.inverses import InverseOfLoops, InverseOfTree, inverse_of_couplings
 
 if TYPE_CHECKING:
     from pinarm.engine.quantities.names import Quantities
@@ -85,7 +83,14 @@ class MechanismPlant:
     def command_unit(self, name: str) -> Unit:
         """Return the unit of the command of a drive; see ``Plant``."""
         drive = self.mechanism.drives.get(name)
-        return unit("V") if drive is not None and drive.motor else effort_unit(self.drive(name))
+        return drive.motor.command if drive is not None and drive.motor else effort_unit(self.drive(name))
+
+    def gain(self, name: str) -> float | None:
+        """Return the effort at the joint per command of a drive; see ``Plant``."""
+        drive = self.mechanism.drives.get(name)
+        if drive is None or drive.motor is None:
+            return 1.0
+        return drive.ratio if drive.motor.supply == "torque" else None
 
     def signal(self, name: str) -> Signal:
         """Return a coordinate that can be measured; see ``Plant``."""
@@ -136,7 +141,9 @@ class MechanismPlant:
         names = [joint.name for joint in joints]
         closure = mechanism.closure
         if not closure.size and len(joints) == mechanism.model.nv:
-            return _InverseOfTree(self.dynamics, np.array([joint.v for joint in joints]))
+            return InverseOfTree(self.dynamics, np.array([joint.v for joint in joints]))
+        if not self.laws and (coupled := inverse_of_couplings(self.dynamics, closure, joints)) is not None:
+            return coupled
         guided = [*self.laws, *names]
         rows = closure.with_guides(guided, [mechanism.coordinate(name) for name in guided])
         here = rows.split(rows.rows(rows.state(self._start)))
@@ -144,60 +151,7 @@ class MechanismPlant:
         if len(here.values) < len(own.values) + len(guided):
             raise InputError(f"{', '.join(guided)} do not move independently",
                              expected="as many drives as move independently")  # fmt: skip
-        return _InverseOfLoops(self.dynamics, rows, tuple(self.laws.values()), len(joints))
-
-
-@dataclass(frozen=True, eq=False)
-class _InverseOfTree:
-    """Inverse dynamics of an open chain whose joints are all driven: ``M a + nle - loads``."""
-
-    dynamics: Dynamics
-    order: Array
-
-    def __call__(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
-        """Return the efforts of the drives, shape (..., k)."""
-        whole = np.empty_like(v)
-        whole[..., self.order] = a
-        if q.ndim > 1:
-            return np.asarray(self.dynamics.inverse(t, q, v, whole)[:, self.order])
-        import pinocchio as pin
-
-        here = self.dynamics
-        efforts = pin.rnea(here.model, here.data, q, v, whole)
-        return np.asarray((efforts - here.loads(t, q, v) if here.forces else efforts)[self.order])
-
-
-@dataclass(frozen=True, eq=False)
-class _InverseOfLoops:
-    """Inverse dynamics where other joints follow: ``M a + nle = loads + G^T lam``, see ``dynamics.equation``.
-
-    Attributes:
-        dynamics: The equation of motion.
-        rows: G: the constraints, coordinates that follow laws, and at the end the drives.
-        laws: Of these coordinates.
-        count: Number of drives.
-    """
-
-    dynamics: Dynamics
-    rows: Closure
-    laws: tuple[MotionLaw, ...]
-    count: int
-
-    def __call__(self, t: Array | float, q: Array, v: Array, a: Array) -> Array:
-        """Return the efforts of the drives, shape (..., k)."""
-        if q.ndim == 1:
-            return self._state(float(t), q, v, a)
-        times = np.broadcast_to(np.asarray(t, float), len(q)).tolist()
-        return np.array([self._state(*state) for state in zip(times, q, v, a, strict=True)]).reshape(len(q), self.count)
-
-    def _state(self, t: float, q: Array, v: Array, a: Array) -> Array:
-        state, wanted = self.rows.state(q, v), [law.on(t, t)(np.array([t]))[2][0] for law in self.laws]
-        right = -self.rows.drift(state)
-        right[len(right) - self.count - len(wanted) :] += [*wanted, *a]
-        split, mass = self.rows.split(self.rows.rows(state)), mass_matrix(self.dynamics.model, q)
-        force = -self.dynamics.inverse(t, q[None], v[None], np.zeros((1, len(v))))[0]
-        moved = solve(split, mass, force, right)
-        return split.multipliers(mass @ moved - force)[-self.count :]
+        return InverseOfLoops(self.dynamics, rows, tuple(self.laws.values()), len(joints))
 
 
 def bind_controls(
@@ -247,23 +201,36 @@ def _places(mechanism: Mechanism, place: Place) -> Callable[[int], AbstractConte
 def _with_motors(
     controllers: Sequence[Controller], mechanism: Mechanism, places: Callable[[int], AbstractContextManager[None]]
 ) -> list[Controller]:
-    """Return controllers with the motors behind those that command voltages."""
+    """Return controllers with the motors behind those that command their voltages or torques."""
     found, place = list[Controller](), 0
     for number, one in enumerate(controllers):
-        motors = [mechanism.drives[drive].motor for drive in one.drives if drive in mechanism.drives]
-        motor = next((each for each in motors if each is not None), None)
-        if motor is not None and len(one.drives) > 1:
-            with places(number), within("drive"):
-                raise InputError(f"{', '.join(one.drives)} have one controller, and a motor among them takes a voltage",
-                                 expected="a controller of its own for each drive with a motor")  # fmt: skip
-        if motor is None:
-            found.append(one)
-        else:
-            source = replace(one, voltage=True)
-            behind = MotorController.of(source, Winding(motor, mechanism.drives[one.drives[0]].ratio), place)
+        with places(number), within("drive"):
+            motors = _motors(one.drives, mechanism)
+        if motors:
+            source = replace(one, supply=next(iter(motors.values())).supply)
+            actuators = [motor.behind(mechanism.drives[drive].ratio) for drive, motor in motors.items()]
+            behind = MotorController.of(source, actuators, place)
             found += [source, behind] if one.sampling else [behind]
+        else:
+            found.append(one)
         place += len(one.joints) if one.sampling else 0
     return found
+
+
+def _motors(drives: Sequence[str], mechanism: Mechanism) -> dict[str, MotorDefinition]:
+    """Return the motors of the drives of one controller, by drive; none where they have none.
+
+    Raises:
+        InputError: They are of different kinds, or some drives have none.
+    """
+    known = {drive: mechanism.drives[drive].motor for drive in drives if drive in mechanism.drives}
+    motors: dict[str, MotorDefinition] = {drive: motor for drive, motor in known.items() if motor is not None}
+    if motors and (len(motors) < len(drives) or len({motor.supply for motor in motors.values()}) > 1):
+        raise InputError(
+            f"{', '.join(drives)} have one controller, but not motors of one kind",
+            expected="motors of one kind for all drives of a controller, or a controller for each",
+        )
+    return motors
 
 
 def _require_own_joints(controllers: Sequence[Controller]) -> None:

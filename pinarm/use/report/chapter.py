@@ -14,7 +14,7 @@ from pinarm.use.report.mechanism_tables import mechanism_tables, mobility_words
 from pinarm.use.report.origin import Origin
 from pinarm.use.report.question import QUESTIONS, question
 from pinarm.use.report.tables import ReportTable, number, unit_text, with_unit
-from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, RESIDUALS
+from pinarm.use.result.measures import CLOSURES, COSTS, MEASURES, PATHS, RESIDUALS
 from pinarm.use.result.presentation import Presentation
 from pinarm.use.show.chart import Chart
 from pinarm.use.show.plot import graph, plot
@@ -249,7 +249,7 @@ def _verdicts(result: Result) -> tuple[ReportTable | None, list[str]]:
 
 def _accuracy(result: Result) -> ReportTable:
     """Return the figures that tell the accuracy of a run, and what they mean."""
-    few = {**RESIDUALS, **CLOSURES}
+    few = {**RESIDUALS, **CLOSURES, **PATHS}
     rows = [[name, f"{value:.1e}" if name in few else f"{value:.6g}", MEASURES[name]]
             for name, value in result.figures.items() if name in MEASURES]  # fmt: skip
     rows += [[name, f"{value:.0f}", "cost"] for name, value in result.figures.items() if name in COSTS]

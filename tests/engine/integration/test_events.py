@@ -11,7 +11,7 @@ from pinarm.engine.integration.methods.explicit import Adaptive
 
 LINE = Flat(1, 1)
 TIGHT = Adaptive(1e-11)
-LOOSE = {"tolerance": 1e-9, "step": 1e-3}
+LOOSE = {"tolerance": 1e-9, "step": 4e-3}
 
 
 def oscillator(end, watches, method=TIGHT):

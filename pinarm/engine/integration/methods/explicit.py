@@ -233,8 +233,10 @@ class Stages:
         self.slopes[0] = self.rates(t, self.y)
 
     def rates(self, t: float, y: Array) -> Array:
-        """Return the slope of a state."""
-        nq = self.manifold.nq
+        """Return the slope of a state, in compiled code where states need not be settled."""
+        compiled, nq = self.interval.compiled, self.manifold.nq
+        if compiled is not None and not compiled.settles:
+            return compiled.slope(y)
         q, v = self.manifold.project(y[:nq]), y[nq:]
         return np.concatenate([self.manifold.velocity(q, v), self.interval.acceleration(t, q, v)])
 

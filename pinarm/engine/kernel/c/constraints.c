@@ -26,7 +26,7 @@ static void reduce(const constraints *c, const loop *l, const loop_state *s, pas
     for (int i = 0; i < 2; i++)
         for (int r = 0; r < l->rows && l->link[i] >= 0; r++)
             accumulate_force(&c->carried[l->link[i] * MOST_ROWS + r], into_parent(&l->frame[i], &s->on[i][r]));
-    double *row = c->reduced + (ptrdiff_t)l->support * MOST_ROWS;
+    ptrdiff_t row = (ptrdiff_t)l->support * MOST_ROWS;
     for (int n = 0; n < l->links; n++) {
         const int i = c->path[l->path + n], parent = t->link[i].parent;
         const int first = t->link[i].v, count = joint_velocities(t->link[i].kind);
@@ -34,8 +34,8 @@ static void reduce(const constraints *c, const loop *l, const loop_state *s, pas
             force f = c->carried[i * MOST_ROWS + r];
             c->carried[i * MOST_ROWS + r] = (force){{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
             for (int k = 0; k < count; k++) {
-                const double x = power(&t->degree[first + k].s, &f);
-                row[k * MOST_ROWS + r] = x;
+                const double x = power(&t->degree[first + k].s, &f) + c->weight_of[row + k * MOST_ROWS + r];
+                c->reduced[row + k * MOST_ROWS + r] = x;
                 f = pass(t, first + k, f, x);
             }
             if (parent >= 0)
@@ -73,19 +73,15 @@ static void multiply(const constraints *c, int i) {
 void constraints_delassus(const constraints *c) {
     for (int k = 0; k < c->tree->nv; k++)
         c->weight[k] = c->tree->degree_state[k].inverse;
-    for (int i = 0; i < c->loops; i++) {
-        reduce(c, &c->loop[i], &c->loop_state[i], articulately);
-        multiply(c, i);
-    }
+    for (int i = 0; i < c->loops; i++)
+        reduce(c, &c->loop[i], &c->loop_state[i], articulately), multiply(c, i);
 }
 
 void constraints_squares(const constraints *c) {
     for (int k = 0; k < c->tree->nv; k++)
         c->weight[k] = 1.0;
-    for (int i = 0; i < c->loops; i++) {
-        reduce(c, &c->loop[i], &c->loop_state[i], rigidly);
-        multiply(c, i);
-    }
+    for (int i = 0; i < c->loops; i++)
+        reduce(c, &c->loop[i], &c->loop_state[i], rigidly), multiply(c, i);
 }
 
 void constraints_place(const constraints *c, const double *q, const double *v) {
@@ -95,11 +91,16 @@ void constraints_place(const constraints *c, const double *q, const double *v) {
         loop_place(c->tree, &c->loop[i], &c->loop_state[i]);
 }
 
-/* Write G a + G' v, of the accelerations that the links have; return the square of its length. */
-static double torn(const constraints *c, double *result) {
+/* Write G a + G' v of the accelerations a, which the links have; return the square of its length. */
+static double torn(const constraints *c, const double *a, double *result) {
     double square = 0.0;
-    for (int i = 0; i < c->loops; i++)
-        loop_accelerations(c->tree, &c->loop[i], &c->loop_state[i], result + c->loop[i].first);
+    for (int i = 0; i < c->loops; i++) {
+        const loop *l = &c->loop[i];
+        loop_accelerations(c->tree, l, &c->loop_state[i], result + l->first);
+        for (int n = l->support; n < l->support + l->degrees; n++)
+            for (int r = 0; r < l->rows; r++)
+                result[l->first + r] += c->weight_of[n * MOST_ROWS + r] * a[c->dof[n]];
+    }
     for (ptrdiff_t k = 0; k < c->delassus.rows; k++)
         square += result[k] * result[k];
     return square;
@@ -137,9 +138,9 @@ static void find_multipliers(const constraints *c, const proximal *p) {
 double constraints_accelerate(const constraints *c, const proximal *p, double *a) {
     constraints_delassus(c);
     tree_accelerate(c->tree, a);
-    torn(c, c->right);
+    torn(c, a, c->right);
     find_multipliers(c, p);
     constraints_load(c, c->multiplier, c->tree->tau);
     tree_accelerate(c->tree, a);
-    return torn(c, c->right);
+    return torn(c, a, c->right);
 }

@@ -16,6 +16,7 @@ typedef struct {
     int loops, path_length, support_length;
     const loop *loop;
     const int *path, *dof; /* links and velocities that move each loop joint, links in descending order */
+    const double *weight_of; /* MOST_ROWS for each entry of `dof`: what rows of couplings have of velocities */
     loop_state *loop_state;
     skyline delassus;      /* rows of all loop joints */
     force *carried;        /* MOST_ROWS for each link: forces of the rows on their way to the root; 0 between uses */

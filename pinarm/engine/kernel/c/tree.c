@@ -150,26 +150,24 @@ static void joint_accelerations(const tree *t, int i, const double *u, double *a
     }
 }
 
-/* Pass 3, from the root: a' = X a_p + c. Gravity is as if the world accelerated. */
-void tree_accelerate(const tree *t, double *a) {
-    const motion base = {scale(-1.0, t->gravity), {0.0, 0.0, 0.0}};
+/* Pass 3, from the root: a' = X a_p + c, where c counts, with the acceleration of the world. */
+static void accelerate(const tree *t, motion base, int moving, const double *u, double *a) {
     for (int i = 0; i < t->links; i++) {
         link_state *s = &t->link_state[i];
         const int parent = t->link[i].parent;
         s->acceleration = into_child(&s->in_parent, parent < 0 ? &base : &t->link_state[parent].acceleration);
-        accumulate_motion(&s->acceleration, s->product);
-        joint_accelerations(t, i, t->tau, a);
+        if (moving)
+            accumulate_motion(&s->acceleration, s->product);
+        joint_accelerations(t, i, u, a);
     }
 }
 
+void tree_accelerate(const tree *t, double *a) { /* gravity is as if the world accelerated */
+    accelerate(t, (motion){scale(-1.0, t->gravity), {0.0, 0.0, 0.0}}, 1, t->tau, a);
+}
+
 void tree_response(const tree *t, const double *u, double *x) {
-    const motion base = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
-    for (int i = 0; i < t->links; i++) {
-        link_state *s = &t->link_state[i];
-        const int parent = t->link[i].parent;
-        s->acceleration = into_child(&s->in_parent, parent < 0 ? &base : &t->link_state[parent].acceleration);
-        joint_accelerations(t, i, u, x);
-    }
+    accelerate(t, (motion){{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}}, 0, u, x);
 }
 
 void tree_coordinate_rates(const tree *t, double *q, const double *v, double *rates) {

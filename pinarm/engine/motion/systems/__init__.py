@@ -12,6 +12,7 @@ from pinarm.engine.dynamics.pinocchio_constraints import PointConstraints
 from pinarm.engine.integration.integrator import Flat
 from pinarm.engine.kinematics.prescribed import PrescribedCoordinates
 from pinarm.engine.motion.systems.constrained import ConstrainedSystem
+from pinarm.engine.motion.systems.coupled import CoupledSystem
 from pinarm.engine.motion.systems.free import FreeSystem
 from pinarm.engine.motion.systems.partitioned import FreeCoordinates, PartitionedSystem
 from pinarm.engine.motion.systems.point_constrained import PointSystem
@@ -55,7 +56,8 @@ def system_of(closure: Closure, dynamics: Dynamics, prescribed: PrescribedCoordi
     reduction = CoordinatePartition.of(closure.model, np.array(rows), held.names, given)
     nq, nv = len(reduction.free_q), len(reduction.free_v)
     if closure.model.nq == closure.model.nv:
-        return PartitionedSystem(held, reduction, Flat(nq, nv), closure)
+        partitioned = PartitionedSystem(held, reduction, Flat(nq, nv), closure)
+        return partitioned if linear else CoupledSystem(partitioned, dynamics.manifold)
     neutral = np.asarray(pin.neutral(closure.model))
     space = FreeCoordinates(dynamics.manifold, reduction, neutral, nq, nv)
     return PartitionedSystem(held, reduction, space, closure)

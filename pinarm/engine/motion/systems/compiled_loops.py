@@ -18,7 +18,6 @@ from pinarm.engine.dynamics.mass_matrix import mass_matrix
 from pinarm.engine.kernel.library import Flow, address, pointer
 from pinarm.engine.kernel.loops import LoadedLoops
 from pinarm.engine.kernel.structures import ClosingStructure, FlowStructure, LimitsStructure, ProximalStructure
-from pinarm.engine.kernel.tree import rates
 
 State = tuple[Array, Array]
 """Configuration, shape (nq,), and velocity, shape (nv,)."""
@@ -107,7 +106,7 @@ def disagreement(flow: Flow, model: pin.Model, dynamics: Dynamics, rows: Rows, s
     """
     worst = 0.0
     for q, v in states:
-        a, lam = rates(flow, np.concatenate([q, v]))[model.nq :], flow.system.loops.multipliers
+        a, lam = flow.slope(np.concatenate([q, v]))[model.nq :], flow.system.loops.multipliers
         load = dynamics.load()(0.0, q, v)
         nle, mass = np.array(pin.nonLinearEffects(model, dynamics.data, q, v)), mass_matrix(model, q)
         matrix, drift = rows(q, v)

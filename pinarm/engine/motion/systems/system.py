@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from pinarm.mechanics.laws.motion_law import Grid
 if TYPE_CHECKING:
     from pinarm.engine.integration.integrator import Interval, Manifold
     from pinarm.mechanics.coordinates import Coordinate
+    from pinarm.mechanics.joints import Joint
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +29,7 @@ class Initial:
         positions: Indices in v of the joints whose coordinates are given.
         velocities: Indices in v of the joints whose velocities are given.
         rates: Other coordinates whose rates are given, and these [rad/s or m/s].
+        followers: Rotors of elastic gears.
     """
 
     q: Array
@@ -35,6 +37,23 @@ class Initial:
     positions: tuple[int, ...] = ()
     velocities: tuple[int, ...] = ()
     rates: tuple[tuple[Coordinate, float], ...] = ()
+    followers: tuple[Follower, ...] = ()
+
+
+class Follower(NamedTuple):
+    """A rotor behind an elastic gear, which begins without deflection where nothing else is said.
+
+    Attributes:
+        rotor: Its joint.
+        coordinate: What it drives.
+        position: Whether it begins where that is.
+        velocity: Whether it begins as fast.
+    """
+
+    rotor: Joint
+    coordinate: Coordinate
+    position: bool
+    velocity: bool
 
 
 @dataclass(frozen=True, eq=False)

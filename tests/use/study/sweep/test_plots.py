@@ -1,12 +1,15 @@
 """Pictures of sweeps show the numbers of the table, the right way round."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 
 import pinarm
+from pinarm.use.study.sweep.sweep_text import ranges
 
 LONG = {"arguments.m": "1:3:9 kg", "arguments.l": "0.2:1:7 m"}
 

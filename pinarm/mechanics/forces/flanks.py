@@ -1,0 +1,89 @@
+"""Flanks with backlash between two sides of a gear: free travel, then a spring and damper that only push."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pinarm.arrays import Array
+from pinarm.mechanics.forces.along_coordinate import AlongCoordinate, SpringAlong
+from pinarm.mechanics.forces.breakpoints import Pieces
+from pinarm.mechanics.forces.force_element import Edge
+
+
+@dataclass(frozen=True, eq=False)
+class Flanks(AlongCoordinate):
+    """``effort = -max(k (w - h) + c w', 0)`` for w > h, its mirror image for w < -h, and 0 between.
+
+    Steps end where a flank is met or left and, with a damper, where it stops pushing.
+
+    Attributes:
+        spring: Stiffness k and damping c of the flanks.
+        half: h, half of the backlash [rad or m].
+    """
+
+    spring: SpringAlong
+    half: float
+
+    def effort(self, t: Array | float, w: Array, rate: Array) -> Array:
+        """Return the effort [N*m or N]."""
+        push = np.maximum(self._push(np.sign(w), w, rate), 0.0)
+        return np.asarray(np.where(np.abs(w) > self.half, -np.sign(w) * push, 0.0))
+
+    def _push(self, side: Array | float, w: Array, rate: Array) -> Array:
+        """Return what the flank on a side, 1 or -1, would push while it touches."""
+        return np.asarray(self.spring.stiffness * (side * w - self.half) + self.spring.damping * side * rate)
+
+    def potential_energy(self, q: Array) -> Array:
+        """Return ``k d^2 / 2`` of the compression d of a flank."""
+        return np.asarray(0.5 * self.spring.stiffness * self._compression(self._deflection(q)) ** 2)
+
+    def dissipated_power(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Return ``-(effort + k d) w'``: of the damper, and of a flank that is left before it has sprung back."""
+        w, rows = self._evaluated(q, v)
+        rate = (rows * v).sum(axis=-1)
+        stored = self.spring.stiffness * np.sign(w) * self._compression(w)
+        return np.asarray(-(self.effort(t, w, rate) + stored) * rate)
+
+    @property
+    def conservative(self) -> bool:
+        """Whether there is no damper."""
+        return not self.spring.damping
+
+    def edges(self) -> list[Edge]:
+        """Return where the flanks begin to touch and, with a damper, where they stop pushing."""
+        found: list[Edge] = []
+        for side in (1.0, -1.0):
+            found.append(self._edge(lambda w, rate, side=side: side * w - self.half))  # type: ignore[misc]
+            if self.spring.damping:
+                found.append(self._edge(lambda w, rate, side=side: self._push(side, w, rate)))  # type: ignore[misc]
+        return found
+
+    def _edge(self, value: Callable[[Array, Array], Array]) -> Edge:
+        def edge(t: Array, q: Array, v: Array) -> Array:
+            w, rows = self._evaluated(q, v)
+            return value(w, (rows * v).sum(axis=-1))
+
+        return edge
+
+    @property
+    def in_pieces(self) -> bool:
+        """Whether there are pieces: there are."""
+        return True
+
+    def passed(self, q: Array, v: Array) -> bool:
+        """Return whether the deflection passes the whole backlash."""
+        return self._pieces.passed(self._deflection(q))
+
+    @cached_property
+    def _pieces(self) -> Pieces:
+        return Pieces(np.array([-self.half, self.half]))
+
+    def _deflection(self, q: Array) -> Array:
+        return self._evaluated(q, np.zeros((*q.shape[:-1], self.model.nv)))[0]
+
+    def _compression(self, w: Array) -> Array:
+        return np.asarray(np.maximum(np.abs(w) - self.half, 0.0))
