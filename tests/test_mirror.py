@@ -155,7 +155,6 @@ ELSEWHERE = {
         "mistakes in files", "input/yaml/validation_messages problems/joint_values use/scenario/failures "
         "use/scenario/scenario_file",
     ),
-    "test_readme.py": ("what is printed", "use/show/terminal"),
     "physics/test_friction.py": (
         "friction in every kind of problem", "engine/friction/columns engine/friction/given_efforts "
         "engine/friction/sliding engine/motion/known_friction engine/motion/stick_slip engine/quantities/friction_law "

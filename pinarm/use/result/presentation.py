@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
 
 from pinarm.engine.series import Series
@@ -22,6 +22,7 @@ ACCENTS = {"dot": "\u0307", "ddot": "\u0308", "dddot": "\u20db", "hat": "\u0302"
 
 _ACCENT = re.compile(r"\\(dddot|ddot|dot|hat|bar|tilde)\s*(?:\{([^{}]*)\}|(\\[A-Za-z]+|[A-Za-z]))")
 _LETTER = re.compile(r"\\(var)?([A-Za-z]+)")
+_NUMBER = re.compile(r"(?P<before>(?:min |max )?)(?P<quantity>.*?)(?P<after>(?: @ .*)?)")
 _GROUP = re.compile(r"([_^])\{([^{}]*)\}")
 
 
@@ -43,6 +44,11 @@ class Presentation:
         angle = series.unit is not None and series.unit.text == "rad"
         return chosen or (DEGREE if angle else series.unit)
 
+    def scale(self, series: Series) -> tuple[float, Unit | None]:
+        """Return what to multiply values with for people, and the unit that they are in then."""
+        measured = self.unit(series)
+        return (series.unit.factor / measured.factor if measured and series.unit else 1.0), measured
+
     def shown(self, series: Series) -> Series:
         """Return a quantity in the unit that it is shown in to people."""
         measured = self.unit(series)
@@ -55,15 +61,24 @@ class Presentation:
 
     def label(self, name: str) -> str:
         """Return what stands for the name of a quantity where there is no TeX."""
-        return unicode_text(self.labels[name]) if name in self.labels else name
+        before, quantity, after = parts(name, self.labels)
+        return f"{before}{unicode_text(self.labels[quantity])}{after}" if quantity in self.labels else name
 
     def _chosen(self, series: Series) -> Unit | None:
         """Return the unit that a scenario asks for; a number such as ``C_B @ max`` has that of its quantity."""
         if series.name in self.units:
             return self.units[series.name]
-        chosen = self.units.get(series.name.partition(" @ ")[0])
+        chosen = self.units.get(parts(series.name, self.units)[1])
         fits = chosen is not None and series.unit is not None and chosen.dimension == series.unit.dimension
         return chosen if fits else None
+
+
+def parts(name: str, known: Container[str]) -> tuple[str, str, str]:
+    """Return the quantity of a number such as ``C_B @ max`` or ``min C_B``, with what stands before and after it."""
+    found = _NUMBER.fullmatch(name)
+    if name in known or found is None:
+        return "", name, ""
+    return found["before"], found["quantity"], found["after"]
 
 
 def unicode_text(label: str) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 import numpy as np
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from pinarm.use.scenario.scenario import Scenario
     from pinarm.use.scenario.scenario_file import ScenarioFile
     from pinarm.use.show.figure import Picture
-    from pinarm.use.show.plot import PictureFormat
     from pinarm.use.show.replay.page import Replay
 
 
@@ -276,7 +275,7 @@ class Result:
 
         return views.show(self, visualizer, name)
 
-    def save(self, folder: str | Path, *, plots: PictureFormat | bool = True, dpi: int = 200) -> Path:
+    def save(self, folder: str | Path, *, plots: Literal["svg", "png", "pdf"] | bool = True, dpi: int = 200) -> Path:
         """Write the result as a folder: scenario, summary, CSV, npz, plots; return the folder.
 
         Args:

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 
 from pinarm.engine.series import Series
 from pinarm.input.units import Unit
-from pinarm.use.result.presentation import DEGREE, SUBSCRIPTS, Presentation, unicode_letters
+from pinarm.use.result.presentation import DEGREE, SUBSCRIPTS, Presentation, parts, unicode_letters
 
 PLAIN = Presentation()
 """Of what is drawn without the choice of a scenario."""
@@ -61,9 +61,10 @@ def unit_text(measured: Unit | None) -> str:
 
 def name_label(name: str, how: Presentation = PLAIN, longest: int = LONG) -> str:
     """Return what stands for a name: as the scenario says, else its symbol, of so many letters."""
-    if name in how.labels:
-        label = how.labels[name]
-        return f"${label.strip('$')}$" if "\\" in label else plain(label)
+    before, quantity, after = parts(name, how.labels)
+    if quantity in how.labels:
+        label = how.labels[quantity]
+        return plain(before) + (f"${label.strip('$')}$" if "\\" in label else plain(label)) + plain(after)
     return symbol(name if len(name) <= longest else f"{name[: longest - 3]}...")
 
 

@@ -10,6 +10,7 @@ from pinarm.engine.series import Series
 from pinarm.errors import printable
 from pinarm.problems.simplify.simplification import removal_lines
 from pinarm.use.result.measures import CLOSURES, CONSISTENCIES, COSTS, MEASURES, NOT_ESTIMATED, PATHS, RESIDUALS
+from pinarm.use.result.number_accuracy import SOLVED
 
 if TYPE_CHECKING:
     from pinarm.input.units import Unit
@@ -46,9 +47,19 @@ def ranges(result: Result) -> list[list[str]]:
     rows = [["", "unit", "min", at, "max", at]]
     for name, series in zip(names, outputs, strict=True):
         entry = result.headline(series)
-        numbers = (entry["min"], entry["at_min"] / factor, entry["max"], entry["at_max"] / factor)
+        least, largest = without_rounding(entry["min"], entry["max"])
+        numbers = (least, entry["at_min"] / factor, largest, entry["at_max"] / factor)
         rows.append([*name, *(f"{number:.7g}" for number in numbers)])
     return rows
+
+
+def without_rounding(least: float, largest: float) -> tuple[float, float]:
+    """Return the ends of a range, and 0 for one that is rounding of the other: less than its own error.
+
+    A range that is as small as a whole is left: what it is the rounding of is not known here.
+    """
+    level = SOLVED * max(abs(least), abs(largest))
+    return (0.0 if abs(least) <= level else least), (0.0 if abs(largest) <= level else largest)
 
 
 def section_lines(section: Section) -> list[str]:

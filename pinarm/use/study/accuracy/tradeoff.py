@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from pinarm.errors import InputError
 from pinarm.input.yaml.values import Values
@@ -23,7 +23,6 @@ from pinarm.use.study.accuracy.variant_errors import Variant, solve_variants
 
 if TYPE_CHECKING:
     from pinarm.use.show.figure import Picture
-    from pinarm.use.show.plot import PictureFormat
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +65,7 @@ class Tradeoff:
         }  # fmt: skip
         return found
 
-    def save(self, folder: Path, *, plots: PictureFormat | bool = True, dpi: int = 200) -> Path:
+    def save(self, folder: Path, *, plots: Literal["svg", "png", "pdf"] | bool = True, dpi: int = 200) -> Path:
         """Write ``tradeoff.json`` and the plots; return the folder.
 
         Args:

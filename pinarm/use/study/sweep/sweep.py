@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from pinarm.use.show.figure import Picture
-    from pinarm.use.show.plot import PictureFormat
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +93,12 @@ class Sweep:
         return plot(self, self[name] if name else self.columns[0])
 
     def save(
-        self, folder: str | Path, *, plots: PictureFormat | bool = True, dpi: int = 200, parquet: bool = False
+        self,
+        folder: str | Path,
+        *,
+        plots: Literal["svg", "png", "pdf"] | bool = True,
+        dpi: int = 200,
+        parquet: bool = False,
     ) -> Path:
         """Write ``sweep.yaml``, ``cases.csv``, ``cases.npz``, ``summary.json`` and plots; return the folder.
 

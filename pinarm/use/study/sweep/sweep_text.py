@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 PAUSE = 0.1
 """Seconds between two looks at the progress."""
+SCALED = ("min", "mean", "deviation", "max")
+"""Statistics that have the unit of their column."""
 SHOWN = 10
 """Reasons of failures that are printed."""
 
@@ -51,8 +53,13 @@ def report(sweep: Sweep) -> str:
 
 
 def ranges(sweep: Sweep) -> list[list[str]]:
-    """Return a heading and the statistics of every result."""
-    return statistics_rows("case", summary(sweep)["results"])
+    """Return a heading and the statistics of every result, in the units and by the labels of the scenario."""
+    how, entries = sweep.presentation, {}
+    for name, entry in summary(sweep)["results"].items():
+        scale, unit = how.scale(sweep[name])
+        numbers = {key: value * scale if value is not None and key in SCALED else value for key, value in entry.items()}
+        entries[how.label(name)] = {**numbers, "unit": str(unit or "?")}
+    return statistics_rows("case", entries)
 
 
 def remarks(sweep: Sweep) -> list[str]:

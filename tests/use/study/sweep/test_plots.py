@@ -1,12 +1,15 @@
 """Pictures of sweeps show the numbers of the table, the right way round."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 
 import pinarm
+from pinarm.use.study.sweep.sweep_text import ranges
 
 LONG = {"arguments.m": "1:3:9 kg", "arguments.l": "0.2:1:7 m"}
 
@@ -83,3 +86,14 @@ def test_a_sweep_of_which_everything_fails_is_drawn_too(held: pinarm.Scenario, t
     assert len(sweep.errors) == 8
     sweep.save(tmp_path / "out", plots="png")
     assert ink(tmp_path / "out" / "plots" / "01_M_pivot_5_deg.png") > 0.01
+
+
+def test_results_have_the_units_and_labels_of_the_scenario(scenario: Callable[..., Any]) -> None:
+    """A torque in kN*mm, which is the same number of N*m."""
+    keys = 'units: {M: kN*mm}\nlabels: {M: "M_\\\\alpha"}\n'
+    swept = pinarm.sweep(scenario("statics", keys), {"problem.over.pivot.to": "30, 60, 90 deg"}, results=["M"])
+    name = next(series.name for series in swept.results())
+    axis = swept.plot(name).axes[0]
+    assert axis.get_ylabel() == r"min $M_\alpha$ [kN·mm]"
+    assert axis.get_lines()[0].get_ydata() == pytest.approx(swept[name].values)  # 1 kN*mm is 1 N*m
+    assert [row[:2] for row in ranges(swept)[1:]] == [["min M_α", "kN*mm"], ["max M_α", "kN*mm"]]
