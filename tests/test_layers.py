@@ -20,7 +20,7 @@ FLOOR_PLAN = {
     "mechanics": "geometry joints laws motors drives coordinates control rotors ball_joints loops forces loading "
     "couplings friction payloads points perturbation planar description",
     "engine": "series kernel integration constraints dynamics model_source kinematics statics friction control motion "
-    "checks quantities mechanism_parts mechanism",
+    "checks quantities mechanism_parts drive_parts mechanism",
     "problems": "time_grid accuracy prescribed_laws joint_values loads actuation declaration events "
     "position_bands equilibria inverse kinematics states recording forward batch_table simplify",
     "use": "progress result assessments scenario output show store views study report",
